@@ -34,8 +34,8 @@ FLAGS = [
     *("-mcpu=cortex-m3", "-mthumb", "-std=gnu++11", "-Os", "-g", "-ffreestanding"),
     *("-fno-exceptions", "-fno-rtti", "-fno-threadsafe-statics", "-fno-unwind-tables"),
     *("-fno-asynchronous-unwind-tables", "-ffunction-sections", "-fdata-sections", "-fstack-usage"),
-    # memcpy and memset in runtime.cpp are loops. The compiler must not replace these loops with calls of
-    # memcpy and memset, which would call themselves.
+    # memcpy and memset in runtime.cpp are loops. The compiler must not replace these loops by calls of memcpy
+    # and memset, because the functions would then call themselves.
     "-fno-tree-loop-distribute-patterns",
     *("-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Werror"),
 ]
@@ -45,7 +45,7 @@ OK, DIFFERS, FAILED, NO_COMPILER, OTHER_COMPILER = range(5)
 
 
 class BuildError(Exception):
-    """Raised when the compiler or linker fails; holds its output."""
+    """Raised when the compiler or linker fails. Its text is the output."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ def compiler() -> str | None:
 
 
 def build(root: Path, mode: str, folder: Path, defines: Sequence[str] = ()) -> Image:
-    """Build one image, with all intermediate files in `folder`. Raises BuildError.
+    """Build one image, with all intermediate files in `folder`. If this fails, BuildError is raised.
 
     `defines`: macros of firmware/core/settings.h, such as FLTEA_RATE_HZ=200.
 

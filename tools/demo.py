@@ -1,8 +1,8 @@
 """`make run`: start the emulated Due with its real firmware and `fltea run` with its live page.
 
-Ctrl-C ends both. The noise of the sensor is such that its order is known after a minute. Its true parameters
-are printed first, and stand in the device's name. If standard output is no terminal and ARGS has no --format,
-one line a second is printed instead of every record.
+Ctrl-C ends both. The noise of the sensor is so strong that its order is known after a minute. Its true
+parameters are printed first, and are part of the device's name. If standard output is no terminal and ARGS
+has no --format, one line a second is printed instead of every record.
 
 On a terminal this program takes the foreground, so that Ctrl-C reaches the daemon and not make, which would
 report a failure.
@@ -30,13 +30,16 @@ ROOT = Path(__file__).resolve().parents[1]
 ALPHA, F = 0.8, -1.0
 S2_OVER_R = 3.0
 R = 0.02
-"""Variance of the white noise [(deg/s)²]: 2.3 LSB rms, as in the paper's MPU-9250; rounding adds 1.5 %."""
+"""Variance of the white noise [(deg/s)²]: 2.3 LSB rms, as of the MPU-9250 in the paper. Rounding to counts
+adds 1.5 %.
+"""
 RATE_HZ = 100.0
 NOISE = f"alpha={ALPHA:g}&f={F:g}&Q={noise_variance(ALPHA, S2_OVER_R * R, 1 / RATE_HZ):.6g}&R={R:g}"
 DEVICE = f"due-alpha_{ALPHA:g}-f_{F:g}"
-"""Name of the port, which is also the device's name."""
+"""Name of the serial port, which is also the device's name."""
 KNOWN = ((30, 0.08, 0.8), (60, 0.06, 0.6), (600, 0.02, 0.2))
-"""Best possible 95 % uncertainties: (seconds, ± of α, ± of f), from tools/validation/evaluate/cramer_rao.py.
+"""Smallest possible 95 % uncertainties after some times: (time [s], ± of α, ± of f). They were computed by
+tools/validation/evaluate/cramer_rao.py.
 """
 TRUTH = (
     f"make run: the truth: this sensor's noise has α = {ALPHA:g} and f = {F:g} s^-α, in white noise (s2/R = "
@@ -46,7 +49,7 @@ TRUTH = (
 )
 
 SLOW = "real time"
-"""Words that only the emulator's warning about falling behind real time contains."""
+"""Words that occur only in the emulator's warning that it is slower than real time."""
 MEANING = (
     "make run: what the figures then mean: the board's clock looks slow to this computer, and fewer samples "
     "come per second; α, f and noise per sample are unaffected, because the board samples by its own clock."
@@ -58,7 +61,10 @@ STATE = ROOT / "build/demo.state"
 
 @contextlib.contextmanager
 def foreground() -> Iterator[None]:
-    """Put this process into the terminal's foreground, if there is a terminal that it may take."""
+    """Make this process the foreground process of its terminal.
+
+    Nothing happens without a terminal, or if this is not allowed.
+    """
     try:
         terminal = os.open("/dev/tty", os.O_RDWR)
     except OSError:
@@ -80,7 +86,7 @@ def foreground() -> Iterator[None]:
 
 
 def stop(process: subprocess.Popen[str]) -> str:
-    """Ask a process to end and kill it if it does not; return the rest of its standard output."""
+    """Ask a process to end, and kill it if it does not; return the rest of its standard output."""
     if process.poll() is None:
         process.send_signal(signal.SIGINT)
     try:
@@ -88,15 +94,15 @@ def stop(process: subprocess.Popen[str]) -> str:
     except subprocess.TimeoutExpired:
         process.kill()
         process.wait()
-    # The last output is a few lines long: it waits in the pipe. Another thread reads standard error.
+    # The last output is only a few lines long, so it fits into the pipe. Another thread reads standard error.
     return "" if process.stdout is None or process.stdout.closed else process.stdout.read()
 
 
 def page(arguments: list[str]) -> list[str]:
-    """Return the flags for the live page; none if `arguments` has them.
+    """Return the options for the live page; none if `arguments` already has such options.
 
-    The page is on the usual port, or on any port if the usual one is in use. On the usual port the
-    daemon also keeps its estimators' state, so that the next run resumes from this one.
+    The page is on its usual TCP port, or on any free port if that one is in use. If it is on the usual port,
+    the daemon also stores the state of its estimators, so that the next run resumes from this one.
     """
     if any(argument.startswith("--dashboard") for argument in arguments):
         return []
@@ -112,7 +118,10 @@ def page(arguments: list[str]) -> list[str]:
 
 
 def output(arguments: list[str]) -> list[str]:
-    """Return the flag for NDJSON, to be summarised here; none on a terminal or if a format was asked for."""
+    """Return the option for NDJSON, which this program summarises.
+
+    There is none on a terminal, or if the user has chosen a format.
+    """
     asked = any(argument.startswith("--format") for argument in arguments)
     return [] if asked or sys.stdout.isatty() else ["--format", "ndjson"]
 
@@ -122,14 +131,14 @@ class Summary:
 
     def __init__(self) -> None:
         self._axes: dict[str, dict[str, Any]] = {}
-        """By device: the axes of the last estimate in the current epoch."""
+        """For each device, the axes of the last estimate in the present epoch."""
         self._errors: dict[str, int] = {}
-        """By device: number of errors since the last line about the device."""
+        """For each device, the number of errors since the last line about it."""
 
     def line(self, text: str) -> str | None:
-        """Take a line of NDJSON and return the text to show, or None.
+        """Process a line of NDJSON; return the text to show, or None.
 
-        A line that is no record is returned unchanged.
+        A line that is not a record is returned unchanged.
         """
         try:
             record = json.loads(text)
@@ -160,7 +169,10 @@ class Summary:
 
 
 def _axis(axis: dict[str, Any]) -> str:
-    """Return the verdict, α and f with their intervals if there is an order, and the bias."""
+    """Return a text with the verdict of an axis and its bias.
+
+    If the noise has an order, α and f with their intervals are included.
+    """
     verdict = axis["verdict"] or "no stable verdict yet"
     order = [f"{name} {p}" for name in ("alpha", "f") if (p := _interval(axis[name]))]
     words = [verdict, *(text.replace("alpha", "α") for text in order)]
@@ -177,7 +189,7 @@ def _interval(p: dict[str, float | None]) -> str:
 
 
 def show_summary(records: IO[str]) -> None:
-    """Print one line a second from the daemon's NDJSON, until it ends or nobody reads standard output."""
+    """Print one line a second from the daemon's NDJSON, until it ends or standard output is closed."""
     summary = Summary()
     for record in records:
         if (line := summary.line(record.rstrip("\n"))) is None:
@@ -192,7 +204,7 @@ def show_summary(records: IO[str]) -> None:
 
 
 def pass_on(warnings: Iterable[str]) -> None:
-    """Pass on the emulator's warnings; explain once what being too slow means for the figures."""
+    """Print the emulator's warnings. If it is too slow, explain once what this means for the figures."""
     explained = False
     for line in warnings:
         print(line, end="", file=sys.stderr, flush=True)
@@ -202,13 +214,14 @@ def pass_on(warnings: Iterable[str]) -> None:
 
 
 def run_daemon(port: Path, arguments: list[str]) -> int:
-    """Run `fltea run` on the port until it ends, and return its exit code."""
+    """Run `fltea run` on the emulated board's port until it ends, and return its exit code."""
     short = output(arguments)
     command = ["run", "--source", f"serial:{port}", *page(arguments), *short, *arguments]
     daemon = subprocess.Popen(
         [sys.executable, "-m", "fltea", *command], text=True, stdout=subprocess.PIPE if short else None
     )
-    # The terminal sends Ctrl-C to the daemon directly. Signals sent to this program alone are passed on.
+    # The terminal sends Ctrl-C to the daemon directly. Signals that only this program gets are passed on to
+    # the daemon.
     for number in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda *_: daemon.send_signal(signal.SIGTERM))
     try:
@@ -226,8 +239,8 @@ def main() -> int:
         signal.signal(number, lambda *_: None)
     with foreground(), tempfile.TemporaryDirectory() as folder:
         port = Path(folder) / DEVICE
-        # The board is in a process group of its own, out of reach of Ctrl-C: if it vanished before the daemon
-        # ended, the daemon would report it as unplugged.
+        # The board is in a process group of its own, so that Ctrl-C does not reach it. If the board vanished
+        # before the daemon ended, the daemon would report it as unplugged.
         board = subprocess.Popen(
             [sys.executable, "-m", "tools.due_emulator", "--pty", "--link", port, "--noise", NOISE],
             cwd=ROOT,
@@ -248,7 +261,7 @@ def main() -> int:
             print(f"Emulated Arduino Due on {announcement}. Ctrl-C ends.\n{TRUTH}", file=sys.stderr)
             return run_daemon(port, arguments)
         finally:
-            # The last output also says whether this machine kept up with real time.
+            # The last output of the emulator also says whether this machine kept up with real time.
             print(f"Emulated Arduino Due: {stop(board)}", end="", file=sys.stderr)
             listener.join(STOP_TIMEOUT_S)
 

@@ -1,8 +1,8 @@
 """Run the emulated Due with the host's modules, and compare what happened with what the host reports.
 
-The bytes pass through the modules of `fltea run` as from a serial port: framing, messages, the serial source,
-continuity, pipeline. The sensor's bus and the board's resets are recorded too, so that the host's counts can
-be checked against what really happened.
+The bytes pass through the modules of `fltea run` like bytes from a serial port: framing, messages, the serial
+source, the sequence tracker and the pipeline. The sensor's bus and the board's resets are recorded too, so
+that the host's counts can be checked against what really happened.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,28 +28,28 @@ M = TypeVar("M")
 
 DATA_BYTES = 14
 QUIET_PS = PERIOD_PS * 8 // 10
-"""Phase of a sampling period [ps] after which everything that the last instant caused has arrived."""
+"""Time after a sampling instant [ps] by which everything that the instant caused has arrived."""
 NEAR_PS = PS_PER_S // 1000
 NO_ESTIMATES = {"estimator.startup": 1_000_000, "live.on": False}
 
 
 class Arrival(NamedTuple):
-    """A good frame and the virtual time at which its last byte reached the host."""
+    """A valid frame, and the virtual time at which its last byte reached the host."""
 
     frame: Frame
     at_ps: int
 
     @property
     def at_s(self) -> float:
-        """Virtual time [s]."""
+        """Virtual time of the arrival [s]."""
         return self.at_ps / PS_PER_S
 
 
 class DueRun(HostView):
-    """A board connected to its host. `run_until` may be called repeatedly.
+    """An emulated board that is connected to the host's modules. `run_until` may be called repeatedly.
 
-    `faults`: as on the command line of tools.due_emulator. `baud`: the host's baud rate. `settings`: the
-    host's settings by dotted path; the default makes no estimates.
+    `faults`: texts of faults, as on the command line of tools.due_emulator. `baud`: the host's baud rate.
+    `settings`: the host's settings by dotted path; by default, the host computes no estimates.
     """
 
     def __init__(
@@ -79,7 +79,10 @@ class DueRun(HostView):
         schedule_faults(self.board, [parse_fault(text) for text in faults])
 
     def run_until(self, at_s: float) -> "DueRun":
-        """Run to `at_s` and on to the quiet time between two instants. `error` says why a run ended early."""
+        """Run until `at_s`, and then until a time at which no bytes of a sample are under way.
+
+        If the run ended early, `error` says why.
+        """
         try:
             self.board.run_until(at_s)
             if (first_ps := self.boots[-1].first_ps) is not None:
@@ -90,15 +93,15 @@ class DueRun(HostView):
         self.stop()
         return self
 
-    # What the host received and reported
+    # Methods on what the host received and reported
 
     def messages(self, kind: type[M]) -> list[M]:
-        """Return the good messages of one kind."""
+        """Return the valid messages of one kind that arrived."""
         found = (arrival.frame.message for arrival in self.arrivals)
         return [message for message in found if isinstance(message, kind)]
 
     def of(self, kind: type) -> list[Arrival]:
-        """Return the good frames that carry one kind of message."""
+        """Return the valid frames with messages of one kind."""
         return [arrival for arrival in self.arrivals if isinstance(arrival.frame.message, kind)]
 
     @property
@@ -108,12 +111,12 @@ class DueRun(HostView):
 
     @property
     def epochs(self) -> list[str]:
-        """Reason of each epoch's start."""
+        """The reason why each epoch began."""
         return [record.reason for record in self.records if isinstance(record, Epoch)]
 
     @property
     def gaps(self) -> list[int]:
-        """Length of each gap [samples]."""
+        """Length of each gap, as a number of samples."""
         return [record.missing for record in self.records if isinstance(record, Gap)]
 
     @property
@@ -123,12 +126,12 @@ class DueRun(HostView):
 
     @property
     def hellos(self) -> list[Hello]:
-        """HELLOs that the host reported: one for each that differs from the last."""
+        """The HELLOs that the host reported: those that differ from the HELLO before."""
         return [record for record in self.records if isinstance(record, Hello)]
 
     @property
     def status(self) -> wire.Status:
-        """The last STATUS."""
+        """The last STATUS message."""
         return self.statuses[-1]
 
     @property
@@ -136,16 +139,20 @@ class DueRun(HostView):
         """The host's own counts."""
         return self._pipeline.stats()
 
-    # Comparison of board and host
+    # Methods that compare board and host
 
     def unheard(self) -> list[int]:
-        """Return for each boot that read the sensor, how many last instants the host missed."""
+        """Return how many sampling instants at the end of a boot the host did not hear of.
+
+        There is a number for each boot that read the sensor.
+        """
         return [boot.due - (boot.heard[1] + 1 if boot.heard else 0) for boot in self.boots if boot.bursts]
 
     def check(self) -> str | None:
         """Return the first contradiction between board and host, or None.
 
-        Each instant has to be delivered, lost or unheard, and each value to be what the sensor gave.
+        The sample of each sampling instant must be delivered, counted as lost, or unheard at the end of a
+        boot. All values must be those that the sensor gave.
         """
         samples = self.stats.sample_counts
         unheard = self.unheard()
@@ -183,10 +190,10 @@ class DueRun(HostView):
                         return f"SAMPLE {frame.sequence} is {sample}, the sensor gave {bursts[i].data.hex()}"
         return None
 
-    # Callbacks of the emulated wires
+    # Functions that the emulated board calls
 
     def on_data(self, data: bytes) -> None:
-        """Keep the bytes and pass them to the modules of `fltea run`."""
+        """Store the bytes, and pass them to the modules of `fltea run`."""
         super().on_data(data)
         self.wire += data
         self._feed(Chunk(data, self.now_ps // 1000))
@@ -196,7 +203,7 @@ class DueRun(HostView):
         self.arrivals.append(Arrival(frame, self.now_ps))
 
     def on_burst(self, burst: Burst) -> None:
-        """Keep the bytes that the sensor sends."""
+        """Store a read of the sensor, which collects the bytes that the sensor sends."""
         super().on_burst(burst)
         self.boots[-1].bursts.append(burst)
 
@@ -207,7 +214,7 @@ class DueRun(HostView):
 
 
 def chip_bytes(sample: wire.Sample) -> bytes:
-    """Return a sample's bytes as they stand in the sensor's registers 59 to 72."""
+    """Return a sample's bytes as the sensor's registers 59 to 72 contain them."""
     s = sample
     counts = (s.accel_x, s.accel_y, s.accel_z, s.temperature, s.gyro_x, s.gyro_y, s.gyro_z)
     return b"".join(count.to_bytes(2, "big", signed=True) for count in counts)

@@ -8,7 +8,10 @@ from fltea.sources.wire_events import WireEvents
 
 
 class FedSource:
-    """Provides what a pipeline needs from a port's source. `prompt`: see `fltea.records.ports.Source`."""
+    """Provides what a pipeline needs from the source of a serial port.
+
+    `prompt`: see `fltea.records.ports.Source`.
+    """
 
     live = True
 
@@ -20,7 +23,7 @@ class FedSource:
         return self.wire.unix_offset_ns
 
     def events(self) -> Iterator[Event]:
-        """Return no events: the caller feeds `wire`."""
+        """Return no events, because the caller feeds `wire` directly."""
         return iter(())
 
     def link_stats(self) -> LinkStats:
@@ -28,4 +31,4 @@ class FedSource:
         return self.wire.link_stats()
 
     def close(self) -> None:
-        """Do nothing: there is no port to close."""
+        """Do nothing, since there is no port to close."""

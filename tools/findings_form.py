@@ -9,9 +9,10 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 PARTS = ("library", "expected", "seen", "matters", "fltea")
-"""Names of the parts in a script's head, in this order."""
+"""Names of the sections in the head of a script, in this order."""
 SHORTEST_PART = 40
-"""Smallest number of characters of a part, which is at least a sentence. The part `library` may be shorter.
+"""Smallest number of characters of a section, which is at least a sentence. The section `library` may be
+shorter.
 """
 OWN = re.compile(r"import fltea|from fltea|-m fltea|/fltea\b|pip\S* install.*fltea")
 INSTALLS = re.compile(r"^\S*pip\S*\" install (.*)$", re.MULTILINE)
@@ -22,12 +23,12 @@ NEEDED = {
     "trap 'rm -rf \"$folder\"' EXIT": "removes the folder by a trap",
     "-m venv": "makes a virtual environment there",
 }
-"""Text that each script must contain, and what the text does."""
+"""Texts that each script must contain, with the purpose of each."""
 SOURCE = re.compile(r"https?://|section \d|register ", re.IGNORECASE)
 
 
 def head_of(text: str) -> dict[str, str]:
-    """Return the parts of a script's head by their names."""
+    """Return the sections of a script's head, by name."""
     parts: dict[str, str] = {}
     name = ""
     for line in text.splitlines()[1:]:
@@ -69,7 +70,7 @@ def faults_of(script: Path) -> list[str]:
 
 
 def faults(folder: Path) -> list[str]:
-    """Return the faults in a folder of findings, in its scripts and in its table, one text each."""
+    """Return a text for each fault in a folder of findings: in its scripts, and in its table."""
     scripts = sorted(folder.glob("*.sh"))
     found = [f"{script.name}: {fault}" for script in scripts for fault in faults_of(script)]
     rows = re.findall(

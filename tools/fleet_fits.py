@@ -1,8 +1,8 @@
 """Simulates noises of sensors, and fits any number of sensors with the daemon's own live estimator.
 
-A few records are simulated and fitted; the other fits are scaled from these. Noise that is `factor` times as
-strong has the same fit with N, B, K and the densities multiplied by `factor`, and R by its square. So sensors
-whose noise differs by a factor share about thirty fits.
+A few records are simulated and fitted; the other fits are scaled from these. If the samples of a noise are
+multiplied by `factor`, its fit stays the same, but N, B, K and the densities are multiplied by `factor`, and
+R by its square. Sensors whose noises differ only by a factor therefore share about thirty fits.
 """
 
 import math
@@ -30,7 +30,7 @@ class Noise(NamedTuple):
 
     `N`, `B`, `K`: as in IEEE Std 952, in deg/s. `fractional`: α, f [s^-α] and the variance of the steps of a
     fractional state. `resonance`: its frequency [Hz], the radius of its poles and the variance of its steps.
-    `low_pass_hz`: corner frequency of a two-pole low-pass through which all the noise passes.
+    `low_pass_hz`: corner frequency of a two-pole low-pass filter through which all the noise passes.
     """
 
     N: float = 0.005
@@ -41,7 +41,10 @@ class Noise(NamedTuple):
     low_pass_hz: float | None = None
 
     def spectrum(self, hz: Array, rate_hz: float) -> Array:
-        """Return the spectral density at `hz` > 0, normalised: white noise of variance R has density R."""
+        """Return the spectral density at frequencies `hz` > 0.
+
+        It is normalised so that white noise of variance R has the density R.
+        """
         h, turn = 1 / rate_hz, 2 * np.pi * hz
         found = (self.N**2 + self.B**2 / turn + (self.K / turn) ** 2) / h
         if self.fractional is not None:
@@ -57,7 +60,7 @@ class Noise(NamedTuple):
         return np.asarray(found)
 
     def draw(self, samples: int, rng: np.random.Generator, rate_hz: float = RATE_HZ) -> Array:
-        """Return a record (samples,).
+        """Return the samples of a record, an array of shape (samples,).
 
         The record is half a period of periodic noise, so that its two ends are not correlated.
         """
@@ -79,7 +82,10 @@ NOISES = {
 
 
 def fits(record: Array, at: Iterable[int], rate_hz: float = RATE_HZ) -> Iterator[AxisFit]:
-    """Yield the daemon's fit of an axis, with curves, after each number of samples in `at` (rising)."""
+    """Yield the daemon's fits of an axis, with curves, each after a number of samples.
+
+    `at`: these numbers, in rising order.
+    """
     live = LiveAxes(("gyro_x",), 1 / rate_hz, LiveConfig(), GYRO_UNIT)
     taken = 0
     for samples in at:
@@ -90,7 +96,7 @@ def fits(record: Array, at: Iterable[int], rate_hz: float = RATE_HZ) -> Iterator
 
 SAMPLES = 1 << 17
 LONG = 1 << 19
-"""Number of samples that determine α to ± 0.05."""
+"""Number of samples of the fractional noise, from which α is known to ± 0.05."""
 USUAL = Noise(B=0.003, K=0.0015)
 """Noise of most axes: N, B and K can all be estimated."""
 USUAL_FITS, RELAXING_FITS, OTHER_FITS = 12, 4, 2
@@ -99,7 +105,7 @@ OTHERS = 0.3
 
 
 class Changed(NamedTuple):
-    """A usual noise in which `figure` (N, B or K) is multiplied by `times`."""
+    """A change of the usual noise: `figure` (N, B or K) is multiplied by `times`."""
 
     figure: str
     times: float
@@ -129,20 +135,23 @@ OTHER: dict[str, Draw] = {
     "asleep": lambda _: np.full(SAMPLES, 0.1),
     "just begun": lambda rng: _white(rng, 30),
 }
-"""Other noises of the same sensors; the fractional one is drawn twice as often.
+"""Functions that draw the other noises of sensors, by name. The fractional noise is drawn twice as often as
+each other noise.
 
-Their N is about that of the usual noise, so that no sensor is an outlier in N.
+N of these noises is about that of the usual noise, so that no sensor is an outlier in N.
 """
 
 RELAXING = "relaxing"
-"""Name of the second chip's noise, whose parameters differ from the first chip's."""
+"""Name of the noise of the second kind of chip."""
 
 
 def axis_fit(rng: np.random.Generator, factor: float, *, second: bool, changed: Changed | None) -> AxisFit:
-    """Return the fit of an axis whose noise is `factor` times the usual; `rng` draws the kind of noise.
+    """Return the fit of an axis whose noise is `factor` times as strong as usual.
 
-    `second`: the axis belongs to the second chip. `changed`: give the axis the usual noise with this one
-    change.
+    `rng` draws the kind of noise.
+
+    `second`: whether the axis belongs to the second kind of chip. `changed`: if given, the axis has the usual
+    noise with this change.
     """
     if changed is not None:
         return scaled(_fit("usual", 0, changed), factor)

@@ -1,11 +1,11 @@
-"""A made-up fleet on a broker: `python -m tools.fleet_load --sensors 200 --bad 3`.
+"""A simulated fleet that publishes to a broker: `python -m tools.fleet_load --sensors 200 --bad 3`.
 
-It publishes what the daemons of that many sensors would: `hello`, `status`, `fit` with its curves, and
-`stats`. The sensors have three axes and one of two chips. The fits are real: the daemon's own estimator fits
-some simulated noises of several kinds, and each axis has one of these fits, scaled by a random factor
-(`fleet_fits`). Some sensors are bad: one of their figures is far from the other sensors', and their names are
-printed. The program connects to this machine only, and ends automatically. At the end it prints, as one line
-of JSON, how many messages the broker acknowledged.
+It publishes the messages that the daemons of that many sensors would publish: `hello`, `status`, `fit` with
+its curves, and `stats`. Each sensor has three axes, and one of two kinds of chip. The fits are real: the
+daemon's own estimator fits some simulated noises of several kinds, and each axis has one of these fits,
+scaled by a random factor (`fleet_fits`). Some sensors are bad: one of their figures is far from the other
+sensors', and their names are printed. The program connects only to a broker on this machine, and ends by
+itself. At the end it prints, as one line of JSON, how many messages the broker acknowledged.
 """
 
 import argparse
@@ -26,17 +26,19 @@ from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 from tools.fleet_fits import RATE_HZ, Changed, axis_fit
 
 SPREAD = 0.08
-"""Standard deviation of the logarithm of a sensor's noise: 0.08 is about 8 %."""
+"""Standard deviation of the logarithm of the sensors' noise: 0.08 means that noises differ by about 8 %."""
 CHIPS = ("MPU-9250", "LSM6DSO")
 SECOND = 5
-"""One sensor in this many has the second chip."""
+"""One sensor in this many has the second kind of chip."""
 SEQ = 123_456_789
-"""Placeholder for sample numbers in a fit that is encoded once; each message replaces it."""
+"""Placeholder for the sample numbers in a fit, which is encoded only once. Each message contains the true
+numbers instead.
+"""
 MOST_IN_FLIGHT = 5_000
 
 
 class Bad(NamedTuple):
-    """Sensor number `place` has, on one axis, `times` the usual value of a figure."""
+    """A bad sensor: on one axis of sensor number `place`, a figure is `times` its usual value."""
 
     place: int
     axis: str
@@ -48,7 +50,10 @@ BAD = ((3, "gyro_y", "N", 2.5), (31, "gyro_x", "B", 5.0), (57, "gyro_z", "K", 4.
 
 
 def bad_ones(sensors: int, count: int) -> list[Bad]:
-    """Choose which sensors are bad: spread over the fleet, cycling through the kinds of fault in BAD."""
+    """Choose which sensors are bad.
+
+    They are spread over the fleet, and have the kinds of fault in BAD, one after another.
+    """
     found = []
     for number in range(count):
         place, axis, figure, times = BAD[number % len(BAD)]
@@ -61,7 +66,7 @@ def _is_of_second_chip(place: int, bad: list[Bad]) -> bool:
 
 
 class Sensor(NamedTuple):
-    """The encoded messages of one sensor: `hello` is sent once, the others repeatedly."""
+    """The encoded messages of one sensor. `hello` is sent once, the others repeatedly."""
 
     device_id: str
     hello: bytes
@@ -71,7 +76,7 @@ class Sensor(NamedTuple):
 
 
 def sensor(place: int, bad: list[Bad]) -> Sensor:
-    """Return the sensor with number `place`; the same number gives the same sensor."""
+    """Return the messages of sensor number `place`. The same number always gives the same messages."""
     rng = np.random.default_rng((18, place))
     encode, device_id = msgspec.json.encode, f"{place:032x}"
     axes, second = {}, _is_of_second_chip(place, bad)
@@ -95,7 +100,7 @@ def sensor(place: int, bad: list[Bad]) -> Sensor:
 
 
 def _axis_stats(rng: np.random.Generator) -> AxisStats:
-    """Return statistics with a random bias; biases differ between sensors by far more than their errors."""
+    """Return statistics with a random bias. Biases of sensors differ by far more than their errors."""
     tracker = TrackerStats(
         model="white",
         nis=1.0,
@@ -141,7 +146,10 @@ class Publisher:
 
 
 def due(count: int, every_s: float, rounds: int) -> Iterator[tuple[float, int, int]]:
-    """Yield (time [s], sensor, turn) of each fit; sensors are spread evenly over the period `every_s`."""
+    """Yield (time [s], sensor, number of the round) of each fit.
+
+    The fits of a round are spread evenly over the period `every_s`.
+    """
     for turn in range(rounds):
         for place in range(count):
             yield (turn + place / count) * every_s, place, turn

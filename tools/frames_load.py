@@ -1,9 +1,10 @@
 """Publishes frames of many sensors to a broker, for `fltea run -s mqtt:…`.
 
-Run `python -m tools.frames_load --broker mqtt://127.0.0.1`. Each sensor publishes a second of white noise per
-message on `fltea/NAME/frames`, spread evenly over the second. Duration, devices and rate are limited, and
-only this machine's own broker is accepted. One JSON object is printed: what was published. `--made-up N`: N
-more messages a second, each under a name of its own. `--flood N`: N more messages a second from one device.
+Run `python -m tools.frames_load --broker mqtt://127.0.0.1`. Once a second, each sensor publishes a message
+with a second of white noise on `fltea/NAME/frames`; the messages of all sensors are spread evenly over the
+second. The duration and the numbers of devices and messages are limited, and only a broker on this machine is
+accepted. At the end, a JSON object with the counts of published messages is printed. `--made-up N`: N more
+messages a second, each under a name of its own. `--flood N`: N more messages a second from one device.
 `--mqtt-311`: MQTT 3.1.1, which NATS speaks.
 """
 
@@ -27,7 +28,7 @@ VOICES = 8
 
 
 class Sensors:
-    """The messages of many sensors, one a second from each."""
+    """The messages of many sensors; each sensor has one message a second."""
 
     def __init__(self, devices: int, seed: int = 1) -> None:
         self.names = [f"s{k:05d}" for k in range(devices)]
@@ -38,7 +39,7 @@ class Sensors:
         self._samples: list[bytes] = []
 
     def message(self, k: int, second: int) -> bytes:
-        """Return a second of sensor `k`: HELLO and its samples."""
+        """Return the message of sensor `k` for a second: HELLO and its samples."""
         if second != self._second:
             self._second = second
             self._samples = [self._speak(voice, second) for voice in range(VOICES)]
@@ -46,7 +47,7 @@ class Sensors:
         return frames(self._boards[k].greets()) + self._samples[k % VOICES]
 
     def _speak(self, voice: int, second: int) -> bytes:
-        """Return a second of samples with one of the noises."""
+        """Return the frames of a second of samples with one of the noises."""
         board, noise = self._voices[voice], self._rngs[voice].normal(0, 3, (RATE_HZ, 3))
         board.instant = second * RATE_HZ
         return frames(board.sample(gyro) for gyro in np.rint(noise).astype(int).tolist())
@@ -57,7 +58,7 @@ def _hello(k: int) -> wire.Hello:
 
 
 def run(host: str, port: int, version: MQTTProtocolVersion, given: argparse.Namespace) -> dict[str, Any]:
-    """Publish in real time for the given time; return the counts and how late the last message was."""
+    """Publish in real time; return the counts, and how late the last message was."""
     client = Client(CallbackAPIVersion.VERSION2, "", protocol=version)
     client.max_inflight_messages_set(0)
     client.connect(host, port)
@@ -96,7 +97,7 @@ def run(host: str, port: int, version: MQTTProtocolVersion, given: argparse.Name
 
 
 def main() -> None:
-    """Read the arguments, refuse values without limits, and publish."""
+    """Run the command line: refuse values above the limits, and publish."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--broker", default="mqtt://127.0.0.1:1883", help="a broker on this machine")
     parser.add_argument("--devices", type=int, default=200)

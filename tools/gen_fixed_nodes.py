@@ -1,7 +1,9 @@
-"""Computes the modes of the device's memory: writes firmware/core/engine/fixed_nodes.hpp.
+"""Computes the modes (decaying sums) of the board's compressed memory.
 
-The modes form a grid as in firmware/core/engine/memory_nodes.hpp, for an unlimited window, as integers
-(memory_fixed.hpp).
+It writes firmware/core/engine/fixed_nodes.hpp.
+
+The decay rates of the modes form a grid as in firmware/core/engine/memory_nodes.hpp, for an unlimited window.
+They are written as integers (memory_fixed.hpp).
 """
 
 import math
@@ -14,11 +16,16 @@ SOURCE, HEADER = "tools/gen_fixed_nodes.py", "firmware/core/engine/fixed_nodes.h
 DIGITS = 3
 HEAD = 5
 HORIZON = 100_000
-"""Horizon [samples]. It, DIGITS and HEAD were chosen by measuring (firmware/README.md, "What it costs")."""
+"""Horizon of the memory [samples]. This value, DIGITS and HEAD were chosen by measurements
+(firmware/README.md, "What it costs").
+"""
 
 
 def step_for(error: float) -> float:
-    """Return the largest step with which the error of the trapezoidal rule is at most `error`."""
+    """Return the largest step of the quadrature whose error is at most `error`.
+
+    The quadrature uses the trapezoidal rule.
+    """
     step = 1.0
     while _alias(step) > error:
         step -= 0.005
@@ -31,9 +38,9 @@ def _alias(step: float) -> float:
 
 
 def top_for(step: float, error: float) -> int:
-    """Return the position of the fastest node, in steps above 1.
+    """Return the position of the fastest node of the quadrature, in steps above 1.
 
-    The next node would add less than a quarter of the error.
+    The next node would contribute less than a quarter of `error`.
     """
     n, top = HEAD + 1, 0
     while True:
@@ -44,7 +51,7 @@ def top_for(step: float, error: float) -> int:
 
 
 def outputs(root: Path) -> dict[str, str]:
-    """Return the header's path and text."""
+    """Return the path and the text of the header file."""
     error = 10.0**-DIGITS
     step = step_for(error)
     top = top_for(step, error)

@@ -1,4 +1,4 @@
-"""Writes the tables of host/docs/guide/files.md: the formats that can be read, and those of known loggers.
+"""Writes the tables of host/docs/guide/files.md: the formats that can be read, and what known loggers write.
 
 The tables come from formats.py and dialects.toml (read by dialects.py) in host/fltea/recording.
 """
@@ -18,14 +18,14 @@ MARKED = re.compile(r"(<!-- (\w+): written by make gen -->\n).*?(<!-- end -->\n)
 
 
 def outputs(root: Path) -> dict[str, str]:
-    """Return the page with its tables between their marks."""
+    """Return the path and the text of the page, with new tables between their markers."""
     text = (root / PAGE).read_text(encoding="utf-8")
     tables = {"formats": formats(), "loggers": loggers()}
     return {PAGE: MARKED.sub(lambda found: f"{found[1]}\n{tables[found[2]]}\n{found[3]}", text)}
 
 
 def formats() -> str:
-    """Return the table of formats: those that are read, and those that a command converts."""
+    """Return the table of formats: those that fltea reads, and those that have to be converted first."""
     read = (
         (f"{one.guide}{_endings(one.suffixes)}", f"`fltea identify {_example(one)}`", code(one.extra))
         for one in FORMATS.values()
@@ -39,7 +39,7 @@ def formats() -> str:
 
 
 def loggers() -> str:
-    """Return the table of loggers' dialects."""
+    """Return the table of dialects (what a logger writes in a format)."""
     rows = []
     for one in dialects():
         name, options = next(iter(one.corpus.items()))
@@ -57,7 +57,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def code(text: str) -> str:
-    """Return a word marked as code; an empty text stays empty."""
+    """Return a word marked as code in Markdown; an empty text stays empty."""
     return text and f"`{text}`"
 
 
@@ -66,7 +66,10 @@ def _endings(suffixes: Sequence[str]) -> str:
 
 
 def _example(form: Format) -> str:
-    """Return a file name with the format's ending, and the options of its first file in the corpus."""
+    """Return an example: a file name with the format's ending, and options for reading the file.
+
+    The options are those of the first file of this format in tests/recording/corpus.
+    """
     name, options = next(iter(form.corpus.items()))
     is_like = not form.suffixes or name.endswith(form.suffixes)
     ending = name[name.index(".") :] if is_like else form.suffixes[0]

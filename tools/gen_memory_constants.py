@@ -1,4 +1,6 @@
-"""Fits the polynomial of the compressed memory's variance sum: writes engine/memory_constants.hpp.
+"""Fits a polynomial for the variance sum of the compressed memory.
+
+It writes firmware/core/engine/memory_constants.hpp.
 
 The squared weights c_j(a)^2 of order a = b - 1 carry the factor 4^b B(b, b) = 2 sqrt(pi) Gamma(b) / Gamma(b +
 1/2), see engine/memory_nodes.hpp. Three steps of the recurrence of Gamma move the poles of this factor away
@@ -14,14 +16,14 @@ from tools.generated import rendered
 
 SOURCE, HEADER = "tools/gen_memory_constants.py", "firmware/core/engine/memory_constants.hpp"
 
-# Range of orders that the compressed memory supports. For an order outside it uses the nearest supported
-# order.
+# Range of orders that the compressed memory supports. For an order outside this range, the memory uses the
+# nearest supported order.
 LOWEST_ORDER, LOWEST_VARIANCE_ORDER, HIGHEST_ORDER = "-1.95", "-1.3", "4"
 DEGREE = 18
 
 
 def ratio(b: mpmath.mpf) -> mpmath.mpf:
-    """Return the value of the function that the polynomial fits."""
+    """Return the value of the function that the polynomial approximates."""
     return 2 * mpmath.sqrt(mpmath.pi) * mpmath.gamma(b + 4) / mpmath.gamma(b + mpmath.mpf(7) / 2)
 
 
@@ -36,10 +38,10 @@ def fit(centre: mpmath.mpf, half: mpmath.mpf) -> list[mpmath.mpf]:
 
 
 def outputs(root: Path) -> dict[str, str]:
-    """Return the header's path and text."""
+    """Return the path and the text of the header file."""
     with mpmath.workdps(50):
-        # `centre` and `scale` are rounded to double first, so that the header holds exactly the values of the
-        # fit.
+        # `centre` and `scale` are rounded to double before the fit, so that the header file has exactly the
+        # values that the fit used.
         low, high = float(LOWEST_VARIANCE_ORDER) + 1, float(HIGHEST_ORDER) + 1
         centre, scale = (low + high) / 2, 2 / (high - low)
         half = 1 / mpmath.mpf(scale)

@@ -1,11 +1,13 @@
-"""Simulates the distribution of `spectrum.likelihood_ratio`: writes host/fltea/spectrum/null_constants.py.
+"""Simulates the distribution of `spectrum.likelihood_ratio` for white noise.
+
+It writes host/fltea/spectrum/null_constants.py.
 
 Periodogram ordinates of white noise are independent and exponential, so they are drawn directly, without time
-series. For each length the quantiles of the likelihood ratio are counted. Over the lengths each quantile is
-smoothed by a parabola (the rarest by a straight line) in the logarithm of the number of ordinates. The host's
-test has two alternatives. A board's test has the first alternative only, and quantiles of its own. The
-program takes some minutes on one core. Its figures may differ between machines in the last digit, because
-fits stop where the likelihood is flat.
+series. For each length of a record, the quantiles of the likelihood ratio are counted. Each quantile, as a
+function of the length, is smoothed by a parabola (the rarest quantile by a straight line) in the logarithm of
+the number of ordinates. The host's test has two alternatives. The board's test has only the first
+alternative, and quantiles of its own. The program takes some minutes on one core. Its figures may differ
+between machines in the last digit, because fits stop where the likelihood is flat.
 
 Usage: python -m tools.gen_null_constants [--series 6000] [--print]
 """
@@ -30,7 +32,7 @@ RARE = 0.02
 def white_ratios(n: int, series: int, rng: np.random.Generator) -> np.ndarray:
     """Return the likelihood ratios of `series` white series of `n` samples each.
 
-    The shape is (2, series): the board's test, then the host's.
+    The shape is (2, series). The first row is for the board's test, the second for the host's test.
     """
     lam = 2 * np.pi * used_ordinates(n, 1.0) / n
     layout = binned(Periodogram(lam, np.ones(len(lam)), 1.0, n))
@@ -41,7 +43,10 @@ def white_ratios(n: int, series: int, rng: np.random.Generator) -> np.ndarray:
 
 
 def smoothed(quantiles: np.ndarray) -> list[list[float]]:
-    """Return the coefficients that smooth each probability's quantiles, given as (probabilities, lengths)."""
+    """Return, for each probability, the coefficients of the curve that smooths its quantiles.
+
+    `quantiles` has the shape (probabilities, lengths).
+    """
     powers = np.log10([len(used_ordinates(n, 1.0)) for n in LENGTHS])
     return [
         [*np.polynomial.polynomial.polyfit(powers, row, 1 if p < RARE else 2), 0.0][:3]

@@ -1,4 +1,4 @@
-"""Computes the tables of the device's spectrum: writes firmware/core/engine/octave_tables.hpp."""
+"""Computes the tables of the board's spectrum, and writes firmware/core/engine/octave_tables.hpp."""
 
 import math
 from pathlib import Path
@@ -9,7 +9,9 @@ SOURCE, HEADER = "tools/gen_octave_tables.py", "firmware/core/engine/octave_tabl
 BLOCK = 256
 """Number of samples in a block (firmware/core/engine/block_fft.hpp)."""
 LOWEST, LINES = 45, 45
-"""First FFT bin of a level that is used, and number of bins (engine/welch_level.hpp, octave_ladder.hpp)."""
+"""First FFT bin that is used of each level of the spectrum, and number of these bins (engine/welch_level.hpp,
+octave_ladder.hpp).
+"""
 MIDDLE = 0.49998341447554523
 TAPS = (
     *(-4.962987862434643e-05, 0.0006422540255711147, -0.002734441417494108, 0.00802032401027231),
@@ -20,7 +22,7 @@ TAPS = (
 
 
 def over_gain(line: int, level: int) -> float:
-    """Return 1 over the power gain, at FFT bin `line` of `level`, of the filters before this level."""
+    """Return the reciprocal of the power gain of the filters before a level, at FFT bin `line` of it."""
     gain = 1.0
     for passed in range(1, level + 1):
         angle = 2 * math.pi * line / BLOCK / 2**passed
@@ -29,7 +31,7 @@ def over_gain(line: int, level: int) -> float:
 
 
 def outputs(root: Path) -> dict[str, str]:
-    """Return the header's path and text."""
+    """Return the path and the text of the header file."""
     half = BLOCK // 2
     text = rendered(
         "octave_tables.hpp",

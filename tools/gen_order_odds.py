@@ -1,8 +1,11 @@
-"""Calibrates the odds of an order (`spectrum.order_odds`): writes order_odds_constants.py there.
+"""Calibrates the odds that a noise has an order (`spectrum.order_odds`).
+
+It writes order_odds_constants.py in the same folder as that module.
 
 Draws noises of each population of `tools.validation.odds.populations` at several lengths, runs the model
 search on each noise, and fits a logistic regression in which each population has its share at each length.
-Takes some ten minutes on two cores. The drawn rows are kept, so that a second run only fits.
+This takes some ten minutes on two cores. The results for the drawn noises are stored, so that a second run
+only makes the fit.
 
 Usage: python -m tools.gen_order_odds [--series 600] [--kept build/order_odds.ndjson] [--print]
 """
@@ -26,10 +29,10 @@ HERE = Path(__file__).resolve().parents[1] / "host/fltea/spectrum"
 SEED = 45
 """Seed of the noises for the calibration; the validation draws with other seeds."""
 LENGTHS = {3_000: 1.0, 20_000: 1.0, 60_000: 1.0, 200_000: 0.4, 1_000_000: 0.1}
-"""Length of record [samples] -> number of noises, as a ratio to the number at the shortest length."""
+"""For each length of a record [samples], the ratio of the number of noises to that at the shortest length."""
 AT_ONCE = 20
 RIDGE = 1e-5
-"""Ridge penalty: keeps coefficients finite that the noises do not determine."""
+"""Ridge penalty, which keeps coefficients finite that the noises do not determine."""
 
 
 def tasks(series: int) -> list[Task]:
@@ -44,7 +47,7 @@ def tasks(series: int) -> list[Task]:
 
 def fitted(rows: list[Row]) -> tuple[tuple[float, float], list[list[float]]]:
     """Return the range of ordinates, and the coefficients of the log odds."""
-    # The search gives no odds for noise that is as good as white.
+    # The model search gives no odds for a noise that is nearly white.
     rows = [row for row in rows if row["odds"] is not None]
     drawn = Counter((row["population"], row["samples"]) for row in rows)
     weight = np.array([POPULATIONS[r["population"]][1] / drawn[r["population"], r["samples"]] for r in rows])

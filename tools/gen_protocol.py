@@ -8,12 +8,12 @@ from tools.generated import rendered
 from tools.protocol_definition import CRC_SIZE, HEADER_SIZE, Protocol, load
 
 SOURCE = "protocol/messages.toml"
-# One COBS code byte and the closing 0x00. Frames are too short for a second code byte.
+# Bytes that COBS adds: one code byte and the closing 0x00. Frames are too short for a second code byte.
 OVERHEAD = HEADER_SIZE + CRC_SIZE + 2
 
 
 def outputs(root: Path) -> dict[str, str]:
-    """Return the path of each file below the root, and its text."""
+    """Return the path (below the root) and the text of each generated file."""
     protocol = load((root / SOURCE).read_text())
     return {"firmware/core/messages.h": header(protocol), "host/fltea/wire/layout.py": module(protocol)}
 

@@ -12,7 +12,7 @@ SOURCE = f"{MEMBER} of {PACKAGE}"
 
 
 def table(peripherals: dict[str, Peripheral]) -> str:
-    """Return the emulator's table: JSON with one register a line; a field is [lowest bit, width]."""
+    """Return the emulator's table, in JSON with one register in each line; a field is [lowest bit, width]."""
     return "{\n" + ",\n".join(map(_peripheral, peripherals.values())) + "\n}\n"
 
 

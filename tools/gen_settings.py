@@ -1,6 +1,6 @@
-"""Writes the files that repeat settings, from the settings' declarations in host/fltea/settings.
+"""Writes files with copies of the settings that are declared in host/fltea/settings.
 
-These are the board's header with the filters' parameters, and the TOML file with every default,
+These files are the board's header file with the filters' parameters, and the TOML file with all defaults,
 host/docs/reference/defaults.toml.
 """
 
@@ -18,7 +18,10 @@ TOML = "host/docs/reference/defaults.toml"
 
 
 def cpp() -> str:
-    """Return the board's header: the settings of estimator and link that the board has too."""
+    """Return the text of the board's header file.
+
+    It has the settings of `estimator` and `link` that the board has, too.
+    """
     rows = [
         _constant(one)
         for path, one in SETTINGS.items()
@@ -44,9 +47,9 @@ def _constant(one: Declared) -> tuple[str, str, str, str]:
 
 
 def example() -> str:
-    """Return a TOML file with every table.
+    """Return the text of a TOML file with all tables of settings.
 
-    The accelerometer's table has only what differs from the gyroscope's.
+    The accelerometer's table has only the settings whose defaults differ from those of the gyroscope.
     """
     text: list[str] = []
     for path, table in TABLES.items():

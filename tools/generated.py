@@ -1,7 +1,7 @@
 """Writes the committed files that a program generates, or checks that they are up to date.
 
   python -m tools.generated                    all files; `make gen`
-  python -m tools.generated gen_protocol       the files of the writers named
+  python -m tools.generated gen_protocol the files of the named writers
   python -m tools.generated --check            writes nothing; names the files that differ, exit code 1
 
 A writer is a module with SOURCE, which names the source of its files, and a function `outputs`, which gets
@@ -46,7 +46,7 @@ def wrapped(text: str, indent: str) -> str:
 
 
 def docstring(text: str) -> str:
-    """Return a text as the docstring of a field."""
+    """Return a text as the docstring of a field in Python."""
     return wrapped(f'"""{text[0].upper()}{text[1:].rstrip(".")}."""', "    ")
 
 
@@ -56,7 +56,7 @@ def cell(text: str) -> str:
 
 
 def rows(values: Sequence[object], in_one: int, indent: int = 4) -> str:
-    """Return lines of `in_one` values each, with a comma after each value."""
+    """Return the values in lines of `in_one` values, with a comma after each value."""
     lines = (values[i : i + in_one] for i in range(0, len(values), in_one))
     return "\n".join(" " * indent + " ".join(f"{value}," for value in line) for line in lines)
 
@@ -73,8 +73,9 @@ def rendered(template: str, **values: Any) -> str:
 def update(root: Path, wanted: Mapping[str, str], *, check: bool, source: str) -> int:
     """Write the files whose contents differ from `wanted`; with `check` print their names instead.
 
-    `wanted`: path below `root` -> text. `source`: names where the texts come from. Returns the exit code: 1
-    if `check` found a difference. An unchanged file keeps its modification time, so that nothing is rebuilt.
+    `wanted`: texts by path below `root`. `source`: name of the source of the texts, for messages. Returns the
+    exit code: 1 if `check` found a difference. An unchanged file keeps its modification time, so that nothing
+    is rebuilt.
     """
     status = 0
     for name, text in wanted.items():

@@ -1,9 +1,9 @@
-"""Makes the frames of a made-up board, sampling instant by sampling instant.
+"""Makes the frames of a simulated board, one sampling instant after another.
 
-The board has no port and no clock: its time is the number of sampling instants over its rate. Those that use
-it decide when its frames are sent and what is remembered of them: `standin` serves a port in real time,
-`faults.pty_board` remembers every byte, `bench.feeder` sends for hundreds of boards, and tests feed the
-frames to the host directly (`estimating_board`, `wire_story` and `frames_messages` in tests/rig).
+The board has no port and no clock: its time is the number of sampling instants divided by its rate. The
+modules that use it decide when its frames are sent, and what is remembered of them: `standin` serves a port
+in real time, `faults.pty_board` remembers every byte, `bench.feeder` sends for hundreds of boards, and tests
+feed the frames to the host directly (`estimating_board`, `wire_story` and `frames_messages` in tests/rig).
 """
 
 from collections import deque
@@ -42,12 +42,12 @@ TEMPERATURE_25C = round((25.0 - 21.0) * 333.87)
 
 
 class Sent(NamedTuple):
-    """A message as the board sends it.
+    """A message with its header, as the board sends it.
 
     Attributes:
         instant: Number of the sampling instant since the boot at which it is sent.
         message: The message.
-        sequence: Number of the message among those of its type, modulo 2**16.
+        sequence: Number of the message among the messages of its type, modulo 2**16.
         device_us: Time since the boot [us], modulo 2**32.
     """
 
@@ -58,30 +58,32 @@ class Sent(NamedTuple):
 
     @property
     def frame(self) -> bytes:
-        """The bytes on the wire."""
+        """The encoded bytes of the frame with this message."""
         return encode(self.message, self.sequence, self.device_us)
 
 
 def frames(sent: Iterable[Sent]) -> bytes:
-    """Return the bytes of messages, one after another."""
+    """Return the encoded bytes of several messages, one after another."""
     return b"".join(one.frame for one in sent)
 
 
 class MadeUpBoard:
-    """A board that greets at its first instant and in each second that follows, and sends what it samples.
+    """A simulated board that sends samples, and a greeting at its first instant and then once a second.
+
+    The greeting is HELLO, ESTIMATOR if it estimates, and STATUS.
 
     Each type of message is numbered separately; a SAMPLE has the number of its sampling instant.
 
     Attributes:
-        hello: What it states about itself.
+        hello: The HELLO that the board sends.
         status: The STATUS that it sends after HELLO, or None if it sends none.
-        instant: Number of sampling instants since the boot; to raise it is to miss samples.
+        instant: Number of sampling instants since the boot. If a caller raises it, the board misses samples.
 
     Args:
         hello: As the attribute.
         status: As the attribute.
-        rate_hz: Sampling rate [Hz]; None: the one that `hello` states.
-        pace: True sampling period relative to the nominal one.
+        rate_hz: Sampling rate [Hz]; None for the rate that `hello` states.
+        pace: Ratio of the true sampling period to the nominal period.
         first: Number of the first SAMPLE.
         own: The estimator that the board runs; None if it does not estimate.
         own_late: Number of sampling instants after which the estimates of a sample are sent.
@@ -105,7 +107,7 @@ class MadeUpBoard:
         self.restart(first=first)
 
     def restart(self, *, first: int = 0, device_us: int = 0, **news: object) -> None:
-        """Begin another boot, silently.
+        """Begin another boot, without sending anything.
 
         Args:
             first: Number of the first SAMPLE.
@@ -128,7 +130,10 @@ class MadeUpBoard:
         self._begin_us += us
 
     def says(self, message: wire.Message) -> Sent:
-        """Send a message with the next number of its type; a SAMPLE with the number of the instant."""
+        """Send a message with the next number of its type.
+
+        A SAMPLE has the number of its sampling instant.
+        """
         kind = message.TYPE
         if kind == wire.Sample.TYPE:
             number = self._first + self.instant
@@ -142,15 +147,18 @@ class MadeUpBoard:
         return [self.says(self.hello), *([self.says(self._own.stated)] if self._own else [])]
 
     def booted(self) -> bytes:
-        """Return the bytes of a boot: 0x00, which ends any unfinished frame, then what the board states."""
+        """Return the bytes that begin a boot.
+
+        They are 0x00, which ends any unfinished frame, then HELLO, and ESTIMATOR if the board estimates.
+        """
         return b"\0" + frames(self.states())
 
     def greets(self) -> list[Sent]:
-        """Send what the board states, and its STATUS."""
+        """Send HELLO, the estimator's settings if the board estimates, and STATUS."""
         return [*self.states(), *([self.says(self.status)] if self.status else [])]
 
     def sample(self, gyro: Sequence[int], accel: Sequence[int] = LEVEL) -> Sent:
-        """Send a sample [counts] and nothing else, and pass on to the next instant."""
+        """Send only a sample [counts], without a greeting, and continue with the next sampling instant."""
         sent = self.says(wire.Sample._make((*gyro, *accel, TEMPERATURE_25C, 0)))
         self.instant += 1
         return sent

@@ -1,12 +1,13 @@
 """Writes tests/estimator/golden: the paper's examples 1 to 3, 200 samples each, in 50-digit arithmetic.
 
-The files judge both the reference and the engine, so nothing here is shared with either. The formulas are
-typed from Macias & Sierociuk 2023, section 5, as printed (P by subtraction, binomials by their definition),
-in mpmath. The project's reading decides in two cases: covariance sums start at i = 0, and terms L(k) enter
-every sum over the past.
+The files are used to test both the reference and the engine, so this program shares no code with either of
+them. The formulas are typed as they are printed in Macias & Sierociuk 2023, section 5 (P by subtraction,
+binomials by their definition), and computed with mpmath. In two cases the paper is ambiguous, and the
+project's interpretation is used: covariance sums start at i = 0, and terms L(k) are part of every sum over
+the past.
 
-Each file has comment lines, then one line a sample: the inputs y and u, which are exact floats, then x, P, α,
-its variance and Q, f, its variance and Q, with 25 digits.
+Each file has comment lines, then one line for each sample: first the inputs y and u, which are exact floats,
+then with 25 digits x, P, α with its variance and Q, and f with its variance and Q.
 """
 
 import random
@@ -22,7 +23,10 @@ mp.dps = 50
 
 
 def difference_weights(alpha: mpf, n: int) -> list[mpf]:
-    """Return (-1)^j binom(alpha, j), j = 0 .. n, by definition: alpha (alpha-1) ... (alpha-j+1) / j!."""
+    """Return (-1)^j binom(alpha, j) for j = 0 to n.
+
+    The binomials are computed by their definition, alpha (alpha-1) ... (alpha-j+1) / j!.
+    """
     weights, binomial = [mpf(1)], mpf(1)
     for j in range(1, n + 1):
         binomial = binomial * (alpha - j + 1) / j
@@ -44,7 +48,7 @@ class Example:
         self.f, self.parameter_P, self.parameter_Q = mpf(0), mpf("0.001"), mpf("0.01")
 
     def past(self, alpha: mpf, k: int) -> mpf:
-        """Return the sum over x_{k-1} .. x_0 in the model of sample k."""
+        """Return the weighted sum of the past states x_{k-1} to x_0 in the model of sample k."""
         weights = difference_weights(alpha, k)
         return mp.fsum(weights[j] * self.x[k - j] for j in range(1, k + 1))
 
@@ -99,9 +103,9 @@ def gain(points: list[mpf], mean: mpf, Y: list[mpf], y: mpf, R: mpf) -> tuple[mp
 
 
 def inputs(number: int) -> list[tuple[float, float]]:
-    """Return y_k and u_{k-1} of an example, rounded to nine decimals.
+    """Return the inputs y_k and u_{k-1} of an example, rounded to nine decimals.
 
-    In examples 1 and 2, u is a saw-tooth of ±1 and 10 Hz.
+    In examples 1 and 2, u is a saw-tooth between -1 and 1, of 10 Hz.
     """
     source = random.Random(number)
     h, x, rows = 0.001, [0.0], []
@@ -119,7 +123,7 @@ def inputs(number: int) -> list[tuple[float, float]]:
 
 
 def text(number: int) -> str:
-    """Return the file of one example."""
+    """Return the text of the file of one example."""
     example = Example()
     lines = [
         f"# Example {number} of section 6.1 with a full memory; made by tools/make_golden.py.",

@@ -1,9 +1,9 @@
 """Writes good.txt, bad.txt and streams.txt of protocol/vectors (formats: protocol/README.md, "Vectors").
 
-The vectors judge fltea's own code, so nothing in them comes from fltea or from the generator. COBS is PyPI's,
-CRC-32 is zlib's, and the layouts follow from the text of the schema hash, which is typed by hand
-(schema.txt). So a slip in `protocol/messages.toml`, in the generator or in schema.txt shows as another hash
-or as other bytes.
+The vectors are used to test fltea's own code, so no code of fltea or of the generator makes them. COBS comes
+from a library of PyPI, CRC-32 from zlib, and the layouts from the text whose hash is the schema hash, which
+is typed by hand (schema.txt). A mistake in `protocol/messages.toml`, in the generator or in schema.txt
+therefore leads to another hash or to other bytes.
 """
 
 import math
@@ -20,7 +20,7 @@ SCHEMA = TYPED.read_text(encoding="utf-8").partition("\n")[2]
 """Text of schema.txt without its first line, a comment."""
 HASH = zlib.crc32(SCHEMA.encode())
 CODES = {"u8": "B", "u16": "H", "u32": "I", "i16": "h", "f32": "f", "bytes16": "16s", "text24": "24s"}
-"""Field type -> format character of Python's struct."""
+"""Format character of Python's struct, by field type."""
 
 
 def layouts() -> dict[int, list[tuple[str, str]]]:
@@ -56,7 +56,7 @@ FILLING = (1, 2, 1000, 200, 1, 1000, 1, 300, 0, 0, 0, 0, *(0,) * 3, *(0.0,) * 6,
 BIAS_R = (-0.4713, 0.0625, 1.09, 0.0031, 0.0029, 0.0)
 ESTIMATING = (1, 2, 1000, 200, 1, 0, 2, 300, 3, 4, 5120, 1230, 5, 1, 0, *BIAS_R, *SETTINGS)
 U16, U32 = 0xFFFF, 0xFFFFFFFF
-# The largest f32, the smallest normal one and the smallest subnormal one.
+# The largest f32, the smallest normal f32 and the smallest subnormal f32.
 LARGEST, NORMAL, SMALLEST = 3.40282347e38, 1.17549435e-38, 1.4e-45
 
 GOOD = [
@@ -137,7 +137,7 @@ GOOD = [
     ),
     ("spectrum, largest values", (SPECTRUM, U16, U32), (255, U16, 255, 255, *(LARGEST,) * 15)),
 ]
-"""Each case: its name; type, sequence and time of the header; fields."""
+"""The cases of good.txt. Each has its name; type, sequence number and time in the header; and the fields."""
 
 RAW = [
     ("unknown type, no payload", UNKNOWN, 3, 77, b""),
@@ -148,7 +148,7 @@ RAW = [
 
 
 def payload(kind: int, fields: tuple[int | float | str | bytes, ...]) -> bytes:
-    """Pack the fields; struct pads text with NUL."""
+    """Return the fields of a message as bytes. struct pads text with NUL."""
     codes = "".join(CODES[type] for _, type in LAYOUTS[kind])
     return struct.pack(f"<{codes}", *(f.encode("ascii") if isinstance(f, str) else f for f in fields))
 
@@ -159,23 +159,23 @@ def close(body: bytes) -> bytes:
 
 
 def body(kind: int, sequence: int, device_us: int, data: bytes) -> bytes:
-    """Return header, payload and CRC."""
+    """Return header, payload and CRC of a frame, before COBS."""
     head = struct.pack("<BHI", kind, sequence, device_us) + data
     return head + struct.pack("<I", zlib.crc32(head))
 
 
 def frame(kind: int, sequence: int, device_us: int, data: bytes) -> bytes:
-    """Return one frame as on the wire."""
+    """Return the encoded bytes of one frame."""
     return close(body(kind, sequence, device_us, data))
 
 
 def sample(sequence: int, device_us: int) -> bytes:
-    """Return one typical SAMPLE as on the wire."""
+    """Return the encoded bytes of a typical SAMPLE."""
     return frame(SAMPLE, sequence, device_us, payload(SAMPLE, TYPICAL_SAMPLE))
 
 
 def good() -> str:
-    """Return good.txt."""
+    """Return the text of good.txt."""
     text = "# Whole frames: what goes in, and the bytes on the wire. Written by tools/make_vectors.py.\n"
     for name, (kind, sequence, device_us), fields in GOOD:
         data = payload(kind, fields)
@@ -198,7 +198,8 @@ SWAPPED = WHOLE[:-4] + WHOLE[-4:][::-1]
 OTHER_HELLO = (2, 1, HASH, *TYPICAL_HELLO[3:])
 FOREIGN_HELLO = (1, 1, 0xDEADBEEF, *TYPICAL_HELLO[3:])
 
-# Cases by reason. A 0x00 is put before each, since a block before the first 0x00 of a stream is partial.
+# Cases of bad.txt, by the reason for which they are refused. A 0x00 is put before each case, since a block
+# before the first 0x00 of a stream counts as partial.
 BAD = {
     "cobs": [
         ("block that promises more bytes than come", b"\x05\x01\x02\x00"),
@@ -259,7 +260,7 @@ REFUSED = [
 
 
 def bad() -> str:
-    """Return bad.txt."""
+    """Return the text of bad.txt."""
     text = "# Bytes from the start of a stream, and the one thing found. Written by tools/make_vectors.py.\n"
     after = [(name, reason, b"\x00" + data) for reason, some in BAD.items() for name, data in some]
     for name, reason, data in after + BAD_FIRST:
@@ -274,7 +275,7 @@ STATUS_FRAME = frame(STATUS, 0, 1_000_500, payload(STATUS, TYPICAL_STATUS))
 FAULT_FRAME = frame(FAULT, 0, 1_000_600, payload(FAULT, (1, 0x68)))
 ESTIMATE_FRAME = frame(ESTIMATE, 0, 20_350, payload(ESTIMATE, TYPICAL_ESTIMATE))
 ESTIMATOR_FRAME = frame(ESTIMATOR, 0, 950, payload(ESTIMATOR, FILLING))
-# NaN of either sign, with a payload and signalling, and the infinities.
+# An ESTIMATE with NaN of both signs, with a payload, signalling NaN, and both infinities.
 ODD = (
     payload(ESTIMATE, TYPICAL_ESTIMATE)[:8]
     + struct.pack("<6I", 0x7FC00000, 0xFFC12345, 0x7F800001, 0xFFFFFFFF, 0x7F800000, 0xFF800000)
@@ -286,11 +287,11 @@ LATER = frame(HELLO, 4, 5, payload(HELLO, (1, 200, 0xDEADBEEF, *TYPICAL_HELLO[3:
 LONG = frame(SAMPLE, 1, 2, payload(SAMPLE, TYPICAL_SAMPLE) + b"\x01\x02\x03")
 FUTURE = frame(HELLO, 4, 5, struct.pack("<BBI10x", 2, 0, 1))
 ONE, TWO, THREE = sample(1, 10_000), sample(2, 20_000), sample(3, 30_000)
-# The first twelve bytes of `TWO` end in the COBS code 04 and two of the three bytes that it announces.
-# The third is then the first code of the next frame, 03, and the byte after it, 02, is read as a code:
-# COBS finds nothing wrong.
+# The first twelve bytes of `TWO` end with the COBS code 04 and two of the three bytes that this code
+# announces. If another frame follows, a decoder reads its first code, 03, as the third of these bytes, and
+# the byte 02 after it as a code. COBS then finds no error.
 CUT = TWO[:12]
-# 26 bytes without a zero, so that the encoded block is the code 0x1B and these bytes.
+# A frame of 26 bytes without a zero, so that the encoded block consists of the code 0x1B and these bytes.
 SOLID = frame(SAMPLE, 0x0101, 0x7F7F7F7F, b"\x7f" * 15)
 assert SOLID[0] == 27
 HALVED = SOLID[:10] + b"\x00" + SOLID[11:]
@@ -304,7 +305,7 @@ FOUND = {
     "two": "frame 2 2 20000",
     "three": "frame 2 3 30000",
 }
-"""Name of a frame -> how it is found."""
+"""How a decoder reports a frame, by the frame's name."""
 STREAMS: list[tuple[str, list[bytes], str]] = [
     (
         "a boot: 0x00, then every kind of message",
@@ -360,7 +361,7 @@ STREAMS: list[tuple[str, list[bytes], str]] = [
 
 
 def streams() -> str:
-    """Return streams.txt."""
+    """Return the text of streams.txt."""
     text = "# Streams from the start, and all that is found, in order. Written by tools/make_vectors.py.\n"
     for name, parts, words in STREAMS:
         found = [FOUND.get(word, word) for word in words.split(", ") if word]

@@ -19,16 +19,18 @@ from tools.generated import TEMPLATES, rendered
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = "For example:"
 METAVARS = {"<str>": "WORD", "<int>": "N", "<float>": "NUMBER"}
-"""Typer's placeholder for a value without a name -> the word in a man page."""
+"""The word in a man page, by Typer's placeholder for a value without a name."""
 COMPLETIONS = {"bash": "bash/fltea", "zsh": "zsh/_fltea", "fish": "fish/fltea.fish"}
-"""Shell -> file name below the folder of completions, as the shell expects it."""
+"""File name below the folder of completions, as the shell expects it, by shell."""
 
 DOCUMENTS = "/usr/share/doc/fltea"
-"""Folder of the files of `host/docs` in the Debian package: a reader of a man page may have no clone."""
+"""Folder in which the Debian package has the files of `host/docs`. Man pages refer to it, since a reader may
+have no clone.
+"""
 
 
 def roff(text: str) -> str:
-    """Return text escaped for a man page: no line is a roff request, and `words` are bold."""
+    """Return text escaped for a man page, so that no line is a roff request; `words` become bold."""
     text = text.replace("host/docs/", f"{DOCUMENTS}/").replace("\\", r"\e").replace("-", r"\-")
     text = re.sub(r"`([^`]*)`", r"\\fB\1\\fP", text)
     return "\n".join(r"\&" + line if line[:1] in (".", "'") else line for line in text.split("\n"))
@@ -59,7 +61,10 @@ def _entry(parameter: Any, context: Any) -> Entry:
 
 
 def _default(parameter: Any) -> str:
-    """Return an option's default as text; empty if it is a path on the machine that writes the page."""
+    """Return an option's default as text.
+
+    It is empty if the default is a path on the machine that writes the page.
+    """
     default = getattr(parameter.default, "value", parameter.default)
     of_machine = isinstance(default, Path) and default.is_absolute()
     if default is None or callable(default) or isinstance(default, bool) or of_machine:

@@ -13,7 +13,7 @@ NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 
 
 def render(names: list[str], partitions: int) -> str:
-    """Return the settings: one account for the workers, and one for each board."""
+    """Return the text of the settings: one account for the workers, and one for each board."""
 
     def user(name: str, permissions: str) -> str:
         return f'    {{ user: "{name}", password: "{secrets.token_urlsafe(18)}"{permissions} }}\n'

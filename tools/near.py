@@ -1,4 +1,4 @@
-"""Checks what a change touches: style and types, the generated files, and the tests that mirror the change.
+"""Checks the files that were changed: their style and types, the generated files, and the tests for them.
 
 The changed files are those that differ from `origin/main` (without such a branch: from the commit before the
 last one), and those that git does not track yet. Usage:
@@ -17,9 +17,11 @@ from typing import NamedTuple
 ROOT = Path(__file__).resolve().parents[1]
 CXX = {".cpp", ".hpp", ".h"}
 ENGINE = ("native", "spectrum", "estimator", "wire")
-"""Folders of tests that mirror the native module and the engine's headers."""
+"""Folders with the tests of the native module and of the engine's headers."""
 ALSO = {"cli": ("site",), "settings": ("site", "cli")}
-"""Package of the host -> further folders of tests that mirror it."""
+"""Further folders with tests of a package of the host, by package. The tests of a package are in the folder
+of the same name.
+"""
 TESTS_OF = {
     "host/native/": ENGINE,
     "firmware/core/engine/": ENGINE,
@@ -36,9 +38,11 @@ TESTS_OF = {
     "tools/hashes": ("dist",),
     "Makefile": ("native/test_source_hash.py",),
 }
-"""Beginning of a file's name -> its tests; the first match counts."""
+"""Tests of a file, by the beginning of the file's path. The first match counts."""
 MOST_USERS = 8
-"""Largest number of tests that `make near` runs for one helper; more are left to the whole suite."""
+"""Largest number of test files that `make near` runs for one helper. If more use it, they only run with all
+tests.
+"""
 
 MOST_SAID = 4
 """Largest number of files that are printed by name for one command."""
@@ -54,7 +58,7 @@ class Plan(NamedTuple):
     types: list[str]
     tests: list[str]
     left_out: list[str]
-    """Helper modules that too many tests use."""
+    """Helper modules whose tests are left out, because too many tests use them."""
 
 
 def plan(files: Iterable[str], gone: Iterable[str] = (), users: Users = lambda _: []) -> Plan:
@@ -78,7 +82,7 @@ def plan(files: Iterable[str], gone: Iterable[str] = (), users: Users = lambda _
 
 
 def tests_of(name: str, users: Users) -> list[str]:
-    """Return the folders and files of tests that mirror a file."""
+    """Return the folders and files with the tests of a file."""
     path = Path(name)
     match path.parts:
         case ("host", "fltea", room, _, *_):
@@ -153,7 +157,7 @@ def commands(wanted: Plan) -> list[list[str]]:
 
 
 def said(command: Sequence[str]) -> str:
-    """Return a command for people to read: of many files only their number."""
+    """Return a command as text for people. If it has many files, only their number is given."""
     words = [Path(word).name if word.startswith("/") else word for word in command]
     files = [word for word in words if "/" in word and (ROOT / word).is_file()]
     if len(files) > MOST_SAID:

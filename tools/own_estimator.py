@@ -1,7 +1,7 @@
-"""The estimator that a made-up device runs, computed by the host's engine.
+"""The estimator that a simulated board runs, computed by the host's engine.
 
-It computes in double precision; the wire format rounds to single precision. It starts as the firmware does:
-it takes bias and R from the start-up window, then estimates with unlimited memory.
+It computes in double precision; the protocol's messages round to single precision. Like the firmware, it
+computes bias and R from the start-up window, and then estimates with unlimited memory.
 """
 
 from collections.abc import Sequence
@@ -24,7 +24,9 @@ from fltea.wire import layout as wire
 CONFIG = Config()
 SETTINGS = CONFIG.estimator
 NOT_TRACKED = (0.0,) * 4
-"""Fields of the tracker, all zero: this device does not fit, so it has no tracker."""
+"""The fields of the bias tracker in ESTIMATE. They are zero, because this board makes no fits and has no
+tracker.
+"""
 
 
 def f32(value: float) -> float:
@@ -56,7 +58,7 @@ JOINT = wire.Estimator._make([0] * len(wire.Estimator._fields))._replace(
     parameter_delta=f32(SETTINGS.joint.delta),
     gate=f32(SETTINGS.gate),
 )
-"""The default settings of `fltea run` with the variant `joint`."""
+"""The default settings of `fltea run` in the variant `joint`."""
 
 TRIPLE = JOINT._replace(
     variant=wire.EstimatorVariant.TRIPLE,
@@ -69,14 +71,14 @@ TRIPLE = JOINT._replace(
     parameter_q0=f32(SETTINGS.parameter.Q0),
     parameter_delta=f32(SETTINGS.parameter.delta),
 )
-"""The default settings of `fltea run` with the variant `triple`."""
+"""The default settings of `fltea run` in the variant `triple`."""
 
 
 class OwnEstimator:
     """Estimates three axes of counts, `lsb` counts per deg/s, with sampling period `h` [s].
 
-    `stated`: the settings as a message, with the present bias, R and samples that remain of the start-up
-    window.
+    `stated`: the settings in the form of the message ESTIMATOR, with the present bias and R, and the number
+    of samples that are still to come in the start-up window.
     """
 
     def __init__(self, stated: wire.Estimator, lsb: float, h: float) -> None:
@@ -89,7 +91,10 @@ class OwnEstimator:
         self._age = 0
 
     def step(self, counts: Sequence[int] | None, sample: int) -> list[wire.Estimate]:
-        """Take one sample, None if missing; return an estimate of each axis, none in the start-up window."""
+        """Process one sample, or None for a missing one; return an estimate of each axis.
+
+        During the start-up window there are no estimates.
+        """
         if self._engine is None:
             if counts is not None:
                 self._window.append(counts)

@@ -1,4 +1,4 @@
-"""Takes a picture of the live page, of a fleet's page or of a report, as a browser shows it.
+"""Saves a picture of the live page, of a fleet's page or of a report, as a browser shows it.
 
     make run                                             # in another terminal
     url='http://127.0.0.1:5006/#axis=gyro_y'
@@ -11,8 +11,8 @@
     out=host/docs/guide/identify_report.png
     .venv/bin/python -m tools.page_picture "$url" "$out" --width 1180 --height 1220 --wait 1
 
-Needs Debian's Chromium. Waits `--wait` seconds for the page to be drawn; warnings and errors of the page go
-to standard error.
+The program needs Debian's Chromium. It waits `--wait` seconds for the page to be drawn, and prints warnings
+and errors of the page on standard error.
 """
 
 import argparse
@@ -25,7 +25,7 @@ ARGUMENTS = ["--headless", "--no-sandbox", "--disable-gpu"]
 
 
 def main() -> int:
-    """Take the picture; return 1 if the page reported warnings or errors."""
+    """Save the picture; return 1 if the page reported warnings or errors."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

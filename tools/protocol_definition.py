@@ -18,15 +18,16 @@ import msgspec
 from msgspec import Meta, Struct
 
 INTEGERS = {"u8": ("B", 1), "u16": ("H", 2), "u32": ("I", 4), "i16": ("h", 2)}
-"""Integer type -> (format character of Python's struct, bytes)."""
+"""Integer types with (format character of Python's struct, number of bytes)."""
 NUMBERS = {**INTEGERS, "f32": ("f", 4)}
-"""INTEGERS and f32, which is no count and so takes no scale."""
+"""All number types: INTEGERS, and f32, which cannot have a scale because it is not a count."""
 
 HEADER_SIZE = 7
 CRC_SIZE = 4
 COBS_BLOCK = 254
 
-# The position of these fields never changes: every reader must be able to name a version that it refuses.
+# The position of these fields never changes, because every reader must be able to state the version that it
+# refuses.
 FIXED_PREFIX = [("protocol_major", "u8"), ("protocol_minor", "u8"), ("schema_hash", "u32")]
 
 # Names that C++, Python or the generated classes already use.
@@ -40,15 +41,15 @@ RESERVED = set(
     """.split()
 )
 
-# 23 characters keep every generated line within the line length.
+# With at most 23 characters, every generated line is within the line length.
 Name = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]*\Z", max_length=23)]
-# Quotes and backslashes would need escaping in two languages; no text has needed them.
+# Quotes and backslashes would need escaping in two languages. No text has needed them so far.
 Text = Annotated[str, Meta(pattern=r'^[^"\\\n]+\Z')]
 Byte = Annotated[int, Meta(ge=0, le=255)]
 
 
 class DefinitionError(ValueError):
-    """Raised when the definition has a fault; the text names where, and what was expected."""
+    """Raised when the definition has a fault. Its text says where the fault is, and what was expected."""
 
 
 class Field(Struct, frozen=True, forbid_unknown_fields=True):
@@ -93,7 +94,7 @@ class Field(Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def scaled_unit(self) -> str:
-        """Value of one count with its unit, such as "0.001 Hz"; empty without a unit."""
+        """Value of one count with its unit, such as "0.001 Hz"; empty if the field has no unit."""
         scale = "" if self.scale is None or self.scale == 1 else f"{self.scale.normalize():f} "
         return scale + self.unit
 
@@ -104,7 +105,7 @@ class Field(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Message(Struct, frozen=True, forbid_unknown_fields=True, rename={"fields": "field"}):
-    """One message. Its fields follow each other in the payload in this order, without padding."""
+    """One message. The payload contains its fields in this order, without padding."""
 
     name: Annotated[str, Meta(pattern=r"^[A-Z][A-Z0-9_]*\Z", max_length=23)]
     id: Annotated[int, Meta(ge=1, le=255)]
@@ -156,12 +157,12 @@ class Protocol(_Constants, frozen=True):
 
     @property
     def max_frame(self) -> int:
-        """Number of bytes of the longest frame before COBS."""
+        """Number of bytes of the longest frame before the encoding by COBS."""
         return HEADER_SIZE + self.max_payload + CRC_SIZE
 
     @property
     def max_encoded(self) -> int:
-        """Number of bytes of the longest frame after COBS, without the 0x00."""
+        """Number of bytes of the longest frame after the encoding by COBS, without the closing 0x00."""
         return self.max_frame + 1
 
     def canonical(self, minor: int) -> str:
@@ -185,7 +186,7 @@ class Protocol(_Constants, frozen=True):
 
     @property
     def schema_hash(self) -> int:
-        """Schema hash of this version."""
+        """Schema hash of the present minor version."""
         return self.schema_hashes[-1]
 
     @property
@@ -221,7 +222,7 @@ class _File(Struct, forbid_unknown_fields=True):
 
 
 def load(text: str) -> Protocol:
-    """Parse and check the definition. Raises DefinitionError."""
+    """Parse and check the definition. If it has a fault, DefinitionError is raised."""
     try:
         document = tomllib.loads(text, parse_float=Decimal)
         file = msgspec.convert(document, _File)
@@ -241,7 +242,7 @@ def load(text: str) -> Protocol:
 
 
 def _with_names(error: str, document: dict[str, object]) -> str:
-    """Return the error with the names of message and field in place of their indices."""
+    """Return an error text with the names of message and field instead of their indices."""
     found: object = document
     for key, place in re.findall(r"(message|field)\[(\d+)\]", error):
         found = found[key][int(place)] if isinstance(found, dict) else {}
@@ -256,7 +257,7 @@ def _named(tables: dict[str, dict[str, _Value]] | dict[str, dict[str, _Bit]]) ->
 
 
 def _problems(protocol: Protocol) -> Iterator[str]:
-    """Yield faults that a check of each field alone cannot see."""
+    """Yield the faults that cannot be found by checking each field alone."""
     messages, fields = protocol.messages, [field for one in protocol.messages for field in one.fields]
     if protocol.oldest > protocol.minor:
         yield f"oldest {protocol.oldest} is later than minor {protocol.minor}"

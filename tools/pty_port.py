@@ -1,4 +1,7 @@
-"""A board's port as a pseudo-terminal: its name, its unread bytes, and whether a program has it open."""
+"""The serial port of a simulated board, as a pseudo-terminal.
+
+It knows its name, the bytes that no program has read, and whether a program has it open.
+"""
 
 import contextlib
 import fcntl
@@ -12,7 +15,7 @@ from pathlib import Path
 from fltea.records.errors import UsageError
 
 PACKET_BYTES = 64
-"""Number of bytes that the bridge passes to the host in one USB packet."""
+"""Number of bytes that a Due's bridge passes to the host in one USB packet."""
 TIOCPKT = 0x5420
 TIOCPKT_FLUSHREAD = 1
 TCGETS2 = 0x802C542A
@@ -20,10 +23,10 @@ TERMIOS2 = struct.Struct("4I20s2I")
 
 
 class PtyPort:
-    """Master side of a pseudo-terminal in raw mode.
+    """The board's end (master) of a pseudo-terminal in raw mode.
 
-    `held`: keep the written bytes while no program has the port open. `link`: symbolic link to the port; see
-    `show_as`.
+    `held`: whether written bytes are kept while no program has the port open. `link`: symbolic link to the
+    port; see `show_as`.
     """
 
     def __init__(self, link: Path | None = None, *, held: bool = False) -> None:
@@ -66,7 +69,7 @@ class PtyPort:
 
     @property
     def is_open(self) -> bool:
-        """Whether a program has the port open; while none has, polling the master gives POLLHUP."""
+        """Whether a program has the port open. If no program has, polling the master gives POLLHUP."""
         poll = select.poll()
         poll.register(self.master, 0)
         return not any(flags & select.POLLHUP for _, flags in poll.poll(0))
@@ -78,7 +81,7 @@ class PtyPort:
         return int(TERMIOS2.unpack(answer)[-1])
 
     def put(self, byte: int) -> bool:
-        """Queue a byte for the host; return False if there is no room because the host does not read."""
+        """Queue a byte for the host; return False if the queue is full because the host does not read."""
         if len(self._unsent) >= PACKET_BYTES and not self.flush():
             return False
         self._unsent += bytes((byte,))
@@ -87,7 +90,7 @@ class PtyPort:
     def send(self, data: bytes) -> bool:
         """Send all of `data`, or return False if nothing could be sent.
 
-        A part that was sent is always completed.
+        If only a part can be sent, the rest is sent later.
         """
         if not self.flush():
             return False
@@ -104,14 +107,15 @@ class PtyPort:
                 self._unsent = self._unsent[os.write(self.master, self._unsent) :]
         except BlockingIOError:
             return False
-        except OSError:  # the client has just closed the port, and its bytes are lost
+        except OSError:  # The client has just closed the port, so these bytes are lost.
             self._unsent = b""
         return True
 
     def heard(self) -> bytes:
         """Return the bytes that programs have sent to the board."""
         found = b""
-        with contextlib.suppress(OSError):  # no more bytes, or no program has the port open
+        # This happens if there are no more bytes, or if no program has the port open.
+        with contextlib.suppress(OSError):
             while chunk := os.read(self.master, 4096):
                 if chunk[0]:
                     self._emptied |= bool(chunk[0] & TIOCPKT_FLUSHREAD)
@@ -122,8 +126,8 @@ class PtyPort:
     def was_emptied(self) -> bool:
         """Return whether a program has discarded the unread bytes since the last call.
 
-        Every program discards them while it opens the port. The call drops what programs have sent to the
-        board.
+        Every program discards them while it opens the port. This call also discards the bytes that programs
+        have sent to the board.
         """
         poll = select.poll()
         poll.register(self.master, select.POLLPRI)

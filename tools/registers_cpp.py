@@ -18,11 +18,13 @@ PIOB: PER PDR OER SODR CODR PDSR IER ISR MDER MDDR ABSR AIMER ESR REHLSR
 RSTC: SR=RSTTYP
 WDT: CR=WDRSTT,KEY MR=WDV,WDRSTEN,WDD,WDDBGHLT
 """
-"""Each peripheral with its registers as in the SVD; fields or values of fields are named as in the header."""
+"""Each peripheral with its registers, by their names in the SVD. Fields, or values of fields, that the
+firmware uses have their names in the header.
+"""
 
 
 def header(peripherals: dict[str, Peripheral]) -> str:
-    """Return the text of the header. Raises KeyError for a name that the SVD does not have."""
+    """Return the text of the header. KeyError is raised for a name that the SVD does not have."""
     used: list[tuple[Peripheral, list[tuple[Register, list[str]]]]] = []
     for word in USED.split():
         if word.endswith(":"):

@@ -1,11 +1,11 @@
-"""Writes the site's table of chips that a Raspberry Pi reads, from the driver's tables."""
+"""Writes the site's table of chips that a Raspberry Pi can read, from the driver's tables."""
 
 from fltea.sources.i2c.chips import chip_of
 from fltea.wire.sensors import SENSORS
 
 
 def chips() -> str:
-    """Return a row for each chip: its names, its settings, and how long its FIFO lasts."""
+    """Return a row for each chip: its names, its settings, and the time in which its FIFO fills."""
     text = [
         "| chip | WHO_AM_I | `&chip=` | rate | range | low-pass of the rate | FIFO |",
         "|---|---|---|---|---|---|---|",

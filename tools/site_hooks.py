@@ -1,6 +1,8 @@
-"""Hooks of `make docs` for MkDocs: parts of pages that are generated from the code, and equations as MathML.
+"""Functions that MkDocs calls in `make docs`.
 
-A page contains a generated part where a line reads `<!-- generated: settings -->`, for example.
+They insert parts of pages that are generated from the code, and write equations as MathML.
+
+A line such as `<!-- generated: settings -->` in a page is replaced by a generated part.
 """
 
 import html
@@ -32,7 +34,7 @@ GENERATED = re.compile(r"^<!-- generated: (\w+) -->$", re.MULTILINE)
 def commands() -> str:
     """Return a section for each command with all its options, as Typer writes it.
 
-    The title is left out, and the list of commands, whose summaries Typer cuts off.
+    The title is left out, and also the list of commands, because Typer cuts off their summaries.
     """
     write = [sys.executable, "-m", "typer", "fltea.cli.app", "utils", "docs", "--name", "fltea"]
     page = subprocess.run(write, check=True, capture_output=True, encoding="utf-8").stdout
@@ -40,7 +42,10 @@ def commands() -> str:
 
 
 def metrics() -> str:
-    """Return a table of every metric with its labels, the field that it shows, and what else shows that."""
+    """Return a table of all metrics.
+
+    For each, it has the labels, the field that the metric shows, and other outputs that show this field.
+    """
     by_name = {figure.metric_name: figure for figure in FIGURES}
     rows = []
     for family in Families({}, {}, list).collect():
@@ -55,7 +60,7 @@ def metrics() -> str:
 
 
 def errors() -> str:
-    """Return a table of every kind of error with its remedy."""
+    """Return a table of all kinds of errors, with the remedy for each."""
     rows = (f"| {code(name)} | {kind.meaning} | {kind.remedy} |" for name, kind in ERROR_KINDS.items())
     return "\n".join(["| kind | what happened | what to do |", "|---|---|---|", *rows])
 
@@ -95,13 +100,13 @@ def _part(asked: re.Match[str]) -> str:
 
 
 def on_page_content(content: str, **_: Any) -> str:
-    r"""Turn \(…\) and \[…\] into MathML, which browsers draw without a script; let keys scroll tables."""
+    r"""Replace \(…\) and \[…\] by MathML, which browsers draw without a script; let keys scroll tables."""
     content = re.sub(r"<th( style=\"[^\"]*\")?></th>", "<td></td>", content)
     return EQUATION.sub(_mathml, content).replace("<table>", '<table tabindex="0">')
 
 
 def on_post_page(output: str, **_: Any) -> str:
-    """Give the search dialog, which the theme leaves without one, a name for screen readers."""
+    """Give the search dialog a name for screen readers, which the theme has left out."""
     return output.replace('role="dialog"', 'role="dialog" aria-label="Search"')
 
 

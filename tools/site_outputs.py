@@ -5,13 +5,16 @@ from fltea.settings.outputs import OUTPUTS, Output
 
 
 def switch(output: Output) -> str:
-    """Return the flag that switches an output on."""
+    """Return the command-line option that switches an output on."""
     setting = SETTINGS[output.on].setting
     return " ".join([setting.flags[0], *(output.when or (setting.metavar,))])
 
 
 def outputs() -> str:
-    """Return a row for each output: its name in `stats.outputs`, what it gives, and how it is switched on."""
+    """Return a row for each output.
+
+    It has the output's name in `stats.outputs`, what the output writes, and how it is switched on.
+    """
     text = [
         "| output | gives | switched on by | package's extra | records of [many devices](ingest.md) |",
         "|---|---|---|---|---|",

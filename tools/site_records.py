@@ -61,7 +61,7 @@ def records() -> str:
 
 
 def rows(struct: type[msgspec.Struct], path: str = "", *, own: bool = True) -> Rows:
-    """Yield path, type and meaning of each field. `own`: leave out the fields that all records have."""
+    """Yield path, type and meaning of each field. `own`: whether to leave out the fields of all records."""
     info = types.type_info(struct)
     assert isinstance(info, types.StructType)
     shown = {
@@ -92,7 +92,7 @@ def _of(path: str, kind: types.Type, text: str, seen: set[type]) -> Rows:
 
 
 def _key(path: str, kind: types.DictType) -> str:
-    """Return what the keys of an object are."""
+    """Return a word that stands for the keys of an object in a path, such as "axis"."""
     name = path.rpartition(".")[2]
     if isinstance(kind.key_type, types.IntType):
         return "t"
@@ -105,7 +105,7 @@ def _table(found: Rows | list[tuple[str, str, str]]) -> str:
 
 
 def schema() -> str:
-    """Return the JSON Schema of every record as the program writes it, with the meaning of each field."""
+    """Return the JSON Schema of all records as the program writes them, with the meaning of each field."""
     (top,), parts = msgspec.json.schema_components([AnyRecord], ref_template="#/$defs/{name}")
     structs = {
         one.__name__: one

@@ -23,7 +23,7 @@ def code(text: str) -> str:
 
 
 def settings() -> str:
-    """Return the tables of every setting, one for each table of the TOML file."""
+    """Return the tables of all settings, one for each table of the TOML file."""
     text: list[str] = []
     for path, table in TABLES.items():
         about = cell((type(table).__doc__ or "").split("\n\n")[0])

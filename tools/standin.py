@@ -1,9 +1,9 @@
 """A device without hardware: sends protocol frames at 100 Hz on a pseudo-terminal, with noise of known order.
 
 It boots whenever a program opens the port, as a Due does: 0x00, HELLO, then samples. A Due takes longer to
-boot than a program takes to open the port; this device boots again if the program empties the port after the
-first bytes. Its samples are quantised like those of an MPU-9250 at ±2000 deg/s. With --estimate it also sends
-estimates of its own. Its first line on standard output names the port.
+boot than a program takes to open the port; this device therefore boots again if the program empties the port
+after the first bytes. Its samples are quantised like those of an MPU-9250 at ±2000 deg/s. With --estimate it
+also sends estimates of its own. The first line on standard output has the port's name.
 """
 
 import argparse
@@ -25,13 +25,15 @@ from tools.pty_port import PtyPort
 
 POLL_S = 0.02
 OPENING_S = 0.3
-"""Time [s] within which a program that opens the port empties it: less than a Due takes to boot."""
+"""Longest time [s] between opening the port and emptying it that is expected of a program. A Due takes longer
+to boot.
+"""
 
 
 class Device(MadeUpBoard):
-    """A made-up board whose samples are simulated noise.
+    """A simulated board whose samples are noise of known order.
 
-    `estimate`: it also sends the estimates that it computes from its samples.
+    `estimate`: whether the board also sends estimates that it computes from its samples.
     """
 
     def __init__(self, settings: NoiseSettings, boot_id: int, *, estimate: bool = False) -> None:

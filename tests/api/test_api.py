@@ -30,7 +30,7 @@ NOISE = np.random.default_rng(4).standard_normal(3000)
 
 
 def by_spectrum(found: AxisResult) -> AxisResult:
-    """Leave out what the tracker adds."""
+    """Return the result without what the tracker adds to it."""
     return replace(found, verdict=None, level=None, drift_rate=None)
 
 
@@ -189,7 +189,7 @@ def test_rates_less_their_bias_integrate_to_a_heading_that_is_as_far_off_as_is_s
     assert (np.diff(moved.bias_std[100:], axis=0) >= 0).all(), "of a prediction"
     off = (moved.rate - rate).sum(axis=0) / 100
     said = np.array([*live.heading_std(30.0).values()])
-    assert 0.6 < np.sqrt(np.mean((off / said) ** 2)) < 1.4  # 24 axes: 99.8 % of correct ones
+    assert 0.6 < np.sqrt(np.mean((off / said) ** 2)) < 1.4  # 99.8 % of correct σ pass with 24 axes
     assert (moved.bias_std[-1] > moved.bias_std[100]).all()
     assert (live.samples, live.fit(curves=False)["0"].left_out["lost"]) == (rest, turn)
 
@@ -269,7 +269,7 @@ def test_a_recording_is_its_axes(tmp_path: Path) -> None:
     assert (found.rate_hz, found.units["gyro_x"], found.counts.used) == (RATE_HZ, "deg/s", 1500)
     report = found.identify()
     alone = fltea.identify(found["gyro_x"], RATE_HZ, unit="deg/s", axis="gyro_x", lsb=1 / LSB_PER_DPS)
-    # The axes may share one walk of the offset.
+    # The axes may share one figure for the random walk of the offset.
     of_walk = ("now", "walk", "filter", "text", "details", "allan", "allan_curve")
     by_walk = dict.fromkeys(of_walk)
     both = report["gyro_x"], alone
@@ -382,7 +382,7 @@ def test_noise_that_runs_away_is_refused(alpha: float, f: float, rate_hz: float,
 
 @pytest.mark.parametrize(("alpha", "f"), [(0.5, -14.0), (1.0, -199.0), (1.8, -5e3), (1.0, 0.0), (1.99, -1.0)])
 def test_noise_within_the_bound_does_not_run_away(alpha: float, f: float) -> None:
-    """It grows at most as a random walk: twice as far after four times as long."""
+    """The noise grows at most like a random walk, which is twice as far away after four times the time."""
     y = fltea.simulate(8000, alpha=alpha, f=f, Q=1.0, R=0.0, unit="deg/s", warmup=0).y
     assert np.abs(y).max() < 8 * np.abs(y[:2000]).max()
 
@@ -488,7 +488,7 @@ def test_figures_of_an_axis_are_those_of_the_command_in_the_units_of_data_sheets
 
 
 def test_what_there_is_no_curve_or_bias_of_is_not_known() -> None:
-    """All stretches may be too short for a curve, and bad data have no bias."""
+    """All stretches may be too short for an Allan deviation, and no bias is given for bad data."""
     whole = fltea.identify(NOISE, 100.0, unit="deg/s")
     found = replace(whole, allan_curve=None, now=None)
     assert str(found.B) == str(found.bias) == "not known"

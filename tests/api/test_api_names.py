@@ -34,7 +34,7 @@ MADE_BY_INIT = {
     fltea.Live: {"rate_hz", "axes", "unit", "steps"},
     fltea.LiveReport: {"samples", "rate_hz"},
 }
-"""Names that only an object has; `dir()` of a class does not show them."""
+"""Names that only an object has, since `__init__` makes them; `dir()` of its class does not show them."""
 
 
 def public(kind: type) -> set[str]:
@@ -43,7 +43,7 @@ def public(kind: type) -> set[str]:
 
 
 def explained(kind: type) -> set[str]:
-    """Return names with a docstring; that of a field is the string that follows it."""
+    """Return the names of a class that have a docstring. That of a field is the string after it."""
     found = set()
     for one in kind.__mro__:
         if not one.__module__.startswith("fltea"):

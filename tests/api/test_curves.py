@@ -1,4 +1,4 @@
-"""Curves as SVG: in the chart's coordinates they agree with the fit."""
+"""Curves in SVG files agree with the fit, after conversion from the chart's coordinates."""
 
 import math
 import re
@@ -18,7 +18,7 @@ SVG = "{http://www.w3.org/2000/svg}"
 class Chart:
     """A chart that was read back.
 
-    `lines`: points in pixels by colour. `tips`: tooltips of its points.
+    `lines`: points in pixels by colour. `tips`: tooltips of the chart's points.
     """
 
     def __init__(self, text: str) -> None:
@@ -37,7 +37,10 @@ class Chart:
 
 
 def test_marks_are_the_lines_of_the_coefficients() -> None:
-    """σ = N/√τ, 0.664 B and K √(τ/3): where the deviation has that value, the lines cover it."""
+    """The straight lines are σ = N/√τ, 0.664 B and K √(τ/3).
+
+    They lie on the curve where the deviation has these values.
+    """
     tau = [0.1, 0.4, 1.6, 6.4]
     for name, adev in (
         ("N", [0.3 / math.sqrt(t) for t in tau]),

@@ -1,7 +1,7 @@
-"""The example notebooks give the output that a kernel stored in them.
+"""The example notebooks give the output that is stored in them.
 
-A kernel takes forty packages and seconds for each notebook. So the cells run here, one after the other, and
-their output is compared with the output that a kernel left in the file.
+A notebook kernel would need forty packages, and seconds for each notebook. So the tests run the cells
+themselves, one after the other, and compare their output with what a kernel stored in the file.
 """
 
 import contextlib
@@ -68,5 +68,5 @@ def _assert_alike(found: str, stored: str, source: str) -> None:
 
 
 def _words(html: str) -> str:
-    """Return the text without the curves."""
+    """Return the text of some HTML without its drawings."""
     return re.sub(r"<svg.*?</svg>|<[^>]*>", " ", NUMBER.sub("#", html), flags=re.S)

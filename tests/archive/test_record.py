@@ -1,4 +1,4 @@
-"""`fltea record` without a board: the summary that it prints at the end."""
+"""Tests of `fltea record` without a board: the summary that the command prints at its end."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The command line as a user meets it: help, exit codes, mistakes, signals and closed pipes."""
+"""Tests of the command line as users see it: help, exit codes, mistakes, signals and closed pipes."""
 
 import os
 import re
@@ -26,7 +26,7 @@ FAST = ("run", "-s", "synthetic:?n=700", "--pace", "fast")
 
 
 def plain(text: str) -> str:
-    """Return text without the frames that are drawn around help and usage errors."""
+    """Return a text without the lines drawn around help and error messages."""
     return re.sub(r"[\s│]+", " ", text)
 
 
@@ -151,12 +151,12 @@ def test_failure_while_running_ends_with_1() -> None:
     ids=["usage", "ours", "help"],
 )
 def test_a_process_ends_as_within_this_one(arguments: tuple[str, ...]) -> None:
-    """This shows that the tests above, within this process, see what a user sees."""
+    """The tests above run commands within the test's process; this shows that users see the same."""
     result, here = fltea(*arguments), fltea_here(*arguments)
     assert (result.returncode, result.stdout, result.stderr) == (here.returncode, here.stdout, here.stderr)
 
 
-# --- runs ---
+# --- the command run ---
 
 
 def test_run_to_the_end() -> None:
@@ -197,7 +197,7 @@ def test_error_records_go_to_stderr_too(tmp_path: Path) -> None:
 
 
 def test_a_width_of_nothing_is_not_known() -> None:
-    """With COLUMNS=0 nothing was once printed at all, and the exit code was 0."""
+    """Once, nothing was printed with COLUMNS=0, and the exit code was 0."""
     result = fltea_here(*FAST, "--once", "--format", "table", *QUICK, columns=0)
     assert (result.returncode, result.stderr) == (0, "")
     assert "gyro_z" in result.stdout
@@ -218,7 +218,7 @@ def test_table_off_a_terminal_is_printed_once_at_the_end(width: int) -> None:
         assert re.search(row, result.stdout)
 
 
-# --- ends ---
+# --- how commands end ---
 
 
 def started(*arguments: str | Path, stdout: Any = subprocess.PIPE, **options: Any) -> Any:
@@ -233,7 +233,10 @@ def capture(tmp_path: Path, frames: int) -> Path:
 
 
 def ended_by(number: int, process: subprocess.Popen[bytes]) -> bytes:
-    """Return the rest of a command's output after a signal; it ends with 0 and an empty stderr."""
+    """Send a signal to a command, and return the rest of its output.
+
+    Check that the exit code is 0, and that nothing is on stderr.
+    """
     process.send_signal(number)
     output, errors = process.communicate(timeout=PATIENCE_S)
     assert (process.returncode, errors) == (0, b"")
@@ -251,7 +254,8 @@ def test_signal_ends_a_run_with_0_and_a_whole_line(number: signal.Signals) -> No
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_signal_ends_a_wait_between_rare_samples(number: signal.Signals) -> None:
     with started("run", "-s", "synthetic:?rate_hz=0.001&f=-0.1", *QUICK) as process:
-        lines = [process.stdout.readline() for _ in range(2)]  # after hello and epoch it waits for 1000 s
+        # `hello` and `epoch`; the next sample would come after 1000 s
+        lines = [process.stdout.readline() for _ in range(2)]
         records = strict_records(b"".join(lines) + ended_by(number, process))
     assert [type(one) for one in records] == [Hello, Epoch, Fit, Stats]
 
@@ -312,7 +316,7 @@ def test_signal_ends_an_inspection_with_its_sum(number: signal.Signals) -> None:
 
 
 def written(command: str, folder: Path, frames: int = 9000) -> list[str | Path]:
-    """Return a command that writes to stdout; it ends on its own, unless it runs in real time."""
+    """Return a command that writes to stdout. It ends by itself, except for "at its own pace"."""
     match command:
         case "inspect":
             return ["inspect", capture(folder, frames)]
@@ -347,7 +351,7 @@ def test_closed_pipe_ends_quietly(command: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("command", ["table", "inspect", "ndjson"])
 def test_pipe_closed_from_the_start_ends_quietly(command: str, tmp_path: Path) -> None:
-    """Output that is written only at the end meets the closed pipe there."""
+    """A command that writes only at its end notices only then that the pipe is closed."""
     reader, writer = os.pipe()
     os.close(reader)
     with open(writer, "wb") as closed:
@@ -401,6 +405,7 @@ def test_a_replay_imports_nothing_that_it_does_not_need(tmp_path: Path) -> None:
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert '"class":"estimate"' in done.stdout
     imported = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines()}
-    # Outputs are imported by name, which importtime does not list: this is what that of NDJSON imports.
+    # Modules of outputs are imported by name, which importtime does not list. So a module that the output of
+    # NDJSON imports is looked for.
     assert {"fltea.stream.pipeline", "fltea.sinks.json_lines"} <= imported
     assert sorted(HEAVY & imported) == []

@@ -1,6 +1,6 @@
-"""Command lines and files that nobody writes by accident give an exit code and a sentence, never a traceback.
+"""Tests of malicious command lines and files: they give an exit code and a message, never a traceback.
 
-Every option of every command takes words of `WORDS`, as every setting does by --set.
+Every option of every command, and every setting by --set, is tried with words of `WORDS`.
 """
 
 import os
@@ -77,7 +77,7 @@ FILES = [
         "../" * 1500,
     ),
 ]
-"""There are no devices among these, since tests also run as root, and many of the options write files."""
+"""None of these names is a device, since many options write files, and tests may run as root."""
 URLS = [
     *(
         "http://[",
@@ -141,7 +141,7 @@ WHOLE = {
         "--image",
     ],
 }
-"""Files that are read completely."""
+"""For each kind of file that is read as a whole, a command that reads it."""
 
 
 @pytest.fixture(autouse=True)
@@ -198,9 +198,9 @@ PARTS = 4
 @pytest.mark.slow
 @pytest.mark.parametrize("part", range(PARTS))
 def test_every_option_takes_words_of_each_kind(part: int) -> None:
-    """Each option takes three words that are a third of the list apart, so they are of several kinds.
+    """Each option is tried with three words of several kinds, a third of the list apart.
 
-    The next option takes their neighbours, so every word is taken equally often.
+    The next option is tried with the next words in the list, so that every word is used equally often.
     """
     found, n = lines(), len(WORDS)
     of_an_option = [found[k : k + n] for k in range(0, len(found), n)]
@@ -235,12 +235,12 @@ WRITES = {
     "run": ([*FAST, "--pace", "fast", "-s", "synthetic:?n=120", "--state", "state"], ["state"]),
     "record": (["record", "-s", "synthetic:?n=100", "--for", "0.1", "kept"], ["kept/*.mcap"]),
 }
-"""Commands that write, and the files that they make."""
+"""For each command that writes files, its arguments and the files that it creates."""
 
 
 @pytest.mark.parametrize("umask", [0o000, 0o027, 0o077], ids=oct)
 def test_files_have_the_rights_that_the_umask_leaves(umask: int) -> None:
-    """Neither more than the umask leaves, nor so few that permitted users cannot read the file."""
+    """Files have all permissions that the umask allows, and no others."""
     before = os.umask(umask)
     try:
         for command, _ in WRITES.values():

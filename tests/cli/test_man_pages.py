@@ -1,4 +1,7 @@
-"""Man pages and completion are generated from the command line, complete, and accepted by their readers."""
+"""Tests of man pages and shell completion.
+
+They are generated from the command line, complete, and accepted by the programs that read them.
+"""
 
 import functools
 import os
@@ -25,7 +28,10 @@ WIDE = 10_000
 
 @functools.cache
 def seen(name: str) -> str:
-    """Return a page as `man` shows it, without warnings, with lines long enough that no word is divided."""
+    """Return a page as `man` shows it, in lines so long that no word is divided.
+
+    Check that there are no warnings.
+    """
     groff = shutil.which("groff") or missing("groff is not installed")
     done = subprocess.run(
         [groff, "-man", "-Kutf8", "-Tutf8", "-ww", "-P-c", "-P-b", "-P-u", f"-rLL={WIDE}n"],
@@ -35,7 +41,7 @@ def seen(name: str) -> str:
         timeout=PATIENCE_S,
     )
     assert (done.returncode, done.stderr) == (0, "")
-    return done.stdout.replace("‐", "-").replace("−", "-")  # groff's forms of hyphens
+    return done.stdout.replace("‐", "-").replace("−", "-")  # characters that groff writes in place of "-"
 
 
 def test_every_command_has_a_page() -> None:
@@ -66,7 +72,7 @@ def test_a_page_lists_every_command_and_every_example() -> None:
 
 
 def test_pages_name_documents_that_the_package_holds() -> None:
-    """deb.sh packages all of host/docs."""
+    """The Debian package made by deb.sh contains all of host/docs."""
     named = {
         path
         for text in PAGES.values()

@@ -1,4 +1,4 @@
-"""Options that a command takes as one object are the same options on its command line."""
+"""Tests that options which a function gets as one object are ordinary options on the command line."""
 
 from dataclasses import dataclass
 from typing import Annotated, Any

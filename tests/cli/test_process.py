@@ -1,4 +1,4 @@
-"""The process of a command: side effects of its libraries, and what is left after it."""
+"""Tests of a command's process: side effects of its libraries, and what remains after its end."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""The progress bar of commands that compute: only on a terminal, and only if the work takes long."""
+"""Tests of the progress bar: it appears only on a terminal, and only if a command takes long."""
 
 import io
 import sys

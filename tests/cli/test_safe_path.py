@@ -1,4 +1,4 @@
-"""No module in the current folder is run, however fltea starts a process."""
+"""Tests that no Python module in the current folder is run, in whatever way fltea starts a process."""
 
 import os
 import signal
@@ -27,9 +27,9 @@ LATE = {
     "scipy",
     "socket",
 }
-"""Modules that `python -m` itself does not import.
+"""Modules that `python -m` does not import by itself.
 
-Those that it imports, Python runs from the current folder.
+Those that it imports by itself would be run from the current folder by Python, before fltea can prevent it.
 """
 
 WORKERS = ["identify", "a.npz", "b.npz", "--jobs", "2"]
@@ -38,7 +38,7 @@ APART = ["info", "a.h5"]
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """Write two recordings of one kind, and one that a library reads."""
+    """Return a folder with two recordings of one format, and one for which fltea starts a reader process."""
     y = np.random.default_rng(1).standard_normal((3000, 3))
     for name in ("a", "b"):
         np.savez(tmp_path / f"{name}.npz", gyro_dps=y, fs_hz=100.0)
@@ -48,7 +48,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def lay(folder: Path, names: set[str]) -> None:
-    """Write modules there, each of which leaves a mark when it is run."""
+    """Write modules to the folder. A module that is run writes a file."""
     for name in names:
         (folder / f"{name}.py").write_text("open(__file__ + '.ran', 'w').close()\n")
 
@@ -87,7 +87,7 @@ if __name__ == "__main__":
 
 
 def test_nor_by_what_starts_in_place_of_a_forkserver_that_died(folder: Path) -> None:
-    """The command is installed elsewhere; only then Python itself does not search the current folder."""
+    """The script is in another folder, since otherwise Python itself would search the current folder."""
     lay(folder, set(sys.stdlib_module_names))
     script = folder / "elsewhere/script.py"
     script.parent.mkdir()

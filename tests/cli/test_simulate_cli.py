@@ -1,4 +1,7 @@
-"""`fltea simulate`: its file can be replayed, has the truth in a second file, and is complete or absent."""
+"""Tests of `fltea simulate`.
+
+Its file can be replayed, a second file has the true values, and a file is complete or does not exist.
+"""
 
 import csv
 from pathlib import Path
@@ -37,7 +40,7 @@ def columns(path: Path) -> dict[str, list[float]]:
 
 def test_csv_and_npz_hold_the_same_samples(tmp_path: Path) -> None:
     text, packed = simulated(tmp_path / "a.csv"), simulated(tmp_path / "a.npz")
-    assert gyro(text) == gyro(packed)  # to the last bit
+    assert gyro(text) == gyro(packed)  # both files contain the same samples, to the last bit
     assert open_csv(text).whole().rate_hz == pytest.approx(open_npz(packed).whole().rate_hz) == 100.0
     assert open_npz(packed).whole().lsb_per_dps is None
 

@@ -1,4 +1,4 @@
-"""Standard output that is full, not open for writing, or limited to ASCII."""
+"""Tests of commands whose standard output is full, not open for writing, or limited to ASCII."""
 
 import json
 import os
@@ -71,6 +71,6 @@ def test_an_output_in_ascii_gets_the_same_words_in_other_letters() -> None:
 
 @pytest.mark.parametrize("command", ["info", pytest.param("identify", marks=pytest.mark.slow)])
 def test_json_stays_exact_in_ascii(command: str) -> None:
-    """JSON escapes keep the exact text, since file names must be found again."""
+    """JSON keeps the exact text by escapes, so that programs can use the file names in it."""
     found = json.loads(in_ascii(command, "--json", NAME))
     assert NAME in json.dumps(found, ensure_ascii=False)

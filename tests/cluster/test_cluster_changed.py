@@ -1,4 +1,4 @@
-"""Objects that change while they are read, and servers or proxies that send something else."""
+"""Objects that change while they are read, and servers or proxies that send something else than requested."""
 
 import http.client
 import os
@@ -66,7 +66,7 @@ class Between(BaseHTTPRequestHandler):
 
 @pytest.fixture(scope="module")
 def noises(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    """Write two recordings of the same size; one has a hundred times the noise."""
+    """Write two recordings of the same size, of which one has a hundred times the noise of the other."""
     folder = tmp_path_factory.mktemp("noises")
     paths = [folder / "quiet.npy", folder / "loud.npy"]
     for path, size, seed in zip(paths, (0.05, 5.0), (3, 4), strict=True):
@@ -82,7 +82,10 @@ def server() -> Iterator[Any]:
 
 @pytest.fixture
 def put(server: Any, noises: list[Path]) -> Callable[[int], None]:
-    """Write the first or the second recording to the same address; the first is there at the start."""
+    """Return a function that writes the first or the second recording to the same address.
+
+    At the start, the first one is there.
+    """
 
     def write(which: int) -> None:
         server.put_file(noises[which], "lab/a.npy")
@@ -101,7 +104,7 @@ def errors_of(files: list[File], ask: Any, out: Path, **options: Any) -> list[st
 
 
 def test_pieces_of_two_contents_are_not_put_together(put: Callable[[int], None], tmp_path: Path) -> None:
-    """The size is the same, so only the server knows that it is another object."""
+    """Both contents have the same size, so only the server knows that the object has changed."""
 
     def change(progress: Progress) -> None:
         if "piece 2" in progress.now:
@@ -149,7 +152,7 @@ def test_a_range_comes_whole_or_not_at_all(
     address = urlsplit(os.environ["AWS_ENDPOINT_URL"]).netloc
     with web_server(partial(Between, address)) as between, monkeypatch.context() as patch:
         patch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{between.server_port}")
-        type(server).clear_instance_cache()  # otherwise it would keep the old address
+        type(server).clear_instance_cache()  # otherwise the file system would keep the old address
         patch.setattr(Between, "lie", staticmethod(lie))
         (error,) = errors_of(list(files_of([URL])), PIECES, tmp_path / "v.parquet")
     type(server).clear_instance_cache()

@@ -33,10 +33,9 @@ MOST_CHUNKS = 64
 class Content:
     """A file on a server, in two versions.
 
-    `says`: the headers that describe the version.
-    `minds`: the server honours conditional requests.
-    `after`: number of answers that use the first version.
-    `longer`: number of bytes by which the second is longer.
+    `says`: the headers that describe the version. `minds`: whether the server honours conditional requests.
+    `after`: number of answers that use the first version. `longer`: number of bytes by which the second
+    version is longer.
     """
 
     def __init__(self, folder: Path, says: str | None, *, minds: bool = True, after: int = 0) -> None:
@@ -109,7 +108,7 @@ def served(content: Content) -> Iterator[str]:
 def test_a_web_file_that_changes_between_its_pieces_makes_no_row_of_both(
     says: str, minds: bool, tmp_path: Path
 ) -> None:
-    """The next run reads the file as it is then."""
+    """The file changes while it is read, which is an error. The next run reads its new content."""
     content = Content(tmp_path, says, minds=minds, after=5)
     with served(content) as url:
         out = tmp_path / "v.parquet"
@@ -168,7 +167,7 @@ def test_a_file_of_this_machine_that_is_written_anew_has_changed(tmp_path: Path)
 
 
 class Endless(BaseHTTPRequestHandler):
-    """States a size, and sends ranges and lists of links without an end."""
+    """A server that states a size, but sends ranges and lists of links without an end."""
 
     def __init__(self, sent: list[int], *arguments: object) -> None:
         self._sent = sent

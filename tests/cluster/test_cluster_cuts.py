@@ -74,7 +74,7 @@ def ros2(folder: Path) -> Path:
 
 
 def ours(folder: Path) -> Path:
-    """Record as the daemon does."""
+    """Make a recording as the daemon does."""
     sink = sink_in(folder / "rec")
     wire = WireEvents("/dev/due")
     for number, item in enumerate(transport(900, boots=2)):
@@ -83,7 +83,7 @@ def ours(folder: Path) -> Path:
             if isinstance(event, Hello):
                 sink.write(event)
         if number % 100 == 50:
-            sink._part.flush(sink._part.flushed_ns)  # ends a chunk, as a second or a megabyte does
+            sink._part.flush(sink._part.flushed_ns)  # ends a chunk, as happens after a second or a megabyte
     sink.close()
     (path,) = (folder / "rec").glob("*.mcap")
     return path
@@ -128,9 +128,13 @@ def test_all_samples_once(make: Callable[[Path], Path], tmp_path: Path) -> None:
 
 
 def test_a_recording_of_the_daemon(tmp_path: Path) -> None:
-    """A frame across a cut is lost, and counted as if lost on the wire; the device is known immediately."""
+    """A frame across a cut is lost, and counted as lost on the wire.
+
+    The device is known from the beginning of each piece.
+    """
     whole, pieces = cut_up(ours, tmp_path)
-    # Of the chunk in which the second HELLO came: that HELLO precedes the chunk in the file.
+    # The piece begins with the chunk in which the second HELLO came; in the file, that HELLO precedes the
+    # chunk.
     assert sum(one.counts.before_hello for one in pieces) <= 1
     assert {one.hello.device_id for one in pieces} == {whole.hello.device_id}
     y = np.concatenate([one.axes["gyro_x"].y for one in pieces])
@@ -160,7 +164,10 @@ def test_lines_of_text_stay_whole(tmp_path: Path, lines: list[str], block_bytes:
 @given(st.lists(st.integers(1, 50), min_size=1, max_size=40), st.integers(1, 200))
 @settings(max_examples=40, deadline=None)
 def test_pieces_are_even(lengths: list[int], block: int) -> None:
-    """All samples are there, in order, and no piece is longer than a block and the part that began in it."""
+    """All samples are there, in order.
+
+    No piece is longer than a block and the part that began in this block.
+    """
     places = [0, *np.cumsum(lengths).tolist()]
     pieces = even_pieces(places[:-1], places[-1], block)
     assert [begin for begin, _ in pieces] == [0, *(end for _, end in pieces[:-1])]
@@ -169,7 +176,7 @@ def test_pieces_are_even(lengths: list[int], block: int) -> None:
 
 
 def test_what_cannot_be_cut_is_read_whole(tmp_path: Path) -> None:
-    """These include damaged files: reading the whole file reveals the damage."""
+    """Damaged files are read whole, too, so that the damage is reported."""
     small = msgspec.structs.replace(ASK, how=HOW, block_bytes=100)
     torn = ours(tmp_path).read_bytes()[:-40]
     by_columns = io.BytesIO()
@@ -202,7 +209,7 @@ def bytes_of(make: Callable[[Path], Path]) -> bytes:
 @given(st.data())
 @settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_damage_never_ends_the_program(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
-    """Wherever bytes are wrong, there are no pieces, or pieces that are read or refused."""
+    """Whichever bytes are wrong, the file is not cut, or each piece is read or refused."""
     folder = tmp_path_factory.mktemp("damage")
     make = data.draw(st.sampled_from([ours, ros1]))
     whole = bytearray(bytes_of(make))

@@ -1,4 +1,4 @@
-"""Files on any file system: a pattern selects exactly its files, in a fixed order."""
+"""On any file system, a pattern selects exactly the files that match it, in a fixed order."""
 
 import itertools
 import os
@@ -63,7 +63,7 @@ def test_patterns(lab: Path, pattern: str, found: list[str]) -> None:
 
 @pytest.mark.parametrize("name", ["a.mcap", "x/link.csv"])
 def test_a_file_that_changes_has_another_stamp(lab: Path, name: str) -> None:
-    """The same holds for a link to it."""
+    """The same holds for a link to the file."""
     (lab / "x" / "link.csv").symlink_to(lab / "a.mcap")
     before = {file.url: file for file in files_of([str(lab)])}[f"{lab}/{name}"]
     os.utime(lab / "a.mcap", (1, 1))
@@ -74,7 +74,7 @@ def test_a_file_that_changes_has_another_stamp(lab: Path, name: str) -> None:
 
 @pytest.mark.parametrize("pattern", ["q", "q/*", "q/**"])
 def test_what_is_no_file_is_none(lab: Path, pattern: str) -> None:
-    """Opening a pipe would wait without end. Links to folders may lead in circles."""
+    """Opening a pipe would never return. Links to folders may lead in circles."""
     (lab / "q").mkdir()
     (lab / "q" / "a.csv").write_bytes(b"1234")
     os.mkfifo(lab / "q" / "pipe.csv")
@@ -92,7 +92,7 @@ def test_a_folder_has_one_name(lab: Path, monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_a_folder_that_may_not_be_read_or_is_gone(lab: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The folders after it are still listed; if it is the requested one, it is an error."""
+    """The folders after such a folder are still listed. If the user named it, it is an error."""
     from fsspec.implementations.local import LocalFileSystem
 
     ls = LocalFileSystem.ls
@@ -117,7 +117,7 @@ def test_a_folder_that_may_not_be_read_or_is_gone(lab: Path, monkeypatch: pytest
 
 
 def test_memory_holds_no_more_than_a_folder(lab: Path) -> None:
-    """The second folder is not listed before the first one's files were consumed."""
+    """The second folder is not listed before all files of the first one were used."""
     files = files_of([f"{lab}/**/*.*"])
     next(files)
     (lab / "z" / "new.csv").write_bytes(b"1")
@@ -170,7 +170,7 @@ def test_what_a_file_system_says_is_told(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 class Maze(Cloud):
-    """Each folder has a recording and a folder, as on a server that invents folders."""
+    """A server that invents folders: each folder holds a recording and another folder."""
 
     def isfile(self, path: str) -> bool:
         return False
@@ -183,7 +183,7 @@ class Maze(Cloud):
 
 
 def test_folders_without_an_end_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What was found until then is read, and a row says where the listing ended."""
+    """The listing ends at some level. The files found until then are read, and a row says where it ended."""
     monkeypatch.setattr("fltea.cluster.listing.file_system", lambda protocol: Maze())
     *files, last = itertools.islice(files_of(["s3://lab"]), 1000)
     assert len(files) == MOST_LEVELS + 1
@@ -204,5 +204,8 @@ def test_folders_without_an_end_end(monkeypatch: pytest.MonkeyPatch) -> None:
     ],
 )
 def test_endings_are_letters_and_digits(protocol: str, path: str, suffix: str) -> None:
-    """They become part of a file name on the worker's disk. A question mark ends the name on the web only."""
+    """Endings become part of a file name on the worker's disk.
+
+    Only on the web, a question mark ends the name.
+    """
     assert File(path, protocol, path, 1, "").suffix == suffix

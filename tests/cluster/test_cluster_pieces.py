@@ -1,5 +1,7 @@
-"""Files that are summed in pieces give the answer of the whole file, whichever worker does each piece or
-dies."""
+"""A file that is summed in pieces has the same result as the whole file.
+
+It does not matter which worker does a piece, or whether one dies.
+"""
 
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Future
@@ -66,7 +68,7 @@ def test_the_answer_of_the_whole(tmp_path: Path) -> None:
 
 
 def test_a_change_is_seen_across_pieces(tmp_path: Path) -> None:
-    """No single piece shows the change. The Allan deviation covers all pieces."""
+    """No single piece shows the change of the noise. The Allan deviation is over all pieces."""
     louder = np.repeat([1.0, 1.0, 2.0, 2.0], FEW // 4)
     file = saved(tmp_path, louder * (SHORT - 1.5))
     (whole,) = identify_file(file, ask(1))
@@ -134,7 +136,10 @@ def test_a_piece_without_a_number_is_a_gap(tmp_path: Path) -> None:
 
 
 class Dying(Here):
-    """Kills its process at a task, the first `times` times; it takes no further task until it is renewed."""
+    """Workers that die at a task, the first `times` times.
+
+    They accept no further task until `renew` is called.
+    """
 
     slots = 3
 

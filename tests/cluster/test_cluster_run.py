@@ -1,4 +1,7 @@
-"""Many files into a table: each once, failures as rows, no repeated work; the command's messages; kills."""
+"""Many files are identified into one table.
+
+Each file is done once, failures are rows, and no work is repeated, even after a kill.
+"""
 
 import json
 import os
@@ -53,7 +56,10 @@ def go(pattern: str, out: Path, **options: Any) -> Progress:
 
 
 def test_from_s3_and_again(s3: Any, tmp_path: Path) -> None:
-    """Two recordings and one file that is none; the second run does only a file that has changed."""
+    """There are two recordings and a file that is no recording.
+
+    The second run reads only a file that has changed.
+    """
     local = npz(tmp_path / "a.npz", counts(600, 2))
     s3.put_file(local, "lab/2026-11/bench 1/a.npz")
     s3.pipe("lab/2026-11/b.npz", b"PK none")
@@ -123,7 +129,7 @@ def test_a_file_that_goes_away_or_changes_is_tried_again(
 
 
 def test_a_local_file_that_the_worker_does_not_see(tmp_path: Path) -> None:
-    """This happens if the shared disk is not mounted; once it is, the next run identifies the file."""
+    """The shared disk may not be mounted. Once it is, the next run identifies the file."""
     path, aside = npz(tmp_path / "a.npz", counts(600, 1)), tmp_path / "aside"
     files = list(files_of([str(path)]))
     path.rename(aside)
@@ -139,7 +145,7 @@ def test_a_local_file_that_the_worker_does_not_see(tmp_path: Path) -> None:
 
 
 def test_a_folder_that_cannot_be_listed_is_a_row(tmp_path: Path) -> None:
-    """The row stays until the folder can be listed."""
+    """The row for the folder stays in the table until the folder can be listed."""
     path, out = npz(tmp_path / "a.npz", counts(600, 1)), tmp_path / "v.parquet"
     closed = Unlisted(File("/closed", "file", "/closed", -1, ""), "cannot be listed (PermissionError)")
     with open_table(out) as table:
@@ -165,7 +171,7 @@ def test_nothing_is_left_on_the_disk(s3: Any, tmp_path: Path, monkeypatch: pytes
 
 @pytest.mark.slow
 def test_a_cluster_that_reads_from_s3_with_a_worker_killed(s3: Any, tmp_path: Path) -> None:
-    """Two workers, small files and one in pieces; one worker is killed during that file."""
+    """Of two workers, one is killed while they read a file in pieces."""
 
     n = 1 << 13
     how = msgspec.structs.replace(ASK, how=How(rate_hz=100.0, units="deg/s"), block_bytes=8 * n // 4 + 256)
@@ -200,7 +206,10 @@ FILES, DONE = 8, 3
 def test_killed_and_another_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The command ends with the finished files in the table; with another scheduler it does the others."""
+    """If the scheduler is gone, the command ends, and the table holds the finished files.
+
+    With another scheduler it does the other files.
+    """
     try:
         from fltea.identification import dask_workers
     except ModuleNotFoundError:
@@ -236,7 +245,7 @@ def test_killed_and_another_one(
 
 
 class Gone(Here):
-    """Cancels every task, like a client that has lost its scheduler."""
+    """Workers that cancel every task, like a Dask client that has lost its scheduler."""
 
     def submit(self, task: Callable[..., Any], *arguments: Any) -> "Future[Any]":
         future: Future[Any] = Future()
@@ -259,7 +268,7 @@ def test_what_was_under_way_is_no_failure_of_the_files(tmp_path: Path) -> None:
 
 
 class Liar(Here):
-    """Returns something else in place of every result."""
+    """Workers that return something else in place of every result."""
 
     def __init__(self, lie: Callable[[Any], Any]) -> None:
         self._lie = lie
@@ -283,7 +292,7 @@ class Liar(Here):
     ],
 )
 def test_what_is_no_answer_is_not_in_the_table(lie: Callable[[Any], Any], tmp_path: Path) -> None:
-    """The file has a row that says so, and the next run repeats it."""
+    """A row says that the file's answer was wrong, and the next run reads the file again."""
     path, out = npz(tmp_path / "a.npz", counts(1000, 1)), tmp_path / "v.parquet"
     assert identified(str(path), ASK, out, Liar(lie)).failed == 1
     (row,) = rows_in(out)
@@ -343,7 +352,7 @@ def journal_rows(journal: Path) -> list[dict[str, Any]]:
 
 @pytest.mark.slow
 def test_a_client_that_is_killed_and_called_again(here: Command, tmp_path: Path) -> None:
-    """Finished rows stay unchanged, including their duration, and every file is there once."""
+    """Finished rows stay unchanged, and so do their durations. Every file is in the table once."""
     (tmp_path / "in").mkdir()
     for i in range(8):
         npz(tmp_path / "in" / f"{i}.npz", counts(2000, 1, seed=i))
@@ -368,7 +377,10 @@ def test_a_client_that_is_killed_and_called_again(here: Command, tmp_path: Path)
 
 
 def test_a_failure_ends_with_one_in_whichever_run_it_was_found(here: Command, tmp_path: Path) -> None:
-    """As long as the table has the failure of a file in the list, but not for other files."""
+    """The exit code tells of a failure if the table holds one for a file in the list.
+
+    Failures of other files do not count.
+    """
     (tmp_path / "in").mkdir()
     bad, out = tmp_path / "in" / "bad.npz", tmp_path / "v.parquet"
     bad.write_bytes(b"PK none")
@@ -394,7 +406,7 @@ def test_ctrl_c_says_how_to_go_on(here: Command, tmp_path: Path) -> None:
 
 
 def test_a_file_that_is_named_twice_is_done_once(here: Command, tmp_path: Path) -> None:
-    """This holds also while the file is being processed."""
+    """This holds even if the first task for the file is not finished."""
     path, out = npz(tmp_path / "a.npz", counts(1000, 1)), tmp_path / "v.parquet"
     assert here(path, f"{tmp_path}/*.npz", "--out", out, jobs=2)[0] == 0
     assert [row["axis"] for row in rows_in(out)] == ["gyro_x"]

@@ -1,4 +1,4 @@
-"""Recordings on web servers, some of unknown or false size; cloud storage whose package is not installed."""
+"""Recordings on web servers that state no size or a false one, and cloud storage without its package."""
 
 import contextlib
 import os
@@ -37,9 +37,10 @@ ROOM_BYTES = 8_000_000
 
 
 class Endless(BaseHTTPRequestHandler):
-    """Sends zeros until the client leaves, and supports no ranges.
+    """A server that sends zeros until the client leaves, and supports no ranges.
 
-    `declared`: the size that it states, if any. `silent`: it sends one byte of that, and no more.
+    `declared`: the size that the server states; None: it states none. `silent`: whether it stops after one
+    byte.
     """
 
     def __init__(self, declared: int | None, silent: bool, sent: list[int], *arguments: object) -> None:
@@ -73,14 +74,14 @@ class Endless(BaseHTTPRequestHandler):
 
 @contextlib.contextmanager
 def endless(declared: int | None = None, *, silent: bool = False) -> Iterator[tuple[str, list[int]]]:
-    """Return the address of a file, and how many bytes of it were sent."""
+    """Return the address of an endless file, and how many bytes of it were sent."""
     sent = [0]
     with web_server(partial(Endless, declared, silent, sent)) as server:
         yield f"http://127.0.0.1:{server.server_port}/a.csv", sent
 
 
 def failure_of(url: str, out: Path) -> dict[str, Any]:
-    """Return the row of a file that fails; the next run tries such a file again."""
+    """Return the row of a file that fails, after a check that the next run tries the file again."""
     with open_table(out) as table:
         assert run(list(files_of([url])), ASK, Here(), table).failed == 1
     (row,) = rows_in(out)
@@ -115,7 +116,7 @@ def test_a_size_nobody_knows(disk: Path, tmp_path: Path) -> None:
 
 
 def test_a_size_nobody_knows_has_a_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The limit holds however large the disk is; nothing stays on it."""
+    """The limit does not depend on the size of the disk. The incomplete copy is deleted."""
     folder = tmp_path / "tmp"
     folder.mkdir()
     monkeypatch.setattr("tempfile.tempdir", str(folder))
@@ -138,7 +139,7 @@ def test_more_than_was_stated(disk: Path, tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("disk")
 def test_more_than_fits() -> None:
-    """Nothing is copied; another worker or another TMPDIR may have the room."""
+    """Nothing is copied, since another worker or another TMPDIR may have enough room."""
     with endless(10**15) as (url, sent):
         (row,) = identify_file(next(files_of([url])), ASK)
     assert "TMPDIR" in (row.error or "")
@@ -147,7 +148,7 @@ def test_more_than_fits() -> None:
 
 
 def test_a_server_that_says_no_more(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A silent server is given up; one that keeps sending is not, however long it takes."""
+    """A server that stops sending is given up. One that keeps sending is not, even if it takes long."""
     monkeypatch.setattr(listing, "SILENT_S", 0.3)
     with endless(1000, silent=True) as (url, _):
         assert "Timeout" in failure_of(url, tmp_path / "v.parquet")["error"]
@@ -158,7 +159,7 @@ HOW = msgspec.structs.replace(ASK, how=How(rate_hz=100.0, units="deg/s"))
 
 
 class Quiet(SimpleHTTPRequestHandler):
-    """Like most servers it says when a file was changed; unlike most it sends no ranges of bytes."""
+    """A server that states when a file was changed, as most do, but sends no ranges of bytes."""
 
     def log_message(self, format: str, *args: object) -> None:
         pass
@@ -183,7 +184,10 @@ def server(files: Path) -> Iterator[ThreadingHTTPServer]:
 def test_https_with_a_certificate_of_ones_own(
     server: ThreadingHTTPServer, files: Path, tmp_path: Path
 ) -> None:
-    """SSL_CERT_FILE makes it trusted; otherwise nothing is read, and the reason is given."""
+    """The server's certificate is trusted by SSL_CERT_FILE.
+
+    Otherwise nothing is read, and the reason is given.
+    """
     ca = make_authority(tmp_path / "ca")
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.load_cert_chain(tmp_path / "ca/server.pem", tmp_path / "ca/server.key")
@@ -226,7 +230,10 @@ def test_what_is_not_there_and_who_is_not(server: ThreadingHTTPServer) -> None:
 def test_a_cloud_whose_package_is_missing(
     protocol: str, package: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The package may be installed here: a module that is None in sys.modules cannot be imported."""
+    """The package may be installed, so the test makes its import fail.
+
+    A module that is None in sys.modules cannot be imported.
+    """
     from fsspec.registry import _registry
 
     monkeypatch.setitem(sys.modules, package, None)

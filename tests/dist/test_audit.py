@@ -1,5 +1,7 @@
-"""CI checks for known vulnerabilities: one found is an error, and the check says if the service cannot be
-reached."""
+"""CI checks the packages for known vulnerabilities.
+
+A vulnerability is an error. If the service cannot be reached, the check says so.
+"""
 
 import json
 import shutil
@@ -41,7 +43,7 @@ NO_DATA = "audit: NOT DONE: no data on vulnerabilities can be had from here (bui
 def test_what_is_known_ends_it_and_what_is_not_is_said(
     installs: bool, found: list[Any] | None, code: int, lines: list[str], tmp_path: Path
 ) -> None:
-    """`found`: what pip-audit prints; None: it fails, and prints nothing."""
+    """`found`: what pip-audit prints, or None if it fails and prints nothing."""
     folder = tmp_path / "build/audit/bin"
     folder.mkdir(parents=True)
     (tmp_path / "found.json").write_text("" if found is None else json.dumps({"dependencies": found}))

@@ -80,7 +80,7 @@ def test_set_up_asks_for_hashes_and_nothing_else() -> None:
 
 
 def test_what_is_given_to_others_is_made_of_files_with_hashes() -> None:
-    """Each installation of tools/dist uses names from the lists, which include all dependencies."""
+    """Each installation in tools/dist only uses packages from the lists, which include all dependencies."""
     scripts = {file.name: file.read_text("utf-8") for file in (ROOT / "tools/dist").glob("*.sh")}
     installs = [line for text in scripts.values() for line in re.findall(r"pip install.*", text)]
     assert len(installs) == 2

@@ -1,4 +1,7 @@
-"""What `make dist` builds from, as far as seconds allow: the sdist has all of the wheel; versions agree."""
+"""What `make dist` builds, as far as it can be tested in seconds.
+
+The sdist has all that the wheel needs, and versions agree.
+"""
 
 import json
 import re
@@ -119,7 +122,7 @@ def test_debian_package_asks_for_what_its_wheel_is_made_for() -> None:
     assert fields["Architecture"].split() == ["amd64", "arm64"]
     depends = {part.strip() for part in fields["Depends"].split(",")}
     common = (DIST / "common.sh").read_text("utf-8")
-    # The wheel is for the stable ABI; the libraries next to it are for the system's own Python.
+    # The wheel works with Python's stable ABI; the libraries next to it are for the system's own Python.
     assert re.search(r"^abi=cp311-abi3$", common, re.MULTILINE)
     assert tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["scikit-build"]["wheel"] == {
         "packages": ["host/fltea"],
@@ -141,7 +144,7 @@ def test_files_that_are_packed_exist() -> None:
     named = set(re.findall(r"\$here/(tools/[\w./-]+)", script))
     assert len(named) >= 7
     assert [name for name in sorted(named) if not (ROOT / name).is_file()] == []
-    # The changes that deb.sh makes to the unit still apply.
+    # The changes that deb.sh makes to the systemd unit can still be made.
     unit = (ROOT / "tools/deploy/fltea.service").read_text("utf-8")
     assert all(
         f"\n{line}" in unit

@@ -1,4 +1,7 @@
-"""Boards that run whole images: ours, and one that starts up as a sketch on the Arduino core does."""
+"""Emulated boards that run whole images.
+
+These are fltea's firmware, and a program that starts like a sketch on the Arduino core.
+"""
 
 import io
 import json
@@ -31,7 +34,7 @@ CAFE = 0xCAFEF00D
 
 
 def emulate_apart(*arguments, code=0):
-    """Run the command in a process of its own."""
+    """Run the command `python -m tools.due_emulator` in a process of its own."""
     command = [sys.executable, "-m", "tools.due_emulator", *map(str, arguments)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == code, done.stdout + done.stderr
@@ -39,7 +42,7 @@ def emulate_apart(*arguments, code=0):
 
 
 def emulate(*arguments, code=0):
-    """Run the command in this process, which is quicker."""
+    """Run the command `python -m tools.due_emulator` in this process, which is quicker."""
     out, err = io.StringIO(), io.StringIO()
     with redirect_stdout(out), redirect_stderr(err), mock.patch("signal.signal"):
         try:
@@ -62,7 +65,7 @@ def ours():
 
 @pytest.fixture(scope="module")
 def by_edges(tmp_path_factory):
-    """Return our image in data_ready mode, as make firmware leaves it in build/."""
+    """Return fltea's image in data_ready mode, in the form in which `make firmware` leaves it in build/."""
     folder = tmp_path_factory.mktemp("data_ready")
     build("data_ready", folder)
     return folder / "fltea_due.bin"
@@ -186,7 +189,8 @@ def test_a_reboot_begins_anew_and_is_no_loss(ours):
 
 
 def test_a_reset_may_come_at_any_moment_of_a_sampling_period(ours):
-    # Each boot takes the same time, so the resets come at 25 moments, 0.4 ms apart; a read takes 0.6 ms.
+    # Each boot takes the same time, so the resets come at 25 moments of the sampling period, 0.4 ms apart. A
+    # read of the sensor takes 0.6 ms.
     lives_s = [0.5 + 0.0004 * i for i in range(25)]
     faults = [part for at in accumulate(lives_s) for part in ("--fault", f"port_reopen at={at:.5f}")]
     found = report("--virtual", 13.5, *faults)
@@ -198,14 +202,14 @@ def test_a_reset_may_come_at_any_moment_of_a_sampling_period(ours):
 @pytest.mark.parametrize(
     ("faults", "due", "unheard"),
     [
-        # The sensor runs after 0.1 to 0.2 s.
+        # The sensor delivers values after 0.1 to 0.2 s.
         ((), range(275, 291), range(2)),
         (("unplug at=1 for=0.5",), range(275, 291), range(2)),
         (("uart_loss at=1.25 count=100",), range(275, 291), range(2)),
         (("uart_loss at=1.5 probability=1 for=2",), range(275, 291), range(149, 152)),
         (("uart_loss probability=1 for=0.995",), range(275, 291), range(75, 92)),
-        # The host reads until 1 s, and the board runs until the watchdog resets it again; the last boot
-        # hardly runs.
+        # The host gets samples until 1 s. The board runs until the watchdog resets it, and the boot after the
+        # reopening is short.
         (("watchdog_starvation at=1 for=1.2", "port_reopen at=2.5"), range(215, 240), range(95, 105)),
     ],
 )

@@ -1,5 +1,7 @@
-"""The chip's data-ready flag, INT pin and FIFO, by register number of the map, and arbitrary register
-accesses."""
+"""The chip's data-ready flag, INT pin and FIFO, and arbitrary register accesses.
+
+Register numbers are those of the register map.
+"""
 
 import pytest
 from fltea.sources.synthetic import NoiseSettings
@@ -37,8 +39,8 @@ def test_the_part_of_a_period_that_has_passed_stays_when_the_clock_changes():
     chip.clock_ppm = -100_000
     chip.advance(35 * MS)
     rises = [at for at, level in edges if level]
-    # 0.4 of a period, then 2 ms at 1.1 times the rate, which is 0.22; the remaining 0.38 run at 0.9 times the
-    # rate
+    # First 0.4 of a period passes, then 2 ms at 1.1 times the rate, which is 0.22 of a period. The remaining
+    # 0.38 of a period run at 0.9 times the rate.
     assert rises[:2] == [10_000_000, pytest.approx(16_000_000 + 3_800_000 / 0.9, abs=2)]
     assert rises[2] - rises[1] == pytest.approx(10_000_000 / 0.9, abs=2)
 
@@ -86,7 +88,7 @@ def test_time_does_not_run_backwards():
 
 
 def filling(sources, *arguments, **options):
-    """Return a chip that puts these values into its FIFO."""
+    """Return a chip that puts the values of these sources into its FIFO."""
     chip = running(*arguments, **options)
     chip.write_register(0x23, sources)
     chip.write_register(0x6A, 0x40)
@@ -106,7 +108,7 @@ def test_fifo_holds_every_sample_in_order():
         n = 10 * (k + 1)
         assert words(data[14 * k : 14 * k + 14]) == [n, 0, 16384, 1335, n * 0x0123, -n, n]
     assert fifo_count(chip) == 0
-    assert chip.read_block(0x74, 2) == data[-1:] * 2  # empty: the last byte is repeated
+    assert chip.read_block(0x74, 2) == data[-1:] * 2  # The FIFO is empty, so the last byte is repeated.
 
 
 def test_fifo_count_is_latched_by_its_high_byte():
@@ -123,7 +125,10 @@ def test_fifo_count_is_latched_by_its_high_byte():
     [(0x71, 0x01, 256, 5), (0x71, 0x41, 256, 1), (0x68, 0x01, 512, 5), (0x68, 0x41, 512, 5)],
 )
 def test_fifo_overflow(who, mode, samples, first):
-    """Two bytes a sample, and `held` samples fit; the FIFO of an MPU-6050 always keeps the newest."""
+    """Each sample has two bytes, and `samples` samples fit into the FIFO.
+
+    A full FIFO of an MPU-6050 always keeps the newest samples.
+    """
     chip = filling(0x10, Ramp(), dlpf=mode, who_am_i=who)
     chip.advance(samples * MS)
     assert chip.read_block(0x3A, 1) == b"\x01"
@@ -152,7 +157,7 @@ def test_mpu6050_resets_its_fifo_only_while_it_is_off():
     assert fifo_count(chip) == 0
 
 
-# Any sequence of operations
+# Arbitrary sequences of operations
 
 READ_ONLY = [*range(0x3B, 0x61), 0x75]
 SETTINGS = [0x19, 0x1A, 0x1B, 0x23, 0x37, 0x38, 0x6A, 0x6B]
@@ -206,12 +211,13 @@ def test_any_sequence_keeps_the_invariants(steps, who):
             x, _, z, _, gx, gy, gz = words(chip.read_block(0x3B, 14))
         except OSError:
             continue
-        # All values of a burst are of the same moment, at ±2000 deg/s, or at ±250 deg/s after a reset.
+        # All values of a read are of the same moment. The range is ±2000 deg/s, or ±250 deg/s after a reset.
         if z:
             assert (gx, gy, gz) in [at_range(x, lsb) for lsb in (16.4, 131.0)]
         else:
             assert (x, gx, gy, gz) == (0, 0, 0, 0)
-    # The pin alternates: no edge repeats the level before it, and time only increases.
+    # The level of the pin alternates, so no two successive edges have the same level; and times only
+    # increase.
     assert [level for _, level in levels] == [i % 2 == 0 for i in range(len(levels))]
     assert [at for at, _ in levels] == sorted(at for at, _ in levels)
 

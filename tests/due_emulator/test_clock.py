@@ -23,7 +23,7 @@ MOSCXTS, LOCKA, MCKRDY, LOCKU, MOSCSELS, MOSCRCS = (1 << bit for bit in (0, 1, 3
 
 @pytest.fixture
 def board():
-    """Return a board at its first instruction; the test takes the place of the program."""
+    """Return a board at its first instruction. The test itself makes the accesses of a program."""
     return Bench(b"\xff" * 8).board
 
 
@@ -133,7 +133,7 @@ def test_a_sleeping_processor_does_not_wake_the_watchdog_unless_it_is_told_so():
 
 
 def test_feeding_keeps_the_watchdog_quiet_and_needs_its_key(board):
-    board.watchdog.write("MR", 256 | 1 << 13 | 0xFFF << 16)  # 1 s
+    board.watchdog.write("MR", 256 | 1 << 13 | 0xFFF << 16)  # a time-out of 1 s
     for _ in range(5):
         board.machine.advance(PS_PER_S * 9 // 10)
         board.watchdog.write("CR", 0xA500_0001)

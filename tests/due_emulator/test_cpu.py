@@ -48,7 +48,7 @@ FORBIDDEN = [
     ("store 0xE000ED04, 0x04000000\n nop", "exception 15 has no handler"),
     ("movs r0, #2\n msr control, r0\n store 0xE000ED04, 0x04000000\n nop", "process stack"),
 ]
-"""What a program does, and the reason that ends its run."""
+"""What a program does (its code), and the reason with which its run ends."""
 
 
 def test_an_empty_flash_is_said_to_be_one():
@@ -82,7 +82,7 @@ def test_ram_that_the_program_wrote_is_counted():
 
 
 def test_polling_a_timer_goes_on_in_time():
-    # A program that waits for SysTick's COUNTFLAG without any interrupt.
+    # This program waits for SysTick's COUNTFLAG without using an interrupt.
     bench = run(
         """systick 3999, 5
   movs r4, #0
@@ -97,7 +97,7 @@ def test_polling_a_timer_goes_on_in_time():
 
 
 def test_a_loop_that_counts_its_turns_takes_the_time_of_its_instructions():
-    # The Arduino core's Wire waits like this for a flag that never comes: 20,000 turns.
+    # Arduino's library Wire waits in this way for a flag that is never set: 20,000 iterations.
     waiting = """ldr r2, =0xE000E010
   ldr r3, =20000
 1: ldr r1, [r2]
@@ -130,7 +130,7 @@ SKIPPING = """subs r2, r2, r2
   it ne
   movne r3, #4
 """
-"""Seven instructions, wide and narrow; their condition disables three of them, and there is no branch."""
+"""Seven instructions of 16 and 32 bits, without a branch. Conditions disable three of them."""
 
 
 def test_an_instruction_that_its_condition_switches_off_takes_its_cycle():
@@ -172,7 +172,7 @@ def test_no_instruction_is_lost_or_counted_twice_where_interrupts_come(every):
 
 
 def test_a_waiting_interrupt_comes_soon_after_its_priority_lets_it():
-    # Software interrupt 31 has priority 0x80, and BASEPRI holds it back.
+    # Interrupt 31, which the program makes pending, has priority 0x80, and BASEPRI holds it back.
     bench = run(
         """movs r4, #0
   movs r5, #0x40
@@ -203,7 +203,7 @@ def test_code_runs_at_the_new_clock_as_soon_as_it_changes():
         ).board.machine
         return machine.now_ps - machine.idle_ps
 
-    # 84 MHz: two instructions a turn.
+    # At 84 MHz, with two instructions in each iteration.
     assert busy_ps(840_001) - busy_ps(1) == pytest.approx(20_000_000_000, abs=20_000)
     assert busy_ps(1) < 4_000_000_000, "the sources' start-up, and no more"
 
@@ -228,7 +228,7 @@ def test_without_a_compiler_it_says_what_is_missing(command, reason, tmp_path, m
 
 
 COMPUTE = " ldr r6, =300\n1: subs r6, #1\n bne 1b\n"
-"""Long enough without an access that the second processor takes over."""
+"""A loop that makes no access for so long that the fast processor of the emulator takes over."""
 
 
 @pytest.mark.parametrize(("text", "reason"), FORBIDDEN)

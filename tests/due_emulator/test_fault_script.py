@@ -9,7 +9,7 @@ from tools.due_emulator.machine import PS_PER_S
 
 
 class Board(SmallBoard):
-    """Records the calls of faults to parts that are absent here."""
+    """A small board that records the calls that faults make to parts of the board that are missing here."""
 
     def __init__(self):
         super().__init__()
@@ -99,7 +99,7 @@ def test_sda_stuck_for_clocks():
     ],
 )
 def test_who_answers(fault, told):
-    """`told`: after this many further microseconds, this WHO_AM_I."""
+    """`told`: pairs of a time [us] to wait and the WHO_AM_I that is read then."""
     board = Board().suffer(fault)
     for wait_us, who in told:
         board.wait_us(wait_us)

@@ -1,7 +1,7 @@
 """Forbidden uses of peripherals, in one table for the board's peripherals and one for the TWI.
 
-A step before the forbidden one is a write (peripheral, register, value), a time in ms, or a helper of
-`machine_support`.
+Before the forbidden access, a row can have steps. A step is a write (peripheral, register, value), a time in
+ms, or a function of `machine_support`.
 """
 
 import pytest
@@ -32,7 +32,10 @@ UNLOCKED = [wait_states, crystal, ("PMC", "CKGR_PLLAR", PLLA_168), HALVED, 0.5]
 
 
 def test_the_table_begins_where_nothing_is_refused():
-    """Otherwise a row could be refused for a reason other than its own."""
+    """The steps that rows begin with are allowed.
+
+    Otherwise a row could be refused for a reason other than its own.
+    """
     for steps in (UART, SLOWEST_RC, [TC], [wait_states, *SLOWEST_RC]):
         play(Bench(b"\xff" * 8).board, steps)
 
@@ -51,7 +54,7 @@ def play(board, steps):
 @pytest.mark.parametrize(
     ("before", "name", "register", "value", "text"),
     [
-        # Oscillators and PLL
+        # Oscillators and the PLL
         ([], "PMC", "CKGR_MOR", 0x809, "without its key"),
         ([], "PMC", "CKGR_MOR", 0x0037_0801, "stops the RC oscillator"),
         ([("PMC", "CKGR_MOR", FAR)], "PMC", "CKGR_MOR", FAR | 1 << 24, "before it is ready"),
@@ -74,7 +77,7 @@ def play(board, steps):
             for first, second in ((3, 4), (4, 3), (0, 4), (4, 0))
         ),
         ([full_speed], "EFC0", "FMR", 1 << 8, "FWS is 1, good for 34 MHz"),
-        # Clocks of peripherals, keys
+        # Clocks of peripherals, and keys
         ([("PMC", "PCDR0", 1 << 7)], "PMC", "PCER0", 1 << 7, "do not exist"),
         ([("PMC", "PCDR0", 1 << 2)], "PMC", "PCER0", 1 << 2, "do not exist"),
         ([("PMC", "PCDR1", 1 << 13)], "PMC", "PCER1", 1 << 13, "do not exist"),

@@ -7,7 +7,9 @@ from tools.due_emulator.function_profile import Profile, functions_of
 
 CALLS = (FOLDER / "calls.S").read_text(encoding="utf-8")
 LEAF = 2 + 1000 * 5 + 1
-"""Number of the leaf's instructions: those that a condition disables also take a cycle."""
+"""Number of instructions of the function `leaf`. Instructions that a condition disables count, too, since
+they take a cycle.
+"""
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +56,7 @@ def test_a_phase_that_goes_back_to_its_beginning_was_called_once(bench):
 
 
 def test_only_what_runs_between_the_two_moments_is_counted(bench):
-    # The second of six calls of the leaf, which take 1.25 ms each.
+    # Count during the second of six calls of `leaf`, each of which takes 1.25 ms.
     bench.run(0.0015)
     before = bench.board.cpu.instructions
     found = profiled(bench, 0.0022)

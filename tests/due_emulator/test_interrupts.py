@@ -1,4 +1,4 @@
-"""Exceptions, interrupts, sleep and their times: small programs, and the results they store."""
+"""Exceptions, interrupts, sleep and their times, tested by small programs that store results."""
 
 import re
 from pathlib import Path
@@ -11,13 +11,13 @@ PROGRAMS = sorted(Path(__file__).with_name("programs").glob("*.S"))
 
 
 def numbered(text: str) -> dict[int, str]:
-    """Return words by number: "1 a, 2 b"."""
+    """Return the words of a text such as "1 a, 2 b" by their numbers."""
     return {int(number): word for number, word in (pair.split() for pair in text.split(", "))} if text else {}
 
 
 @pytest.mark.parametrize("file", PROGRAMS, ids=lambda file: file.stem)
 def test_a_program_finds_what_it_says(file: Path) -> None:
-    """Each case has its claim, its results in RAM slots, its handlers, and its running time."""
+    """Each program file has comments with the expected results in RAM, the handlers and the running time."""
     text = file.read_text(encoding="utf-8")
     said = dict(re.findall(r"^// (seconds|handlers|slots): (.*)$", text, re.MULTILINE))
     expected = {number: int(value, 0) for number, value in numbered(said["slots"]).items()}

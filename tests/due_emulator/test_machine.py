@@ -12,7 +12,7 @@ from tools.due_emulator.register_table import peripherals
 
 
 def clocked():
-    """Return a machine in which all peripherals have their clock."""
+    """Return a machine in which the clocks of all peripherals are on."""
     machine = Machine()
     machine.clocked = (1 << 45) - 1
     return machine
@@ -171,5 +171,5 @@ def test_priorities_groups_and_basepri_decide():
     nvic.enter(low)
     nvic.pend(high)
     assert nvic.urgent() == high
-    nvic.priority_group = 4  # bits 7..5 decide about preemption: 0x50 and 0x40 are equal
+    nvic.priority_group = 4  # Bits 7 to 5 decide about preemption, so 0x50 and 0x40 count as equal.
     assert nvic.urgent() is None

@@ -1,4 +1,4 @@
-"""The simulated world of the sensor: known noise, value by value, and recordings."""
+"""The simulated motion of the sensor: known noise, value by value, and recordings."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ def test_counts_are_those_of_the_hosts_quantisation():
     chip = Mpu9250(fractional_world(QUERY))
     chip.write_register(0x19, 0, 1, 0x18, 0, 1)
     source = NoiseGenerator(parse_noise(QUERY + "&lsb_per_dps=0"))
-    source.step()  # value 0 has passed before the first poll
+    source.step()  # Value 0 has passed before the first read.
     for k in range(1, 300):
         chip.advance(k * 10 * MS)
         counts = np.frombuffer(chip.read_block(0x43, 6), ">i2")
@@ -42,7 +42,8 @@ def test_counts_are_those_of_the_hosts_quantisation():
 def test_accelerometer_feels_one_g_and_a_little_noise():
     world = fractional_world("window=10")
     accel = np.array([world.at(k * 10 * MS).accel_g for k in range(2000)])
-    assert accel.mean(axis=0) == pytest.approx([0, 0, 1], abs=5e-4)  # 5 standard deviations
+    # The tolerance is 5 standard deviations of the mean.
+    assert accel.mean(axis=0) == pytest.approx([0, 0, 1], abs=5e-4)
     assert accel.std(axis=0) == pytest.approx([0.004] * 3, rel=0.1)
 
 

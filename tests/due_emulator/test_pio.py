@@ -34,12 +34,12 @@ def test_output_levels():
     seen = []
     pio.on_output = lambda bit, level: seen.append((bit, level))
     pio.write("SODR", LED)
-    assert seen == []  # the pin is no output yet
+    assert seen == []  # The pin is not an output yet.
     pio.write("OER", LED)
     assert pio.read("PDSR") & LED
     pio.write("CODR", LED)
     assert not pio.read("PDSR") & LED
-    pio.write("ODSR", LED)  # OWSR does not allow it
+    pio.write("ODSR", LED)  # OWSR does not permit this write.
     assert not pio.read("ODSR") & LED
     pio.write("OWER", LED)
     pio.write("ODSR", 0xFFFFFFFF)
@@ -84,7 +84,7 @@ def test_pull_ups_can_be_switched_off():
 def test_sampling_needs_the_clock(register):
     board = SmallBoard()
     board.machine.clocked = 0
-    board.pio.write("PDR", SDA)  # writing PDR does not change it
+    board.pio.write("PDR", SDA)  # Writing PDR does not change the assignment.
     with pytest.raises(EmulationFault, match=rf"PIOB_{register} without its clock: bit 12 of PMC_PCER0"):
         board.pio.read(register)
     with pytest.raises(EmulationFault, match="PIOB_IER without its clock"):
@@ -92,7 +92,7 @@ def test_sampling_needs_the_clock(register):
 
 
 def pulse(board):
-    """Send a pulse; return whether a rising and a falling edge are seen."""
+    """Send a pulse to the pin; return whether the rising and the falling edge are detected."""
     board.socket.int_wire.drive("sensor", True)
     rising = bool(board.pio.read("ISR") & INT)
     board.socket.int_wire.drive("sensor", False)
@@ -160,7 +160,7 @@ def test_pin_of_an_unplugged_sensor_floats():
     board = SmallBoard()
     assert not board.pio.level(INT_BIT)
     board.lines.unplug()
-    assert board.pio.level(INT_BIT)  # the pin's pull-up
+    assert board.pio.level(INT_BIT)  # The pull-up of the pin keeps it high.
     board.socket.plug()
     assert not board.pio.level(INT_BIT)
 

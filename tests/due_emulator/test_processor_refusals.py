@@ -5,7 +5,9 @@ import pytest
 from tests.rig.machine_support import Bench, fault_of, program, run
 
 COMPUTE = " ldr r7, =300\n1: subs r7, #1\n bne 1b\n"
-"""Long enough without an access that the second processor takes over (`tools/due_emulator/README.md`)."""
+"""A loop that makes no access for so long that the fast processor takes over
+(`tools/due_emulator/README.md`).
+"""
 ODD = "ldr r0, =0x20080001\n ldr r4, =0x20080001\n"
 WORDS, HALFWORD = "holds 0x20080001, no multiple of 4", "holds 0x20080001, which is odd"
 
@@ -13,7 +15,7 @@ SEVERAL_WORDS = """ldmia r0!, {r1, r2}|ldmia.w r0, {r1, r2}|ldmdb r0, {r1, r2}|s
 stmdb r0!, {r1, r2}|ldrd r1, r2, [r0, #8]|ldrd r1, r2, [r0], #-8|strd r1, r2, [r0, #-8]!|ldrex r1, [r0, #4]
 strex r3, r1, [r0]|mov sp, r0; push {r1}|mov sp, r0; pop {r1, r2}|mov sp, r0; ldrd r1, r2, [sp, #8]
 msr msp, r0; isb; push {r1, lr}"""
-"""Instructions with an odd address in r0."""
+"""Instructions that access several words, at the odd address in r0."""
 HALFWORDS = "ldrexh r1, [r0]|strexh r3, r1, [r0]"
 
 WAYS = """mov r5, r4|movs r5, r4|mov.w r5, r4|add r5, r4, #8|sub.w r5, r4, #0x1000|addw r5, r4, #4
@@ -31,7 +33,7 @@ uxtah r0,r1,r2|ssat16 r0,#3,r1|usat16 r0,#3,r1|usada8 r0,r1,r2,r3|smlabb r0,r1,r
 smladx r0,r1,r2,r3|smusd r0,r1,r2|smmlar r0,r1,r2,r3|smlaltt r0,r1,r2,r3|smlald r0,r1,r2,r3
 smlsld r0,r1,r2,r3|umaal r0,r1,r2,r3|uadd8 r0,r1,r2|shasx r0,r1,r2
 .inst.w 0xe8d0127f|.inst.w 0xe8d01faf|.inst.w 0xe840f100|.inst.n 0xb658"""
-"""Instructions of a Cortex-M4; the last ones are LDREXD, LDA, TT and SETEND."""
+"""Instructions of other processors: most are of a Cortex-M4, the last are LDREXD, LDA, TT and SETEND."""
 
 
 def _each(table):
@@ -39,7 +41,10 @@ def _each(table):
 
 
 def _same_on_both(text, seconds=0.01):
-    """Return the reason that ends the program, which both processors report with the same text and time."""
+    """Return the reason that ends the program.
+
+    Check that both processors report it with the same text and time.
+    """
     first, alone = (Bench(program(f"{text}\n wait_forever")) for _ in range(2))
     alone.board.cpu.watch(lambda *_: None)
     message = first.fault(seconds)
@@ -49,7 +54,7 @@ def _same_on_both(text, seconds=0.01):
 
 @pytest.mark.parametrize("instruction", _each(SEVERAL_WORDS))
 def test_several_words_at_an_address_that_is_no_multiple_of_4_end_the_run(instruction):
-    """ARMv7-M A3.2.1: always a UsageFault, whatever CCR says."""
+    """By ARMv7-M, A3.2.1, this is always a UsageFault, whatever the register CCR says."""
     assert WORDS in _same_on_both(f"{ODD}{COMPUTE}{instruction}")
 
 
@@ -60,14 +65,16 @@ def test_an_exclusive_halfword_at_an_odd_address_ends_the_run(instruction):
 
 @pytest.mark.parametrize("way", _each(WAYS))
 def test_an_odd_address_is_found_in_whatever_way_it_came_about(way):
-    """The second processor reads the registers at the start of a block, so it has to track their changes
-    within it."""
+    """The fast processor checks registers at the start of a block of code.
+
+    So their changes within the block have to be tracked.
+    """
     text = f"{ODD}{COMPUTE}nop\n {way}\n ldmia r5, {{r1, r2}}"
     assert "unaligned LDM" in _same_on_both(text)
 
 
 def test_a_copy_of_words_that_are_aligned_runs_on_the_second_processor():
-    """Otherwise each run would take several times as long."""
+    """If this program needed the exact processor, each run would take several times as long."""
     bench = run(
         f"""ldr r0, =0x20080000
   ldr r1, =0x20081000
@@ -114,7 +121,7 @@ def test_a_division_by_zero_ends_the_run_if_the_program_asked_for_that(division)
 
 @pytest.mark.parametrize("jump", ["bx r0", "blx r0", "push {r0}\n pop {pc}", "push {r0}\n ldr pc, [sp]"])
 def test_a_jump_without_the_thumb_bit_is_said_to_be_one(jump):
-    """ARMv7-M B1.4.2: it would leave Thumb state, and the next instruction is a UsageFault (INVSTATE)."""
+    """The jump leaves Thumb state, so the next instruction is a UsageFault (ARMv7-M B1.4.2: INVSTATE)."""
     reason = _same_on_both(f"{COMPUTE}adr r0, 1f\n{jump}\n nop\n.align 2\n1: nop")
     assert "jump to an address without bit 0" in reason
 
@@ -124,7 +131,7 @@ def test_faultmask_is_not_passed_over_in_silence():
 
 
 def test_an_exception_that_returns_out_of_thumb_is_found():
-    """Its handler clears the T bit of the PSR on its stack; on the board the next instruction faults."""
+    """The handler clears the T bit of the PSR on the stack. On a real board the next instruction faults."""
     reason = fault_of(
         "store 0xE000ED04, 0x04000000\n nop\n wait_forever\nbad: ldr r1, [sp, #28]\n bic r1, #1 << 24\n"
         " str r1, [sp, #28]\n bx lr",

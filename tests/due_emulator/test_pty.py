@@ -1,4 +1,7 @@
-"""The port as a pseudo-terminal: opening it resets the board, baud rates matter, and a slow board says so."""
+"""The port of the emulated board as a pseudo-terminal.
+
+Opening it resets the board, baud rates matter, and a warning comes if the emulation is too slow.
+"""
 
 import json
 import signal
@@ -15,10 +18,12 @@ from tools.due_emulator.pty_front import AGAIN_S, Front, Pace
 
 ROOT = FOLDER.parents[1]
 TIMEOUT_S = 60
-"""Keeps a hung process from hanging the run; no assertion depends on it."""
+"""Longest time to wait for a process that hangs [s]. No assertion depends on it."""
 
 NOTICED_S = 1.0
-"""The port is polled every few milliseconds, so closing and opening within one poll goes unnoticed."""
+"""Time in which the emulator certainly notices that the port was closed [s]. It polls the port every few
+milliseconds, and cannot notice that a port was closed and opened between two polls.
+"""
 
 COUNT_UP = """
   full_speed
@@ -36,12 +41,14 @@ COUNT_UP = """
 tick:
   bx lr
 """
-"""Sends 0, 1, 2 and so on, 2,000 bytes a second, and sleeps in between, so it keeps up with real time."""
+"""Program that sends 0, 1, 2 and so on, 2,000 bytes a second. It sleeps in between, so that the emulator
+keeps up with real time.
+"""
 
 
 @pytest.fixture
 def emulator(tmp_path):
-    """Run the emulator with the counting program; return the process and the port."""
+    """Run the emulator with the program that sends rising numbers; return the process and the port."""
     image, link = tmp_path / "count.bin", tmp_path / "port"
     image.write_bytes(program(COUNT_UP, {15: "tick"}))
     options = ["--pty", "--json", "--link", link, "--image", image]
@@ -68,7 +75,7 @@ def test_opening_resets_the_board_each_time_and_a_signal_ends_it_cleanly(emulato
     process, link = emulator
     with serial.Serial(
         str(link), 250_000
-    ) as port:  # the terminal keeps its settings; until they are made, bytes are lost
+    ) as port:  # The terminal keeps its settings. Until they are made, bytes are lost.
         assert port.read(1)
     for _ in range(2):
         time.sleep(NOTICED_S)
@@ -109,7 +116,7 @@ def test_1200_baud_erases_the_flash(emulator):
 
 
 class FakePort:
-    """A port that a program keeps open for a number of polls."""
+    """A fake port that seems to be open for a number of polls."""
 
     def __init__(self, baud, looks):
         self.baud = baud
@@ -137,7 +144,10 @@ def test_a_board_whose_flash_was_erased_does_not_run(capsys):
 
 
 def told_of(speed, for_s, step_s=0.02):
-    """Return times and texts of the messages for a board that runs at `speed(real_s)` of real time."""
+    """Return times and texts of the warnings for a board of a given speed.
+
+    `speed(real_s)` is its speed relative to real time.
+    """
     pace, real_s, board_s, found = Pace(), 0.0, 0.0, []
     while real_s < for_s:
         real_s += step_s
@@ -166,6 +176,6 @@ def test_a_board_that_keeps_up_or_is_a_little_late_is_no_news():
 
 
 def test_a_lag_that_is_being_made_good_is_not_told_again():
-    # Three seconds without the processor, then double speed until the board has caught up.
+    # The emulator stands still for three seconds, then runs at double speed until the board has caught up.
     moments = told_of(lambda real_s: 0.0 if real_s < 3 else 2.0 if real_s < 6 else 1.0, 100)
     assert [round(at_s) for at_s, _ in moments] == [1]

@@ -1,5 +1,7 @@
-"""The board's running spectrum and fit, on the emulated Due: the same bits as on a PC, and their cost in
-time."""
+"""The board's running spectrum and fit, on the emulated Due.
+
+The results have to be bitwise those of a PC, and the computing time is limited.
+"""
 
 import pytest
 

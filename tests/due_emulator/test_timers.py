@@ -1,4 +1,4 @@
-"""Timer counters: what they count, when they compare, and which uses are refused."""
+"""Timer counters: how they count, when they reach the compare value, and which uses are refused."""
 
 import pytest
 
@@ -28,7 +28,7 @@ def tc(board):
 
 
 def begin(tc, mode, channel=0, **registers):
-    """Set a channel up, and start it."""
+    """Set up one counter (channel) of a timer, and start it."""
     for name, value in {"CMR": mode, **registers, "CCR": START}.items():
         tc.write(f"{name}{channel}", value)
 
@@ -77,7 +77,7 @@ def test_a_compare_behind_the_count_waits_for_the_next_lap_and_setting_it_costs_
     board.machine.advance(US)
     assert not tc.read("SR0") & CPCS
     for _ in range(100):
-        board.machine.advance(PS_PER_S // 84_000_000)  # half a count
+        board.machine.advance(PS_PER_S // 84_000_000)  # half the duration of a count
         tc.write("RC0", 100)
     assert tc.read("CV0") == 4242 + 49
     board.machine.advance(103 * PS_PER_S)

@@ -42,7 +42,8 @@ def test_reads_and_writes_registers(board):
 
 @pytest.mark.parametrize(
     ("n", "bits"),
-    # START, address, register, START, address: 1 + 9 + 9 + 1 + 9; then 9 a byte; STOP: 1
+    # Bits: START, address, register, START and address take 1 + 9 + 9 + 1 + 9, each byte takes 9, STOP takes
+    # 1.
     [(1, 39), (5, 75), (14, 156), (20, 210)],
 )
 def test_a_read_takes_its_time_on_the_wires(board, n, bits):
@@ -64,7 +65,7 @@ def test_bus_clock(board, cwgr, hz):
 
 def test_status_after_reset_and_after_msen(board):
     board.twi.write("CR", SWRST)
-    assert board.twi.read("SR") == 0xF009  # SVD
+    assert board.twi.read("SR") == 0xF009  # reset value in the vendor's description (SVD)
     board.twi.write("CR", MSEN)
     assert board.twi.read("SR") & (TXCOMP | TXRDY) == TXCOMP | TXRDY
 
@@ -75,7 +76,7 @@ def test_nobody_at_the_address(board):
     seen = board.wait_for(TXCOMP)
     assert seen & NACK
     assert not seen & RXRDY
-    assert not board.twi.read("SR") & NACK  # reading has cleared it
+    assert not board.twi.read("SR") & NACK  # The read before has cleared the flag.
     assert board.twi.busy_ps == (1 + 9 + 1) * 2_500_000
     assert board.read_block(0x75, 1) == b"\x71"
 
@@ -84,7 +85,7 @@ def test_refused_byte_of_a_write(board):
     board.socket.nacks_left = 0
     board.address(0x1B, False)
     board.twi.write("THR", 0x18)
-    board.wait_us(60)  # address and register have been sent
+    board.wait_us(60)  # Meanwhile, address and register number have been sent.
     board.socket.nacks_left = 1
     assert board.wait_for(TXCOMP) & NACK
     assert board.chip.read_block(0x1B, 1) == b"\x00"
@@ -97,13 +98,13 @@ def test_what_a_refused_write_leaves_is_sent_first_by_the_next_one(board, reset)
     assert board.wait_for(TXCOMP) & NACK
     if reset:
         board.set_up()
-    # A read is not affected.
+    # A read is not affected by the byte that was left.
     assert board.read_block(0x75, 1) == b"\x71"
     board.begin_write(0x1B, 0x10)
     assert not board.wait_for(TXCOMP) & NACK
-    # The byte goes into the register, the next byte into the following register.
+    # The byte that was left goes into the register, and the new byte into the register after it.
     assert board.chip.read_block(0x1B, 2) == (b"\x10\x00" if reset else b"\x18\x10")
-    # And the byte is gone.
+    # After that, the byte that was left is gone.
     board.begin_write(0x1B, 0x08)
     board.wait_for(TXCOMP)
     assert board.chip.read_block(0x1B, 1) == b"\x08"
@@ -149,7 +150,8 @@ def test_scl_waits_until_rhr_is_read(board):
 
 @pytest.mark.parametrize(
     ("fetched", "waits"),
-    # SCL is held at the last bit, from 7.5 bits after the byte before; half a bit and the acknowledge follow.
+    # SCL is held in the last bit, from 7.5 bits after the end of the byte before. Half a bit and the
+    # acknowledge follow.
     [(0.4, 0), (7.4, 0), (7.6, 0.1), (8.2, 0.7), (30, 22.5)],
 )
 def test_scl_waits_on_the_last_bit_for_as_long_as_rhr_is_full(board, fetched, waits):
@@ -189,7 +191,10 @@ def test_a_byte_is_acknowledged_unless_stop_was_set_before_its_last_bit_ended(bo
 
 
 def test_stop_set_too_late_is_a_fault(board):
-    """STOP after the last byte was read: a further, unwanted byte is already on its way."""
+    """STOP is set only after the last byte was read.
+
+    A further, unwanted byte is already on the wires then.
+    """
     board.begin_read(0x3B, START)
     for _ in range(14):
         assert board.wait_for(RXRDY)
@@ -201,8 +206,10 @@ def test_stop_set_too_late_is_a_fault(board):
 
 
 def test_a_stale_byte_shifts_the_next_read_that_does_not_drain_it(board):
-    """RXRDY stays set after a complete read, as on the controllers before the SAMA5D2 (Linux,
-    i2c-at91-master.c)."""
+    """After a complete read, RXRDY stays set.
+
+    Controllers before the SAMA5D2 behave in this way (Linux, i2c-at91-master.c).
+    """
     board.wait_us(2000)
     burst = board.read_block(0x3B, 14)
     board.twi.stale_reads = 1
@@ -245,7 +252,7 @@ def test_a_stale_byte_waits_for_the_last_byte_to_be_fetched(board):
 
 
 def test_stop_set_while_the_last_byte_arrives_is_in_time(board):
-    """The Arduino core sets STOP so, after reading the next-to-last byte."""
+    """The Arduino core sets STOP in this way, after reading the next-to-last byte."""
     board.begin_read(0x3B, START)
     for i in range(14):
         if i == 13:
@@ -258,7 +265,7 @@ def test_stop_set_while_the_last_byte_arrives_is_in_time(board):
 
 @pytest.mark.parametrize("off", [0x20, SWRST])
 def test_slave_mode_may_have_been_on(board, off):
-    """The Arduino core switches it on and off again before it sets the master up."""
+    """The Arduino core switches slave mode on and off again before it sets up the master."""
     board.twi.write("CR", 0x10)
     board.twi.write("CR", off)
     board.twi.write("CWGR", 101 << 8 | 101)
@@ -299,7 +306,7 @@ def test_bus_load_counts_a_transfer_that_hangs(board):
 
 
 def test_a_burst_on_the_wires_is_of_one_instant(board):
-    """390 us at an output rate of 8 kHz: three updates happen during the read."""
+    """The read takes 390 us. At an output rate of 8 kHz, three updates happen meanwhile."""
 
     class Counting:
         def at(self, now_ns):

@@ -1,5 +1,7 @@
-"""The two wires, edge by edge, and the TWI when a wire is held, its pins are reassigned or the sensor
-vanishes."""
+"""The two wires of the I²C bus, edge by edge, and the controller TWI in unusual cases.
+
+A wire is held, the pins are reassigned, or the sensor vanishes.
+"""
 
 import pytest
 
@@ -82,12 +84,12 @@ def test_stuck_for_good():
 @pytest.mark.parametrize(
     ("byte", "bits", "clocks"),
     [
-        (0x00, 0, 8),  # the whole byte is 0: SDA is released in the acknowledge slot
+        (0x00, 0, 8),  # The whole byte is 0, so SDA is released only in the acknowledge bit.
         (0x00, 7, 1),
         (0x80, 1, 7),
         (0x01, 3, 4),
         (0xFF, 0, 0),
-        (0xF0, 2, 0),  # the bit on the wire is a 1: SDA is released at once
+        (0xF0, 2, 0),  # The bit on the wire is a 1, so SDA is not held.
     ],
 )
 def test_sensor_cut_off_in_a_byte_holds_sda_by_its_bits(byte, bits, clocks):
@@ -194,9 +196,12 @@ def test_recovery_by_clocks_and_stop(board):
 
 @pytest.mark.parametrize("how", ["SWRST", "pins", "reset"])
 def test_cut_off_in_mid_byte_leaves_the_sensor_holding_sda(board, how):
-    """A register of 0x00 is being read: its zeros hold SDA until eight falling edges have passed."""
+    """The controller reads a register with 0x00.
+
+    Its zero bits hold SDA low until eight falling edges have passed.
+    """
     board.begin_read(0x19, START | STOP)
-    board.wait_us(29 * 2.5 + 3 * 2.5 + 1)  # the fourth bit of the first byte
+    board.wait_us(29 * 2.5 + 3 * 2.5 + 1)  # This is in the fourth bit of the first byte that is read.
     match how:
         case "SWRST":
             board.twi.write("CR", SWRST)
@@ -206,7 +211,7 @@ def test_cut_off_in_mid_byte_leaves_the_sensor_holding_sda(board, how):
             board.twi.reset()
     assert not board.lines.sda.level
     board.take_pins()
-    assert clocks_until_free(board) == 5  # bits 4 to 7 and the acknowledge slot
+    assert clocks_until_free(board) == 5  # the clocks of bits 4 to 7 and of the acknowledge
     board.send_stop()
     board.set_up()
     assert board.read_block(0x75, 1) == b"\x71"
@@ -239,7 +244,7 @@ def test_unplugged_in_mid_burst(board):
     board.lines.unplug()
     board.twi.read("RHR")
     assert board.wait_for(RXRDY)
-    board.twi.read("RHR")  # the byte was on the wires already
+    board.twi.read("RHR")  # This byte was on the wires already.
     board.twi.write("CR", STOP)
     assert board.wait_for(RXRDY)
     assert board.twi.read("RHR") == 0xFF

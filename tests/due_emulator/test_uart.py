@@ -1,5 +1,7 @@
-"""The UART as a transmitter: by polling, by interrupt and by PDC; its timing, and the uses that end the
-run."""
+"""The UART as a transmitter, used by polling, by interrupts and by DMA (PDC).
+
+Also tested are its timing, and the uses that end the run.
+"""
 
 import pytest
 
@@ -8,13 +10,13 @@ from tools.due_emulator.machine import PS_PER_S, EmulationFault
 from tools.due_emulator.memory_map import RAM_BASE
 
 BYTE_PS = 40_000_000
-"""Ten bits at 250,000 baud."""
+"""Duration of a byte, ten bits at 250,000 baud [ps]."""
 TXRDY, ENDTX, TXEMPTY, TXBUFE = 1 << 1, 1 << 4, 1 << 9, 1 << 11
 UART_ID = 8
 
 
 class Line:
-    """Records bytes with their times and their speed."""
+    """Records the transmitted bytes with their times and baud rates."""
 
     def __init__(self, board):
         self.board = board
@@ -96,7 +98,8 @@ def test_the_pdc_sends_a_block_and_the_next_one_behind_it(board, line):
     uart.write("PTCR", 1 << 8)
     assert uart.read("PTSR") & 1 << 8
     board.machine.advance(BYTE_PS)
-    # One byte is sent, one is on the wire, and the third is in the holding register: the first block is done.
+    # One byte is sent, the second is on the wire, and the third is in the holding register. So the PDC has
+    # finished the first block.
     assert uart.read("SR") & (ENDTX | TXBUFE) == ENDTX
     assert (uart.read("TPR"), uart.read("TCR"), uart.read("TNCR")) == (RAM_BASE + 5, 2, 0)
     board.machine.advance(4 * BYTE_PS)
@@ -111,7 +114,7 @@ def test_a_block_stops_the_program_where_a_flag_changes_and_each_byte_has_its_mo
     uart.write("TPR", RAM_BASE)
     uart.write("TCR", 5)
     uart.write("PTCR", 1 << 8)
-    # Two bytes are in the registers; the fifth is fetched when the third has been sent.
+    # Two bytes are in the UART's registers. The fifth byte is fetched when the third has been sent.
     assert machine.next_event_ps == begun_ps + 3 * BYTE_PS
     machine.advance(BYTE_PS)
     uart.write("TCR", 2)

@@ -32,14 +32,15 @@ def stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Stage]:
 
 @pytest.fixture(scope="module")
 def chromium() -> "Iterator[Browser]":
-    from tests.rig.browser_support import browsers  # the browser library is an optional dependency
+    # The browser library is an optional dependency, so it is imported only here.
+    from tests.rig.browser_support import browsers
 
     yield from browsers()
 
 
 @pytest.fixture
 def server(stage: Stage, tmp_path: Path) -> Servers:
-    """Start a NATS server."""
+    """Return a function that starts NATS servers."""
 
     def make(**options: Any) -> Server:
         one = single(tmp_path / "nats", **options)
@@ -51,7 +52,7 @@ def server(stage: Stage, tmp_path: Path) -> Servers:
 
 @pytest.fixture
 def start() -> Iterator[Start]:
-    """Start a worker of a NATS server."""
+    """Return a function that starts workers of a NATS server."""
 
     def make(server: Server, **settings: Any) -> Worker:
         return Worker(f"nats://127.0.0.1:{server.port}", **settings)

@@ -2,7 +2,7 @@
 
 Usage: `python -m tests.e2e.pi_launcher NOISE run …`.
 
-The chip model takes the place of the bus behind the interface of smbus2, in real time. All else is as on a
+Behind the interface of smbus2, the chip model replaces the real bus, in real time. All else is as on a
 Raspberry Pi.
 """
 
@@ -21,14 +21,16 @@ from tools.due_emulator.mpu9250 import Mpu9250
 from tools.due_emulator.noise import fractional_world
 
 LONGEST_NS = 200_000_000
-"""Longest pause [ns]; it is shorter than the chip's FIFO lasts, which is 0.36 s."""
+"""Longest pause that chip and program can see [ns]. It is shorter than the time in which the chip's FIFO
+fills, 0.36 s.
+"""
 
 
 class RealHost:
-    """What the fake bus needs of a host: its time, and that a transfer takes some time.
+    """A host for the simulated bus, in real time: it tells the time, and a transfer takes some time.
 
-    If the test machine pauses for longer than the FIFO lasts, samples would be lost whatever the program
-    does. So chip and program see no pause longer than `LONGEST_NS`.
+    If the test machine pauses for longer than the FIFO takes to fill, samples would be lost whatever the
+    program does. Chip and program therefore see no pause longer than `LONGEST_NS`.
     """
 
     def __init__(self) -> None:
@@ -37,7 +39,7 @@ class RealHost:
         self._left_out_ns = 0
 
     def host_ns(self) -> int:
-        """Return the time of the program."""
+        """Return the present time for the program."""
         with self._lock:
             last_ns, self._last_ns = self._last_ns, clock.host_ns()
             self._left_out_ns += max(0, self._last_ns - last_ns - LONGEST_NS)
@@ -45,7 +47,7 @@ class RealHost:
 
     @property
     def now_ns(self) -> int:
-        """Return the time of the chip."""
+        """Return the present time for the chip."""
         return self.host_ns() - self._begin_ns
 
     def let_pass(self, ns: int) -> None:

@@ -1,5 +1,7 @@
-"""With as many devices as there are file descriptors, all devices are read and recorded, or the program
-refuses."""
+"""With as many devices as the limit of file descriptors permits, all are read and recorded.
+
+With more devices, the program refuses to start.
+"""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -18,11 +20,14 @@ from tools.faults.program import Program
 
 DEVICES = 40
 OPEN_AT_START = 8
-"""Largest number of descriptors open at the start: standard input, output and error, and the interpreter's
-own."""
+"""Largest number of descriptors that are open at the start: standard input, output and error, and those of
+the interpreter.
+"""
 
 LIMIT = RESERVE + OPEN_AT_START + 2 * DEVICES
-"""Descriptors for the devices. If a port needed five, as with pyserial, only eighteen devices would fit."""
+"""Limit of descriptors, with two for each device. If a serial port needed five, as with pyserial, only
+eighteen devices would fit.
+"""
 
 HELLO = b"\0" + encode(WIRE_HELLO, 0, 0)
 SAMPLES = b"".join(encode(wire.Sample(k, -k, 0, 0, 0, 16384, 0, 0), k, k * 10_000) for k in range(5))
@@ -54,7 +59,7 @@ def test_all_devices_are_read_and_recorded_with_two_descriptors_each(
     begun: set[str] = set()
 
     def all_heard() -> bool:
-        for one in terminals:  # bytes sent to a port before it is open are discarded
+        for one in terminals:  # Bytes that are sent to a port before the daemon has opened it are discarded.
             if one.link.name not in begun:
                 one.send(HELLO)
         for name in {record["device"] for record in program.of("hello")} - begun:

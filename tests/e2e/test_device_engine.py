@@ -1,4 +1,4 @@
-"""A device that estimates, and the real command, over a pseudo-terminal."""
+"""A simulated device that estimates, and the real command, connected by a pseudo-terminal."""
 
 import os
 import select
@@ -16,7 +16,10 @@ from tests.rig.plain_decoder import decoded
 def test_the_stand_in_begins_again_for_a_program_that_empties_the_port_late(
     processes: Processes, tmp_path: Path
 ) -> None:
-    """pyserial empties the port, late on a busy machine, so what the device sent before is lost."""
+    """The bytes that the device sends at first may be lost.
+
+    pyserial empties the port, and on a busy machine does so late.
+    """
     link = tmp_path / "device"
     processes.stand_in(link)
     port = os.open(link, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
@@ -44,9 +47,9 @@ def has_input(port: int) -> bool:
 
 
 def test_both_stand_side_by_side(processes: Processes, tmp_path: Path) -> None:
-    """At 200 Hz the start-up window of 500 samples takes seconds.
+    """The rate is 200 Hz, at which the start-up window of 500 samples takes some seconds.
 
-    A busy machine can still read the port in time.
+    Even a busy machine can read the port in time at this rate.
     """
     port = tmp_path / "device"
     processes.stand_in(port, "--estimate", "--noise", "rate_hz=200")

@@ -1,4 +1,7 @@
-"""The committed image on the emulated Due, without faults, in virtual time, read by the host's modules."""
+"""The committed image on the emulated Due, without faults and in virtual time.
+
+The host's modules read its bytes.
+"""
 
 import hashlib
 from functools import cache
@@ -21,7 +24,7 @@ def steps_us(run: DueRun) -> list[int]:
 
 @cache
 def quiet_for(seconds: int) -> DueRun:
-    """Run for this time from the first sample on, and a little longer."""
+    """Run until a little more than this time after the first sample."""
     return DueRun(image(), noise=NOISE).run_until(seconds + 0.35)
 
 
@@ -48,7 +51,7 @@ def test_so_many_seconds_give_as_many_samples_and_no_gap(quiet: DueRun) -> None:
 
 
 def test_its_first_sample_comes_soon_after_power_up(quiet: DueRun) -> None:
-    """The sensor's reset takes 100 ms and its start 50 ms; set-up and up to one period follow."""
+    """The sensor's reset takes 100 ms and its start 50 ms. Then come its set-up and at most one period."""
     assert 0.15 < quiet.of(wire.Sample)[0].at_s < 0.2
 
 
@@ -58,7 +61,7 @@ def test_its_steps_and_its_rate(quiet: DueRun) -> None:
     first, last = run.samples[0], run.samples[-1]
     rate_hz = (last.seq - first.seq) / (last.device_us - first.device_us) * 1e6
     assert rate_hz == pytest.approx(100.0, rel=1e-4)
-    # The emulated device's clock is exact, so the rate by the emulator's time is the same.
+    # The clock of the emulated device is exact, so the rate is the same by the emulator's time.
     arrivals = run.of(wire.Sample)
     true_hz = (last.seq - first.seq) / (arrivals[-1].at_s - arrivals[0].at_s)
     assert true_hz == pytest.approx(100.0, rel=1e-4)
@@ -68,7 +71,8 @@ def test_its_samples_arrive_before_the_next_is_due(quiet: DueRun) -> None:
     run = quiet
     sent = run.boots[0].bursts
     delays_s = [a.at_s - b.at_ps / 1e12 for a, b in zip(run.of(wire.Sample), sent, strict=True)]
-    # A sample's frame takes 1.1 ms. A HELLO before it takes 3.2 ms, a STATUS 1.4 ms, an ESTIMATE 3.9 ms.
+    # The frame of a sample takes 1.1 ms on the wire. A HELLO before it takes 3.2 ms, a STATUS 1.4 ms, an
+    # ESTIMATE 3.9 ms.
     assert max(delays_s) < 0.008
 
 
@@ -77,7 +81,7 @@ def test_its_hellos_and_statuses_come_every_second(quiet: DueRun) -> None:
     for kind in (wire.Hello, wire.Status):
         arrivals = run.of(kind)
         assert len(arrivals) - int(run.board.now_s) in range(3)
-        # At boot there are two HELLOs: one immediately, one when the sensor runs.
+        # At boot there are two HELLOs: the first immediately, the second when the sensor delivers values.
         gaps_s = [b.at_s - a.at_s for a, b in pairwise(arrivals[2:])]
         assert all(0.98 < gap < 1.02 for gap in gaps_s)
         sequences = [arrival.frame.sequence for arrival in arrivals]
@@ -102,7 +106,7 @@ def test_first_comes_00_then_hello_then_samples(quiet: DueRun) -> None:
 
 
 def test_its_values_are_the_quantised_noise_one_by_one(quiet: DueRun) -> None:
-    """The sensor measures noise of known α and f; each value arrives once, and none is torn or scaled."""
+    """The sensor measures noise of known α and f. Each value arrives exactly once and unchanged."""
     run = quiet
     assert run.check_values() is None
     noise = NoiseGenerator(parse_noise(NOISE))
@@ -117,13 +121,13 @@ def test_its_values_are_the_quantised_noise_one_by_one(quiet: DueRun) -> None:
 
 
 def test_the_identifier_is_the_chips_own(quiet: DueRun) -> None:
-    """The board derives its identifier from its chip's seed."""
+    """In the emulator, the chip's unique identifier is derived from the seed of the run."""
     assert quiet.hellos[0].device_id == hashlib.sha256(b"due 1").hexdigest()[:32]
 
 
 def test_the_sensor_is_set_up_as_its_hello_says(quiet: DueRun) -> None:
     chip = quiet.board.socket.chip
-    # 1 kHz, 184 Hz, ±2000 deg/s, ±2 g; awake, clocked by its PLL.
+    # Expected registers: 1 kHz, filters of 184 Hz, ±2000 deg/s, ±2 g, awake, clocked by the chip's PLL.
     assert chip.read_block(reg.SMPLRT_DIV, 5).hex() == "0001180001"
     assert chip.read_block(reg.PWR_MGMT_1, 1)[0] == 1
 
@@ -136,7 +140,10 @@ def test_it_sleeps_when_there_is_nothing_to_do_and_the_bus_is_at_400_khz(quiet: 
 def test_the_watchdog_is_fed_by_the_main_loop_and_not_by_an_interrupt(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """If an interrupt handler fed the watchdog, a main loop that hangs would go unnoticed."""
+    """The main loop feeds the watchdog.
+
+    If an interrupt handler did, a main loop that hangs would go unnoticed.
+    """
     run = DueRun(image())
     watchdog, fed_in = run.board.watchdog, []
     feed = watchdog.on_write
@@ -179,7 +186,8 @@ def test_with_the_data_ready_pin_each_conversion_is_read_once(by_edges: bytes, p
     assert (stats.sample_counts.lost, stats.sample_counts.duplicates, run.faults) == (0, 0, [])
     assert all(sample.flags == 0 for sample in run.samples)
     assert run.check_values() is None
-    # From the first edge that the board used, every edge has its sample with its own time.
+    # From the first edge that the board used, there is a sample with its own time for every edge of the INT
+    # pin.
     used_ps = edges_ps[-len(arrivals) :]
     assert all(edge < arrival.at_ps for edge, arrival in zip(used_ps, arrivals, strict=True))
     device_us = [arrival.frame.device_us for arrival in arrivals]

@@ -1,6 +1,6 @@
-"""The emulated Due at its edges: interrupts at every instruction, clocks that wrap, and its limits.
+"""The emulated Due in extreme cases: interrupts at every instruction, clocks that wrap, and limits.
 
-These runs look into the program by the names of its functions and variables, so they need its ELF file.
+These tests find functions and variables of the program by their names, so they need its ELF file.
 """
 
 import subprocess
@@ -30,7 +30,7 @@ HALF_BLINK_US = 1 << 19
 
 
 class Symbol(NamedTuple):
-    """Where a function or variable is."""
+    """Address and size of a function or variable."""
 
     address: int
     size: int
@@ -38,7 +38,7 @@ class Symbol(NamedTuple):
 
 @pytest.fixture(scope="module")
 def symbols(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Symbol]:
-    """Of the image, by name without namespaces."""
+    """Return the functions and variables of the image, by name without namespaces."""
     elf = IMAGE.with_suffix(".elf")
     if not elf.exists():
         folder = tmp_path_factory.mktemp("image")
@@ -69,27 +69,34 @@ def timer(run: DueRun) -> Timer:
 
 
 def to_next_tick_ps(run: DueRun) -> int:
-    """Once the sample of this one has been taken."""
+    """Return the time until the next tick of the timer [ps]; 0 until this tick's sample has been taken."""
     passed = timer(run).channels[0].value % TICK_COUNTS
     return (TICK_COUNTS - passed) * PS_PER_S // 42_000_000 + PS_PER_US if passed > TICK_COUNTS // 10 else 0
 
 
 def end_of_transfer_ps(run: DueRun) -> int:
-    """Until what the PDC has of the line's bytes is sent."""
+    """Return the time until the PDC has sent the bytes of the UART that it was given [ps].
+
+    0 if it has none.
+    """
     left = run.board.uart.registers["TCR"]
     return (left + 2) * BITS_PER_BYTE * PS_PER_S // wire.BAUD if left else 0
 
 
 def between_transfers(time_ps: Callable[[DueRun], int]) -> Callable[[DueRun], int]:
-    """Not while the bus is used, since no transfer may take so long."""
+    """Return a function like `time_ps` that returns 0 while the I²C bus is used.
+
+    No transfer may take so long.
+    """
     return lambda run: time_ps(run) if run.board.twi.field("SR", "TXCOMP") else 0
 
 
 class Stretch(NamedTuple):
-    """A function in which an interrupt comes at every instruction.
+    """How interrupts come at every instruction of a function of the program.
 
-    takes_ps: how long handlers take there, or until an interrupt comes that shares what the function works
-    with; 0: not now. times: how often at each instruction. for_s: how long to wait for it to run.
+    `takes_ps`: returns how long handlers take at an instruction, or the time until an interrupt comes that
+    uses the same data as the function; 0 for no interrupt now. `times`: number of interrupts at each
+    instruction. `for_s`: time to wait for the instruction to run [s].
     """
 
     takes_ps: Callable[[DueRun], int]
@@ -99,7 +106,7 @@ class Stretch(NamedTuple):
 
 STRETCHES = {
     "DeviceClock::now_us": Stretch(between_transfers(to_next_tick_ps), for_s=0.012),
-    # Longer than a byte, so that it is late for what the next one needs.
+    # This is longer than the time of a byte, so that the program is late for what the next byte needs.
     "Twi::receive": Stretch(lambda _: 30 * PS_PER_US, times=40),
     "Twi::read": Stretch(lambda _: 20 * PS_PER_US, times=4),
     "Uart::room": Stretch(end_of_transfer_ps, for_s=0.11),
@@ -109,12 +116,13 @@ STRETCHES = {
 
 
 def interrupted(run: DueRun, address: int, stretch: Stretch) -> int:
-    """Let interrupts come before the instruction at an address; how often it ran while they were let in."""
+    """Let interrupts come before the instruction at an address; return how often they came."""
     cpu, came, end_s = run.board.cpu, 0, run.board.now_s + stretch.for_s
 
     def come() -> None:
         nonlocal came, end_s
-        # What PRIMASK holds back comes behind the stretch, and that place has its own turn.
+        # An interrupt that PRIMASK holds back would come only after the locked instructions, which are tested
+        # separately.
         if not cpu.masked and came < stretch.times and (takes_ps := stretch.takes_ps(run)):
             came, end_s = came + 1, run.board.now_s + takes_ps / PS_PER_S
             cpu.hang(takes_ps)
@@ -127,7 +135,7 @@ def interrupted(run: DueRun, address: int, stretch: Stretch) -> int:
 
 
 def lengths_of_reads(run: DueRun, monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """How many bytes the sensor gives in each transfer from now on."""
+    """Return a list to which each later transfer appends the number of bytes that the sensor gave."""
     lines, lengths, bytes_read = run.board.lines, [], [0]
     read, stop = lines.read, lines.stop
 
@@ -173,7 +181,9 @@ SHARED = {
     "in_flight": unicorn.UC_HOOK_MEM_READ,
     "written": unicorn.UC_HOOK_MEM_WRITE,
 }
-"""What handlers and the main loop share, and what the main loop does to it under a lock only."""
+"""Variables that handlers and the main loop share, with the kind of access that the main loop may only make
+while interrupts are disabled (a lock).
+"""
 
 
 @pytest.mark.parametrize("name", SHARED)
@@ -194,9 +204,10 @@ def test_what_is_shared_with_a_handler_is_used_under_a_lock(name: str, symbols: 
 
 
 class Wrap(NamedTuple):
-    """What is about to pass 2^32. variables: their values when the program begins.
+    """A number of the program that is about to wrap at 2^32.
 
-    counter: whether the timer's counter is to pass it with the clock's end, or 2 s later where that is far.
+    `variables`: values of variables when the program begins. `counter`: whether the timer's counter also
+    wraps: when the clock does, or 2 s later if the clock's wrap is far away.
     """
 
     variables: dict[str, int]
@@ -208,7 +219,8 @@ WRAPS = {
     "the counter, every 102 s": Wrap({}, counter=True),
     "the clock, every 71.6 minutes": Wrap(CLOCK),
     "bytes, after 8 days": Wrap({"written": WRAP - 9000, "sent": WRAP - 9000}),
-    # A thousand times the clock, and 42,000 times the counter: there is nothing else that 2^32 ms could end.
+    # In 2^32 ms the clock wraps a thousand times, and the counter 42,000 times. No other number of the
+    # program could wrap then.
     "milliseconds, after 49.7 days": Wrap(CLOCK, counter=True),
     "signals, after 16 months": Wrap({"wake::count": WRAP - 300}),
 }
@@ -228,7 +240,10 @@ def begin_before(wrap: Wrap, run: DueRun, symbols: dict[str, Symbol]) -> None:
 
 
 def advance_counter(run: DueRun, symbols: dict[str, Symbol], left_us: int) -> None:
-    """Let the counter end `left_us` after the last tick, and nobody notice."""
+    """Advance the timer's counter so that it wraps `left_us` after the last tick.
+
+    The program's variables are changed with it, so that the program does not notice.
+    """
     channel, registers = timer(run).channels[0], timer(run).registers
     count = variable(run, symbols["tick_count"])
     ahead = (WRAP - left_us * 42 - int.from_bytes(count, "little")) % WRAP
@@ -263,14 +278,14 @@ def test_a_number_that_wraps_changes_nothing(wrap: str, symbols: dict[str, Symbo
 
 @cache
 def with_fits() -> tuple[DueRun, list[tuple[float, int]]]:
-    """A run of which the last seconds are of fits, and when which pin of PIOB changed."""
+    """Return a run with fits in its last seconds, and all changes of PIOB's pins with their times."""
     run, changes = DueRun(image(), noise=NOISE), []
     run.board.pios["PIOB"].on_output = lambda bit, _: changes.append((run.board.now_s, bit))
     return run.run_until(18), changes
 
 
 def test_the_stack_keeps_clear_of_its_limit() -> None:
-    """The deepest place, the frames of a handler on top of it, and something left."""
+    """The stack has room for its deepest use, the frames of a handler on top of that, and a reserve."""
     run, _ = with_fits()
     assert run.error is None
     reserved = int.from_bytes(image()[:4], "little") - RAM_BASE
@@ -279,14 +294,18 @@ def test_the_stack_keeps_clear_of_its_limit() -> None:
 
 def test_the_led_on_pin_13_blinks_and_no_other_pin_is_driven() -> None:
     run, changes = with_fits()
-    later = [(at_s, bit) for at_s, bit in changes if at_s > 0.1]  # at boot the bus is freed by hand
+    # At boot the program frees the bus by driving its pins.
+    later = [(at_s, bit) for at_s, bit in changes if at_s > 0.1]
     assert {bit for _, bit in later} == {LED_BIT}
     assert len(later) == pytest.approx(run.board.now_s * 1e6 / HALF_BLINK_US, abs=2)
     assert all(abs(b - a - HALF_BLINK_US * 1e-6) < 0.011 for (a, _), (b, _) in pairwise(later))
 
 
 def test_the_bus_keeps_the_times_of_fast_mode() -> None:
-    """NXP UM10204, table 10: 1.3 us low and 0.6 us high at least; 400 kHz, and not less for nothing."""
+    """By NXP UM10204, table 10, SCL is low for at least 1.3 us and high for at least 0.6 us.
+
+    The rate is the full 400 kHz.
+    """
     twi = with_fits()[0].board.twi
     low_s, high_s = twi.half_bits_s
     assert low_s >= 1.3e-6
@@ -295,5 +314,5 @@ def test_the_bus_keeps_the_times_of_fast_mode() -> None:
 
 
 def test_the_flash_reads_ahead_again_once_the_identifier_is_known() -> None:
-    """SCOD, which reading it asks for, slows the program down."""
+    """The bit SCOD, which has to be set for reading the identifier, slows the program down."""
     assert with_fits()[0].board.flash_controllers[0].field("FMR", "SCOD") == 0

@@ -1,5 +1,7 @@
-"""The emulated Due estimates and fits, alongside the host: its results have the bits of a PC, within its time
-budget."""
+"""The emulated Due estimates and fits in parallel to the host.
+
+Its results are bitwise those of a PC, and computing them takes no more time than allowed.
+"""
 
 from functools import cache
 from itertools import pairwise
@@ -20,9 +22,10 @@ BOTH = {"estimator.estimate_on": "both"}
 EVERY = 10
 RECORDINGS = ("mpu6050_sunsided_10min.npz", "mpu6050_tomisuarez_100s.npz")
 CLOSE = 1e-4
-"""Largest difference of the order on the device from the host's in double.
+"""Largest permitted difference between the order on the board and on the host, which computes in double
+precision.
 
-4e-6 within 3,000 samples was seen.
+Within 3,000 samples, the difference was 4e-6.
 """
 
 UNPLUGGED_S, PORT_OPENED_S, HELD_S, END_S = 7.0, 18.7, 25.3, 27.0
@@ -35,7 +38,10 @@ FAULTS = (
 
 @cache
 def with_faults() -> DueRun:
-    """Return a run with three faults while estimating: unplugged for 5 s, a reset, and SDA stuck."""
+    """Return a run with three faults while the board estimates.
+
+    The sensor is unplugged for 5 s, the board is reset, and SDA is stuck.
+    """
     return DueRun(image(), noise=NOISE, faults=FAULTS, settings=BOTH).run_until(END_S)
 
 
@@ -66,7 +72,7 @@ def test_on_a_real_sensors_noise_it_agrees_with_the_host(recordings: Path, name:
             assert abs(axis.alpha_difference) < CLOSE
             assert abs(axis.f_difference) < 10 * CLOSE
 
-    # The estimates are bit for bit those of the device's code on the machine that runs this test.
+    # The estimates are bitwise those of the board's code on the machine that runs this test.
     counts = np.array([[f.message.gyro_x, f.message.gyro_y, f.message.gyro_z] for f in samples])
     rows = [Device("joint").run(counts[:, i]) for i in range(3)]
     messages = [arrival.frame.message for arrival in run.of(wire.Estimate)]
@@ -81,8 +87,8 @@ def test_on_a_real_sensors_noise_it_agrees_with_the_host(recordings: Path, name:
 def test_status_says_what_it_costs() -> None:
     run = with_faults()
     shares = [arrival.frame.message.cpu_share for arrival in run.of(wire.Status) if 14 < arrival.at_s < 17]
-    # While the start-up window fills, 6 % of the time is spent on the sensor. Each instruction takes one
-    # cycle here.
+    # While the start-up window fills, 6 % of the processor's time is spent on the sensor. In the emulator,
+    # each instruction takes one cycle.
     assert len(shares) == 3
     assert all(500 < share < 800 for share in shares)
     estimating = [arrival.frame.message for arrival in run.of(wire.Status) if 6.1 < arrival.at_s < 7]
@@ -91,7 +97,7 @@ def test_status_says_what_it_costs() -> None:
     assert all(500 < status.longest_step < 2_000 for status in estimating)
     estimator = run.of(wire.Estimator)[-1].frame.message
     assert estimator.skipped == 0
-    # The longest step of an axis is the single one that begins the spectra.
+    # The longest step of an axis is the one that begins the spectra.
     assert 150 < estimator.longest_axis < 1000
 
 
@@ -134,7 +140,7 @@ AHEAD = 100
 
 
 def steps(run: DueRun, but_at_s: float = -1.0) -> set[int]:
-    """Return the time steps between consecutive samples, except those around a moment."""
+    """Return the differences of time between consecutive samples, except around the time `but_at_s` [us]."""
     frames = [arrival.frame for arrival in run.of(wire.Sample)]
     samples = [frame for frame in frames if abs(frame.device_us * 1e-6 - but_at_s) > 0.05]
     assert not any(frame.message.flags & wire.SampleFlags.LATE for frame in samples)
@@ -142,7 +148,7 @@ def steps(run: DueRun, but_at_s: float = -1.0) -> set[int]:
 
 
 def track_as_a_pc_does(run: DueRun, fit_at: Arrival) -> list[wire.Estimate]:
-    """Check what the board tracks between two fits of an axis against a PC's result; return the estimates."""
+    """Check that the board tracks an axis between two fits exactly as a PC does; return the estimates."""
     fit = fit_at.frame.message
     axis = wire.Axis(fit.axis).name.lower()
     samples = run.of(wire.Sample)
@@ -162,7 +168,8 @@ def track_as_a_pc_does(run: DueRun, fit_at: Arrival) -> list[wire.Estimate]:
     untracked = [one for one in sent if not one.flags & wire.EstimateFlags.TRACKED]
     assert {one[-4:] for one in untracked} == {(0.0,) * 4}
     assert tracked[0].sample - untracked[-1].sample == 10
-    # The tracker has begun at some sample between those two; the messages do not say which.
+    # The tracker has begun at some sample between the last untracked and the first tracked estimate. The
+    # messages do not say at which.
     wanted = [one[-4:] for one in tracked]
     found = []
     for begin in range(untracked[-1].sample - first + 1, tracked[0].sample - first + 1):
@@ -179,13 +186,14 @@ def track_as_a_pc_does(run: DueRun, fit_at: Arrival) -> list[wire.Estimate]:
 
 @pytest.mark.slow
 def test_its_fit_has_the_bits_of_a_pc_and_costs_no_sample() -> None:
-    # The faults happen during a model search and cost no sample.
+    # The faults happen during a model search, and no sample is lost by them.
     faults = ("nack_burst at=17.0 count=1", "sda_stuck at=19.3 clocks=5")
     settings = {"estimator.estimate_on": "both"}
     run = DueRun(image(), noise=NOISE, faults=faults, settings=settings).run_until(FIRST_FIT_S)
     assert run.check() is None
     assert (run.stats.sample_counts.lost, run.gaps, run.troubles) == (0, [], [])
-    # Freeing the bus delays that sample by some milliseconds; reading a burst a second time takes 30 us.
+    # Freeing the bus delays the sample at 19.3 s by some milliseconds. Reading the sensor a second time takes
+    # 30 us.
     waits = {abs(step - 10_000) for step in steps(run, but_at_s=19.3)}
     assert max(waits) <= 30, "a sample has waited for a fit"
     assert run.of(wire.Status)[-1].frame.message.dropped_frames == 0
@@ -200,7 +208,7 @@ def test_its_fit_has_the_bits_of_a_pc_and_costs_no_sample() -> None:
     ratios = fit.ratio_white, fit.ratio_relaxation, fit.ordinates
     assert ratios == (found.ratio_white, found.ratio_ar1, found.ordinates)
 
-    # The bins of the fit follow, and the host assembles them.
+    # The bins of the spectrum follow the fit, and the host assembles them.
     once, again = (record for record in run.records if isinstance(record, DeviceFits))
     assert once.axes["gyro_x"].host_verdict is not None
     spectrum = again.axes["gyro_x"].spectrum
@@ -216,7 +224,7 @@ def test_its_fit_has_the_bits_of_a_pc_and_costs_no_sample() -> None:
     assert newest["gyro_y"].tracker_bias is None
     assert newest["gyro_x"].tracker_bias == run.of(wire.Estimate)[-3].frame.message.tracker_bias
 
-    # 6 % of the time is spent on fits; each instruction takes one cycle here.
+    # 6 % of the processor's time is spent on fits. In the emulator, each instruction takes one cycle.
     while_searching = [a.frame.message.cpu_share for a in run.of(wire.Status) if 17 < a.at_s < 24]
     assert len(while_searching) == 7
     assert all(2000 < share < 2400 for share in while_searching)

@@ -1,5 +1,7 @@
-"""The emulated Due is turned about one axis: its estimates for the other axes hold, within its time
-budget."""
+"""The emulated Due is turned about one axis, and its estimates for the other axes stay right.
+
+Computing them takes no more time than allowed.
+"""
 
 import pytest
 from fltea.sources.synthetic import parse_noise
@@ -13,7 +15,7 @@ RATE_HZ = 100
 
 
 class Turned(Fractional):
-    """A sensor turned by 20 deg/s about z; half a percent of that rate appears in x and y."""
+    """A sensor that is turned by 20 deg/s about z. Half a percent of that rate also appears in x and y."""
 
     def next_rate(self, k: int) -> Vector:
         x, y, z = super().next_rate(k)
@@ -36,7 +38,7 @@ def test_a_turn_about_z_leaves_the_bias_of_x_as_it_was() -> None:
     before = [bias for at_s, bias in tracked if at_s < TURNS_S][-1]
     during = [bias for at_s, bias in tracked if TURNS_S + 0.7 < at_s < ENDS_S]
     assert len(during) > 40
-    # The bias is the mean of all samples at rest except the newest, and of no others.
+    # The bias is the mean of the samples at rest only, without the newest of them.
     assert len(set(during)) == 1
     assert during[0] == pytest.approx(before, abs=0.003)
     after = [bias for at_s, bias in tracked if at_s > ENDS_S + 1]

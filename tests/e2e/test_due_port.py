@@ -21,7 +21,7 @@ ESTIMATES = 100
 
 
 def session_of(leader: int) -> list[int]:
-    """Return the processes of the session that a process began with `start_new_session`, including itself."""
+    """Return all processes of the session that the process `leader` began, including `leader`."""
     found = []
     for pid in (int(name) for name in os.listdir("/proc") if name.isdigit()):
         with contextlib.suppress(ProcessLookupError):
@@ -33,8 +33,10 @@ def session_of(leader: int) -> list[int]:
 def test_the_chain_publishes_what_the_engine_gives_on_the_quantised_noise(
     processes: Processes, tmp_path: Path
 ) -> None:
-    """Through sensor, I2C, firmware, UART, port and daemon, each estimate equals the direct one to the last
-    bit."""
+    """Each estimate is bitwise that of an estimator that gets the samples directly.
+
+    The values pass through sensor, I2C, firmware, UART, port and daemon.
+    """
     link = tmp_path / "due"
     board = subprocess.Popen(
         [sys.executable, "-m", "tools.due_emulator", "--pty", "--link", link, "--noise", NOISE],
@@ -102,11 +104,12 @@ def test_make_run_passes_a_signal_on_and_leaves_nothing_behind(tmp_path: Path) -
     assert left == []
     assert demo.returncode == 0
     first, *rest = told.decode().splitlines()
-    # The output names what runs, and the true parameters to compare the estimates with.
+    # The output says what is running, and gives the true parameters, with which the estimates can be
+    # compared.
     assert "fltea_due.bin" in first
     assert "α 0.8, f -1," in first
     assert any("the truth" in line and "α = 0.8 and f = -1 " in line for line in rest)
-    # At the end the board reports how it fared; a note says whether this machine was too slow.
+    # At the end the emulator reports on the run; a note says whether this machine was too slow.
     assert any("samples, 0 gaps, 0 lost" in line for line in rest)
     assert not any("ENDED EARLY" in line or "unplugged" in line for line in rest)
     assert list(tmp_path.iterdir()) == []

@@ -20,7 +20,7 @@ from tests.rig.toolchain import arm_compiler
 from tools.due_run import chip_bytes
 
 STARTUP, EVERY = 500, 50
-"""Start-up window and interval of the estimates at 500 Hz [samples]."""
+"""Start-up window, and interval between estimates, at 500 Hz [samples]."""
 SETTINGS = {
     200: ("FLTEA_RATE_HZ=200", "FLTEA_DLPF_HZ=92", "FLTEA_GYRO_RANGE_DPS=250"),
     500: ("FLTEA_RATE_HZ=500",),
@@ -38,7 +38,10 @@ def compiled(*defines: str) -> subprocess.CompletedProcess[str]:
 
 
 def image_by_command(mode: str, folder: Path, *defines: str) -> bytes:
-    """Build the same image with `make`, as a user does; `fltea flash` finds the build's id next to it."""
+    """Build the same image with `make`, as a user does.
+
+    `fltea flash` finds the id of the build in a file next to the image.
+    """
     arm_compiler()
     file = folder / "fast.bin"
     command = [sys.executable, "-m", "tools.build_firmware", "--to", str(file), "--mode", mode]
@@ -60,7 +63,7 @@ def test_a_rate_is_exact_and_without_gaps(rate_hz: int, mode: str, tmp_path: Pat
     assert run.error is None
     samples = [arrival.frame for arrival in run.of(wire.Sample)]
     bursts = run.boots[-1].bursts
-    assert len(bursts) - 2 <= len(samples) <= len(bursts)  # the last ones have not arrived yet
+    assert len(bursts) - 2 <= len(samples) <= len(bursts)  # The last samples have not arrived yet.
     assert [chip_bytes(s.message) for s in samples] == [bytes(b.data) for b in bursts[: len(samples)]]
     assert [s.sequence for s in samples] == list(range(len(samples)))
     assert {b.device_us - a.device_us for a, b in pairwise(samples)} == {1_000_000 // rate_hz}
@@ -85,7 +88,7 @@ def test_a_rate_is_exact_and_without_gaps(rate_hz: int, mode: str, tmp_path: Pat
 
 
 def test_what_the_line_cannot_take_does_not_compile() -> None:
-    """28 bytes a sample at 1 kHz are 28,000 bytes a second; 250,000 baud carry 25,000."""
+    """Samples of 28 bytes at 1 kHz are 28,000 bytes a second, but 250,000 baud can carry only 25,000."""
     refused = compiled("FLTEA_RATE_HZ=1000", "FLTEA_ESTIMATE=false")
     assert "the line has to take all that is to be said" in refused.stderr
     assert refused.returncode != 0
@@ -107,7 +110,10 @@ def test_a_setting_that_cannot_be_does_not_compile(defines: tuple[str, ...], say
 
 @pytest.mark.slow
 def test_the_small_ring_of_arduino_bears_500_hz(tmp_path: Path) -> None:
-    """The ring buffer holds 127 bytes: ESTIMATOR has 113, and a sample of 28 bytes comes every 2 ms."""
+    """The ring buffer can contain 127 bytes.
+
+    ESTIMATOR has 113 bytes, and a sample of 28 bytes comes every 2 ms.
+    """
     folder = ROOT / "tests/firmware/arduino_stub"
     make(folder, tmp_path, "SANITIZE=", "CXX=g++ -DFLTEA_RATE_HZ=500", tmp_path / "run-data_ready")
     done = subprocess.run([tmp_path / "run-data_ready", "4"], capture_output=True, check=True)

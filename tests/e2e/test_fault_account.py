@@ -1,5 +1,7 @@
-"""The tools that play faults: accounts that find uncounted losses, the report, and a connection that can be
-cut."""
+"""The tools that cause faults.
+
+Tested are the accounts, which find uncounted losses, the report, and the connection that can be cut.
+"""
 
 import asyncio
 import contextlib
@@ -36,7 +38,7 @@ USUAL = Expected(("lost", "back"), excused=3)
 RIGHT = Outcome(["lost", "back"], 10, {"delivered": 7, "lost": 3})
 
 
-# --- one board and the programs on its port, one after the other ---
+# --- one board, and the programs that read its port one after the other ---
 
 
 @pytest.fixture
@@ -59,7 +61,7 @@ def test_a_silence_that_was_the_boards_own_is_no_fault_of_the_daemon(board: Boar
 
 
 def records(board: Board, *, without: tuple[int, ...] = ()) -> list[dict[str, Any]]:
-    """Return the records and statistics of a daemon that receives all samples except `without`."""
+    """Return the records, with statistics, of a daemon that receives all samples except `without`."""
     found: list[dict[str, Any]] = [{"class": "epoch", "epoch": 1, "boot_id": 1}]
     for k, counts in enumerate(board.boots[0].counts):
         rates = [count / LSB_PER_DPS for count in counts]
@@ -214,7 +216,7 @@ def test_what_outputs_dropped_is_part_of_the_account(
     assert outcome.uncounted == (10 if "nobody" in "".join(wrong) else 0)
 
 
-# --- playing and reporting ---
+# --- causing faults and reporting them ---
 
 
 def test_an_outcome_that_adds_up() -> None:
@@ -244,7 +246,10 @@ def test_what_breaks_is_a_wrong_outcome_and_what_it_started_ends() -> None:
 
 
 def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Faults that are right, one that does not add up, one that cannot be played, one that is unexpected."""
+    """Run the command on faults of all outcomes.
+
+    Some are right, one has wrong counts, one cannot be caused here, and one has an unexpected result.
+    """
     parts = {
         "right": command.Part(
             (Case("a fault", lambda stage: RIGHT, USUAL), Case("disk full", lambda stage: RIGHT, USUAL))
@@ -305,7 +310,7 @@ def test_a_nats_server_whose_disk_holds_it_up_is_waited_for(stage: Stage, tmp_pa
 
     async def asked_of_one_that_stands_still(stream: JetStreamContext) -> int:
         server.pause()
-        asyncio.get_running_loop().call_later(6.0, server.go_on)  # the client's own time limit is 5 s
+        asyncio.get_running_loop().call_later(6.0, server.go_on)  # The client's own time limit is 5 s.
         return (await stream.account_info()).streams
 
     assert server._ask(asked_of_one_that_stands_still) >= 0
@@ -316,7 +321,10 @@ def test_a_nats_server_whose_disk_holds_it_up_is_waited_for(stage: Stage, tmp_pa
 
 @pytest.mark.parametrize(("page", "part"), [("running", "daemon"), ("fleet", "fleet"), ("ingest", "ingest")])
 def test_the_guides_tables_are_of_the_faults_that_are_played(page: str, part: str) -> None:
-    """A table has a row for each fault, which reports what is expected; its figures are those of one run."""
+    """The guide's table has a row for each fault.
+
+    The row reports the expected outcome; its figures are those of one run.
+    """
     text = (ROOT / f"host/docs/guide/{page}.md").read_text("utf-8")
     found = {
         name: (reported, due, where)

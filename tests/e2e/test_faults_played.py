@@ -1,4 +1,7 @@
-"""Play faults as `make faults` does: each leads to what stands with it, and every record is accounted for."""
+"""Cause faults as `make faults` does.
+
+Each fault must have its expected outcome, and every record must be accounted for.
+"""
 
 from concurrent.futures import Future
 from dataclasses import replace
@@ -16,19 +19,19 @@ from tools.faults.outcome import LOST, Outcome
 from tools.faults.program import Skip
 
 AT_ONCE = 5
-"""Number of faults that are played at a time: they mostly wait."""
+"""Number of faults that are caused at the same time. They mostly wait."""
 SERVERS: dict[str, tuple[str, ...]] = {
     "daemon": (),
     "fleet": ("mosquitto",),
     "ingest": ("nats-server", "mosquitto"),
 }
-"""Parts whose faults are played here, and the servers that they need. tests/e2e/test_due_faults.py plays the
-board's faults; those of a cluster are in tests/cluster.
+"""Parts of the system whose faults are caused here, and the servers that they need. The board's faults are in
+tests/e2e/test_due_faults.py, those of a cluster in tests/cluster.
 """
 
 
 class Fault(NamedTuple):
-    """A fault and its part."""
+    """A fault, and the part of the system that it concerns."""
 
     part: str
     case: Case
@@ -39,10 +42,11 @@ FAULTS = [Fault(part, case) for part in SERVERS for case in PARTS[part].cases if
 
 @pytest.fixture(scope="module")
 def playing(request: pytest.FixtureRequest) -> dict[str, "Future[Outcome]"]:
-    """Begin to play the requested faults of all parts, several at a time."""
+    """Begin to cause the requested faults of all parts, several at the same time."""
     parameters = (getattr(item, "callspec", None) for item in request.session.items)
     wanted = [one.params.get("fault") for one in parameters if one is not None]
-    # The longest faults are the last in their parts' tables, so they begin first.
+    # The faults that take longest are the last in the tables of their parts, so the tables are read
+    # backwards.
     return play_all(
         [fault.case for fault in reversed(FAULTS) if fault in wanted], short=True, at_once=AT_ONCE
     )
@@ -60,7 +64,7 @@ def test_a_fault_leads_to_what_is_expected(fault: Fault, playing: dict[str, "Fut
     assert (outcome.wrong, outcome.uncounted) == ([], 0)
 
 
-# --- every fault has its expectation, and the expectation is compared ---
+# --- every fault has an expected outcome, with which its outcome is compared ---
 
 
 def test_every_fault_has_a_name_of_its_own_and_an_expectation() -> None:

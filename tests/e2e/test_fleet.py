@@ -1,4 +1,4 @@
-"""`fltea fleet` as a user runs it: a real broker with its usual limits, the real command, a real browser."""
+"""`fltea fleet` as a user runs it, with a real broker, which has its usual limits, and a real browser."""
 
 import base64
 import contextlib
@@ -32,7 +32,7 @@ HOSTILE = "<img src=x onerror=alert(1)>"
 
 
 class Running(Program):
-    """The running command, and requests to its page."""
+    """The running command `fltea fleet`, and requests to its page."""
 
     def __init__(self, broker: Mosquitto, *arguments: str | Path) -> None:
         super().__init__(["fleet", "--mqtt", f"127.0.0.1:{broker.port}", "--listen", "0", *arguments])
@@ -83,7 +83,7 @@ def test_of_200_sensors_the_three_bad_ones_stand_out(
 ) -> None:
     """The broker holds all messages before the fleet connects.
 
-    It would drop most if all were requested at once.
+    It would drop most of them if the fleet requested all at once.
     """
     assert load(broker.port)["acknowledged"] == 4 * SENSORS
     said = {"hello": {"rate_hz": 100.0, "sensor": HOSTILE}, "status": {"status": "online", "source": HOSTILE}}
@@ -100,7 +100,7 @@ def test_of_200_sensors_the_three_bad_ones_stand_out(
     watched = Watched(chromium, running.url)
     page = watched.page
     page.wait_for_selector("body[data-ready=yes]")
-    # N and the density of one sensor are both listed
+    # The page lists both N and the density of this sensor.
     assert page.locator("#odd li").count() == len(found["odd"])
     page.fill("#words", "odd")
     expect(page.locator("#total")).to_have_text("1 to 3 of 3", timeout=PATIENCE_MS)
@@ -154,7 +154,7 @@ def test_alerts_are_published_and_a_broker_that_went_comes_back(
     assert running.ask("api/summary")["outages"] == 1
     before = len(lists)
     lists = [content for topic, content in heard if topic == "fltea/fleet/alerts"]
-    assert len(lists) > before  # a broker that has lost its messages gets them again
+    assert len(lists) > before  # A broker that has lost its retained messages gets them again.
     assert running.stderr.count("broker_lost") == 1
 
 
@@ -166,7 +166,7 @@ def test_the_page_is_for_those_who_know_the_password(start: Start, tmp_path: Pat
     good = "Basic " + base64.b64encode(b"me:hunter2:x").decode()
     assert running.ask("api/summary", Authorization=good)["sensors"] == 0
     bad = ("", "Basic", "Basic !!!", "Basic \xe9", good[:-4], "Bearer x")
-    with ThreadPoolExecutor(len(bad)) as pool:  # a wrong password is answered with a delay
+    with ThreadPoolExecutor(len(bad)) as pool:  # The server delays the answer to a wrong password.
         answers = list(pool.map(lambda one: running.refused("api/summary", Authorization=one), bad))
     assert answers == [401] * len(bad)
     assert running.refused("", Host="evil.example", Authorization=good) == 421
@@ -203,7 +203,7 @@ def test_mistakes(arguments: list[str], words: str) -> None:
 def test_the_example_of_a_broker_lets_a_device_write_under_its_own_name_only(
     stage: Stage, tmp_path: Path
 ) -> None:
-    """tools/deploy/mosquitto unchanged, except for its folders and its port."""
+    """The files of tools/deploy/mosquitto are used unchanged, except for folders and port."""
     authority, port = tmp_path / "authority", free_port()
     ca = make_authority(authority)
     example = ROOT / "tools/deploy/mosquitto"

@@ -1,5 +1,7 @@
-"""Frames of many devices through real servers: workers share the devices, and every frame is accounted
-for."""
+"""Frames of many devices pass through real servers.
+
+Workers share the devices, and every frame is accounted for.
+"""
 
 import asyncio
 import json
@@ -42,7 +44,10 @@ def worker(processes: Processes, url: str, name: str, *more: str) -> Daemon:
 
 
 class Boards:
-    """Publish from an event loop in a thread, one second of frames of each device at a time."""
+    """Simulated boards that publish from an event loop in a thread.
+
+    Each message has one second of frames of a device.
+    """
 
     def __init__(self, url: str, **options: Any) -> None:
         self._loop = asyncio.new_event_loop()
@@ -96,7 +101,7 @@ def test_a_worker_that_is_killed_is_replaced_and_no_frame_is_lost(
     boards, begin_s = Boards(url), time.monotonic()
 
     def go_on_until(condition: Any, what: str) -> None:
-        """Publish three seconds of samples each second until a condition holds."""
+        """Publish samples, three times as fast as real boards, until a condition holds."""
         while not condition():
             assert time.monotonic() - begin_s < PATIENCE_S, what
             boards.publish(*DEVICES)

@@ -1,4 +1,4 @@
-"""A NATS server that forbids a worker something, and streams and leases that others have made or changed."""
+"""Workers of a NATS server that forbids something, or whose streams or leases others have changed."""
 
 from typing import Any
 
@@ -34,7 +34,10 @@ def test_what_an_account_may_not_do_is_told(
     start: Start,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """The server does not answer such a request, as if it were busy; it reports the refusal separately."""
+    """The server does not answer a forbidden request, as if it were busy.
+
+    It reports the refusal separately.
+    """
     for module in ("nats", "leases"):
         monkeypatch.setattr(f"fltea.service.ingest.{module}.LEASE_S", 1.0)
     user = f'{{ user: w, password: p, permissions: {{ publish: {{ deny: "{forbidden}" }} }} }}'
@@ -43,14 +46,14 @@ def test_what_an_account_may_not_do_is_told(
     worker = start(server(more=f"authorization {{ users: [ {user} ] }}"))
     wait_until(lambda: any(one == kind for one, _ in worker.told), "word of it")
     assert "this account may not do what a worker has to" in worker.texts(kind)
-    assert subject.lower() in worker.texts(kind)  # the library writes the subject in lower case
+    assert subject.lower() in worker.texts(kind)  # The library writes the subject in lower case.
     assert not worker.texts("nats_back")
 
 
 def test_a_stream_that_cannot_be_pulled_from_is_told_once(
     server: Servers, start: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The stream is a work queue, or has a limit that drops frames, as an administrator may have made it."""
+    """An administrator has made the stream a work queue, or has given it a limit that drops frames."""
     monkeypatch.setattr("fltea.service.ingest.partitions.GRACE_S", 0.5)
     one = server()
 
@@ -79,8 +82,10 @@ def test_a_stream_that_cannot_be_pulled_from_is_told_once(
 
 @pytest.mark.parametrize("lease", [b'{"owner":"","done":-5}', b'{"owner":"","done":99999999999}'])
 def test_a_lease_that_lies_ends_no_partition(lease: bytes, server: Servers, start: Start) -> None:
-    """The lease holds a number that no message can have, or that of another stream: everything in the stream
-    is read."""
+    """The lease of a partition contains a message number that cannot be right.
+
+    No message can have the number, or it is of another stream. All messages in the stream are then read.
+    """
     one = server()
     first = start(one)
     wait_until(first.serves_all, "all partitions")

@@ -1,4 +1,4 @@
-"""What a NATS server stores, refuses and maps, and what workers report about an unsuitable server."""
+"""How a NATS server stores, refuses and maps messages, and what workers report about an unsuitable server."""
 
 import asyncio
 import gc
@@ -59,7 +59,7 @@ ELSEWHERE = 'mappings { "fltea.*.frames": "elsewhere.{{wildcard(1)}}" }'
 def test_a_server_that_is_not_as_it_has_to_be_is_told(
     options: dict[str, str], kind: str, text: str, server: Servers, start: Start
 ) -> None:
-    """The error contains the line to write if the server's mapping is wrong."""
+    """If the server's mapping is wrong, the error contains the line that has to be in its settings."""
     worker = start(server(**options))
     wait_until(lambda: bool(worker.told), "word of it")
     assert text in worker.texts(kind)
@@ -184,7 +184,7 @@ def test_a_server_killed_before_it_read_all_is_a_lost_connection_and_no_tracebac
     loop = worker.frames.partitions._loop
     assert loop is not None
     loop.call_soon_threadsafe(lambda: loop.create_task(fail()))
-    # wait until all messages are on their way
+    # Wait until all messages are under way.
     asyncio.run_coroutine_threadsafe(asyncio.sleep(0.1), loop).result()
     one.kill()
     wait_until(lambda: bool(worker.told), "word of it")
@@ -199,14 +199,17 @@ def test_a_server_killed_before_it_read_all_is_a_lost_connection_and_no_tracebac
 def test_messages_that_came_while_a_lease_had_lapsed_come_again_in_their_order(
     serving: tuple[Server, Worker],
 ) -> None:
-    """A worker was suspended and could not renew its lease; meanwhile no other worker took its partition."""
+    """A worker was suspended and could not renew its lease.
+
+    Meanwhile no other worker took its partition.
+    """
     one, worker = serving
     worker.inbox.admission.admit("s1")
     partition = partition_of("s1", PARTITIONS)
     items: list[Any] = []
 
     def hears(last: int) -> bool:
-        """Process messages as the loop of the worker does."""
+        """Process messages as the loop of the worker does; return whether the last one has come."""
         for item in taken(worker, 0.1):
             items.append(item)
             if isinstance(item, Resumed):
@@ -233,7 +236,10 @@ def test_messages_that_came_while_a_lease_had_lapsed_come_again_in_their_order(
 
 
 def test_snapshots_are_used_whatever_the_clocks_of_their_workers_said(server: Servers, start: Start) -> None:
-    """One snapshot came from a worker whose clock is an hour ahead; another device was given up earlier."""
+    """One snapshot comes from a worker whose clock is an hour ahead.
+
+    The snapshot of another device was deleted before.
+    """
     one = server()
     first = start(one)
     wait_until(first.serves_all, "all partitions")
@@ -281,7 +287,7 @@ def test_a_clock_that_differs_is_told_and_no_message_waits_for_it(
 
 
 def test_a_board_publishes_under_its_own_name_only(stage: Stage, server: Servers) -> None:
-    """By NATS and by MQTT, with the accounts that the tool writes."""
+    """This holds for NATS and MQTT, with the accounts that tools/nats_users.py writes."""
     names = ["s1", "s2", "board-7"]
     accounts = render(names, PARTITIONS)
     words = dict(zip(["worker", *names], accounts.split('password: "')[1:], strict=True))
@@ -291,7 +297,7 @@ def test_a_board_publishes_under_its_own_name_only(stage: Stage, server: Servers
     worker = {"user": "worker", "password": secret["worker"]}
 
     async def make(client: Any) -> None:
-        wanted = ["fltea.frames.*.*"]  # wider than the permission of the workers
+        wanted = ["fltea.frames.*.*"]  # These subjects are more than the workers are permitted to use.
         await client.jetstream().add_stream(name="FLTEA_FRAMES", subjects=wanted)
 
     ask(one, make, **worker)

@@ -1,4 +1,4 @@
-"""The whole chain: a simulated device, a pseudo-terminal, `fltea run`, and its NDJSON output."""
+"""The whole way of samples: a simulated device, a pseudo-terminal, `fltea run` and its NDJSON output."""
 
 import contextlib
 import fcntl
@@ -33,7 +33,7 @@ def port(tmp_path: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
-    """Return two hundred estimates and their samples, from a command that has ended."""
+    """Return a command that has ended, with some two hundred estimates and their samples."""
     started, port = Processes(), tmp_path_factory.mktemp("live") / "device"
     device = started.stand_in(port, "--noise", NOISE)
     daemon = started.daemon("-s", f"serial:{port}", "--samples", *QUICK)
@@ -66,8 +66,7 @@ def test_every_sample_arrives_and_every_estimate_is_finite(run: Daemon) -> None:
 
 
 def test_the_wire_changes_no_value(run: Daemon) -> None:
-    """The estimates equal, to the last bit, those of the same quantised samples given to the estimator
-    directly."""
+    """The estimates are bitwise those of an estimator that gets the same quantised samples directly."""
     config = load_config(None, {"estimator.window": 200, "estimator.startup": 50}).estimator
     noise, estimates = NoiseGenerator(parse_noise(NOISE)), run.of("estimate")
     counts = [noise.step() for _ in range(50 + len(estimates))]
@@ -87,16 +86,16 @@ def test_unplugged_and_back(processes: Processes, port: Path) -> None:
     device.stop()
     assert "unplugged" in stderr
     assert daemon.of("stats")[-1]["link"]["reconnects"] == 1
-    # Both simulated devices boot with the number 1 and the same id, so only sequence and time distinguish
-    # them.
+    # Both simulated devices have the boot number 1 and the same id, so only sequence number and time
+    # distinguish them.
     assert daemon.of("epoch")[1]["reason"] in ("restart", "discontinuity")
 
 
 @contextlib.contextmanager
 def unread(*arguments: str) -> Iterator[tuple["subprocess.Popen[bytes]", int]]:
-    """Yield the command whose output is read for one byte only, and the pipe in which the rest waits.
+    """Yield a command of whose output only one byte is read, and the pipe in which the rest waits.
 
-    A signal ends the command at the end.
+    At the end of the `with` block, a signal ends the command.
     """
     command = [sys.executable, "-m", "fltea", "run", *arguments, *QUICK]
     run = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
@@ -113,8 +112,8 @@ def unread(*arguments: str) -> Iterator[tuple["subprocess.Popen[bytes]", int]]:
 def test_a_signal_ends_a_run_whose_output_nobody_reads(port: Path, processes: Processes) -> None:
     processes.stand_in(port)
     with unread("-s", f"serial:{port}", "--samples") as (_, pipe):
-        # A write that does not fit into a page of the pipe begins a new page, so up to a quarter of a page
-        # stays empty.
+        # A write that does not fit into the rest of a page of the pipe begins a new page. So up to a quarter
+        # of each page stays empty.
         wait_until(lambda: _in_pipe(pipe) > 45_000, "the pipe to be full")
 
 
@@ -142,7 +141,7 @@ def test_a_signal_ends_a_run_whose_log_nobody_reads(tmp_path: Path) -> None:
     )
     try:
         os.close(writer)
-        run.stdout.readline()  # the same error is also written to the log
+        run.stdout.readline()  # The same error is also written to standard error.
         time.sleep(0.2)
         run.send_signal(signal.SIGTERM)
         assert run.wait(PATIENCE_S) == 0
@@ -172,8 +171,10 @@ def test_with_once_an_unplugged_device_is_a_failure(processes: Processes, port: 
 
 
 def test_make_run_shows_the_table_and_ctrl_c_ends_it_with_0(tmp_path: Path) -> None:
-    """On a terminal of its own, as for a person: the table fills, Ctrl-C gives exit code 0, no process is
-    left behind."""
+    """Run the command on a terminal of its own, as a person does.
+
+    The table fills, Ctrl-C leads to exit code 0, and no process is left behind.
+    """
     pid, terminal = pty.fork()
     if pid == 0:
         os.chdir(ROOT)

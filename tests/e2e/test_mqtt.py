@@ -1,4 +1,7 @@
-"""MQTT with the real mosquitto: what arrives, what is lost and counted, and which clients are accepted."""
+"""MQTT with the real mosquitto.
+
+Tested are the messages that arrive, the losses that are counted, and the clients that are accepted.
+"""
 
 import json
 import os
@@ -26,7 +29,7 @@ from tests.rig.mosquitto_support import (
 )
 from tools.faults.server import free_port
 
-pytestmark = [  # the library leaves closing the socket of a failed handshake to the garbage collector
+pytestmark = [  # The library leaves it to the garbage collector to close the socket of a failed handshake.
     pytest.mark.filterwarnings("ignore:.*unclosed <ssl.SSLSocket:ResourceWarning"),
     pytest.mark.filterwarnings("ignore:.*<ssl.SSLSocket:pytest.PytestUnraisableExceptionWarning"),
 ]
@@ -39,7 +42,7 @@ QUICK = ("-s", "synthetic:?alpha=0.3&f=-1.5", "--startup", "50", "--set", "estim
 
 
 def test_topics_hold_the_lines_of_stdout(stage: Stage, processes: Processes, tmp_path: Path) -> None:
-    """Through TLS, with a password file and an access list; the password appears nowhere."""
+    """The connection uses TLS, a password file and an access list. The password appears nowhere."""
     ca = make_authority(tmp_path / "authority")
     broker = stage.broker(authority=ca.parent, secure=True)
     watcher = stage.watcher(broker.port, ca, WATCHER)
@@ -90,7 +93,7 @@ def test_last_will_after_a_kill(stage: Stage, processes: Processes) -> None:
     wait_until(lambda: last_status(late, topic) == "offline", "the retained will")
 
 
-# # --- a broker that stops and comes back ---
+# --- a broker that stops and comes back ---
 
 
 @pytest.mark.parametrize("qos", [0, 1])
@@ -127,7 +130,7 @@ def test_delivered_and_lost_are_what_was_sent_through_a_restart_of_the_broker(st
     if qos:
         assert driven.sink.lost == 200
         assert len(arrived) == 400
-    else:  # unacknowledged messages count as lost, whether or not they arrived
+    else:  # Messages that were not acknowledged count as lost, whether or not they arrived.
         assert 200 <= driven.sink.lost <= 400
     assert f"{driven.sink.lost} records were lost" in text
     assert [json.loads(one.payload)["seq"] for one in watcher.on(gaps)] == list(range(6))
@@ -190,7 +193,10 @@ def test_frozen_broker_blocks_nobody_and_what_it_cannot_take_is_counted(stage: S
 
 
 def test_no_thread_and_no_socket_stays_behind(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every attempt uses a new client, and months without a broker must not exhaust the process."""
+    """Every attempt to connect uses a new client.
+
+    Months without a broker must not exhaust the process's threads and descriptors.
+    """
     monkeypatch.setattr(link, "BACKOFF_S", (0.0,))
     driven = stage.drive(free_port())
     driven.write(HELLO)
@@ -206,7 +212,7 @@ def test_no_thread_and_no_socket_stays_behind(stage: Stage, monkeypatch: pytest.
     assert after[1] <= before[1] + 2
 
 
-# # --- access control ---
+# --- access control ---
 
 
 @pytest.fixture(scope="module")
@@ -249,7 +255,7 @@ def test_topic_that_the_access_list_forbids_is_told_once(
     text = driven.until_told("broker_refused")
     assert "access list" in text
     assert "fltea/a0/#" in text
-    # mosquitto 2.0.11 closes the connection after each
+    # mosquitto 2.0.11 closes the connection after each of these messages
     driven.until(lambda: driven.sink.lost == 2, "the end of both")
     assert driven.kinds().count("broker_refused") == 1
 

@@ -1,5 +1,7 @@
-"""`make mutants`: its bugs can be inserted into the sources, its verdicts are right, and its bugs in the host
-are found."""
+"""`make mutants`: its listed bugs can be inserted into the sources, and its verdicts are right.
+
+Tests also find its bugs in the host.
+"""
 
 import ast
 from pathlib import Path

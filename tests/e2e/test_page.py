@@ -20,7 +20,7 @@ FEW_DESCRIPTORS = (
 def start(
     processes: Processes, *arguments: str | Path, page: str = "0", program: tuple[str, ...] = ()
 ) -> tuple[Daemon, str]:
-    """Start the daemon; return it and the address of its page."""
+    """Start the daemon; return it, and the address of its live page."""
     daemon = processes.daemon(*QUICK, *arguments, "--dashboard", page, program=program)
     daemon.wait_for(lambda: "live page at" in daemon.stderr, "the address")
     found = re.search(r"http://127\.0\.0\.1:\d+/", daemon.stderr)
@@ -144,7 +144,11 @@ def test_a_folder_that_cannot_be_written_to_is_said_on_the_page(
 
 @pytest.mark.slow
 def test_idle_connections_take_nothing_from_recording_and_state(processes: Processes, tmp_path: Path) -> None:
-    """With a limit of 300 descriptors, 330 idle connections once made both fail, with 55 MB of tracebacks."""
+    """Idle connections must not exhaust the descriptors.
+
+    With a limit of 300 descriptors, 330 idle connections once made recording and state fail, with 55 MB of
+    tracebacks.
+    """
     processes.stand_in(tmp_path / "due")
     folder, state = tmp_path / "rec", tmp_path / "state"
     daemon, url = start(

@@ -1,4 +1,4 @@
-"""The appearance of the live page in a real browser: one server with made-up records for all tests."""
+"""The appearance of the live page in a real browser. All tests share a server with invented records."""
 
 import re
 import time
@@ -60,7 +60,7 @@ def as_of(record: AnyRecord, begin_ns: int, device: str = "due") -> AnyRecord:
 
 @pytest.fixture(scope="module")
 def seen(sink: DashboardSink, chromium: Browser) -> Iterator[Watched]:
-    """Share one page among tests that do not close it.
+    """Return a page that the tests share; they do not close it.
 
     Each test leaves the page as it was, with nothing expanded.
     """
@@ -88,7 +88,7 @@ def test_each_axis_is_a_sentence_and_nothing_else_is_open(seen: Watched) -> None
 
 
 def test_each_axis_is_drawn_without_being_opened(seen: Watched) -> None:
-    """The overview shows the last minutes with the bias and its band, and the spectrum with the model."""
+    """The overview shows each axis: the last minutes with the bias, and the spectrum with the model."""
     for axis in FITS:
         card = f".axis[data-axis={axis}]"
         seen.wait(f"document.querySelectorAll('{card} .rate svg polyline').length >= 2")
@@ -219,7 +219,7 @@ def test_a_device_that_estimates_too_stands_beside_and_its_slow_clock_is_said(
 @pytest.mark.slow
 @pytest.mark.parametrize(("width", "scheme"), SIZES)
 def test_nobody_is_left_out(sink: DashboardSink, chromium: Browser, width: int, scheme: str) -> None:
-    """Axe finds no fault, nothing is wider than the screen, and the page is short on a phone."""
+    """axe-core finds no violation, nothing is wider than the screen, and the page is short on a phone."""
     one = Watched(chromium, sink.url, viewport={"width": width, "height": 844}, color_scheme=scheme)
     one.wait("document.querySelectorAll('.axis').length === 3")
     assert one.page.evaluate("document.documentElement.scrollHeight") < (1450 if width < 600 else 1150)

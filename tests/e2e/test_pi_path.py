@@ -1,4 +1,4 @@
-"""The same noise through a Raspberry Pi and through the Due: same sensor set-up, same results."""
+"""The same noise is read by a Raspberry Pi and by the Due: set-up of the sensor and results are equal."""
 
 from functools import cache
 from itertools import pairwise
@@ -28,8 +28,10 @@ def gyro(samples: list[Sample]) -> list[tuple[float, ...]]:
 
 @cache
 def through_the_pi() -> Pi:
-    """Run the same noise through the Pi, switched on so that its first sample is at the same point of the
-    noise."""
+    """Run the program on the simulated Pi with the same noise as the Due.
+
+    The Pi is switched on so that its first sample is at the same point of the noise.
+    """
     noise = fractional_world(NOISE)
     first = gyro(through_the_due().samples)[:20]
     seen = gyro(Pi(noise).run_until(1).of(Sample))
@@ -67,8 +69,8 @@ def test_both_paths_set_the_sensor_up_alike() -> None:
 def test_the_command(processes: Processes) -> None:
     """Run `fltea run` on a machine with a sensor on its bus.
 
-    On a busy machine the program may not run for longer than the sensor's FIFO lasts. Then samples are lost,
-    which is reported, and they are counted.
+    On a busy machine the program may be suspended for longer than the sensor's FIFO takes to fill. Then
+    samples are lost, which is reported and counted.
     """
     launcher = ("-m", "tests.e2e.pi_launcher", NOISE)
     command = processes.daemon("--source", SOURCE, "--samples", *QUICK, program=launcher)
@@ -87,6 +89,6 @@ def test_the_command(processes: Processes) -> None:
     counts = stats["sample_counts"]
     assert counts["delivered"] == len(samples)
     assert counts["delivered"] + counts["lost"] == numbers[-1] + 1
-    assert stats["board"]["overruns"] <= counts["lost"]  # the board's status is a second old at most
+    assert stats["board"]["overruns"] <= counts["lost"]  # The board's status is at most a second old.
     assert set(command.errors()) == ({"fifo_overflow"} if counts["lost"] else set())
     assert said.count("\n") == said.count("fltea: fifo_overflow: ") == len(command.errors())

@@ -1,4 +1,4 @@
-"""Recording as a user does it: the command, a device on a pseudo-terminal, and a kill at any moment."""
+"""Recording as a user does it: with the command, a device on a pseudo-terminal, and a kill at any moment."""
 
 import json
 import random

@@ -1,6 +1,8 @@
-"""Record each kind of source into several files: all files are used, or named with exit code 1.
+"""Record each kind of source into several files.
 
-A kind of source that cannot be recorded says so, and what to do instead.
+Each file is read completely, or it is named and the exit code is 1.
+
+If a kind of source cannot be recorded, the program says so, and what can be done instead.
 """
 
 import contextlib
@@ -36,13 +38,13 @@ def boards(rate_hz: int = 500) -> Callable[[int], bytes]:
 
 
 def lines(turn: int) -> bytes:
-    """Return counts as text, 500 lines a second."""
+    """Return a fiftieth of a second of counts as text, which makes 500 lines a second."""
     return b"".join(b"%d,%d,%d\n" % tuple(row) for row in LINES[10 * turn : 10 * turn + 10].tolist())
 
 
 @contextlib.contextmanager
 def played(write: Callable[[bytes], object], speech: Callable[[int], bytes]) -> Iterator[None]:
-    """Play speech until the end of the block, or until no program listens."""
+    """Write what `speech` returns, until the `with` block ends or no program listens."""
     stop = threading.Event()
 
     def play() -> None:
@@ -130,7 +132,7 @@ def test_all_files_of_a_recording_are_used_or_named(
         )
         wait_until(lambda: len(files(folder)) > 6, "the files")
         said = program.end_well()
-    # A sensor's FIFO runs over if a busy machine does not run the program for a while.
+    # The sensor's FIFO overflows if a busy machine suspends the program for a while.
     lossless = kind is not i2c or "fifo_overflow" not in said
     whole = files(folder)
     summary = json.loads(fltea_here("info", "--json", folder).stdout)
@@ -144,7 +146,10 @@ def test_all_files_of_a_recording_are_used_or_named(
 
 
 def samples_of(folder: Path, lossless: bool) -> int:
-    """Return how many samples `replay:` and `identify` find; they are consecutive if none was lost."""
+    """Return how many samples `replay:` and `identify` find.
+
+    Also check that they are consecutive, if none was lost.
+    """
     done = fltea_here(*REPLAY, "-s", f"replay:{folder}")
     assert done.returncode == 0, done.stderr
     seqs = [one["seq"] for one in map(json.loads, done.stdout.splitlines()) if one["class"] == "sample"]
@@ -157,7 +162,7 @@ def samples_of(folder: Path, lossless: bool) -> int:
 
 @contextlib.contextmanager
 def iio(folder: Path) -> Iterator[list[str]]:
-    """Return a BMI160 whose scale cannot be stated exactly in a frame."""
+    """Yield the URL of an imitated BMI160 whose scale cannot be stated exactly in a frame."""
     device = imu(folder)
     held = os.open(device.node, os.O_RDWR)
     os.write(held, b"".join(scan(k, k * 5_000_000) for k in range(500)))

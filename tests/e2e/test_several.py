@@ -44,7 +44,7 @@ def test_two_devices_are_estimated_side_by_side_and_one_may_vanish(
         assert sequences == sorted(set(sequences))
         last = of_device(daemon.records, name, "stats")[-1]
         samples, epochs = last["sample_counts"], of_device(daemon.records, name, "epoch")
-        # On a machine too busy to read the port the board loses samples, which are then counted.
+        # If the machine is too busy to read the port, the board loses samples, which are then counted.
         assert samples["delivered"] == len(sequences) + 50 * len(epochs)
         assert samples["delivered"] + samples["lost"] == sequences[-1] + 1
         assert last["outputs"]["stdout"]["dropped"] == 0
@@ -83,7 +83,8 @@ def test_a_restarted_daemon_goes_on_where_it_stopped(processes: Processes, tmp_p
     assert 0 < epoch["resumed_after_s"] < PATIENCE_S
     assert second.errors() == []
     begin = second.of("estimate")[0]
-    assert begin["seq"] == epoch["seq"]  # no start-up window came first
+    # The first estimate is at the first sample of the epoch, so there was no start-up window.
+    assert begin["seq"] == epoch["seq"]
     for axis, estimate in begin["axes"].items():
         before, own = last["axes"][axis], estimate["fltea"]
         assert abs(own["alpha"] - before["fltea"]["alpha"]) < before["fltea"]["alpha_std"]
@@ -118,7 +119,7 @@ def test_without_a_reader_of_stdout_other_outputs_go_on(processes: Processes, tm
 def test_a_service_manager_hears_ready_alive_and_stopping(
     processes: Processes, tmp_path: Path, monkeypatch
 ) -> None:
-    """sd_notify(3): datagrams to the socket that $NOTIFY_SOCKET names."""
+    """As in sd_notify(3), the program sends datagrams to the socket that $NOTIFY_SOCKET names."""
     processes.stand_in(tmp_path / "port")
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
         manager.settimeout(PATIENCE_S)

@@ -1,5 +1,7 @@
-"""Figures of an axis: which the verdict permits, how often their intervals hold, and which sensors are
-outliers."""
+"""Figures of an axis: which of them the verdict permits, and how often their intervals hold the truth.
+
+Also: which sensors are outliers.
+"""
 
 import math
 from functools import cache
@@ -19,7 +21,7 @@ RECORDS, SAMPLES = 40, 20_000
 
 
 def fitted(noise: Noise, samples: int, seed: int) -> AxisFit:
-    """Return what a fleet reads of a daemon's fit of simulated noise."""
+    """Return the fields that a fleet reads from a daemon's fit, for simulated noise."""
     record = noise.draw(samples, np.random.default_rng(seed))
     return msgspec.json.decode(msgspec.json.encode(next(fits(record, [samples]))), type=AxisFit)
 
@@ -39,7 +41,7 @@ def test_every_noise_with_white_noise_in_it_has_a_density(kind: str) -> None:
 
 
 def test_of_white_noise_19_of_20_intervals_of_the_density_hold_it() -> None:
-    """Of 40 all but 6, with a probability of at least 0.99.
+    """At least 34 of 40 intervals hold it, with a probability of at least 0.99.
 
     The intervals are at most twice as wide as necessary.
     """
@@ -64,7 +66,10 @@ def test_a_density_stays_between_curves() -> None:
 
 
 def test_the_angle_random_walk_of_one_noise_is_the_same_in_all_records() -> None:
-    """The curve of this noise has two stretches of slope -1/2, and either may be the longer one."""
+    """The Allan curve of this noise has the slope -1/2 over two ranges.
+
+    Either of them may be the longer one.
+    """
     records = [fitted(NOISES["fractional"], 100_000, seed) for seed in (0, 1)]
     records += [fitted(NOISES["fractional"], 400_000, seed) for seed in (2, 3)]
     kept = [figures_of(fit, RATE_HZ, {})["N"].value for fit in records]
@@ -75,7 +80,10 @@ def test_the_angle_random_walk_of_one_noise_is_the_same_in_all_records() -> None
 def test_where_noise_may_have_an_order_and_its_white_noise_is_unknown_there_is_no_density(
     verdict: str, kept: set[str]
 ) -> None:
-    """For a new fractional sensor √2 N was 1.8 times its density, thirteen deviations off."""
+    """For a new sensor with fractional noise, √2 N was once 1.8 times its density.
+
+    That is thirteen standard deviations off.
+    """
     fit, _ = of_white()[0]
     R = fit.R if verdict == "white" else Interval(fit.R.value, 0.0, fit.R.high)
     assert set(figures_of(msgspec.structs.replace(fit, verdict=verdict, R=R), RATE_HZ, {})) == kept
@@ -101,7 +109,7 @@ def test_a_curve_of_a_hundred_thousand_points_costs_no_more_than_a_usual_one() -
     ],
 )
 def test_an_order_counts_once_it_is_known(alpha: Interval, f: Interval, kept: set[str]) -> None:
-    """Real fits of one noise: f of -0.18 (-0.53 to 0) and -1, α of 0.16 (0.14 to 0.21) and 0.6."""
+    """Fits of the same noise differed much: f was -0.18 (-0.53 to 0) or -1, α 0.16 (0.14 to 0.21) or 0.6."""
     assert set(figures_of(AxisFit("fractional", "text", "deg/s", alpha, f), RATE_HZ, {})) == kept
 
 
@@ -112,7 +120,7 @@ NUMBERS = st.lists(st.one_of(st.floats(), st.floats(1e-3, 1e3)), max_size=12)
 def test_any_numbers_at_all(
     tau_s: list[float], adev: list[float], low: list[float], high: list[float], N: float, R: float
 ) -> None:
-    """An arbitrary curve from outside causes no error."""
+    """Any curve that a client of the broker may send causes no error."""
     allan = Allan(tau_s, adev, low, high, N, N, N)
     fit = AxisFit(
         "fractional", "text", "deg/s", Interval(R, N, R), Interval(N, R, N), Interval(R, R, N), allan
@@ -136,7 +144,7 @@ def alarms(sensors: int, spread: float, fleets: int) -> float:
 @pytest.mark.parametrize("sensors", [8, 200])
 @pytest.mark.parametrize("spread", [0.0, 2.0])
 def test_false_alarms_are_as_rare_as_stated(sensors: int, spread: float) -> None:
-    """One fleet of 1000; three of 150 would be beyond chance."""
+    """One of 1000 fleets is expected to raise an alarm; three of 150 would be more than chance."""
     assert alarms(sensors, spread, 150) <= 2 / 150
 
 
@@ -154,7 +162,7 @@ def test_odd_sensors_are_found_and_move_nothing(odd: int) -> None:
 
 
 def test_a_wide_interval_excuses() -> None:
-    """The same distance, with a narrow and with a wide interval."""
+    """A value far from the others is an outlier if its interval is narrow, but not if it is wide."""
     value = np.r_[np.linspace(-1, 1, 40), 8.0, 8.0]
     std = np.r_[np.full(40, 0.1), 0.1, 8.0]
     _, found = judge(value, value - 1.96 * std, value + 1.96 * std, comparisons=100)
@@ -193,8 +201,7 @@ def test_figures_that_are_no_numbers_are_left_out(R: float, rate_hz: float) -> N
 
 
 def test_an_interval_that_is_far_too_narrow_makes_nobody_odd() -> None:
-    """With two maxima of the likelihood the value is in the tail of the others, and its interval is too
-    narrow."""
+    """If the likelihood has two maxima, a value may be far from the others, with too narrow an interval."""
     rng = np.random.default_rng(8)
     std = np.full(40, 0.1)
     value = rng.normal(0, std)
@@ -203,7 +210,7 @@ def test_an_interval_that_is_far_too_narrow_makes_nobody_odd() -> None:
 
 
 def test_a_distance_is_in_deviations_of_an_interval_of_95_percent() -> None:
-    """This is the case if the sensors themselves do not differ."""
+    """The distance is in standard deviations of the estimate if the sensors themselves do not differ."""
     value = np.zeros(20)
     value[7] = 100.0
     half = 1.96 * 2

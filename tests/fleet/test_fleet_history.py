@@ -1,4 +1,4 @@
-"""The history: what is kept, how it is pruned, and that nothing breaks it."""
+"""The history: what is stored, how old rows are deleted, and that faults do not damage it."""
 
 import contextlib
 import math
@@ -28,7 +28,7 @@ from tests.rig.host_support import PATIENCE_S, fltea_here
 
 @pytest.fixture
 def history(tmp_path: Path) -> Iterator[History]:
-    """A history file that keeps every fit."""
+    """Yield a history in a file, in which every fit is stored."""
     made = opened(tmp_path / "h.db", 0.0)
     yield made
     made.close()
@@ -91,12 +91,12 @@ def test_kill_9_leaves_whole_transactions(tmp_path: Path) -> None:
     rows = list(history._database.rows(f"SELECT {', '.join(COLUMNS)} FROM fit ORDER BY unix_s"))
     numbers = [row[COLUMNS.index("samples")] for row in rows]
     assert numbers == [number for number in range(len(rows) // 3) for _ in range(3)]
-    assert len(rows) // 3 >= told + 1  # everything reported as stored is there
+    assert len(rows) // 3 >= told + 1  # all rows that were reported as stored are there
     history.close()
 
 
 def test_rows_wait_for_room_on_a_full_disk(history: History, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Rows wait as long as memory has room; the others are counted."""
+    """Rows wait as long as there is room in memory. Further rows are lost and counted."""
     monkeypatch.setattr(histories, "MOST_WAITING", 300)
     pages = database(history).connection.execute("PRAGMA page_count").fetchone()[0]
     database(history).connection.execute(f"PRAGMA max_page_count = {pages}")
@@ -113,7 +113,7 @@ def test_rows_wait_for_room_on_a_full_disk(history: History, monkeypatch: pytest
 def test_rows_that_find_their_place_taken_are_counted(
     history: History, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Other rows came while these were on their way to a database that went away."""
+    """Rows were being sent to a database that went away, and further rows came meanwhile."""
     monkeypatch.setattr(histories, "MOST_WAITING", 3)
 
     def away(commands: object) -> None:
@@ -143,7 +143,7 @@ def test_a_device_that_alternates_or_renames_its_axes_fills_nothing(tmp_path: Pa
     for number in range(100):
         history.add(5000.0, "b", {f"axis{number}": axis()})
     write_out(history)
-    assert len(rows_of(history, "a")) == 20  # one a minute
+    assert len(rows_of(history, "a")) == 20  # one row each minute
     assert (len(rows_of(history, "b")), history.lost) == (6, 94)
     history.forget(["b"])
     add(history, 5000.0, device="b")
@@ -199,7 +199,7 @@ def test_a_wall_clock_that_jumps() -> None:
     times = {"wall": 1000.0, "steady": 5.0}
     clock = Clock(lambda: times["wall"], lambda: times["steady"])
     times |= {"wall": 1010.5, "steady": 15.0}
-    assert (clock.unix_s(), clock.jumps) == (1010.0, 0)  # half a second of NTP is no jump
+    assert (clock.unix_s(), clock.jumps) == (1010.0, 0)  # a correction of half a second by NTP is no jump
     times |= {"wall": 4620.0, "steady": 20.0}
     assert (clock.unix_s(), clock.jumps, clock.long_jump) == (4620.0, 1, False)
     times |= {"wall": 4e9, "steady": 21.0}
@@ -216,7 +216,7 @@ def test_a_row_that_no_database_takes_is_lost_alone(history: History) -> None:
 
 
 def test_a_database_that_hangs_holds_up_nobody(history: History, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The database's thread waits; other work continues, and requests wait in that thread."""
+    """Only the database's thread waits, and so do requests to it. All other work continues."""
     go = threading.Event()
     write = database(history).write
     monkeypatch.setattr(database(history), "write", lambda commands: (go.wait(PATIENCE_S), write(commands)))
@@ -242,7 +242,7 @@ def test_an_export_that_cannot_be_written_is_a_message(tmp_path: Path, out: str,
 
 
 def test_a_database_that_fails_costs_no_row(history: History, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whatever the database's error is, only the values of a row are a reason to leave the row out."""
+    """A row is left out only if its values cause the error, and not for any other error of the database."""
     add(history, 1.0, 2.0)
 
     def damaged(commands: object) -> None:

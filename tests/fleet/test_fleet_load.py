@@ -1,4 +1,4 @@
-"""The simulated fleet: its fits are a daemon's at any speed factor, and only the bad sensors are outliers."""
+"""The simulated fleet: its fits are those of a daemon, and only its bad sensors are outliers."""
 
 import msgspec
 import numpy as np
@@ -50,7 +50,7 @@ def test_the_bad_ones_are_exactly_those_that_stand_out(sensors: int, bad: int) -
     assert found == {(one.place, one.axis) for one in ones}
     assert len(counts(roll, 1.0)["axes"]) >= 9  # verdicts
     assert not roll.bad
-    assert compare(roll, 1000.0).odd == []  # they are silent
+    assert compare(roll, 1000.0).odd == []  # all sensors are silent, so they are not compared
     if (sensors, bad) == (200, 3):
         assert {one.quantity for one in seen.odd} >= {"N", "density", "B", "K"}
         total, first = table(rows(roll, seen, 1.0), "K", "down", "odd", 0, 50)
@@ -63,7 +63,7 @@ def test_an_alert_needs_three_looks_and_ends_after_three() -> None:
     roll, _ = fleet(60, 1)
     alerts, seen, nothing = Alerts(), compare(roll, 1.0), Comparison([], {})
     told = [alerts.update(roll, seen, 1.0, float(number)) for number in range(LOOKS)]
-    assert [len(one) for one in told] == [0, 0, 2]  # N and its density
+    assert [len(one) for one in told] == [0, 0, 2]  # two alerts: N and the density of the white noise
     assert {alert.state for alert in told[-1]} == {"raised"}
     assert len(alerts.raised()) == 2
     told = [alerts.update(roll, nothing, 1.0, float(number)) for number in range(LOOKS)]
@@ -71,7 +71,7 @@ def test_an_alert_needs_three_looks_and_ends_after_three() -> None:
     assert alerts.raised() == []
     alerts.update(roll, seen, 1.0, 9.0)
     alerts.update(roll, nothing, 1.0, 9.0)
-    # it did not last long enough
+    # the difference did not last long enough for an alert
     assert not [alerts.update(roll, seen, 1.0, 9.0) for _ in range(LOOKS - 1)][-1]
 
 

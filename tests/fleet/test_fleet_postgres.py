@@ -1,4 +1,4 @@
-"""The history on a PostgreSQL server that stops, comes back, refuses, or has changed tables."""
+"""The history on a PostgreSQL server that stops and comes back, refuses commands, or has changed tables."""
 
 import contextlib
 import itertools
@@ -28,7 +28,7 @@ NUMBERS = itertools.count()
 
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    """Share one server among all tests that do not stop it; each test has a database of its own."""
+    """Start a server for all tests that do not stop it. Each test has a database of its own."""
     one = started(tmp_path_factory.mktemp("server") / "pg")
     yield one
     one.stop()
@@ -36,7 +36,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
 
 @dataclass
 class Lab:
-    """A database of the server."""
+    """A database of the server that one test uses."""
 
     server: Server
     name: str
@@ -65,7 +65,7 @@ Keep = Callable[[Lab], History]
 
 @pytest.fixture
 def keep() -> Iterator[Keep]:
-    """Return a history that keeps every fit."""
+    """Return a function that makes a history in which every fit is stored."""
     yield from each_ended(lambda lab: History(Postgres(lab.url, TABLES), 0.0), lambda one: one.close())
 
 
@@ -215,7 +215,7 @@ def test_what_the_server_is_still_writing_is_not_written_twice(lab: Lab, keep: K
         other.rollback()
     write_out(history)
     assert times_of(history, "a") == [1.0]
-    postgres(history)._unsure = 10**15  # a number from another server, which had counted further
+    postgres(history)._unsure = 10**15  # a transaction number from another server, which had counted further
     add(history, 2.0)
     write_out(history)
     assert times_of(history, "a") == [1.0, 2.0]
@@ -267,7 +267,7 @@ def test_names_are_text_whatever_the_encoding_of_the_database(
 
 
 def test_a_standby_can_be_exported(lab: Lab, keep: Keep, tmp_path: Path) -> None:
-    """It is read only; a fleet that should write there reports that at its start."""
+    """A standby server can only be read. A fleet that has to write to it reports this when it starts."""
     history = keep(lab)
     add(history, 1.0, 2.0)
     write_out(history)

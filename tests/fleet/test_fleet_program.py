@@ -20,7 +20,7 @@ OFFLINE = b'{"status":"offline","reason":"connection_lost"}'
 class Broker:
     """Takes the place of the listener.
 
-    `published`: topic and content of what reached it.
+    `published`: topic and content of each message that it received.
     """
 
     def __init__(self, *_: object) -> None:
@@ -45,9 +45,9 @@ class Broker:
 
 
 class Stage:
-    """A fleet whose clock the test advances.
+    """A fleet with a simulated broker, and a clock that the test advances.
 
-    `said`: its log lines.
+    `said`: the lines of text that the fleet wrote to its log.
     """
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -98,7 +98,10 @@ def test_an_outage_of_the_broker_makes_nobody_silent(stage: Stage) -> None:
 
 
 def test_what_the_broker_took_meanwhile_is_asked_for(stage: Stage) -> None:
-    """The broker retains the newest fit, which would otherwise be unknown until the next one."""
+    """The broker retains the newest fit of each sensor.
+
+    If the fleet did not request it, it would wait for the next fit.
+    """
     for payload, kind in ((HELLO, "hello"), (ONLINE, "status"), (FIT, "fit")):
         stage.fleet.take(f"fltea/a/{kind}", payload)
     stage.wait(100)
@@ -146,7 +149,7 @@ def test_a_history_that_cannot_be_written_is_told_once_and_its_end_too(stage: St
         stage.wait(1)
         stage.fleet.history.settle()
     assert [line.partition(":")[0] for line in stage.said] == ["history_lost", "history_back"]
-    # Whether the writing thread has already met the row of OFFLINE by then is not determined.
+    # It is not determined whether the writing thread has already written the row of OFFLINE at this time.
     assert re.search(r"Rows that wait: [01]; lost: 0\.$", stage.said[0])
     assert stage.fleet.history.alerts().result()[0]["kind"] == "offline"
 

@@ -1,4 +1,4 @@
-"""The roll of all sensors: which messages it accepts, how its size is limited, and what it reports."""
+"""The list of all sensors: which messages it accepts, how its size is limited, and what it reports."""
 
 import json
 
@@ -44,7 +44,7 @@ def test_what_a_sensor_says_is_kept() -> None:
     assert axis.figures["N"] == pytest.approx([one / 2**0.5 for one in axis.figures["density"]])
     assert axis.figures["B"] == pytest.approx((0.1, 0.1 * 0.05 / 0.0664, 0.1 * 0.08 / 0.0664))
     assert axis.figures["density"][0] == pytest.approx((2 * 0.01 / 100) ** 0.5)
-    assert "alpha" not in axis.figures  # white: no order, whatever the numbers say
+    assert "alpha" not in axis.figures  # the verdict is white, so there is no order, even if the fit has an α
     roll.take("fltea/a/fit", fit(1200, verdict="fractional", alpha=Interval(0.4, 0.36, 0.44)), 4.0)
     assert roll.sensors["a"].axes["gyro_x"].figures["alpha"] == (0.4, 0.36, 0.44)
     roll.take("fltea/a/fit", fit(1300, verdict="fractional", alpha=Interval(0.4, 0.3, 0.5)), 5.0)
@@ -195,11 +195,11 @@ def test_a_full_roll_makes_room_by_those_who_are_silent_longest() -> None:
         roll.take(f"fltea/n{number}/fit", fit(), float(number))
     known(roll, "late", now=10.0)
     assert (roll.refused, "late" in roll.sensors) == (2, False)
-    assert roll.forget(1000.0, 1e6) == []  # no sensor is silent for long
+    assert roll.forget(1000.0, 1e6) == []  # no sensor has been silent for long
     assert roll.forget(4000.0, 1e6) == ["n0"]
     known(roll, "late", now=4000.0)
     assert list(roll.sensors) == ["n1", "n2", "late"]
-    assert roll.forget(8000.0, 1e6) == ["late"]  # it never had a fit
+    assert roll.forget(8000.0, 1e6) == ["late"]  # this sensor never had a fit
 
 
 def test_a_sensor_that_floods_is_named_until_it_stops() -> None:
@@ -275,7 +275,7 @@ def test_alerts_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("words", "count"),
     [
-        ("line", 4),  # a part of "online" and of a verdict
+        ("line", 4),  # "line" is a part of "online" and of a verdict
         ("state:online", 3),
         ("state:line", 0),
         ('verdict:"line or resonance"', 1),

@@ -1,4 +1,4 @@
-"""Recordings side by side: figures with intervals, and a star only where they differ by more than chance."""
+"""Several recordings are compared: a star marks a figure only if it differs by more than chance."""
 
 import json
 import math
@@ -31,7 +31,7 @@ def alike() -> AxisReport:
 
 
 def times(axis: AxisReport, factor: float) -> AxisReport:
-    """Return the result with a larger N."""
+    """Return the result after N was multiplied by a factor."""
     N = axis.result.level.N
     larger = Interval(*(None if end is None else end * factor for end in (N.value, N.low, N.high)))
     return replace(axis, result=replace(axis.result, level=replace(axis.result.level, N=larger)))
@@ -63,7 +63,10 @@ def test_a_recording_beside_itself_differs_in_nothing(alike: AxisReport) -> None
 
 @given(st.floats(0.2, 5))
 def test_a_ratio_and_its_interval(alike: AxisReport, factor: float) -> None:
-    """Its ends combine both relative errors in quadrature, and are inverted if the files are exchanged."""
+    """The interval of a ratio combines both relative errors in quadrature.
+
+    If the files are exchanged, its ends are inverted.
+    """
     N = alike.result.level.N
     assert N.value is not None
     assert N.low is not None
@@ -92,7 +95,8 @@ def test_what_differs_has_a_star_and_a_sentence(alike: AxisReport) -> None:
 @pytest.mark.parametrize(
     ("N", "other", "ratio", "differs"),
     [
-        # One side of an interval may be much longer; the side towards the other figure counts.
+        # One side of an interval may be much longer than the other. The side towards the other figure
+        # decides.
         ((0.986, 0.698, 0.999), (1.15, 1.13, 1.16), (1.166, 1.141, 1.65), True),
         ((0.302, 0.0, 0.303), (1.19, 1.18, 1.21), (3.94, 3.90, None), True),
         ((1.19, 1.18, 1.21), (0.302, 0.0, 0.303), (0.2538, 0.0, 0.256), True),
@@ -117,8 +121,10 @@ def test_intervals_that_are_longer_on_one_side(
 
 
 def test_more_comparisons_need_more_to_differ(alike: AxisReport) -> None:
-    """Among many equal sensors some figure is far off by chance, so the limit applies to all comparisons
-    together."""
+    """Among many equal sensors some figure differs much by chance.
+
+    So the limit applies to all comparisons together.
+    """
     N = alike.result.level.N
     assert N.high is not None
     assert N.value is not None

@@ -57,7 +57,10 @@ def test_what_a_low_pass_lets_through_is_counted(
 
 
 def test_what_a_fast_relaxation_may_be_of_it_makes_no_sensor_better() -> None:
-    """N may be close to zero behind one pole, but a sheet's density includes the fast part, too."""
+    """Behind a filter of one pole, N may be close to zero.
+
+    The sheet's density includes the fast relaxation, too.
+    """
     N = 0.02 / math.sqrt(2)
     found = compare("MPU-9250", Level(Interval(N, 0.0, 1.01 * N)), RATE_HZ)
     assert found.kind == "noisier"
@@ -83,7 +86,7 @@ def test_what_a_fast_relaxation_may_be_of_it_makes_no_sensor_better() -> None:
 def test_the_numbers_that_are_shown_say_what_the_verdict_says(
     ratio: float, known_to: float, kind: str, shown: str
 ) -> None:
-    """A ratio of 1.21 was shown as 1.2, which counts as good, but was called noisier."""
+    """Once a ratio of 1.21 was shown as 1.2, which counts as good, but the axis was called noisier."""
     found = compare("MPU-9250", level(0.01 * ratio, known_to), RATE_HZ)
     assert found.kind == kind
     assert shown in found.text
@@ -91,7 +94,10 @@ def test_the_numbers_that_are_shown_say_what_the_verdict_says(
 
 @pytest.mark.parametrize("low_pass_hz", [None, 41.0, 92.0])
 def test_no_number_that_is_shown_contradicts_a_verdict(low_pass_hz: float | None) -> None:
-    """Densities and ratios, read again from the text, are on the verdict's side of the limits."""
+    """Rounded densities and ratios in the text do not contradict the verdict.
+
+    They lie on the same side of the limits as it says.
+    """
     rng = np.random.default_rng(11)
     kinds = set()
     for near in (0.5, 1 / 1.2, 1.2, 1.2 * math.sqrt(92 / 50)):

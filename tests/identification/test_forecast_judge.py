@@ -33,7 +33,8 @@ def fails(found: Judgement) -> tuple[bool, bool]:
 
 
 def test_right_models_hold() -> None:
-    slow = 0.05 * math.sqrt(2 / 8)  # amplitude of the relaxation, as a spectrum that shows no corner has it
+    # amplitude that the relaxation has in a spectrum that does not show its corner
+    slow = 0.05 * math.sqrt(2 / 8)
     failed = 0
     for seed in range(12):
         failed += any(fails(of_half(white(seed), WHITE)))
@@ -70,12 +71,15 @@ def test_the_mean_of_the_rate_about_the_bias_is_of_both() -> None:
 
 
 def test_noise_that_a_filter_has_coloured_is_not_in_the_bias() -> None:
-    """Bias(T) contains none of the present noise that the filter knows; the mean of the rate does."""
+    """Bias(T) does not contain the present noise, although the filter knows some of it.
+
+    The mean of the rate contains it.
+    """
     deviations = [
         [one.deviations for one in of_half(_filtered(seed), White(0.01), LowPass(8.0, 2.0)).bias[:4]]
         for seed in range(8)
     ]
-    assert np.abs(np.mean(deviations, axis=0)).max() < 1.1  # 8 values: 3 deviations
+    assert np.abs(np.mean(deviations, axis=0)).max() < 1.1  # three standard deviations of a mean of 8 values
 
 
 def _filtered(seed: int) -> Array:

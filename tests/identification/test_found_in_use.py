@@ -35,7 +35,7 @@ def data_checks(found: AxisReport) -> dict[str, str]:
 
 @pytest.mark.parametrize("seed", range(5))
 def test_relaxations_with_quantisation_are_not_fractional(seed: int) -> None:
-    """In an earlier version, any rise of the density made every model of relaxations lose."""
+    """In an earlier version, no model of relaxations was chosen if the density rose anywhere."""
     truth = Truth(0.005, ((0.0175, 1.0), (0.0175, 0.1), (0.0175, 0.02)), Q=1.4e-4)
     assert identify_axis(composite(truth, 60_000, H, seed), H, None, OPTIONS).verdict.kind != "fractional"
 
@@ -60,7 +60,7 @@ def test_the_table_writes_figures_as_the_first_line_does() -> None:
 
 
 def test_an_axis_that_is_constant_at_first_is_judged() -> None:
-    """All results exist except FLTEA's, which cannot begin since its start-up window holds no noise."""
+    """All results exist except FLTEA's, since its start-up window is without noise."""
     y = np.concatenate([np.full(500, 0.3), white(59_500, 1, 1)[0]])
     found = identified(y)
     assert found.result.verdict.kind == "white"
@@ -73,7 +73,10 @@ def test_an_axis_that_is_constant_at_first_is_judged() -> None:
 
 @pytest.mark.parametrize("hz", [0.05, 1.0, 0.0])
 def test_a_sensor_that_was_moved(hz: float) -> None:
-    """The sensor is rocked at 30 deg/s for 30 of 120 s, or turned: this is no line, no mains, no motor."""
+    """The sensor is rocked at 30 deg/s for 30 of 120 s, or turned.
+
+    This is not reported as a spectral line, mains or motor.
+    """
     t = np.arange(12_000) * H
     y = 0.1 * white(12_000, 1, 3)[0]
     moved = (t >= 40) & (t < 70)
@@ -109,7 +112,10 @@ def test_the_null_test_says_its_level() -> None:
 
 
 def test_one_record_is_said_to_be_long_enough() -> None:
-    """Ten minutes by the data check "short", unless the verdict needs more."""
+    """Only one length of a record is recommended.
+
+    It is ten minutes by the data check "short", or more if the verdict needs it.
+    """
     found = identified(white(6000, 1, 1)[0])
     assert "Record ten minutes or more" in data_checks(found)["short"]
     y = draw(AxisModel((White(1.0), Order(0.5, -1.0, 10.0))), H, 20_000, np.random.default_rng(0))[0]

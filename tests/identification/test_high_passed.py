@@ -1,4 +1,4 @@
-"""Statements on bias, heading and walk are true for a record whose slow waves a high-pass has removed."""
+"""Statements on bias, heading and walk are true even if a high-pass has removed slow noise."""
 
 import numpy as np
 import pytest
@@ -45,7 +45,7 @@ def test_nothing_is_said_of_a_walk(report: AxisReport) -> None:
 def test_the_forecast_holds_for_the_samples_and_says_so(report: AxisReport) -> None:
     """The angle of white noise then stops walking: it is σ √(h / (4π f)), and not N √t.
 
-    What is left of the bias walk is white, K / (2π f) at low frequencies.
+    What the filter leaves of the bias's random walk is white at low frequencies, with the density K / (2π f).
     """
     assert report.forecast is not None
     assert not any(one.fails for one in (*report.forecast.judged, *report.forecast.bias))
@@ -60,7 +60,7 @@ def test_of_independent_records_the_heading_is_in_the_band(report: AxisReport) -
     at = dict(zip(report.forecast.t_s, report.forecast.heading_std, strict=True))
     off = [H * np.cumsum(coupled(6_000, seed)[:6_000])[[999, 5_999]] for seed in range(100, 160)]
     rms = np.sqrt(np.mean(np.square(off), axis=0))
-    # 60 segments give a deviation to a tenth; the bias of the filter is 0.
+    # 60 segments give the standard deviation to within a tenth. The bias of the filter is 0.
     np.testing.assert_allclose(rms, [at[10.0], at[60.0]], rtol=0.4)
 
 

@@ -1,5 +1,7 @@
-"""Allan deviation: agrees with published values and with allantools' own noises, and claims no more than the
-data show."""
+"""The Allan deviation agrees with published values and with the noises of allantools.
+
+It claims no more than the data show.
+"""
 
 import allantools
 import numpy as np
@@ -42,7 +44,7 @@ def test_published_values() -> None:
 
 def test_white_noise_has_n_and_nothing_else() -> None:
     N_true = 0.01
-    y = allantools.noise.white(N, b0=2 * N_true**2, fs=1 / H)  # one-sided
+    y = allantools.noise.white(N, b0=2 * N_true**2, fs=1 / H)  # `b0` is one-sided
     found = allan([y + 4.5], H)
     assert found.N.value == pytest.approx(N_true, rel=0.02)
     assert found.N.low < N_true < found.N.high
@@ -61,7 +63,7 @@ def test_random_walk_has_k_and_no_n() -> None:
 
 def test_flicker_has_b() -> None:
     B_true = 0.01
-    # Kasdin and Walter's generator, which returns the deviation of its noise.
+    # Kasdin and Walter's generator, which also returns the Allan deviation of its noise.
     generator = allantools.Noise(nr=2**14, qd=1e-4, b=-3)
     generator.generateNoise()
     y = np.diff(generator.time_series)
@@ -71,7 +73,10 @@ def test_flicker_has_b() -> None:
 
 
 def test_a_higher_flat_is_not_the_floor() -> None:
-    """The crest of a relaxation comes with a less certain minimum: B belongs to the minimum."""
+    """A relaxation makes a maximum, where the curve is flat, and a minimum, which is less certain.
+
+    B belongs to the minimum.
+    """
     tau = np.geomspace(0.01, 1000, 60)
     falls = 0.3 * np.clip(np.log(tau / 100) / np.log(4), 0, 1)
     deviation = np.hypot(0.004 / np.sqrt(tau), 0.0074) * (1 - falls) * np.where(tau > 600, 1.3, 1.0)
@@ -138,7 +143,7 @@ def test_what_cannot_be_analysed(y: Array, h: float, word: str) -> None:
 
 
 def test_intervals_are_those_of_allantools() -> None:
-    """Its sums of the degrees of freedom are truncated where ours are thinned."""
+    """allantools truncates the sums for the degrees of freedom, while ours leave out terms evenly."""
     for y in (white(3000, 1, 1)[0], random_walk(0.02), white(30_000, 1, 2)[0]):
         found = allan([y], H)
         slope = local_slopes(np.array(found.tau_s), np.array(found.deviation))

@@ -54,7 +54,10 @@ def test_as_json_and_back() -> None:
 
 
 def test_broad_resonance_is_not_called_white() -> None:
-    """It is in mid-band and too broad for a peak; the null test's orders up to 1 cannot describe it."""
+    """The resonance is at a middle frequency and too broad for a peak.
+
+    The null test's orders up to 1 cannot describe it.
+    """
     seen = examined(ar((0.0, -0.25), 3000, 1, 0)[0], H).evidence
     assert seen.p_all > 0.05
     assert not seen.peaks
@@ -85,7 +88,7 @@ def test_notch_and_from_hz_leave_out() -> None:
     assert not seen.evidence.peaks
     assert seen.band.from_hz == 1.0
     ((low, high),) = seen.band.notch_hz
-    # the lobes of Hann's window
+    # the side lobes of Hann's window
     assert (low, high) == (pytest.approx(18.4, abs=0.02), pytest.approx(21.6, abs=0.02))
     assert seen.ordinates == pytest.approx(46 * 60 * 0.94, rel=0.06)
     assert examined(y, H).evidence.peaks
@@ -98,7 +101,7 @@ def peaks(*bands: tuple[float, float]) -> tuple[Peak, ...]:
 
 
 def test_peaks_without_end_leave_half_of_the_ordinates(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The weakest peaks stay in the fit, and no more of them than necessary."""
+    """Only as many of the weakest peaks as necessary stay in the fit."""
     y = white(1000, 1, 1)[0]
     found = peaks((5, 15), (20, 30), (35, 37), (38, 48))
     monkeypatch.setattr("fltea.identification.fine_peaks.find_peaks", lambda p: found)
@@ -109,7 +112,10 @@ def test_peaks_without_end_leave_half_of_the_ordinates(monkeypatch: pytest.Monke
 
 
 def test_a_short_record_keeps_enough_ordinates_to_fit(monkeypatch: pytest.MonkeyPatch) -> None:
-    """More than half of the ordinates would be left, but fewer than a periodogram needs."""
+    """The peak stays in the fit.
+
+    Without it, more than half of the ordinates would be left, but fewer than a periodogram needs.
+    """
     monkeypatch.setattr("fltea.identification.fine_peaks.find_peaks", lambda p: peaks((10, 25)))
     seen = examined(white(180, 1, 2)[0], H)
     assert FEWEST <= seen.band.ordinates == seen.ordinates - 6
@@ -117,12 +123,15 @@ def test_a_short_record_keeps_enough_ordinates_to_fit(monkeypatch: pytest.Monkey
 
 
 def test_drift_is_not_among_what_is_fitted() -> None:
-    """The clean ordinates begin at ten periods a record; p of all ordinates is stored separately."""
+    """The fitted ordinates begin at ten periods per record.
+
+    The p-value for all ordinates is stored separately.
+    """
     n = 30_000
     y = white(n, 1, 3)[0] + 0.1 * np.sin(2 * np.pi * 5 * np.arange(n) / n)
     seen = examined(y, H)
     assert seen.band.from_hz == pytest.approx(1 / 30)
-    assert 4 <= seen.ordinates - seen.band.ordinates <= 6  # ordinates 4 to 9 of those in use
+    assert 4 <= seen.ordinates - seen.band.ordinates <= 6  # ordinates 4 to 9 are in use, but not fitted
     assert seen.evidence.p_all < 1e-3
     assert seen.evidence.p_clean > 0.05
     assert decide(seen.evidence).kind == "drift"

@@ -73,9 +73,12 @@ def test_json(recording: Path) -> None:
 
 
 def test_every_data_check_is_told(tmp_path: Path) -> None:
-    """Three bad axes: drift, torn reads and a resonance; coarse counts; outliers and a spectral line.
+    """The three axes have different faults.
 
-    All repeat.
+    They are drift, torn reads and a resonance on the first, coarse counts on the second, outliers and a
+    spectral line on the third.
+
+    Samples are repeated on all axes.
     """
     n = 6000
     k = np.arange(n)
@@ -111,7 +114,10 @@ def test_from_a_bag_to_imu_yaml_with_its_topic(tmp_path: Path) -> None:
 
 
 def test_both_sensors_in_one_command(tmp_path: Path) -> None:
-    """With imu.yaml the accelerometer is included, except an axis that stands still; all files have both."""
+    """For imu.yaml the accelerometer is identified, too, except an axis that is constant.
+
+    All files have both sensors.
+    """
     accel = counts(900, seed=3)
     accel[:, 1] = 0
     path = npz(tmp_path / "a.npz", counts(900), accel_raw=accel, accel_lsb_per_g=16384.0)
@@ -163,7 +169,7 @@ def test_what_was_found_is_told_before_a_file_fails(recording: Path, tmp_path: P
 
 
 def test_how_long_to_rest_and_to_drive(recording: Path) -> None:
-    """Both answers together, in words and as JSON; each includes the forecast."""
+    """Both questions are answered together, in words and as JSON. Either option includes the forecast."""
     out, err = here(recording, "--rest-for", "2@60", "--drive-for", "1@30", "--channels", "gyro_x")
     assert err == ""
     assert re.search(
@@ -191,9 +197,9 @@ def test_a_bad_file_among_others(recording: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["away.npz", "bad.npz", "short.npz"])
 def test_of_a_refused_recording_there_is_no_report(name: str, recording: Path, tmp_path: Path) -> None:
-    """Earlier it had an empty page.
+    """Earlier, the report of such a recording was an empty page.
 
-    With another recording both are in the report; an error is the one without figures.
+    If there is another recording, both are in the report: the refused one with its error, without figures.
     """
     (tmp_path / "bad.npz").write_bytes(b"PK no")
     npz(tmp_path / "short.npz", counts(20, 1))
@@ -238,7 +244,7 @@ def test_of_a_refused_recording_there_is_no_report(name: str, recording: Path, t
 def test_mistakes(
     arguments: list[str], message: str, recording: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """One line and exit code 2, whatever the mistake."""
+    """For any mistake, the command prints one line and returns exit code 2."""
     monkeypatch.chdir(recording.parent)
     done = fltea_here("identify", *arguments, "--jobs", "1", "--shuffles", "0")
     assert (done.returncode, message in done.stderr, "Traceback" in done.stderr) == (2, True, False)

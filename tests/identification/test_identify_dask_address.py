@@ -157,7 +157,10 @@ def test_workers_that_are_none_of_ours_are_left_at_once(
 def test_a_worker_of_another_version_that_joins_later_ends_the_work(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """The worker joined after the check of versions; its answers are rejected, and no file is blamed."""
+    """If a worker joins after the check of versions, its answers are rejected.
+
+    This is not reported as a fault of a file.
+    """
 
     def joined(task: Callable[..., Any], *arguments: Any) -> "Future[Any]":
         with monkeypatch.context() as patch:

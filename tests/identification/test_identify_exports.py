@@ -1,5 +1,4 @@
-"""What a verdict exports for other programs: a navigation filter's file and imu.yaml, consistent in all
-outputs."""
+"""Files for other programs: a navigation filter's file and imu.yaml agree with all other outputs."""
 
 import json
 from pathlib import Path
@@ -66,7 +65,10 @@ def entry_of(axis: AxisReport) -> NavigationAxis:
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Write a recording: gyro_x with two parts and quantisation noise, gyro_y white, gyro_z with an order."""
+    """Write a recording with three kinds of noise.
+
+    gyro_x has two parts and quantisation noise, gyro_y is white, and gyro_z has an order.
+    """
     n = 60_000
     return saved(
         tmp_path_factory.mktemp("exports") / "rest.npz",
@@ -104,13 +106,17 @@ def test_what_a_filter_reads(known: AxisReport) -> None:
 
 
 def test_white_noise_that_a_fast_part_took_in_is_not_near_nothing() -> None:
-    """With N = 1e-8 a filter would be a million times too sure: N is null, with the measured density."""
+    """With N = 1e-8, a filter would expect errors that are a million times too small.
+
+    So N is null, and the measured density is given.
+    """
     y = composite(Truth(0.0, ((0.05, 0.0055),)), 60_000, H, 1)
     found = identify_series(Series(y, GYRO_UNIT, None), H, OPTIONS, False)
     entry = entry_of(found)
     assert entry.N.value is None
     assert entry.knee_hz == pytest.approx(1 / (2 * np.pi * 0.0055), rel=0.5)
-    # The density of such a part at its corner is half of that at frequency 0: σ √(2 τ) / √2.
+    # The power density of such a part at its corner is half of that at frequency 0. Its root is σ √(2 τ) /
+    # √2.
     assert entry.knee_density == pytest.approx(0.05 * np.sqrt(0.0055), rel=0.5)
     assert "cannot be told from other fast noise" in found.result.level.reason
     shown = axis_noise(found).N
@@ -182,7 +188,10 @@ def assert_one_result(found: AxisReport) -> None:
 
 
 def random_parts(share: st.SearchStrategy[float]) -> st.SearchStrategy[tuple[AnyPart, ...]]:
-    """Draw white noise of variance 1, one or two further parts, and sometimes a filter behind all."""
+    """Draw white noise of variance 1 and one or two further parts.
+
+    Sometimes all of them pass a filter.
+    """
     beside = st.one_of(
         st.builds(Relaxation, sigma=share, tau_s=st.floats(0.02, 3.0)),
         st.builds(Walk, K=st.floats(0.05, 0.5)),
@@ -205,7 +214,7 @@ def random_parts(share: st.SearchStrategy[float]) -> st.SearchStrategy[tuple[Any
 @example((White(1.0), Walk(0.2), LowPass(10.0, 2.0)), 2)
 @example((White(1.0), Walk(0.2), LowPass(20.0, 2.0)), 2)
 def test_all_say_the_same_of_any_noise(parts: tuple[AnyPart, ...], seed: int) -> None:
-    """Text, table, JSON and model agree. Once α was 0.40 in one and 0.72 in another."""
+    """Text, table, JSON and model agree. Once α was 0.40 in one output and 0.72 in another."""
     y = draw(AxisModel(parts), H, 6000, np.random.default_rng(seed))[0]
     found = identify_series(Series(y, GYRO_UNIT, None), H, OPTIONS, False)
     assert_one_result(found)
@@ -223,7 +232,7 @@ LEVELS = {
 
 
 def test_imu_yaml() -> None:
-    """The worst axis decides; an unknown value is a comment, and hostile names do no harm."""
+    """The worst axis decides. An unknown value is written as a comment, and hostile names do no harm."""
     hostile = 'a: b # "c'
     assert yaml.safe_load(imu_yaml(LEVELS, 100.0, "rest.npz", rostopic=hostile))["rostopic"] == hostile
     assert "\nx:" not in imu_yaml(LEVELS, 100.0, "rest.npz", rostopic="/imu\nx: 1")
@@ -283,9 +292,9 @@ def test_nothing_is_written_of_bad_data(flag: str, tmp_path: Path) -> None:
 
 
 def test_no_figure_goes_on_from_an_axis_that_is_bad(tmp_path: Path) -> None:
-    """Neither a comparison with a data sheet, nor a forecast, nor a heading uses it.
+    """Comparison with a data sheet, forecast and heading do not use the bad axis.
 
-    The other axes have them.
+    The other axes have these results.
     """
     path = sound_and_bad(tmp_path)
     command = ("identify", path, "--rate", "100", "--shuffles", "0", "--jobs", "1", "--report", tmp_path)
@@ -310,7 +319,10 @@ def test_no_figure_goes_on_from_an_axis_that_is_bad(tmp_path: Path) -> None:
 
 
 def test_what_is_wrong_with_all_of_a_recording_withholds(tmp_path: Path) -> None:
-    """Two sensors alternate: the data check concerns the recording, and each axis has it."""
+    """If the rows of two sensors alternate, the data check concerns the whole recording.
+
+    It withholds the files of each axis.
+    """
     y = 0.1 * white(3000, 2, 1).T + np.resize([0.2, -0.2], 3000)[:, None]
     np.savetxt(tmp_path / "a.csv", y, "%.9g", ",", header="gyro_x_dps,gyro_y_dps", comments="")
     (found,) = identify_all(

@@ -1,4 +1,4 @@
-"""FLTEA on a recording: the daemon's own figures, shuffled copies, and tests of the innovations."""
+"""FLTEA on a recording: its figures are the daemon's. Shuffled copies and tests of the innovations."""
 
 from typing import Literal
 
@@ -41,8 +41,10 @@ def counts(seed: int, n: int = 900) -> np.ndarray:
 
 
 def disturbed(stop: int) -> np.ndarray:
-    """Return the same with violent motion from sample 300 to `stop`: the guard acts, and the supervisor
-    rejects it."""
+    """Return the same noise with violent motion from sample 300 to `stop`.
+
+    The guard intervenes, and the supervisor rejects the estimate.
+    """
     y = counts(1)
     y[300:stop] += 30 * np.random.default_rng(1).choice([-1, 1], stop - 300)
     return y
@@ -54,7 +56,7 @@ SETTINGS: list[tuple[Variant, Guard, dict[str, object]]] = [
     ("triple", "off", {}),
     ("joint", "consistent", {"bias": 1.7, "R": 0.02}),
     ("joint", "consistent", {"memory": "direct"}),
-    ("triple", "off", {"R": 0.002}),  # the estimate runs away and starts over
+    ("triple", "off", {"R": 0.002}),  # the estimate runs away, and FLTEA starts over
 ]
 
 
@@ -112,8 +114,10 @@ def test_a_record_that_is_too_short_is_refused() -> None:
 
 
 def test_axes_side_by_side_give_what_each_gives_alone() -> None:
-    """To the bit: axes of other lengths, with lost samples, other settings, and one that is constant at
-    first."""
+    """Results are equal to the bit for axes that are run together or alone.
+
+    The axes have different lengths and settings, lost samples, and one is constant at first.
+    """
     gaps = Gaps(np.array([500, 3000, 4100]), np.array([3, 1, 500]))
     axes = [
         axis_of(counts(1, 9000), config()),
@@ -139,7 +143,7 @@ def band(y: np.ndarray, settings: EstimatorConfig, copies: int) -> ShuffledBand:
 
 
 def test_a_copy_is_what_the_daemon_gives_for_it() -> None:
-    """For a single copy the quantiles are its estimate, to the digits of the memory."""
+    """For a single copy the quantiles are its estimate, as exact as the compressed memory is."""
     y = counts(2)
     settings = config()
     found = shuffled_band([estimate(y, H, settings, LSB, range(3, 4), 5)], 0.1, -0.1)
@@ -171,7 +175,7 @@ def test_shuffles_follow_the_seed() -> None:
 
 
 def test_copies_do_not_depend_on_their_group() -> None:
-    """The results are equal to the bit, even if one copy of the group diverges."""
+    """The results are equal to the bit in any group, even if one copy of the group diverges."""
     y = counts(1)
     for settings in (config(), config(variant="triple", guard="off", R=0.001)):
         whole = estimate(y, H, settings, LSB, range(11), 1)
@@ -201,7 +205,10 @@ def test_copies_that_run_away_are_counted_and_left_out() -> None:
 
 
 def test_innovations_that_are_white() -> None:
-    """p-values of Ljung and Box are uniform, the other two figures have their expected values."""
+    """The p-values of Ljung and Box's test are uniform.
+
+    The other two figures have their expected values.
+    """
     found = [innovations(2 * e, np.full(1000, 2.0)) for e in white(1000, 200, 1)]
     p = np.array([i.ljung_box_p for i in found if i is not None])
     assert len(p) == 200

@@ -48,7 +48,10 @@ from tests.rig.one_fltea import fltea_fit
 
 
 def lose(y: Array, keep: NDArray[np.bool_]) -> tuple[Array, Gaps]:
-    """Return the kept samples of y, and where samples are missing; the first and the last are kept."""
+    """Return the samples of y to keep, and where samples are missing.
+
+    The first and the last are always kept.
+    """
     keep[[0, -1]] = True
     places = np.flatnonzero(keep)
     missing = np.diff(places) - 1
@@ -62,7 +65,7 @@ def at_random(y: Array, share: float, seed: int = 0) -> tuple[Array, Gaps]:
 
 
 def in_gaps(y: Array, gaps: int, length: int) -> tuple[Array, Gaps]:
-    """Drop this number of gaps of this length, spread evenly."""
+    """Drop samples in this number of gaps of this length, which are spread evenly."""
     keep = np.ones(len(y), dtype=bool)
     for begin in np.linspace(length, len(y) - 2 * length, gaps).astype(int):
         keep[begin : begin + length] = False
@@ -95,7 +98,7 @@ def test_bridges_leave_the_samples_alone() -> None:
     (one,) = bridged(seen, gaps)
     _, missing = spread(seen, gaps)
     np.testing.assert_array_equal(one.y[~missing], seen)
-    assert np.isin(one.y[missing], y).all()  # counts stay counts
+    assert np.isin(one.y[missing], y).all()  # filled-in samples are whole counts, too
     seen, gaps = in_gaps(y, 3, LONGEST_BRIDGE + 1)
     assert [len(one.y) for one in bridged(seen, gaps)] == np.diff([0, *gaps.at, len(seen)]).tolist()
     unknown = Gaps(np.array([1000]), np.array([0]))
@@ -124,13 +127,13 @@ def test_what_is_drawn_is_like_the_rest(phi: float) -> None:
 
 
 def slow(n: int, seed: int) -> Array:
-    """Return white noise and a relaxation."""
+    """Return white noise plus a slow relaxation."""
     return np.asarray(ar((0.98,), n, 1, seed)[0] + 5 * white(n, 1, seed + 1)[0])
 
 
 @pytest.mark.parametrize("coloured", [False, True])
 def test_one_percent_lost(coloured: bool) -> None:
-    """The verdict and the white noise stay; straight lines over the gaps would tilt the spectrum by 4 %."""
+    """Verdict and white noise do not change. Straight lines over the gaps would tilt the spectrum by 4 %."""
     n = 30_000
     y = slow(n, 3) if coloured else white(n, 1, 3)[0]
     seen, gaps = at_random(y, 0.01)
@@ -145,7 +148,7 @@ def test_one_percent_lost(coloured: bool) -> None:
 
 
 def test_the_null_test_keeps_its_level() -> None:
-    """Among 40 records of white noise with 1 % lost, about two are below 5 %."""
+    """In 40 records of white noise with 1 % of the samples lost, about two have a p-value below 5 %."""
     found = [examined(*with_gaps(white(6000, 1, seed)[0], seed)).evidence.p_all for seed in range(40)]
     assert sum(p < 0.05 for p in found) <= 6
     assert 0.3 < float(np.median(found)) < 0.7 or max(found) == 1.0
@@ -159,7 +162,8 @@ def test_fifty_gaps_of_a_second() -> None:
     assert sums.used > 0.95 * len(y)
     whole, broken = examined(y, H), examined(seen, H, gaps=gaps)
     assert decide(broken.evidence).kind == decide(whole.evidence).kind
-    # Relaxations slower than the gaps' distance are lost, but those faster than a third of it are found.
+    # Relaxations that are slower than the distance of the gaps are lost. Those faster than a third of it are
+    # found.
     assert len(broken.evidence.candidates.data.lam) > 0.3 * len(whole.evidence.candidates.data.lam)
 
 
@@ -179,7 +183,7 @@ def moments(spectrum: Periodogram) -> tuple[float, ...]:
 
 
 def test_allan_deviation_of_stretches() -> None:
-    """The result is the average over the pieces between gaps, weighted by their numbers of terms."""
+    """The result is the average over the stretches between gaps, weighted by their numbers of differences."""
     parts = [white(n, 1, n)[0] + offset for n, offset in ((400, 3.0), (150, -8.0), (30, 0.0), (1, 5.0))]
     factors = np.array([1, 3, 10, 100])
     found = overlapping(parts, factors)
@@ -198,7 +202,10 @@ def test_allan_deviation_of_stretches() -> None:
 
 
 def test_fltea_predicts_and_begins_again() -> None:
-    """As live: three lost samples are predicted; after 101 FLTEA starts over, and the longest part counts."""
+    """As in live use, three lost samples are predicted.
+
+    After 101 lost samples FLTEA starts over, and the longest part counts.
+    """
     y = white(3000, 1, 6)[0]
     keep = np.ones(3000, dtype=bool)
     keep[600:701] = False
@@ -214,9 +221,9 @@ def test_fltea_predicts_and_begins_again() -> None:
 
 
 def test_nothing_stands_out_across_a_gap() -> None:
-    """Across a gap slow noise changes by many deviations of its steps.
+    """Across a gap, slow noise changes by much more than from one sample to the next.
 
-    A knock elsewhere is still found, at its time.
+    This is no outlier. A knock elsewhere is still found, at its time.
     """
     y = np.cumsum(white(4000, 1, 7)[0]) / 30 + white(4000, 1, 8)[0] / 1000
     y[2000:] += 20
@@ -232,7 +239,10 @@ def test_nothing_stands_out_across_a_gap() -> None:
 
 
 def test_a_recording_with_losses(tmp_path: Path) -> None:
-    """From the file to figures: 1 % lost at random, two long gaps, with copies and curves."""
+    """The whole way from a file to figures, with shuffled copies and curves.
+
+    1 % of the samples are lost at random, and there are two long gaps.
+    """
     raw = counts(3000, 1)
     keep = np.random.default_rng(1).random(3000) >= 0.01
     keep[700:1000] = keep[2400:2450] = False
@@ -266,7 +276,7 @@ AS_BEFORE = {
         (0.5687, 0.009387381033015063),
     ),
 }
-"""p of the clean band, and N of an earlier version that used only one stretch.
+"""The p-value of the fitted ordinates, and N, in an earlier version that used only one stretch.
 
 Ordinates weigh less since then.
 """

@@ -31,8 +31,10 @@ def test_npz_in_deg_per_s(tmp_path: Path) -> None:
 
 
 def test_all_stretches(tmp_path: Path) -> None:
-    """Three samples are missing after 100, and a new epoch comes 250 later: all stretches are used and
-    reported."""
+    """Three samples are missing after 100, and a restart follows 250 samples later.
+
+    All stretches are used and reported.
+    """
     raw = counts(500)
     seq = np.arange(500) + np.where(np.arange(500) >= 100, 3, 0)
     epoch = np.where(np.arange(500) >= 350, 2, 1)
@@ -50,7 +52,7 @@ def test_all_stretches(tmp_path: Path) -> None:
 
 
 def test_so_many_short_gaps_are_bridged_by_nothing(tmp_path: Path) -> None:
-    """Every fifth sample is lost, so interpolated values would be a large share of the record."""
+    """Every fifth sample is lost, so filled-in samples would be a large share of the record."""
     seq = np.arange(200) * 5 // 4
     path = npz(tmp_path / "a.npz", counts(200), time_s=seq / RATE_HZ, seq=seq)
     found = load(Request((path,)))
@@ -71,7 +73,7 @@ def test_csv_with_its_columns(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("told", [True, False])
 def test_ndjson_with_a_new_scale(told: bool, tmp_path: Path) -> None:
-    """Samples of another range form another stretch, whether or not a new epoch is stated."""
+    """Samples of another measuring range form another stretch, even if the file does not state a restart."""
     records: list[AnyRecord] = [hello()]
     for k in range(90):
         if k == 30:
@@ -117,7 +119,7 @@ def test_accelerometer_on_request(tmp_path: Path) -> None:
 
 
 def test_clock_against_arrivals(tmp_path: Path) -> None:
-    """Arrivals at 99 Hz of a device that states 100 Hz."""
+    """The samples of a device that states 100 Hz arrive at 99 Hz."""
     path = npz(tmp_path / "a.npz", counts(2000), t_host_s=np.arange(2000) / 99)
     found = load(Request((path,)))
     assert found.clock_ppm == pytest.approx(-10_000, rel=0.05)

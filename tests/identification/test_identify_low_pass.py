@@ -1,4 +1,4 @@
-"""Filters behind a low-pass: an α without meaning is never given with a small σ and no warning."""
+"""Noise behind a low-pass: an α without meaning is never given with a small σ and without a warning."""
 
 import math
 
@@ -64,8 +64,10 @@ def test_an_order_that_is_not_the_fits_does_not_describe_the_noise() -> None:
 
 
 def test_both_are_needed() -> None:
-    """The effect must be significant and large: in a day everything is significant, in 200 samples chance
-    effects are large."""
+    """An effect must be both significant and large.
+
+    In a record of a day every effect is significant; in 200 samples chance effects are large.
+    """
     assert describes(8_000_000, 8_000_000 * 0.05**2)
     assert not describes(8_000_000, 8_000_000 * 0.11**2)
     assert describes(200, 200 * 0.4**2)

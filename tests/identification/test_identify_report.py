@@ -1,4 +1,4 @@
-"""The report's page and its figures, and that it needs no other file."""
+"""The report's page with its pictures, which needs no other file."""
 
 import html
 import re
@@ -35,7 +35,10 @@ SVG = "{http://www.w3.org/2000/svg}"
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[FileReport], list[Path]]:
-    """Write the report of white noise, including an accelerometer's, and of a file that is no recording."""
+    """Write the report of two recordings.
+
+    One is white noise of a gyroscope and an accelerometer; the other is no recording.
+    """
     folder = tmp_path_factory.mktemp("report")
     path = npz(folder / NAME, counts(2000, 1), accel_raw=counts(2000, 3, seed=5), accel_lsb_per_g=16384.0)
     settings = Settings(IdentifyOptions(shuffles=5), QUICK, figures=True, forecast=True)
@@ -135,7 +138,10 @@ def test_the_heading_says_after_how_long_a_rest(
 def test_the_bias_is_shown_where_it_is_known_with_steps_and_motion(
     made: tuple[Path, list[FileReport], list[Path]],
 ) -> None:
-    """It is not shown while its σ is wide, since the range would be that of the first second."""
+    """The range of the picture is that of the bias while its σ is small.
+
+    Otherwise the range would be that of the first second.
+    """
     axis = made[1][0].axes["gyro_x"]
     assert isinstance(axis, AxisReport)
     bias = np.array([40.0, -30.0, *([0.01, 0.02] * 20)])
@@ -164,7 +170,7 @@ UNITS = {
 def test_each_figure_is_a_chart_with_units_and_numbers(
     made: tuple[Path, list[FileReport], list[Path]],
 ) -> None:
-    """Each has lines of several points, a legend, titles of its axes, and no NaN."""
+    """Each picture has curves of several points, a legend, titles of its axes, and no NaN."""
     assert set(UNITS) == set(figures.TITLES)
     for path in made[2][1:]:
         text = path.read_text()
@@ -241,7 +247,7 @@ def test_page_in_a_browser(made: tuple[Path, list[FileReport], list[Path]]) -> N
 
 
 def test_curves_agree_with_the_result() -> None:
-    """The trajectory ends at the result; the profile has the same interval of the order."""
+    """FLTEA's estimates over time end at the result. The profile gives the same interval of the order."""
     x = long_recursion(0.7, -0.12, 3000, 3) + 0.3 * white(3000, 1, 4)[0]
     options = IdentifyOptions(estimator=QUICK, shuffles=30)
     copies = estimate(x, H, QUICK, None, range(30), 0)

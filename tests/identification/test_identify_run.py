@@ -1,4 +1,7 @@
-"""Many recordings: in order, with failures separate, and nothing lost or counted twice when a worker dies."""
+"""Many recordings are identified: results are in order, and failures do not affect other recordings.
+
+Nothing is lost or counted twice if a worker dies.
+"""
 
 import os
 import signal
@@ -34,7 +37,7 @@ PATIENCE_S = 60.0
 
 
 def files(folder: Path, count: int) -> list[Request]:
-    """Write recordings of one, two and three axes, of accelerometers."""
+    """Write recordings of accelerometers with one, two and three axes."""
     found = []
     for i in range(count):
         path = npz(folder / f"{i}.npz", counts(N, 1), accel_raw=counts(N, 3, seed=i), accel_lsb_per_g=16384.0)
@@ -55,14 +58,16 @@ Known = tuple[list[Request], list[dict[str, Any]]]
 
 @pytest.fixture(scope="module")
 def known(tmp_path_factory: pytest.TempPathFactory) -> Known:
-    """Return recordings of one, two and three axes, and the result of this process alone."""
+    """Return recordings of one, two and three axes, and their results if this process alone does the work."""
     requests = files(tmp_path_factory.mktemp("known"), 3)
     return requests, document(identify_all(requests, settings(), Here()))["files"]
 
 
 def test_order_and_failures(known: Known, tmp_path: Path) -> None:
-    """A missing file, one that is no recording, and one with a dead axis change nothing in the others'
-    results."""
+    """Bad files change nothing in the results of the others.
+
+    One is missing, one is no recording, and one has a constant axis.
+    """
     dead = counts(N, 1)
     dead[:] = 7
     extra = {"accel_raw": counts(N, 3), "accel_lsb_per_g": 16384.0}
@@ -197,7 +202,10 @@ def test_numbers_of_an_axis() -> None:
 
 
 def test_a_process_that_dies_costs_nothing(known: Known, tmp_path: Path) -> None:
-    """It dies at one recording, once: all recordings have the result of this process alone."""
+    """A process dies once at one recording.
+
+    All recordings have the same result as if this process did all the work.
+    """
     requests, alone = known
     mark = tmp_path / "mark"
     ill = [requests[0], deadly(requests[1], mark, 1), requests[2]]
@@ -283,8 +291,10 @@ def cluster() -> Iterator[Any]:
 
 @pytest.mark.slow
 def test_dask_with_a_worker_killed(known: Known, cluster: Any) -> None:
-    """One of two is killed when the first axis is done: every axis comes, once, with this process's
-    result."""
+    """One of two workers is killed when the first axis is done.
+
+    Every axis has one result, the same as from this process alone.
+    """
     from fltea.identification.dask_workers import DaskWorkers
 
     requests, alone = known
@@ -303,7 +313,8 @@ def test_dask_with_a_worker_killed(known: Known, cluster: Any) -> None:
         reports = identify_all(requests, settings(), workers, Here(), kill_one)
     assert killed
     assert document(reports)["files"] == alone
-    # Files, axes, events of each sensor, a group of copies, the bias of each axis, FLTEA of each file.
+    # Tasks: each file, each axis, events of each sensor, a group of copies, the bias of each axis, FLTEA for
+    # each file.
     assert len(told) == len(set(told)) == 3 + 6 + 3 + 6 + 6 + 3
 
 

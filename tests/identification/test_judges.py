@@ -1,4 +1,4 @@
-"""Data checks of impossible readings find each planted fault, and no fault in clean noise."""
+"""Data checks find data that are not what they are read as, and no fault in clean noise."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fltea.identification import data_checks, judges
+from fltea.identification import data_checks
 from fltea.identification.data_checks import DataCheck, axis_data_checks, of_axis, withheld
 from fltea.identification.gaps import Gaps, no_gaps
 from fltea.identification.judges import judge, judge_one
@@ -84,7 +84,7 @@ def test_a_sensor_that_was_turned_has_no_broken_reads() -> None:
 @pytest.mark.parametrize("of", ["gyro", "accel"])
 @pytest.mark.parametrize("colour", ["white", "slow"])
 def test_sensors_by_turns(sensors: int, of: str, colour: str) -> None:
-    """Two alternating equal sensors in one series were once "anti-persistent", with a "line at 50 Hz"."""
+    """Alternating samples of two equal sensors were once called "anti-persistent", with a "line at 50 Hz"."""
     y = white(N, 3, 1) if colour == "white" else ar((0.95,), N, 3, 1) / 3
     biases = np.random.default_rng(sensors).normal(0, 1.0, sensors)
     turns = np.resize(biases, N)
@@ -107,8 +107,10 @@ def test_sensors_by_turns_with_a_gap() -> None:
 
 @pytest.mark.parametrize("noise", ["white", "slow"])
 def test_rows_between_samples_alternate(noise: str) -> None:
-    """Every second row is interpolated: the rate doubles, and the noise was once "low-pass, the sensor's
-    own"."""
+    """Every second row is interpolated, which doubles the rate.
+
+    Such noise was once called "low-pass, the sensor's own".
+    """
     rng = np.random.default_rng(3)
     y = white(N // 2 + 1, 3, 1) + (gauss_markov(rng, N // 2 + 1, H, 1.0, 1.0) if noise == "slow" else 0)
     both = np.empty((3, N))
@@ -118,21 +120,27 @@ def test_rows_between_samples_alternate(noise: str) -> None:
 
 @pytest.mark.parametrize("hz", [49.9, 49.99, 33.3, 25.02])
 def test_a_line_near_a_part_of_the_rate_is_none(hz: float) -> None:
-    """Mains near half the rate beats slowly against it, which alternating sensors do not."""
+    """Mains near half the sample rate beats slowly against it.
+
+    Alternating sensors do not.
+    """
     y = white(60_000, 1, 1) + 0.5 * np.sin(2 * np.pi * hz * np.arange(60_000) * H + 1)
     assert "alternates" not in judged(gyro(y))
 
 
 @pytest.mark.parametrize("every", [100, 50, 33])
 def test_a_glitch_in_each_period_is_no_sensor_by_turns(every: int) -> None:
-    """All glitches fall on the same turn of four, two or three."""
+    """All glitches fall on the same sample of a pattern of four, two or three."""
     y = white(60_000, 3, 1)
     y[:, ::every] += 5.0 * float(y.std())
     assert "alternates" not in judged(gyro(y))
 
 
 def test_held_values_of_an_accelerometer() -> None:
-    """Accelerations held at 62.5 Hz in a record at 200 Hz were once "low-pass, the sensor's own"."""
+    """Accelerations are measured at 62.5 Hz and repeated at 200 Hz.
+
+    Once they were called "low-pass, the sensor's own".
+    """
     n, h = 24_000, 1 / 200
     fresh = accel(9.81, n)
     at = (np.arange(n) * 62.5 / 200).astype(int)
@@ -213,7 +221,10 @@ def test_whatever_other_unit_would_fit(scale: float) -> None:
 
 
 def test_a_sensor_that_moves_is_not_doubted() -> None:
-    """A quiet part of the record is used if there is one; if all parts shake, the accelerometer shows it."""
+    """A quiet part of the record is used if there is one.
+
+    If the sensor shakes in all parts, the accelerometer shows it.
+    """
     y = 10.0 * white(N, 3, 1)
     assert "unit" in judged(gyro(y), reading=said("unit", "convention"))
     shaken = {**gyro(y), **accel(9.81, noise=0.2)}
@@ -241,8 +252,9 @@ def test_decimals_are_told_from_counts(quantum: float, unit: str, written: str) 
 
 @pytest.mark.parametrize("sigma", [0.02, 0.12])
 def test_rounding_by_decimals_is_not_the_sensors(sigma: float) -> None:
-    """White noise rounded to 0.01 rad/s once gave a filter's file, and the advice "choose a smaller
-    range"."""
+    """White noise rounded to 0.01 rad/s once led to a file for a filter, and to the advice "choose a smaller
+    range".
+    """
     y = np.round(0.01 * (sigma * white(N, 1, 1)[0] + 0.47), 2) * IN_RAD_S
     (data_check,) = (
         data_check for data_check in axis_data_checks(y, H) if data_check.kind in ("decimals", "quantisation")
@@ -264,7 +276,8 @@ def test_the_step_of_many_values() -> None:
 def test_every_data_check_is_in_the_guide() -> None:
     guide = (Path(__file__).parents[2] / "host/docs/guide/verdict.md").read_text(encoding="utf-8")
     told = set(re.findall(r"`([a-z ]+)`", "".join(re.findall(r"^\| (`.*?) \|", guide, re.MULTILINE))))
-    sources = [Path(module.__file__ or "").read_text(encoding="utf-8") for module in (data_checks, judges)]
+    folder = Path(data_checks.__file__ or "").parent
+    sources = [path.read_text(encoding="utf-8") for path in sorted(folder.glob("*.py"))]
     made = {kind for text in sources for kind in re.findall(r'DataCheck\(\s*"([a-z ]+)"', text)}
     assert len(made) > 12
     assert made | {"decimals", "quantisation", "line", "resonance"} <= told
@@ -304,8 +317,10 @@ def test_no_alarm(seed: int, kind: str, sigma_lsb: float | None, axes: int, know
 @pytest.mark.slow
 @pytest.mark.parametrize("rate_hz", [50.0, 200.0, 1000.0])
 def test_no_alarm_in_many_clean_records(rate_hz: float) -> None:
-    """A hundred records of 100 s to 20 min: both sensors, coarse and fine counts, white and coloured
-    noise."""
+    """The check is made on a hundred records of 100 s to 20 min.
+
+    They are of both sensors, with coarse and fine counts, and white and coloured noise.
+    """
     for seed in range(100):
         rng = np.random.default_rng((int(rate_hz), seed))
         n = int(rate_hz * rng.choice([100, 300, 1200 if rate_hz < 500 else 100]))

@@ -58,13 +58,16 @@ def test_the_page_s_filter_says_what_the_file_says(name: str, tmp_path: Path) ->
     plain = navigation_filter(tracked(y), y, H)
     for told in plain.heading_std[:3]:
         drift, std = by_the_page(plain, y[:0], told.t_s, tmp_path)
-        assert std == pytest.approx(told.filter, rel=0.03)  # sums over samples, compared with integrals
+        assert std == pytest.approx(told.filter, rel=0.03)  # one is a sum over samples, the other an integral
         assert drift == pytest.approx(plain.bias * told.t_s)
 
 
 @pytest.mark.parametrize("name", [*NOISES, "EMA"])
 def test_the_filter_s_heading_is_the_forecast_s(name: str) -> None:
-    """They agree from a minute on; earlier the forecast uses the states at the end of the record."""
+    """Both σ agree after a minute.
+
+    Before, the forecast is better, since it uses the states at the end of the record.
+    """
     for seed in range(4):
         y = noise(name, N, np.random.default_rng(seed))
         plain = navigation_filter(tracked(y), y, H)
@@ -76,7 +79,7 @@ def test_the_filter_s_heading_is_the_forecast_s(name: str) -> None:
 
 
 def test_the_heading_is_as_far_off_as_it_says() -> None:
-    """Root mean square of the error over σ, for all noises after 10, 60 and 300 s."""
+    """The root mean square of error / σ is checked for all noises after 10, 60 and 300 s."""
     squares = []
     for seed in range(8):
         for name in (*NOISES, "EMA"):
@@ -95,7 +98,10 @@ def test_the_heading_is_as_far_off_as_it_says() -> None:
 
 
 def test_a_slope_is_a_walk_of_the_bias() -> None:
-    """.05 deg/s in ten minutes: the heading error is half the slope times t², as the filter predicts."""
+    """The slope is 0.05 deg/s in ten minutes.
+
+    The heading error is half the slope times t², as the filter predicts.
+    """
     slope = 0.05 / 600
     squares = []
     for seed in range(6):
@@ -115,7 +121,8 @@ def test_what_a_low_pass_takes_away_is_in_n_as_it_was_before(name: str) -> None:
     y = noise(name, N, np.random.default_rng(2))
     plain = navigation_filter(tracked(y), y, H)
     density = np.sqrt(0.01 * H) if name == "EMA" else np.sqrt(0.02 * H)
-    fast = (state for state in plain.gauss_markov if state.tau_s < 1)  # the others belong to the offset
+    # the slower states belong to the offset
+    fast = (state for state in plain.gauss_markov if state.tau_s < 1)
     slow = sum(2 * state.sigma**2 * state.tau_s for state in fast)
     assert np.sqrt(plain.N**2 + slow) == pytest.approx(density, rel=0.05)
 

@@ -96,7 +96,7 @@ def test_the_worst_axis_counts_or_each_for_itself() -> None:
     gins = yaml.safe_load(text("kf-gins"))["imunoise"]
     assert gins["arw"] == pytest.approx([0.6, 1.2, 0.9], rel=1e-6)  # deg/√h, from deg/√s times 60
     assert gins["corrtime"] == pytest.approx(100 / 3600, rel=1e-6)
-    # one time for all axes, which leaves the walk unchanged
+    # one correlation time for all axes, which leaves the random walk unchanged
     walks = [one * math.sqrt(100 / 2) for one in (0.002, 0.001, 0.003)]
     assert gins["gbstd"] == pytest.approx([3600 * one for one in walks], rel=1e-6)
     px4 = dict(line.split()[2:4] for line in text("px4").splitlines() if line.startswith("param"))
@@ -148,7 +148,7 @@ def relaxing() -> AxisReport:
 
 
 def test_what_a_filter_allows_for_a_walk_that_is_not_seen_is_no_figure() -> None:
-    """In white noise a filter state that is merely not excluded was once written as a known walk."""
+    """For white noise, a filter state that was only not excluded was once written as a known random walk."""
     states = (FilterState(0.01, 6.0), FilterState(0.01, 100.0))
     axis = replace(AXIS, filter=NavigationFilter(0.011, 0.0, states, 0.0, 0.1, ()))
     found = filter_figures(axis)

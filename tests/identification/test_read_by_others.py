@@ -42,7 +42,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("name", ["identify.json", *(f"{flag[2:]}.json" for flag in MODELS)])
 def test_a_document(name: str, folder: Path) -> None:
-    """The file is one object, whatever the columns of its axes hold."""
+    """The file can be read as one object, even if its axes have different fields."""
     text = (folder / name).read_text()
     expected: dict[str, Any] = json.loads(text)
     parse = pyarrow.json.ParseOptions(newlines_in_values=True)
@@ -67,7 +67,7 @@ def test_the_filters_of_the_axes_are_a_table(folder: Path) -> None:
     assert list(table.index) == list(AXES)
     numbers = table[["N", "K", "bias", "bias_std"]].astype(float)
     assert np.isfinite(numbers.to_numpy()).all()
-    for states, least in zip(table.gauss_markov, (0, 1), strict=True):  # the offset may have one more
+    for states, least in zip(table.gauss_markov, (0, 1), strict=True):  # the offset may add another state
         assert len(states) >= least
     assert pl.DataFrame([axis["filter"] for axis in axes.values()]).height == 2
 

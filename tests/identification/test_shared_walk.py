@@ -36,7 +36,7 @@ def mean_step(one: FittedSystem) -> float:
 
 
 def test_together_they_know_their_walk_better() -> None:
-    """K is nearer the truth than for each axis alone, by about √3."""
+    """Three axes together give a smaller error of K than each alone, by a factor of about √3."""
     off: dict[str, list[float]] = {"own": [], "shared": []}
     for seed in range(15):
         own = {name: fitted_system([White(0.01)], y, H) for name, y in axes((300.0,) * 3, seed).items()}
@@ -56,7 +56,7 @@ def test_axes_that_differ_have_a_walk_of_their_own() -> None:
 
 
 def test_axes_whose_parts_walk_have_nothing_but_bounds_in_common() -> None:
-    """For a relaxation of 15 s in five minutes, an axis alone may well show none."""
+    """In five minutes, an axis alone may well not show its relaxation of 15 s."""
     rng = np.random.default_rng(5)
     own, bounded = {}, {"own": 0.0, "shared": 0.0}
     for axis, size in zip("xyz", (0.05, 0.07, 0.1), strict=True):
@@ -108,7 +108,8 @@ def test_all_that_is_said_of_a_recording_goes_by_it(channels: tuple[str, ...] | 
     assert [axis.model.offset_walk for axis in found] == pytest.approx([K] * len(found), rel=1e-9)
     first = found[0].model.offset_relaxation
     for axis in found:
-        relaxation = axis.model.offset_relaxation  # of sums, whose last bits differ from axis to axis
+        # it comes from sums whose last bits differ from axis to axis
+        relaxation = axis.model.offset_relaxation
         assert (relaxation is None) == (first is None)
         if relaxation is not None and first is not None:
             assert msgspec.structs.astuple(relaxation) == pytest.approx(

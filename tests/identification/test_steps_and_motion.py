@@ -1,5 +1,4 @@
-"""What `fltea identify` reports on steps of the bias and on motion, and that neither distorts the noise
-figures."""
+"""`fltea identify` reports steps of the bias and motion; neither distorts the noise figures."""
 
 import math
 from pathlib import Path
@@ -69,7 +68,7 @@ def test_white_noise_with_a_step_is_white_noise_and_the_step_is_told(size: float
 
 
 def test_a_step_is_that_of_a_gap_free_time_and_the_bias_is_that_of_the_setting() -> None:
-    """The times of lost samples are included."""
+    """Times in the report include the time of lost samples."""
     y = white(3)
     y[30_000:] += 0.2
     found = identified(y, Gaps(np.array([10_000, 20_000]), np.array([50, 5000])))
@@ -82,7 +81,7 @@ def test_a_step_is_that_of_a_gap_free_time_and_the_bias_is_that_of_the_setting()
 
 @pytest.mark.parametrize(("seed", "size"), [(1, 0.2), (3, 0.2), (2, 0.3)])
 def test_popcorn_noise_is_named_and_what_is_between_is_white(seed: int, size: float) -> None:
-    """A telegraph of 20 s, whose spectrum is that of a relaxation."""
+    """The steps are telegraph noise with a mean stay of 20 s, whose spectrum is that of a relaxation."""
     rng = np.random.default_rng(seed)
     y = SIGMA * rng.standard_normal(SAMPLES)
     jumps = np.cumsum(rng.exponential(2000, 200)).astype(int)
@@ -179,7 +178,7 @@ def test_a_turn_about_z_is_motion_of_all_axes_and_in_no_figure(tmp_path: Path) -
 
 
 def test_a_tilt_that_only_the_accelerometer_shows_is_motion_of_the_gyroscope(tmp_path: Path) -> None:
-    """This holds whether or not the accelerometer is identified, too; in the API it always is."""
+    """This holds even if the accelerometer is not identified, too. In the API it always is."""
     accel = still()
     accel[20_000:21_000, 0] += np.linspace(0, 2, 1000)
     accel[21_000:, 0] += 2

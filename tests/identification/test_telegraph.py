@@ -1,5 +1,4 @@
-"""Telegraph noise with almost no other noise: its name, and that the heading's forecast includes its
-steps."""
+"""Telegraph noise with almost no other noise is recognised, and the heading's forecast includes its steps."""
 
 import math
 from pathlib import Path
@@ -59,12 +58,15 @@ def test_more_levels_and_coarse_counts(count: int, noise: float, lsb: float | No
     assert len(found.levels) == count
     assert found.every_s == pytest.approx(2.0, rel=0.35)
     assert found.sigma == pytest.approx(0.1 if count == 2 else 0.2 * math.sqrt(2 / 3), rel=0.15)
-    # Levels in random order are forgotten at the rate at which they are left, times m / (m - 1).
+    # With m levels in random order, the correlation decays m / (m - 1) times as fast as levels are left.
     assert found.tau_s == pytest.approx(2.0 * (count - 1) / count, rel=0.4)
 
 
 def test_the_heading_has_the_steps_to_come() -> None:
-    """In 95 % of independent minutes, both with the mean of the record and with the exported filter."""
+    """In 95 % of independent minutes the heading is inside its interval.
+
+    This holds both with the mean of the record and with the exported filter.
+    """
     inside: list[bool] = []
     for seed in range(4):
         rng = np.random.default_rng(20 + seed)

@@ -33,7 +33,7 @@ def report(y: Array) -> AxisReport:
 
 
 def test_three_answers() -> None:
-    """A constant offset is hardly ever said to walk; where no walk is reported, its bound is."""
+    """A constant offset is hardly ever said to walk. If no walk is reported, its upper bound is."""
     counts = {share: {"walks": 0, "likely constant": 0, "not told": 0} for share in (0.0, 100.0, 3000.0)}
     bounded, told = 0, 0
     for share, count in counts.items():
@@ -81,7 +81,10 @@ def test_what_kalibr_gets_where_the_verdict_says_drift_alone() -> None:
 
 
 def test_kalibr_gets_all_of_a_walk_that_has_bounds_in_the_filter() -> None:
-    """A relaxation of 1 s in a minute: the verdict has a walk; the filter has a state, and almost no walk."""
+    """In a minute, the verdict makes a relaxation of 1 s a random walk.
+
+    The filter has a state for it, and almost no walk.
+    """
     rng = np.random.default_rng(0)
     axis = report(rng.normal(size=6000) + gauss_markov(rng, 6000, H, 1.0, 1.0))
     assert axis.filter is not None
@@ -101,7 +104,7 @@ def test_no_record_is_said_to_have_no_walk() -> None:
 
 
 def test_what_n_leaves_out_is_beside_it() -> None:
-    """White noise of .01 deg/√s, plus a relaxation of .04 that shows from .3 s on."""
+    """The noise is white of 0.01 deg/√s, plus a relaxation of 0.04 that shows from 0.3 s on."""
     rng = np.random.default_rng(4)
     y = rng.normal(size=60_000) * 0.1 + gauss_markov(rng, 60_000, H, 0.05, 0.3)
     noise = axis_noise(report(y))

@@ -86,7 +86,7 @@ def test_rounding_is_none_of_them(noise: str) -> None:
     for counts in (0.2, 0.3, 0.5, 0.7, 1, 1.5, 2, 3, 5, 20):
         for offset in (0.0, 0.25, 0.5):
             rounded = np.rint(counts * y + offset)
-            written = np.round(rounded * 0.061, 2)  # of unequal steps
+            written = np.round(rounded * 0.061, 2)  # the steps between these values are unequal
             found = [*kinds(rounded), *kinds(written)]
             # Slow noise of two or three counts has few values, and counts as coarse.
             assert set(found) <= ({"few values"} if counts < 1 and noise in ("walk", "slow") else set())

@@ -21,12 +21,12 @@ def scalar(w: Array) -> Array:
 
 
 def example_1(window: int) -> Fltea:
-    """Return the settings of section 6.1."""
+    """Return the algorithm with the settings of the paper's section 6.1."""
     return Fltea(System(scalar, np.eye(1), np.eye(1), 0.001), ORDER, PARAMETER, STATE, window)
 
 
 def data(n: int, seed: int = 3) -> tuple[Array, Array]:
-    """Return input and output of a system of order 0.6 under a saw-tooth of ±1 and 5 Hz."""
+    """Return input and output of a system of order 0.6. The input is a saw-tooth of ±1 and 5 Hz."""
     u = saw_tooth(n, 5)
     return u, driven(0.6, u, seed)[1]
 
@@ -36,8 +36,9 @@ def same(a: Step, b: Step) -> bool:
 
 
 def test_parameters_that_enter_linearly_follow_a_plain_kalman_filter() -> None:
-    # A(w) x is linear in w, and so is the output, with H = h^α d(A x)/dw: sigma points are then exact. With
-    # the order held, KFw and KFx predict the same output, so they share the innovation.
+    # A(w) x is linear in w. So the output is linear, too, with H = h^α d(A x)/dw, and filtering by sigma
+    # points is exact. If the order is constant, the filters KFw and KFx predict the same output, so they have
+    # the same innovation.
     h, order, R, delta = 0.25, 0.5, np.diag([0.2, 0.3]), 0.3
     P = np.array([[0.5, 0.2, 0.1], [0.2, 0.4, 0.0], [0.1, 0.0, 0.3]])
     Q = np.diag([0.01, 0.02, 0.03])
@@ -62,8 +63,8 @@ def test_parameters_that_enter_linearly_follow_a_plain_kalman_filter() -> None:
 
 
 def test_two_outputs_are_one_with_their_combined_noise() -> None:
-    # Two measurements of the state with variances 0.2 and 0.3 equal one of their weighted mean with variance
-    # 1/(1/0.2 + 1/0.3).
+    # Two measurements of the state with variances 0.2 and 0.3 are equivalent to one measurement: their
+    # weighted mean, with variance 1/(1/0.2 + 1/0.3).
     def start(C: Array, R: object) -> Fltea:
         return Fltea(
             System(scalar, None, C, 0.01),
@@ -82,7 +83,7 @@ def test_two_outputs_are_one_with_their_combined_noise() -> None:
 
 
 def test_two_separate_systems_in_one_keep_apart() -> None:
-    # With the order held and A = diag(w), the state filter of two uncoupled states equals two filters.
+    # With a constant order and A = diag(w), the filter of two uncoupled states is equivalent to two filters.
     order = OrderSettings(P0=0, Q0=0, alpha0=0.6, R=1, delta=0)
 
     def start(w: list[float]) -> Fltea:
@@ -128,7 +129,8 @@ def test_covariances_stay_symmetric_and_non_negative(
         assert not step.finite or step.order_variance >= 0
         assert not step.finite or all(np.array_equal(P, P.T) for P in covariances)
         if not (step.finite and abs(step.order) < 3 and max(np.abs(P).max() for P in covariances) < 1e6):
-            break  # diverging: F P F' then loses more digits by cancellation than the bound below allows
+            # if the filter diverges, F P F' loses more digits by cancellation than the bound below allows
+            break
         steps += 1
         assert all(np.linalg.eigvalsh(P).min() >= -1e-12 * np.abs(P).max() for P in covariances)
     assume(steps > 0)
@@ -178,7 +180,7 @@ def test_a_prediction_is_what_the_next_measurement_is_compared_with() -> None:
 
 
 def test_divergence_is_told_and_never_raised() -> None:
-    # Section 7.1 with one absurd but finite sample, whose square overflows a float.
+    # The settings of section 7.1, with one absurd but finite sample, whose square is too large for a float.
     fltea = Fltea(
         System(scalar, None, np.eye(1), 0.01),
         OrderSettings(P0=0.01, Q0=0.1, alpha0=1, R=0.0235, delta=0.5),
@@ -191,7 +193,7 @@ def test_divergence_is_told_and_never_raised() -> None:
     finite = [step.finite for step in steps]
     assert finite[0]
     assert not finite[-1]
-    # Once lost, the estimate stays lost, with or without measurements.
+    # After the first estimate that is not finite, all are so, with or without measurements.
     assert sorted(finite, reverse=True) == finite
     assert not fltea.step(None).finite
     assert fltea.step(0.0).finite is False
@@ -281,7 +283,8 @@ def test_wrong_settings_are_named(text: str, make: Callable[[], object]) -> None
 
 
 def test_covariances_of_parameters_may_be_singular() -> None:
-    # One parameter is known, two are unknown and fully correlated: P0 and the sigma points have rank one.
+    # One parameter is known, and two are unknown but fully correlated. So P0 and the sigma points have rank
+    # one.
     P0 = np.zeros((3, 3))
     P0[1:, 1:] = 0.04
     fltea = Fltea(

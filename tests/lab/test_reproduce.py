@@ -1,4 +1,4 @@
-"""Experiments of the paper: their data, their errors, which runs are lost, and the rows made of them."""
+"""Tests of the paper's experiments: the data, the errors, runs that diverge, and the rows of the tables."""
 
 import json
 from collections.abc import Iterable
@@ -36,7 +36,7 @@ def make_outcome(lost: list[bool], far: list[bool] | None = None, **values: list
     return Outcome(not_finite=np.array(lost), far_off=np.array(far or [False] * len(lost)), **arrays)
 
 
-# Data
+# The data of the experiments
 
 
 @pytest.mark.parametrize("number", [1, 2, 3])
@@ -65,7 +65,7 @@ def test_the_noises_have_the_papers_variances() -> None:
     for values, variance in ((data.y - data.x, 1e-3), (data.u, 0.1)):
         assert values.var() == pytest.approx(variance, rel=5 * np.sqrt(2 / count))
         assert values.mean() == pytest.approx(0, abs=5 * np.sqrt(variance / count))
-    # ω from the system's equation, solved for ω.
+    # ω is computed from the system's equation, solved for ω.
     omega = []
     for k in range(2, 300):
         c = weights(float(scenario.alpha[k - 1]), k - 1)
@@ -106,7 +106,7 @@ def test_an_unknown_fractional_source_raises_the_order_that_is_found() -> None:
     found = {kind: outcomes(case, range(8), options, quiet)[3000] for kind, case in cases.items()}
     for outcome in found.values():
         assert not (outcome.not_finite | outcome.far_off).any()
-    # Orders 0.4 and 0.4 + 0.3; the paper's algorithm finds about 0.54 and 0.66.
+    # The true orders are 0.4 and 0.4 + 0.3. The paper's algorithm estimates about 0.54 and 0.66.
     assert np.median(found[True].settled_order) > np.median(found[False].settled_order) + 0.05
 
 
@@ -231,7 +231,7 @@ def test_without_a_truth_lengths_are_compared_with_the_longest() -> None:
     long, brief = (estimate(scenario, data, length, Options()) for length in (3000, 1500))
     assert result[1500].order == pytest.approx(np.sum((long.alpha - brief.alpha) ** 2, axis=0), rel=1e-9)
     assert np.all(result[1500].state < 1e-5)
-    # Up to 1,500 samples both have the same memory.
+    # For the first 1,500 samples, both lengths of the memory include all samples.
     assert np.array_equal(long.f[:1500], brief.f[:1500])
 
 
@@ -278,8 +278,8 @@ def test_lost_runs_are_counted_and_guards_prevent_them() -> None:
 
 
 def test_a_finite_run_that_is_far_off_stays_in_every_statistic() -> None:
-    # Saw-tooth ±1.2: the printed algorithm leaves the range of 10 sqrt(R) for a sixth of the seeds, and stays
-    # finite.
+    # With a saw-tooth of ±1.2, the state of the printed algorithm leaves the range of 10 sqrt(R) for a sixth
+    # of the seeds, but stays finite.
     scenario = replace(short(2, 4000, SawTooth(1.2)), lengths=(4000,))
     printed = outcomes(scenario, range(32), Options(), quiet)[4000]
     assert printed.far_off.sum() >= 1
@@ -305,7 +305,8 @@ def test_medians_are_of_all_that_are_finite() -> None:
     spread = {"median": 2.0, "p05": pytest.approx(1.1), "p95": pytest.approx(2.9), "paper": 2.5}
     assert row["state"] == spread | {"percentile": pytest.approx(200 / 3)}
     assert row["parameter"]["percentile"] == 100
-    assert (row["order"]["paper"], row["order"]["percentile"]) == (1.0, 50)  # ties count as one half
+    # an error equal to the printed one counts as one half
+    assert (row["order"]["paper"], row["order"]["percentile"]) == (1.0, 50)
 
 
 def test_what_is_not_a_number_is_null() -> None:

@@ -1,4 +1,4 @@
-"""`fltea reproduce` and `fltea bench` as a user calls them."""
+"""Tests of `fltea reproduce` and `fltea bench` as users call them."""
 
 import csv
 import json
@@ -20,7 +20,7 @@ Call = Callable[..., tuple[int, str, str]]
 
 @pytest.fixture
 def fltea(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Call:
-    """Run the command in an empty folder; return exit code, stdout, stderr."""
+    """Return a function that runs fltea in an empty folder, and returns exit code, stdout and stderr."""
     monkeypatch.chdir(tmp_path)
 
     def call(*arguments: str) -> tuple[int, str, str]:
@@ -31,7 +31,7 @@ def fltea(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Call:
 
 
 def numbers(value: Any) -> list[Any]:
-    """Return every value in a JSON document that is neither text nor a container."""
+    """Return every value in a JSON document that is not a text, a list or an object."""
     if isinstance(value, dict):
         return [n for v in value.values() for n in numbers(v)]
     if isinstance(value, list):
@@ -121,7 +121,8 @@ def test_figures_are_drawn_and_not_blank(fltea: Call, tmp_path: Path) -> None:
         pixels = image.imread(tmp_path / "pictures" / f"{name}.png")[..., :3]
         assert pixels.shape[0] > 400
         assert pixels.shape[1] > 800
-        assert 0.001 < np.mean(pixels.min(axis=-1) < 0.9) < 0.9  # there is a curve on the page
+        # some pixels are dark, so the page shows a curve
+        assert 0.001 < np.mean(pixels.min(axis=-1) < 0.9) < 0.9
         coloured = np.ptp(pixels, axis=-1) > 0.2
         assert coloured.sum() > 500
 

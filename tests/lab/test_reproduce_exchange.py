@@ -1,5 +1,4 @@
-"""Tables 3 and 4 of the paper against examples 2 and 3: the evidence that the paper exchanged the two
-tables."""
+"""Tests of the evidence that the paper exchanged tables 3 and 4, which belong to examples 2 and 3."""
 
 from dataclasses import replace
 from typing import Any
@@ -13,10 +12,11 @@ from fltea.lab.reproduce.scenarios import SawTooth, example
 
 
 def made_up(table: int, size: float, seeds: int, lost: int = 0, spread: float = 0.3) -> dict[int, Outcome]:
-    """Draw seeds around a table's printed numbers times `size`, which change with L roughly as the table
-    does.
+    """Draw outcomes around the numbers printed in a table, multiplied by `size`.
 
-    `spread`: standard deviation of the numbers' logarithms. `lost`: how many seeds are not finite.
+    From one memory length L to the other, they change roughly as the numbers in the table do.
+
+    `spread`: standard deviation of the logarithms. `lost`: number of seeds whose outcome is not finite.
     """
     rng = np.random.default_rng(table)
     printed = {3: paper.TABLE_3, 4: paper.TABLE_4}[table]
@@ -54,7 +54,7 @@ def test_numbers_that_fit_the_other_example_only_are_called_exchanged() -> None:
     text = exchange.text(found)
     assert "most likely exchanged in print: an inference, the paper does not say so" in text
     assert "all of example" in text
-    assert "lead" in text  # the paper's own words on example 3
+    assert "lead" in text  # a word that the paper itself uses about example 3
     assert "fits neither" in text
 
 
@@ -84,11 +84,12 @@ def test_an_order_that_stays_at_0_is_nearer_than_the_printed_errors() -> None:
     assert 2 * exchange.zero_order_error() < paper.TABLE_3[4000].order < paper.TABLE_4[4000].order
 
 
-# Percentiles of the printed state / parameter among 800 seeds of an implementation that shares no code with
-# this one (../shared/paper/tables.md): the numbers at L = 4,000, and their changes to L = 2,000.
+# For the printed errors of state and parameter, the fraction of seeds of an independent implementation that
+# have smaller errors (800 seeds, ../shared/paper/tables.md). `levels`: of the errors at L = 4,000. `changes`:
+# of how the errors change at L = 2,000.
 OTHERS_SEEDS = 800
 OTHERS = [
-    # table, example, amplitude of the saw-tooth, levels, changes
+    # table, example, amplitude of the saw-tooth, `levels` and `changes` as above
     (2, 1, 1.0, (0.93, 0.74), (0.29, 0.49)),
     (2, 1, 1.2, (0.81, 0.74), (0.30, 0.42)),
     (3, 2, 1.0, (0.0, 0.0), (0.05, 0.11)),
@@ -102,7 +103,7 @@ SEEDS = 128
 
 @pytest.fixture(scope="module")
 def found() -> dict[tuple[int, float], dict[int, Outcome]]:
-    """Return outcomes by example and amplitude, at L = 4,000 and 2,000."""
+    """Return, by example and amplitude of the saw-tooth, the outcomes with L = 4,000 and 2,000."""
     runs = {}
     for number, amplitude in dict.fromkeys((number, amplitude) for _, number, amplitude, *_ in OTHERS):
         scenario = example(number, SawTooth(amplitude))
@@ -126,7 +127,7 @@ def test_percentiles_are_those_of_an_independent_implementation(
     row: Row
     for row, expected in ((first, levels), (last["change"], changes)):
         for name, share in zip(("state", "parameter"), expected, strict=True):
-            likely = np.clip(share, 0.01, 0.99)  # a share of 0 or 1 has a sampling error, too
+            likely = np.clip(share, 0.01, 0.99)  # even a fraction of 0 or 1 has a sampling error
             error = np.sqrt(likely * (1 - likely) * (1 / SEEDS + 1 / OTHERS_SEEDS))
             assert row[name]["percentile"] / 100 == pytest.approx(share, abs=4 * error), name
     assert row["order"]["percentile"] is not None
@@ -138,7 +139,7 @@ def test_the_printed_orders_of_tables_3_and_4_are_beyond_every_seed(
 ) -> None:
     for number in (2, 3):
         outcome = found[number, 1.0][4000]
-        # 1,097 and 29.5 were the largest of 1,599 and 1,588 seeds (../shared/paper/tables.md).
+        # The largest errors of 1,599 and of 1,588 seeds were 1,097 and 29.5 (../shared/paper/tables.md).
         assert outcome.order[~outcome.not_finite].max() < paper.TABLE_3[4000].order
     verdict = exchange.evidence({number: found[number, 1.0] for number in (2, 3)})
     assert verdict["inference"] == "too few seeds"

@@ -1,4 +1,4 @@
-"""The printed algorithm in other interpretations, and the choices that the paper leaves open."""
+"""Tests of the printed algorithm in several interpretations, since the paper leaves some choices open."""
 
 import json
 from collections.abc import Callable
@@ -36,8 +36,10 @@ def test_the_states_variance_is_that_of_the_guard_consistent() -> None:
 
 
 def by_hand(kappa: float, first: int, y: float, u: float) -> tuple[float, float, float, float]:
-    """Return order and parameter after one sample of example 1, with variances, as section 5.1 prints
-    them."""
+    """Return order and parameter, and their variances, after one sample of example 1.
+
+    They are computed as section 5.1 of the paper prints it.
+    """
     h, R, x0 = 1e-3, 1e-3, 0.4
 
     def updated(mean: float, P: float, model: Callable[[float], float]) -> tuple[float, float]:
@@ -71,8 +73,8 @@ def test_kfw_first_takes_the_order_of_the_step_before() -> None:
     filters = example(1, SawTooth()).filters
     data = Data(np.array([[0.2]]), np.array([[1.0]]))
     after, before = (readings.run(filters, Reading(parameter_first=b), data) for b in (False, True))
-    # With x_0 = 0 the first sample has no information on f, and KFo uses the same model in either order of
-    # the filters.
+    # With x_0 = 0, the first sample has no information on f, and KFo uses the same model whichever filter
+    # comes first.
     assert after.f == before.f == 0
     assert after.alpha == before.alpha
     data = Data(np.array([[0.2], [0.3]]), np.array([[1.0], [1.0]]))
@@ -85,7 +87,7 @@ def test_noise_outside_the_gain_is_added_to_the_state() -> None:
     inside, outside = (example(1, SawTooth(), 500, omega_outside=b).make(range(8)) for b in (False, True))
     assert inside.u is not None
     assert np.array_equal(inside.u, outside.u)
-    # At the first sample x_0 = 0: x_1 = h^α u_0 + ω_0, compared with h^α (u_0 + ω_0).
+    # With x_0 = 0, the first state is h^α u_0 + ω_0 if ω is outside the gain, and h^α (u_0 + ω_0) otherwise.
     gain = paper.H**0.6
     added = outside.x[0] - gain * outside.u[0]
     assert gain * added == pytest.approx(inside.x[0] - gain * inside.u[0])

@@ -1,4 +1,4 @@
-"""The receiving side of the MQTT client, with a broker that answers as the test wants."""
+"""Tests of the receiving side of the MQTT client, with a simulated broker."""
 
 import socket
 import threading
@@ -17,9 +17,9 @@ GRANTED, NOT_AUTHORIZED = 1, 0x87
 
 
 class FakeBroker:
-    """Answers each connection, and each subscription with the same reasons.
+    """A broker that accepts each connection, and answers each subscription with the same reason codes.
 
-    `sends`: packets that follow the first answer to a subscription.
+    `sends`: packets that follow each answer to a subscription.
     """
 
     def __init__(self, reasons: Sequence[int], sends: bytes = b"") -> None:
@@ -43,7 +43,8 @@ class FakeBroker:
     def _serve(self, peer: socket.socket) -> None:
         with peer, peer.makefile("rb") as packets:
             while kind := packets.read(1):
-                body = packets.read(packets.read(1)[0])  # all packets of the test are short
+                # in these tests, packets are so short that their length is one byte
+                body = packets.read(packets.read(1)[0])
                 if kind[0] == CONNECT:
                     peer.sendall(CONNACK)
                 elif kind[0] == SUBSCRIBE:
@@ -58,7 +59,7 @@ class FakeBroker:
 
 
 class Scene:
-    """A subscriber of two topics, and what it reported and received."""
+    """A subscriber of two topics, with everything that it has reported and received."""
 
     def __init__(self, broker: FakeBroker) -> None:
         self.broker = broker

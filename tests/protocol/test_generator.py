@@ -1,6 +1,8 @@
-"""The generator: `--check` names the files that are out of date, and a wrong definition is named.
+"""Tests of the code generator.
 
-`make lint` checks the committed files with it.
+`--check` names the files that are out of date. A mistake in the definition is named.
+
+`make lint` checks the committed files with `--check`.
 """
 
 import shutil

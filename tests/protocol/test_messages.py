@@ -1,6 +1,6 @@
-"""Messages: encoding and decoding, values out of range, the version rule.
+"""Tests of encoding and decoding messages, of values out of range, and of the rule about versions.
 
-The device's encoder gives the host's bytes.
+The device's encoder makes the same bytes as the host's.
 """
 
 import math
@@ -29,7 +29,8 @@ def decode(data: bytes) -> Frame | Refused | BadFrame:
 @fixed(300)
 def test_decode_undoes_encode(message: wire.Message, sequence: int, device_us: int) -> None:
     frame = decode(encode(message, sequence, device_us))
-    # Compared as text, in which a NaN equals itself and -0.0 differs from 0.0; the text names the class too.
+    # They are compared as text, in which a NaN equals itself, and -0.0 differs from 0.0. The text also has
+    # the class.
     assert repr(frame) == repr(Frame(message.TYPE, sequence, device_us, message))
 
 
@@ -60,7 +61,7 @@ def test_numbers_that_do_not_fit_raise(value: int) -> None:
 
 FLOATS = wire.Estimate(0, 1, 2, 3, *(0.0,) * 6, *(0,) * 9, *(0.0,) * 4)
 BEYOND = 2.0**128 - 2.0**103
-"""Half-way between the largest f32 and the next that would follow."""
+"""Half-way between the largest 32-bit float and the number that would follow it."""
 
 
 @pytest.mark.parametrize(

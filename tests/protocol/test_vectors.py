@@ -1,6 +1,7 @@
-"""The vectors of protocol/vectors, checked on the host and, for encoding, with the device's code.
+"""Tests with the vectors in protocol/vectors: on the host, and for encoding also with the device's code.
 
-Sources: PyPI cobs, zlib and struct (tools/make_vectors.py), and published values typed by hand (cited there).
+The vectors come from the packages cobs, zlib and struct (tools/make_vectors.py), and from published values
+copied by hand, which are cited there.
 """
 
 import zlib
@@ -79,7 +80,7 @@ def test_bad_frame(record: list[tuple[str, str]]) -> None:
 
 @pytest.mark.parametrize("record", STREAMS, ids=names(STREAMS))
 def test_stream(record: list[tuple[str, str]]) -> None:
-    """Once through each decoder; another test covers arbitrary chunks."""
+    """Each decoder gets the stream once. Another test divides streams into arbitrary chunks."""
     data = b"".join(bytes.fromhex(value) for key, value in record if key == "bytes")
     expected = [f"{key} {value}" for key, value in record if key in ("frame", "bad", "refused")]
     counts = Counter({v.split()[0]: int(v.split()[1]) for key, v in record if key == "count"})

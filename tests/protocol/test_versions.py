@@ -1,6 +1,6 @@
-"""Hosts and boards of neighbouring minor versions read each other.
+"""Tests that hosts and boards with successive minor versions of the protocol understand each other.
 
-The later version adds only where permitted.
+The later version has additions only where these are permitted.
 """
 
 import subprocess
@@ -30,7 +30,7 @@ doc = "what boards of before do not know"
 NEXT = protocol_definition.load(
     DEFINITION.replace(f"minor = {PROTOCOL.minor}", f"minor = {MINOR}")
     .replace("# ----", ADDED_FIELD + "# ----", 3)
-    .replace(ADDED_FIELD, "", 1)  # before HELLO there is no message
+    .replace(ADDED_FIELD, "", 1)  # the first mark precedes HELLO, so no message ends there
     .replace(
         "data_ready = { value = 1",
         f'later = {{ value = 9, since = {MINOR}, doc = "x" }}\ndata_ready = {{ value = 1',
@@ -39,11 +39,15 @@ NEXT = protocol_definition.load(
     + f'\n[[message]]\nname = "NOTE"\nid = 99\nsince = {MINOR}\ndoc = "x"\n'
     + ADDED_FIELD.replace(f"since = {MINOR}", "")
 )
-"""The next minor version: HELLO and SAMPLE have an additional field; a message, a value and a bit are new."""
+"""The definition of the next minor version.
+
+HELLO and SAMPLE have an additional field, and a message, a value of an enum and a bit of the flags are
+new.
+"""
 
 
 def module_of(protocol: protocol_definition.Protocol) -> Any:
-    """Return the Python module generated from a definition."""
+    """Return the Python module that is generated from a definition."""
     module = sys.modules[f"next_{id(protocol)}"] = ModuleType(f"next_{id(protocol)}")
     exec(gen_protocol.module(protocol), module.__dict__)
     return module
@@ -122,7 +126,7 @@ def test_the_next_native_decoder_reads_this_board_and_the_one_after_it(tmp_path:
     ("major", "minor", "schema", "readable"),
     [
         (1, PROTOCOL.minor, wire.SCHEMA_HASH, True),
-        (1, PROTOCOL.minor, 0xDEADBEEF, False),  # changed without a new version
+        (1, PROTOCOL.minor, 0xDEADBEEF, False),  # the definition was changed without a new version
         (1, PROTOCOL.minor - 1, 0xDEADBEEF, False),  # versions before `oldest` changed existing messages
         (1, MINOR, 0xDEADBEEF, True),
         (2, MINOR, 0xDEADBEEF, False),

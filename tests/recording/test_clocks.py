@@ -43,7 +43,7 @@ def assert_asks_the_rate(text: str) -> None:
     assert command == "--rate ?"
 
 
-# # --- an impossible unit ---
+# --- an impossible unit ---
 
 
 @pytest.mark.parametrize(("step", "unit"), [(10, "ms"), (1, "ms"), (10_000, "us"), (5_000_000, "ns")])
@@ -68,7 +68,7 @@ def test_a_period_is_no_rate(text: str, tmp_path: Path) -> None:
     assert "--rate 0.0001 would be a sample in 1e+04 s" in refusal(tmp_path, text, rate_hz=1e-4)
 
 
-# # --- times that are uneven or misread ---
+# --- times that are uneven or misread ---
 
 
 def test_parts_of_seconds_that_are_not_padded_advise_no_rate(tmp_path: Path) -> None:

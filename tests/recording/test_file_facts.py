@@ -100,7 +100,7 @@ def test_a_name_and_the_unit_beside_it_agree(tmp_path: Path) -> None:
     assert matlab(tmp_path, arrays, units="dps", overrule=True).whole().gyro == pytest.approx(GYRO)
 
 
-# # --- what a file states about the columns of an array, and about their scale ---
+# --- what a file states about the columns of an array, and about their scale ---
 
 TABLE = np.c_[TIMES_S, GYRO, GYRO[:, :1] + 9.81]
 COLUMNS = {"columns": ["t", "gx", "gy", "gz", "ax"], "units": ["s", *["rad/s"] * 3, "m/s^2"]}

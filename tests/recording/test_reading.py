@@ -152,7 +152,7 @@ def test_what_is_asked_for_can_be_typed() -> None:
     assert text == f"rest: nothing says this; and that. {ASK}--c 1 --a ? --b ?\ntable"
 
 
-# # --- the strongest evidence decides ---
+# --- the strongest evidence decides ---
 
 UNITS = ["deg/s", "rad/s", "mdeg/s", "mrad/s", "deg/h"]
 MAYBE = st.none() | st.sampled_from(UNITS)

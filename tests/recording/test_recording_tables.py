@@ -45,7 +45,7 @@ def comparable(records: list, kind: type[Any]) -> list[tuple]:
     return [(r.epoch, r.axes) for r in of(kind, records)]
 
 
-# # --- the pipeline without the estimator ---
+# --- the pipeline without the estimator ---
 
 
 def test_a_decoder_numbers_samples_as_the_pipeline_does(tmp_path: Path) -> None:

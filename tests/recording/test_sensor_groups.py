@@ -29,7 +29,7 @@ from tests.rig.table_support import (
     with_attributes,
 )
 
-# # --- labels by name, values by position ---
+# --- labels by name, values by position ---
 
 
 def three(x: Any, y: Any, z: Any) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Some code gives each field of a record that has a default a value, so no field stays empty for ever."""
+"""Tests that some code sets each field of a record that has a default, so that no field is always empty."""
 
 import ast
 import re
@@ -11,14 +11,17 @@ from fltea.records.records import AnyRecord
 from tests.rig.host_support import ROOT
 
 MOST = 30
-"""More fields than a record has, for calls with `*arguments`."""
+"""More than the number of fields of any record. A call with `*arguments` counts as setting so many."""
 
 Fields = set[tuple[str | None, str | int]]
-"""Arguments in the host's code: the name that is called, and the argument's own name or place."""
+"""Arguments of calls in the host's code: the name of what is called, and the argument's name or position."""
 
 
 def arguments(source: str) -> Iterator[tuple[str | None, str | int]]:
-    """Yield all arguments of calls in a source, those by name without the name that is called."""
+    """Yield all arguments of calls in source code.
+
+    For keyword arguments, the name of what is called is None.
+    """
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Call):
             yield from ((None, one.arg) for one in node.keywords if one.arg)
@@ -28,7 +31,7 @@ def arguments(source: str) -> Iterator[tuple[str | None, str | int]]:
 
 
 def structs(hint: object, found: set[type[msgspec.Struct]]) -> set[type[msgspec.Struct]]:
-    """Add the records of a type, and the parts that they consist of, to `found`, and return it."""
+    """Add all record types in a type hint, and the types of their parts, to `found`; return `found`."""
     for part in typing.get_args(hint):
         structs(part, found)
     if isinstance(hint, type) and issubclass(hint, msgspec.Struct) and hint not in found:
@@ -48,7 +51,7 @@ def unfilled(given: Fields) -> list[str]:
 
 
 def test_some_code_gives_each_field_of_a_record_a_value() -> None:
-    """Outputs only read records, so their code does not count."""
+    """The code of outputs does not count, since it only reads records."""
     files = (file for file in (ROOT / "host/fltea").rglob("*.py") if "sinks" not in file.parts)
     names = re.compile("|".join(rf"\b{struct.__name__}\(" for struct in structs(AnyRecord, set())))
     sources = (file.read_text(encoding="utf-8") for file in files)

@@ -1,5 +1,8 @@
-"""Packages import only packages that the README lists above them, and no modules import each other in a
-cycle."""
+"""Tests of imports.
+
+Packages import only packages that host/README.md lists above them, and no modules import each other in a
+cycle.
+"""
 
 import ast
 import functools
@@ -18,7 +21,7 @@ MODULES = FILES.keys() | {"fltea._native"}
 
 
 def imports(file: Path) -> set[str]:
-    """Return the modules of the package that a file imports, anywhere in it."""
+    """Return the modules of fltea that a file imports, at its beginning or anywhere else."""
     names: set[str] = set()
     for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
@@ -39,7 +42,7 @@ def room_of(name: str) -> str:
 
 
 def circles(arrows: dict[str, set[str]]) -> set[str]:
-    """Return the modules in cycles: remove repeatedly each module that imports none of the others."""
+    """Return the modules in cycles, which remain when modules that import no remaining one are removed."""
     left = dict(arrows)
     while free := [name for name, imported in left.items() if not imported & left.keys()]:
         for name in free:

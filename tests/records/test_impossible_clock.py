@@ -1,4 +1,4 @@
-"""An impossible date of the machine is rejected and reported, and spoils no recording."""
+"""Tests that an impossible date of the machine is not used but reported, and damages no recording."""
 
 import os
 import time
@@ -32,7 +32,7 @@ def wrong_clock(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch)
 
 
 def native_offset_ns() -> int:
-    """Return the offset to Unix time that the thread reading the ports uses."""
+    """Return the offset to Unix time that the native thread which reads ports uses."""
     reader, (out, into) = PortReader(1000), os.pipe()
     with closing(reader):
         os.set_blocking(out, False)

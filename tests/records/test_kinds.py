@@ -1,5 +1,7 @@
-"""Error kinds are data: every kind that the code reports is listed, and every listed kind is reported
-somewhere."""
+"""Tests of the list of error kinds.
+
+Every kind that the code reports is in the list, and some code reports every kind in the list.
+"""
 
 import ast
 import functools
@@ -13,16 +15,16 @@ from tests.rig.host_support import ROOT
 
 LISTED = ERROR_KINDS.keys()
 MAKERS = {"Unusable", "Trouble", "Failed", "Error", "Notice", "Down", "Note"}
-"""Classes that have a kind as their first field, or as `kind`."""
+"""Classes whose first field, or whose field `kind`, is the kind of an error."""
 TELLERS = {"_report", "_report_once", "_of_server", "_error", "_tell", "report"}
-"""Functions whose first argument is a kind."""
+"""Functions whose first argument is the kind of an error."""
 
 Function = ast.FunctionDef
 
 
 @functools.cache
 def all_told() -> list[tuple[str, str]]:
-    """Return what `told` finds in the package."""
+    """Return what `told` finds in the code of fltea."""
     files = sorted((ROOT / "host/fltea").rglob("*.py"))
     return list(
         told(
@@ -45,7 +47,7 @@ def functions(code: dict[Path, ast.Module]) -> dict[str, list[Function]]:
 
 
 def name_of(called: ast.expr) -> str:
-    """Return the last part of the name of a called object; of `hub.report()("kind", …)` that is report."""
+    """Return the last part of the name of what is called. For `hub.report()("kind", …)` it is "report"."""
     match called:
         case ast.Name(name) | ast.Attribute(attr=name):
             return name
@@ -55,7 +57,10 @@ def name_of(called: ast.expr) -> str:
 
 
 def told(code: dict[Path, ast.Module]) -> Iterator[tuple[str, str]]:
-    """Return every kind that is reported, and where, including functions that return kind and text."""
+    """Yield every kind that the code reports, and where.
+
+    This includes kinds from functions that return kind and text.
+    """
     defined = functions(code)
     for file, tree in code.items():
         for node in ast.walk(tree):
@@ -67,7 +72,8 @@ def told(code: dict[Path, ast.Module]) -> Iterator[tuple[str, str]]:
                         yield from ((kind, place) for kind in kinds_in(given[0], defined, place))
                 case ast.Assign(targets=[ast.Tuple([ast.Name("kind"), *_])], value=ast.Call(func=func)):
                     place = f"{file}:{node.lineno}"
-                    makers = defined.get(name_of(func), [])  # none: this is another sort of kind
+                    # if no function is found, `kind` is not the kind of an error
+                    makers = defined.get(name_of(func), [])
                     yield from ((kind, place) for maker in makers for kind in returned(maker))
 
 
@@ -81,7 +87,7 @@ def kinds_in(value: ast.expr, defined: dict[str, list[Function]], place: str) ->
             makers = defined.get(name_of(func), [])
             assert makers, f"{place}: nobody defines {name_of(func)}, which gives kind and text"
             return {kind for maker in makers for kind in returned(maker)}
-    return set()  # a variable or an attribute, passed on from where it was made
+    return set()  # a variable or an attribute, whose kind is found where it was made
 
 
 def returned(function: Function) -> set[str]:

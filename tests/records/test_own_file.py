@@ -1,5 +1,7 @@
-"""Files that the program keeps for itself: anything else under their name is neither emptied nor waited
-for."""
+"""Tests of files that the program keeps for itself.
+
+If something else has the name of such a file, the program neither empties it nor waits for it.
+"""
 
 import os
 from collections.abc import Callable
@@ -65,7 +67,7 @@ def test_it_is_made_and_written_again(append: bool, tmp_path: Path) -> None:
 
 @strange
 def test_lock_and_journal_are_such_files(put: Callable[[Path], None], tmp_path: Path) -> None:
-    """Earlier a link had its target emptied, and a pipe was waited for."""
+    """An earlier version emptied the file that a link leads to, and waited for a pipe."""
     put(tmp_path / ".state.lock")
     with pytest.raises(UsageError, match=r"\.state\.lock"):
         StateFile(StateConfig(str(tmp_path / "state")), lambda kind, text: None)

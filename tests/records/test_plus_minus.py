@@ -1,4 +1,4 @@
-"""The number after "±" is half of a 95 % interval in all text for people."""
+"""Tests that the number after "±" is half of a 95 % interval in all texts for people."""
 
 import ast
 import re
@@ -38,15 +38,15 @@ OTHERS = {
     "sources/i2c/source.py": (1, BOUND),
     "sources/i2c/texts.py": (1, BOUND),
 }
-"""How many texts of a file write ± themselves, and what for."""
+"""For each file that writes ± itself, the number of such texts and what the sign means in them."""
 SPELLINGS = ("±", r"\xb1", r"\u00b1", "PLUS-MINUS")
-"""How Python's code may write the sign; a file that has none of them need not be parsed."""
+"""How Python code may write the sign ±. A file with none of these spellings need not be parsed."""
 
 
 def texts(path: Path) -> Iterator[str]:
-    """Yield the texts of a file that a person may see, if one may have the sign.
+    """Yield all texts of a file except docstrings and comments.
 
-    Docstrings and comments are left out.
+    If none of them can contain the sign ±, nothing is yielded.
     """
     code = path.read_text(encoding="utf-8")
     if path.suffix != ".py":
@@ -72,7 +72,10 @@ def with_sign() -> dict[str, list[str]]:
 
 
 def test_each_sign_is_a_95_percent_interval_or_says_what_it_is() -> None:
-    """Write a deviation with `fltea.records.plus_minus`; `OTHERS` lists all other uses of the sign."""
+    """Code should write standard deviations with `fltea.records.plus_minus`.
+
+    `OTHERS` lists all other uses of ±.
+    """
     found = {name: len(those) for name, those in with_sign().items()}
     assert found == {name: count for name, (count, _) in OTHERS.items()}
 

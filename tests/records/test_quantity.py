@@ -1,5 +1,7 @@
-"""Figures in the units of data sheets and filters: known conversions, spellings, and conversions there and
-back."""
+"""Tests of values in the units of data sheets and filters.
+
+They test known conversions, spellings of units, and conversions to another unit and back.
+"""
 
 import pytest
 from fltea.documents.programs import programs
@@ -15,13 +17,14 @@ UNITS = [(kind.units, unit) for kind in _KINDS for unit in kind.units]
     [
         # VectorNav, Inertial Navigation Primer 6.2: 0.03 °/√hour is 0.005° after 100 s, so 0.0005 °/√s.
         (0.03, "deg/√h", "deg/√s", 0.0005),
-        # The noise of an MPU-6050 by its data sheet, 0.005 °/s/√Hz; multiply by √3600 s.
+        # The noise of an MPU-6050 is 0.005 °/s/√Hz by its data sheet. The factor to °/√h is √3600 = 60.
         (0.005, "dps/√Hz", "deg/√h", 0.3),
         (0.005, "deg/s/√Hz", "deg/h/√Hz", 18.0),
         # One arc second is 4.848137e-6 rad (IAU: 1 rad = 206264.806″), and 1 °/h is one arc second per
         # second.
         (1.0, "deg/h", "rad/s", 4.848137e-6),
-        # KF-GINS, dataset/kf-gins.yaml: arw 0.003 deg/√h, which its code converts to 8.726646e-7 rad/√s.
+        # KF-GINS, dataset/kf-gins.yaml: arw is 0.003 deg/√h, which the code of KF-GINS converts to
+        # 8.726646e-7 rad/√s.
         (0.003, "deg/sqrt(h)", "rad/√s", 8.726646e-7),
         (1.0, "deg/h/√h", "deg/s/√s", 1 / 3600 / 60),
         # ISO 80000-3: g is 9.80665 m/s².
@@ -89,8 +92,10 @@ def test_what_is_no_unit_is_told_with_those_that_are() -> None:
 
 
 def test_programs_have_the_same_factors() -> None:
-    """The table of navigation programs states separately how many of its units a figure in rad, m and s
-    is."""
+    """The table of navigation programs has its own factors from rad, m and s to the units of each program.
+
+    They must be equal to ours.
+    """
     own = {("gyro", "N"): "rad/s/√Hz", ("gyro", "B"): "rad/s", ("gyro", "K"): "rad/s/√s"}
     own |= {("accel", "N"): "m/s²/√Hz", ("accel", "B"): "m/s²", ("accel", "K"): "m/s²/√s"}
     checked = 0

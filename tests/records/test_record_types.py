@@ -1,5 +1,7 @@
-"""A key has one JSON type in all records, so that programs that read JSON into columns can read a whole
-run."""
+"""Tests that a key has the same JSON type in all records.
+
+So programs that read JSON into columns can read all records of a run.
+"""
 
 import io
 import typing
@@ -27,7 +29,7 @@ def members(of: inspect.Type) -> tuple[inspect.Type, ...]:
 
 
 def kind(of: inspect.Type) -> str:
-    """Return JSON's name of a type; all kinds of number count as one."""
+    """Return the name of a type in JSON, in which all numbers have the same type."""
     match of:
         case inspect.IntType() | inspect.FloatType():
             return "number"
@@ -43,7 +45,7 @@ def kind(of: inspect.Type) -> str:
 
 
 def walk(of: inspect.Type, path: str) -> Iterator[tuple[str, str]]:
-    """Yield every path below a type, and its JSON type; `*` stands for any key, `[]` for any item."""
+    """Yield the path and the JSON type of everything in a type. `*` stands for any key, `[]` for any item."""
     for one in members(of):
         if isinstance(one, inspect.NoneType):
             continue
@@ -70,7 +72,7 @@ def test_a_key_has_one_type_in_all_records() -> None:
 
 
 def absent(of: inspect.Type, key: str = "") -> Iterator[str]:
-    """Yield the keys of objects and lists that a record may lack."""
+    """Yield the keys whose values are objects or lists, and which may be null in a record."""
     some = [one for one in members(of) if not isinstance(one, inspect.NoneType)]
     for one in some:
         if len(some) < len(members(of)) and kind(one) in ("object", "array"):
@@ -84,7 +86,7 @@ def absent(of: inspect.Type, key: str = "") -> Iterator[str]:
 
 
 def test_objects_that_may_be_absent_are_left_out_of_lines() -> None:
-    """In samples the accelerometer is null either from the first line to the last, or never."""
+    """The record `sample` is an exception: in a run, its accelerometer is null in all lines or in none."""
     found = {key for record in CLASSES if record is not Sample for key in absent(inspect.type_info(record))}
     assert found == set(OBJECTS)
     numbers = {
@@ -97,7 +99,7 @@ def test_objects_that_may_be_absent_are_left_out_of_lines() -> None:
 
 
 def filled(of: inspect.Type) -> Any:
-    """Return a value in which every field is filled."""
+    """Return an example of a type in which no field is null."""
     one = next(one for one in members(of) if not isinstance(one, inspect.NoneType))
     match one:
         case inspect.IntType():
@@ -124,7 +126,7 @@ def filled(of: inspect.Type) -> Any:
 
 
 def read_by_all(lines: bytes, path: Path) -> None:
-    """Read JSON lines into tables of three libraries; each has all rows, and all keys as columns."""
+    """Read JSON lines with three libraries; check that each finds all rows, and all keys as columns."""
     rows = [msgspec.json.decode(line) for line in lines.splitlines()]
     names = {name for row in rows for name in row}
     path.write_bytes(lines)
@@ -147,7 +149,7 @@ def test_all_records_with_all_fields_are_read_as_one_table(tmp_path: Path) -> No
 
 
 def test_a_key_of_two_types_is_found(tmp_path: Path) -> None:
-    """An example was `samples`: a number in `fit`, an object in `stats`."""
+    """`samples` was once such a key: a number in `fit`, and an object in `stats`."""
     lines = b'{"class": "fit", "samples": 3}\n{"class": "stats", "samples": {"lost": 0}}\n'
     with pytest.raises(pyarrow.ArrowInvalid, match="changed from"):
         read_by_all(lines, tmp_path / "two.ndjson")

@@ -1,4 +1,4 @@
-"""The declarations of records' fields, and that a real run's records match them."""
+"""Tests of the declared fields of records, and that the records of a real run match them."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -60,7 +60,7 @@ def test_reasons_are_those_of_the_protocol_page() -> None:
         assert f"\n| {reason} |" in page
 
 
-# # --- a real run matches the declarations ---
+# --- a real run matches the declarations ---
 
 CONSTANT = "time_s,gyro_x_dps,gyro_y_dps\n" + "".join(f"{k / 100},{k % 7},1\n" for k in range(200) if k != 99)
 

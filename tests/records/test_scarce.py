@@ -1,4 +1,4 @@
-"""If the system refuses more memory or threads, one sentence names the limit responsible."""
+"""Tests that one sentence names the likely limit if the system refuses more memory or threads."""
 
 import errno
 import resource
@@ -32,7 +32,7 @@ def test_a_command_says_which_limit_is_to_blame(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     def fails() -> None:
-        raise KeyError("gyro") from error  # as a library may re-raise it
+        raise KeyError("gyro") from error  # a library may raise another exception because of the first one
 
     monkeypatch.setattr(app, "app", fails)
     monkeypatch.setattr(sys, "argv", ["fltea", "devices"])

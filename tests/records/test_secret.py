@@ -1,4 +1,4 @@
-"""A password in an address is refused everywhere, and no message contains the password."""
+"""Tests that a password in an address is refused everywhere, and that no message contains it."""
 
 import json
 from pathlib import Path
@@ -73,7 +73,7 @@ def test_no_command_takes_one_nor_repeats_it(option: str, password: str) -> None
     for line in OPTIONS[option][0]:
         for form in OPTIONS[option][1]:
             first, second = (answers(line, form, word) for word in (password, "correct-horse"))
-            # the same message for any password, since a password may equal a word of the message
+            # comparing the messages for two passwords, since one password may equal a word of the message
             assert first == second
             assert first[0] == 2
             assert "must not hold a user or a password" in first[1]

@@ -1,4 +1,4 @@
-"""The two kinds of sensors: their names fit the records, the settings and the units of the program."""
+"""Tests that the declared names of both kinds of sensors fit the records, settings and units."""
 
 import msgspec
 import pytest

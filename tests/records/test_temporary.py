@@ -1,5 +1,7 @@
-"""Temporary files are removed when their process ends in any way; a full disk is not blamed on a
-recording."""
+"""Tests that temporary files are removed however their process ends.
+
+If the disk of temporary files is full, the message does not blame the recording.
+"""
 
 import os
 import re
@@ -103,7 +105,7 @@ for read, path in ((ReplaySource, "a.bag"), (ReplaySource, "a.npz"), (packed, ""
     except FlteaError as error:
         print(type(error).__name__, error)
 """
-"""A limit of 8 kB for each file, which has the effect of a full disk."""
+"""A program that reads a recording under a limit of 8 kB for each file, which acts like a full disk."""
 
 
 def test_a_recording_that_finds_no_room_is_not_to_blame(tmp_path: Path, temporary_folder: Path) -> None:

@@ -1,4 +1,4 @@
-"""Text from a board or a file must not control a terminal: such characters never reach one."""
+"""Tests that control characters in text from a board or a file never reach a terminal."""
 
 import unicodedata
 

@@ -1,4 +1,4 @@
-"""Files appear complete or not at all, and writing never follows a link that another user made."""
+"""Tests that files appear complete or not at all, and that writing never follows another user's link."""
 
 import os
 import stat
@@ -30,7 +30,7 @@ def test_after_a_failure_all_is_as_it_was(tmp_path: Path) -> None:
 
 
 def test_links_of_strangers_are_not_followed(tmp_path: Path) -> None:
-    """Neither a link under the temporary name used by older versions, nor one under the file's own name."""
+    """The links have the name of the file, or names that older versions gave temporary files."""
     target = tmp_path / "precious"
     target.write_text("mine")
     shared = tmp_path / "shared"
@@ -60,7 +60,7 @@ def test_the_name_of_the_part_cannot_be_guessed_nor_taken(
     ):
         pass
     assert not (tmp_path / "precious").exists()
-    assert (tmp_path / ".new.guessed.part").is_symlink()  # the link belongs to somebody else, so it stays
+    assert (tmp_path / ".new.guessed.part").is_symlink()  # the link of another user stays
 
 
 def test_it_is_on_the_disk_before_it_has_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -85,7 +85,7 @@ def test_names_as_long_as_can_be_and_rights_as_usual(tmp_path: Path) -> None:
 
 
 def test_what_is_no_file_is_not_replaced(tmp_path: Path) -> None:
-    """As root, a file would otherwise replace a device."""
+    """Otherwise root could replace a device such as /dev/null by a file."""
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "folder").mkdir()
     for name in ("pipe", "folder"):

@@ -1,4 +1,7 @@
-"""Simulate a device from a list of acts (samples, gaps, resets, …), and yield the events of its source."""
+"""Simulate a device by a list of acts, which are incidents such as gaps and resets, each with samples.
+
+The simulation yields the events of the device's source.
+"""
 
 from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
@@ -46,29 +49,32 @@ SAID = (
     "trouble",
     "no accelerometer",
 )
-"""Acts that produce an event, which ends the current block of samples."""
+"""Acts that produce an event; the event ends the current block of samples."""
 ACTS = (
     *SAID,
     "goes on",
     "gap",
-    # a gap of the longest length without a restart by `device_stream_support.SMALL`, or of one sample more
+    # The longest gap that causes no restart with the settings `device_stream_support.SMALL`, or one sample
+    # more.
     "longest gap",
-    "odd gap",  # a gap in which the device's clock drifts, up to more than the program accepts
-    "long gap",  # long enough for the sequence number to wrap once or more
+    "odd gap",  # a gap in which the device's clock drifts, sometimes by more than the program accepts
+    "long gap",  # a gap so long that the sequence number wraps at least once
     "twice",
     "reset",  # a reset whose HELLO is lost
     "jump",  # device time jumps
-    "late",  # the samples arrive later than the host's clock expects
+    "late",  # the samples arrive later than their times on the host clock
     "silence",  # nothing arrives for about half an hour
     "knock",
     "step",  # the bias steps
-    "turn",  # the whole sensor turns until the next "turn"
+    "turn",  # the whole sensor rotates until the next "turn"
     "still",  # the sensor's counts never change, or hardly ever
 )
 
 
 class Birth(NamedTuple):
-    """How the device starts: number and time of its first sample, the noise's seed, whether it sends a HELLO
+    """How the device starts.
+
+    The fields are number and time of the first sample, the seed of the noise, and whether a HELLO comes
     first.
     """
 
@@ -94,12 +100,13 @@ class Device:
         self.hello = hello(**news)
         self._noise, self._accel = 8.0, True
         self._offset, self._turns = [3.0, -40.0, 0.0], 0.0
-        self._pace = 1.0001 if birth.seed % 2 else 0.9999  # true sampling period relative to the nominal one
+        # ratio of the true sampling period to the nominal period
+        self._pace = 1.0001 if birth.seed % 2 else 0.9999
 
     def does(self, acts: Iterable[Act]) -> Iterator[Event]:
         """Yield the events of the acts.
 
-        Samples form one block until another event or a cut of an act splits them.
+        The samples between two other events form one block, unless `cuts` of an act split the block.
         """
         if self._greets:
             yield self._says()
@@ -121,13 +128,16 @@ class Device:
         return self.hello
 
     def _happens(self, act: Act) -> Iterator[Event]:
-        """Let an act happen, and yield what the source says of it. Each act is of one of the three kinds."""
+        """Carry out an act, and yield the events that the source produces.
+
+        An act loses samples, changes clocks or motion, or causes an event.
+        """
         self._lose(act)
         self._change(act)
         yield from self._announced(act)
 
     def _lose(self, act: Act) -> None:
-        """Let samples be lost, for as long as the act says."""
+        """Lose the samples of a gap; the act determines how many."""
         amount = act.amount
         match act.what:
             case "gap":
@@ -143,7 +153,7 @@ class Device:
                 self._pass(round(179_990 + 20 * amount))
 
     def _change(self, act: Act) -> None:
-        """Change clocks or the motion of the sensor; only the samples show it."""
+        """Change the clocks or the motion of the sensor. Only later samples show this change."""
         amount = act.amount
         match act.what:
             case "date":
@@ -164,7 +174,7 @@ class Device:
                 self._noise = 8.0 if self._noise < 1 else 0.25 * (amount > 0.5)
 
     def _announced(self, act: Act) -> Iterator[Event]:
-        """Let an act happen of which the source says something."""
+        """Carry out an act that causes an event, and yield the event."""
         known, amount = self.hello, act.amount
         match act.what:
             case "boot" | "reset":

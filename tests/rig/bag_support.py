@@ -38,7 +38,7 @@ int16[32] x
 int16[32] y
 int16[32] z
 """
-"""The definition of px4_msgs/SensorGyroFifo. SensorGyro has additional fields in its middle."""
+"""The definition of the message px4_msgs/SensorGyroFifo."""
 
 PX4_GYRO = """uint64 timestamp
 uint64 timestamp_sample
@@ -54,7 +54,7 @@ uint8 samples
 
 
 class Messages(NamedTuple):
-    """Messages of an Imu topic.
+    """Messages of a topic of the ROS type Imu.
 
     `arrival_ns`: arrival times; by default shortly after the stamps. `frame`: one frame id, or several that
     messages use in turns.
@@ -69,7 +69,7 @@ class Messages(NamedTuple):
     """Sensors ("gyro" or "accel") whose covariance states that they are not measured."""
 
     def rows(self, chosen: Any) -> "Messages":
-        """Return the chosen messages; an index may repeat."""
+        """Return the messages at the chosen indices, some of which may occur twice."""
         columns = (None if column is None else np.asarray(column)[chosen] for column in self[:4])
         return Messages(*columns, *self[4:])  # type: ignore[arg-type]
 
@@ -131,8 +131,8 @@ def write_bag(
 ) -> Path:
     """Write a bag: NAME.bag, or a folder NAME.db3 or NAME.mcap as `ros2 bag record` makes it.
 
-    `words`: names of additional topics with one text message each. `packed`: the compression; for ROS 2, what
-    is compressed: each message or the whole file.
+    `words`: names of additional topics with one text message each. `packed`: for ROS 1 the compression; for
+    ROS 2 what is compressed, each message or the whole file.
     """
     ros1 = path.suffix == ".bag"
     store = types(ros1)
@@ -298,7 +298,7 @@ def write_types(
             connection = writer.add_connection(name, kind, typestore=store)
             for arrival, data in zip(arrival_ns, rows[name], strict=True):
                 writer.write(connection, int(arrival), data)
-    # rosbags drops the comments of a definition, so the comments are put back
+    # The library rosbags drops the comments of a definition, so they are inserted again.
     for store_file in path.glob("*.db3"):
         with contextlib.closing(sqlite3.connect(store_file)) as database, database:
             for kind, definition, _ in topics.values():
@@ -319,7 +319,7 @@ def made(store: Any, kind: str, fields: dict[str, Any]) -> Any:
 
 
 def gathered(stored: Any) -> NDArray[np.float64]:
-    """Return all rates of a recording [rad/s], shape (n, 3)."""
+    """Return all angular rates of a recording [rad/s], of shape (n, 3)."""
     return np.radians(stored.whole().gyro)
 
 

@@ -1,4 +1,7 @@
-"""Helpers for the tests of the bank: the oracle, which takes samples one by one, and ways to cut rows."""
+"""Helpers for the tests of the bank, which filters all axes of a sensor in blocks of rows.
+
+They are the oracle, which processes samples one by one, and ways to split rows into blocks.
+"""
 
 import itertools
 import math
@@ -19,11 +22,11 @@ from tests.rig.sample_by_sample import LanesBySample, baseline, whiteness
 H = 0.01
 AXES = ("gyro_x", "gyro_y", "gyro_z")
 COLUMNS = LaneBlock._fields[: LaneBlock._fields.index("lost")]
-"""Names of the columns of the bank that are compared with the oracle's."""
+"""Names of the bank's output columns that are compared with those of the oracle."""
 
 
 class Walked(NamedTuple):
-    """Results of an estimator for all rows: columns (n, axes) by name, and its counters at the end."""
+    """Results of an estimator for all n rows: columns of shape (n, axes) by name, and the final counters."""
 
     columns: dict[str, NDArray[np.float64] | NDArray[np.bool_]]
     lost: list[Lost]
@@ -96,7 +99,10 @@ def by_bank(
     cuts: Sequence[int] = (),
     bank: Bank | None = None,
 ) -> Walked:
-    """Return the bank's results for blocks that end at cuts, gaps and the end of the start-up window."""
+    """Return the bank's results for rows that are processed in blocks.
+
+    A block ends at each number in `cuts`, at each gap and at the end of the start-up window.
+    """
     axes = AXES[: y.shape[1]]
     bank = bank or Bank(axes, config, H, lsb)
     parts, lost = [], []
@@ -121,8 +127,9 @@ def by_bank(
 
 
 def fed_directly(y: Array, config: EstimatorConfig, lsb: float) -> list[dict[str, dict[str, object]]]:
-    """Return the estimates after each sample behind the start-up window, by axis, named as in an `estimate`
-    record.
+    """Return the estimates after each sample that follows the start-up window.
+
+    They are dicts by axis; the names of fields are those of an `estimate` record.
     """
     columns = by_bank(y, config, lsb).columns
     names = {"alpha": "alpha", "alpha_std": "alpha_std", "f": "f", "f_std": "f_std"}
@@ -155,7 +162,7 @@ def assert_same(found: Walked, expected: Walked) -> None:
 
 
 def assert_close(found: Walked, expected: Walked, tolerance: float = 1e-9) -> None:
-    """Check that the results agree up to rounding in the mean of the start-up window."""
+    """Check that two results agree up to the rounding error of the mean of the start-up window."""
     np.testing.assert_allclose(found.bias, expected.bias, rtol=1e-12, atol=1e-15)
     np.testing.assert_allclose(found.R, expected.R, rtol=1e-12)
     assert found.constant == expected.constant

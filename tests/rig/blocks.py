@@ -18,7 +18,7 @@ T = TypeVar("T")
 
 
 def of(kind: type[T], found: Iterable[object]) -> list[T]:
-    """Return the items of one kind among records, events or frames."""
+    """Return the items of one type among records, events or frames."""
     return [one for one in found if isinstance(one, kind)]
 
 
@@ -88,7 +88,7 @@ def block_of_records(sample: Sample, estimate: Estimate | None = None) -> Block:
 
 
 def tracked_columns(unit: str, found: dict[str, AxisEstimate]) -> TrackedColumns:
-    """Return the columns of the bias for the estimates of one sample."""
+    """Return the estimates of one sample in the form of a block's columns for the tracked bias."""
     axes = found.values()
     return TrackedColumns(
         tuple(found),
@@ -106,7 +106,7 @@ NUMBERS = ("alpha", "alpha_std", "f", "f_std", "state", "innovation")
 
 
 def ndjson(items: Iterable[AnyRecord | Block]) -> list[bytes]:
-    """Encode all records as JSON lines, so that a difference between two outputs shows as one line."""
+    """Encode all records as lines of JSON. A difference between two outputs then appears as one line."""
     return [msgspec.json.encode(record) for record in records_of(items)]
 
 
@@ -141,7 +141,7 @@ def in_blocks(block: RawBlock, cuts: Sequence[int]) -> Iterator[RawBlock]:
 
 
 def cuts(n: int) -> st.SearchStrategy[list[int]]:
-    """Draw positions at which to cut `n` rows, bytes or chunks: none, few, or many."""
+    """Draw positions at which a test splits `n` rows, bytes or chunks: no position, few or many."""
     return st.lists(st.integers(0, n), max_size=12) | st.sets(st.integers(0, n)).map(sorted)
 
 
@@ -156,11 +156,11 @@ raw_samples = st.builds(
     temperature=_counts,
     flags=st.integers(0, 255),
 )
-"""Any sample that a frame can hold."""
+"""Any sample that a frame of the protocol can hold."""
 
 
 class Tracked(NamedTuple):
-    """A sample with its number.
+    """A sample with its sequence number and time without wraps.
 
     `missing`: number of samples lost just before this sample. `new_epoch`: reason why the sample begins an
     epoch.
@@ -174,7 +174,7 @@ class Tracked(NamedTuple):
 
 
 def track_all(decoder: Decoder, samples: Sequence[RawSample]) -> list[Tracked | None]:
-    """Return the sequence position of each sample of a block; None for a sample that was rejected."""
+    """Return each sample of a block with its number and time; None for a sample that was rejected."""
     numbered = block_of(samples)._replace(temperature=np.arange(float(len(samples))))
     found: list[Tracked | None] = [None] * len(samples)
     for piece in of(Decoded, decoder.feed(numbered)):
@@ -187,7 +187,7 @@ def track_all(decoder: Decoder, samples: Sequence[RawSample]) -> list[Tracked | 
 
 
 def track_events(events: Iterable[Event]) -> tuple[SampleStats, list[Decoded]]:
-    """Return the counts after all events of a source, and the decoded pieces of its blocks."""
+    """Return the final counts for all events of a source, and the decoded pieces of the blocks."""
     decoder = Decoder(lambda: 0, max_gap=100)
     found = [piece for event in events for piece in of(Decoded, decoder.feed(event))]
     return decoder.counts, found

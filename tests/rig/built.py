@@ -20,7 +20,7 @@ DOUBLES, COUNTS, BYTES = (
 def make(folder: Path, build: Path, *goals: str | Path) -> None:
     """Run `make BUILD=build goals` in a folder.
 
-    If another process is building, this function waits; then everything is built already.
+    If another process is building, this function waits for the end; `make` then finds nothing left to do.
     """
     build.mkdir(parents=True, exist_ok=True)
     with (build / ".lock").open("w") as lock:

@@ -1,4 +1,4 @@
-"""Chips that are set up, and a simulated world whose values encode the time."""
+"""Emulated chips that are set up, and surroundings whose measured values encode the time."""
 
 from tools.due_emulator.mpu9250 import Mpu9250
 from tools.due_emulator.noise import Constant, Motion
@@ -7,7 +7,7 @@ MS = 1_000_000
 
 
 class Ramp:
-    """A world whose values encode the time: x grows by 0x0123 LSB each ms at ±2000 deg/s."""
+    """Surroundings whose values encode the time: the rate x grows by 0x0123 LSB per ms, at ±2000 deg/s."""
 
     def at(self, now_ns):
         n = now_ns // MS
@@ -15,7 +15,7 @@ class Ramp:
 
 
 def running(world=None, *, at_ms=0, dlpf=1, divider=0, gyro=0x18, **options):
-    """Return a chip that is set up in the way of the firmware."""
+    """Return an emulated chip that is set up as the firmware does it."""
     chip = Mpu9250(world or Constant((1.0, -2.0, 3.0)), **options)
     chip.advance(at_ms * MS)
     chip.write_register(0x6B, 0x01)

@@ -23,7 +23,7 @@ from tests.rig.identify_files import settings
 from tests.rig.toolchain import missing
 
 ASK = Ask(settings(shuffles=0))
-"""Settings of `fltea identify` without shuffled copies, which saves time."""
+"""Settings of `fltea identify`. They omit the test with shuffled copies of the samples, which saves time."""
 
 
 def command(patch: pytest.MonkeyPatch, *arguments: object) -> int:
@@ -37,7 +37,7 @@ def command(patch: pytest.MonkeyPatch, *arguments: object) -> int:
 
 @contextlib.contextmanager
 def web_server(handler: Callable[..., BaseHTTPRequestHandler]) -> Iterator[ThreadingHTTPServer]:
-    """Run a web server on the loopback for the length of the block."""
+    """Run a web server on the loopback interface until the `with` block ends."""
     with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         server.daemon_threads = True
         thread = threading.Thread(target=server.serve_forever, args=(0.02,))
@@ -63,7 +63,10 @@ def open_table(folder: Path, digest: str = ASK.digest()) -> Iterator[VerdictTabl
 
 
 def rows_in(folder: Path) -> list[dict[str, Any]]:
-    """Return the rows of a table, read with pyarrow as other programs would, in order of file and axis."""
+    """Return the rows of a table, sorted by file and axis.
+
+    They are read with pyarrow, as other programs would.
+    """
     return sorted(parquet.read_table(folder).to_pylist(), key=lambda row: (row["file"], row["axis"] or ""))
 
 
@@ -94,7 +97,8 @@ def two_workers() -> Iterator[Any]:
             n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
         ) as found:
             for nanny in found.workers.values():
-                nanny.close_gracefully()  # so that the nanny starts no replacement for a dead worker
+                # This keeps Dask's nanny process from starting a new worker when one dies.
+                nanny.close_gracefully()
             yield found
 
 

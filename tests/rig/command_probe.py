@@ -36,7 +36,7 @@ if __name__ == "__main__":
     import fltea.archive.info
     import fltea.identification.run
     import fltea.recording.recovery
-    import fltea.service.daemon  # noqa: F401  (all that is loaded on the way is loaded before the first look)
+    import fltea.service.daemon  # noqa: F401  (all modules are loaded before memory is first measured)
 
     commands = json.load(sys.stdin)
     before = resident_mb()

@@ -1,4 +1,7 @@
-"""Remove or falsify one fact in a text file of the corpus, and compare the figures read from the file."""
+"""Remove or falsify one fact in a text file, and compare the figures that the program then reads.
+
+The files are those of tests/recording/corpus.
+"""
 
 import io
 import math
@@ -49,7 +52,11 @@ class Figures(NamedTuple):
         )
 
     def has_gravity_of(self, other: "Figures") -> bool:
-        """Whether the specific force has the same length, is reported as not read, or is marked as wrong."""
+        """Whether the mean specific force is right, or the program says that it may not be.
+
+        It is right if it has the same size. Otherwise the program has to report that it was not read, or mark
+        it as wrong.
+        """
         if None not in (self.gravity_ms2, other.gravity_ms2):
             return (
                 _near(float(self.gravity_ms2 or 0), float(other.gravity_ms2 or 0)) or "gravity" in self.marks
@@ -57,7 +64,10 @@ class Figures(NamedTuple):
         return self.gravity_ms2 is other.gravity_ms2 or self.says("accelerometer", "missing")
 
     def says(self, question: str, evidence: str, value: str = "") -> bool:
-        """Whether an answer cites this evidence, with the given text in its value or reason."""
+        """Whether the answer to a question cites this evidence.
+
+        Its value or reason must also contain the text `value`.
+        """
         answer = self.answers.get(question)
         return answer is not None and answer.evidence == evidence and value in f"{answer.value}; {answer.why}"
 
@@ -67,7 +77,7 @@ def _near(a: float, b: float) -> bool:
 
 
 def figures(stored: Stored) -> Figures:
-    """Return the figures of a recording, and the kinds of its data checks that fired."""
+    """Return the figures of a recording, and the kinds of data checks that reported something."""
     whole = stored.whole()
     gyro = whole.gyro / (stored.lsb_per_dps or 1.0)
     columns = dict(zip(AXES, gyro.T, strict=False))
@@ -86,9 +96,10 @@ def figures(stored: Stored) -> Figures:
 
 
 class Text(NamedTuple):
-    """A text file in parts.
+    """A text file split into its rows, with the numbers of the rows that matter.
 
-    `begin`: number of its first row. `header`, `units`: line numbers of names and units, -1 if absent.
+    `begin`: number of the first line with samples. `header`, `units`: numbers of the lines with column names
+    and with units, -1 if absent.
     """
 
     name: str
@@ -110,7 +121,10 @@ class Text(NamedTuple):
 
     @property
     def clocks(self) -> list[int]:
-        """Indices of all columns of times; without column names, only the column that is read."""
+        """Indices of all columns with times.
+
+        If the columns have no names, only the time columns that are read.
+        """
         chosen = self.layout.chosen
         named = [k for k, name in enumerate(self.names) if is_time(name)] if self.header >= 0 else []
         return sorted({*named, *(place for place in (chosen.time, chosen.fine) if place is not None)})
@@ -144,7 +158,10 @@ def read_text(name: str, text: str, options: str) -> Figures:
 
 
 def text_of(name: str) -> Text:
-    """Split a file of the corpus into its parts, as the reader understands it."""
+    """Split a file of the corpus as the reader understands it.
+
+    The result has the numbers of its first row and of the lines with column names and units.
+    """
     data = (HERE / name).read_bytes()
     text = data.decode("utf-16" if data.startswith(b"\xff\xfe") else "utf-8-sig")
     options = OPTIONS[name]
@@ -172,7 +189,7 @@ _NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d+)?(?:e-?\d+)?(?![\w.:])")
 
 
 def falsified(one: Text) -> Iterator[Case]:
-    """Yield each falsification of a text file."""
+    """Yield all falsifications of a text file, one fact falsified in each."""
     for edit in (_head, _columns, _marks, _clocks, _units, _sensors, _claims):
         yield from edit(one)
 
@@ -307,7 +324,10 @@ def _each_row(
     *,
     twice: bool = False,
 ) -> str:
-    """Edit the fields of each row, and remove the columns `gone` from the lines with names and units."""
+    """Edit the fields of each row; remove the columns `gone` from the lines with names and units.
+
+    `twice`: keep each original row before the edited row.
+    """
     separator, lines = one.layout.separator, list(one.lines)
     for k in (one.header, one.units) if gone else ():
         if k >= 0:
@@ -330,7 +350,7 @@ def _times(field: str, factor: int) -> str:
 
 
 def _scaled(which: list[int], factor: int, first: dict[int, Decimal], fields: list[str]) -> list[str]:
-    """Stretch the time since the first row by `factor`; a date stays as it is."""
+    """Multiply the time since the first row by `factor`, in the columns `which`; dates stay unchanged."""
     fields = list(fields)
     for k in which:
         try:

@@ -34,7 +34,7 @@ N, RATE_HZ = 60, 100.0
 TIMES_S = np.arange(N) / RATE_HZ
 _random = np.random.default_rng(20231114)
 GYRO_DPS = np.round(0.2 * _random.normal(size=(N, 3)) + [0.5, -0.3, 0.1], 3)
-"""The rates [deg/s] in every file, with the precision of the file's logger."""
+"""The angular rates [deg/s] that every file contains; each logger rounds them to its own precision."""
 ACCEL_MS2 = np.round(0.02 * _random.normal(size=(N, 3)) + [0.1, -0.2, 9.81], 3)
 RADS = np.radians(GYRO_DPS)
 
@@ -69,7 +69,7 @@ def archive(files: dict[str, bytes]) -> bytes:
 
 
 def timeless(book: io.BytesIO) -> bytes:
-    """Return a workbook without the times at which it was written."""
+    """Return an Excel workbook without the times at which it was written."""
     with zipfile.ZipFile(book) as parts:
         files = {name: parts.read(name) for name in parts.namelist()}
     files["docProps/core.xml"] = re.sub(
@@ -79,7 +79,7 @@ def timeless(book: io.BytesIO) -> bytes:
 
 
 def packed() -> dict[str, bytes]:
-    """Return compressed and archived text files, and beginnings of files that tests of refusals use."""
+    """Return compressed and archived text files, and the beginnings of files that the program must refuse."""
     plain = text("plain.csv")
     phone = {"Accelerometer.csv": b"time,seconds_elapsed,z,y,x\n", "Gyroscope.csv": text("Gyroscope.csv")}
     blackbox = b"H Product:Blackbox flight data recorder by Nicholas Sherlock\nH Data version:2\n"
@@ -95,7 +95,9 @@ def packed() -> dict[str, bytes]:
 
 
 def ulog(forms: dict[str, str], topics: Iterable[tuple[str, int]], rows: Iterable[tuple[Any, ...]]) -> bytes:
-    """Return a log of PX4 (docs.px4.io, "ULog File Format"): head, flag bits, formats, subscriptions, data.
+    """Return a log of PX4, as docs.px4.io describes it ("ULog File Format").
+
+    It has header, flag bits, formats, subscriptions and data.
 
     `forms`: fields by message name. `topics`: message name and sensor number. `rows`: topic index, field
     types as letters of `struct`, and values.
@@ -125,7 +127,8 @@ DATAFLASH_LETTERS = {"a": "32h", "n": "4s", "N": "16s", "Z": "64s", "M": "B", "c
 def dataflash(forms: dict[str, tuple[str, str]], rows: Iterable[tuple[Any, ...]]) -> bytes:
     """Return a log of ArduPilot.
 
-    `forms`: format and columns by message name. `rows`: each begins with the message name.
+    `forms`: format and columns by message name. `rows`: values of each message, of which the first is the
+    message name.
     """
     kinds = {"FMT": (0x80, "BBnNZ", "Type,Length,Name,Format,Columns")}
     kinds |= {name: (0x81 + k, *form) for k, (name, form) in enumerate(forms.items())}
@@ -259,7 +262,7 @@ def write_libraries() -> None:
     with (HERE / "matlab.mat").open("r+b") as raw:
         raw.write(
             b"MATLAB 5.0 MAT-file Platform: posix".ljust(116)
-        )  # leave out the time of writing, so that the file is always the same
+        )  # The time of writing is left out, so that the file is always the same.
     with h5py.File(HERE / "matlab73.mat", "w", userblock_size=512, track_order=True) as file:
         file["gyro_dps"], file["t"] = GYRO_DPS.T, TIMES_S[np.newaxis]
     with (HERE / "matlab73.mat").open("r+b") as raw:

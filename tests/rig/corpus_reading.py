@@ -1,4 +1,7 @@
-"""List the files of the corpus with their reading options, from the tables of formats and dialects."""
+"""List the recordings in tests/recording/corpus with their reading options.
+
+The options come from the program's tables of formats and of dialects (what a logger writes in a format).
+"""
 
 import shlex
 
@@ -16,7 +19,7 @@ for _dialect in dialects():
 """Reading options of each file in `tests/recording/corpus`, by file name."""
 
 UNREAD_DIALECTS = {name: one.unread for one in dialects() if one.unread for name in one.corpus}
-"""Reasons why files of known loggers are not read, by file name."""
+"""Reasons why files of some known loggers cannot be read, by file name."""
 
 BY_NAME = {name for one in dialects() if one.file for name in one.corpus}
 """Files whose logger is recognised by the file name."""

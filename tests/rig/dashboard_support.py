@@ -86,7 +86,7 @@ def records(query: str, config: EstimatorConfig = QUICK) -> list[AnyRecord]:
 def with_breaks(
     lengths: list[int], reason: str = "restart", config: EstimatorConfig = QUICK, accel: bool = False
 ) -> list[AnyRecord]:
-    """Return records of several epochs: stretches of samples without a restart of the filters.
+    """Return records of several epochs; a restart of the filters separates two epochs.
 
     The noise is made of the low bits of a counter, plus an offset.
     """
@@ -107,7 +107,7 @@ def with_breaks(
 
 
 def told(*groups: list[AnyRecord], who: EstimateOn = "host") -> DeviceHistory:
-    """Return a history that has received all records.
+    """Return the page's history of a device that has received all records.
 
     `who`: where the gyroscope's estimates are computed.
     """
@@ -119,7 +119,7 @@ def told(*groups: list[AnyRecord], who: EstimateOn = "host") -> DeviceHistory:
 
 
 def columns(history: DeviceHistory, axis: str, window: int = 0) -> dict[str, np.ndarray]:
-    """Return the columns of an axis that the figures of one window use."""
+    """Return the columns of data that the figures of one axis show, for a time window."""
     values = history.course.read(window, Cursor()).values
     return {name: values[:, place] for name, place in history.course.columns(axis).items()}
 
@@ -139,7 +139,7 @@ class Reader:
     def read(
         self, device: str = "", axis: str = "", window: int = 0, parts: str = "now axes axis curves own"
     ) -> dict[str, Any]:
-        """Return the next update that the page is sent, and apply it.
+        """Return the next update that is sent to the page, and apply the update to `reader`.
 
         The update comes a second after the last one.
         """
@@ -154,7 +154,10 @@ class Reader:
 
 
 def alone(found: Iterable[AnyRecord], every: int = 10, late: int = 0, **own: Any) -> list[AnyRecord]:
-    """Return the records with estimates by the device, one in `every` and `late` samples after its sample."""
+    """Return the records with estimates that the device computed.
+
+    There is an estimate for one sample in `every`; it comes `late` samples after that sample.
+    """
     made: list[AnyRecord] = []
     waiting: list[Estimate] = []
     for record in found:
@@ -176,10 +179,12 @@ def both(
     why_not: WhyNot = "other_settings",
     **own: Any,
 ) -> list[AnyRecord]:
-    """Return the records and a device's estimates, whose α and f differ by `apart(sequence number)`.
+    """Return the records with a device's estimates, whose α and f differ from the host's.
 
-    `apart`: returns None for samples whose estimates cannot be compared; `why_not` is the reason given for
-    these.
+    The differences are `apart(sequence number)`.
+
+    `apart`: returns None for a sample whose estimates cannot be compared. `why_not`: reason given for such a
+    sample.
     """
     made: list[AnyRecord] = []
     first: int | None = None

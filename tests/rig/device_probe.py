@@ -1,4 +1,7 @@
-"""Run the device's estimator from Python, by a library for each variant (tests/native/device_probe.cpp)."""
+"""Run the board's estimator from Python.
+
+There is a library for each variant of the estimator (tests/native/device_probe.cpp).
+"""
 
 import ctypes
 import weakref
@@ -17,11 +20,13 @@ from tests.rig.built import BYTES, COUNTS, DOUBLES, probe
 
 VARIANTS = ("joint", "triple")
 FIELDS = Estimate._fields[: Estimate._fields.index("tracker_bias")]
-"""Fields of the estimator. The tracker's fields belong to the fits (see spectrum_probe)."""
+"""Fields of ESTIMATE that the estimator fills. The fields of the bias tracker come from the fits
+(spectrum_probe).
+"""
 
 
 class Baseline(NamedTuple):
-    """Bias and R from the device's start-up window, and number of restarts of the axis."""
+    """Bias and R from the board's start-up window, and the number of restarts of the axis."""
 
     bias_dps: float
     R: float
@@ -48,7 +53,7 @@ LSB_PER_DPS = library("joint").device_lsb_per_dps()
 
 
 class Device:
-    """The device's estimator for one axis."""
+    """The board's estimator for one axis."""
 
     def __init__(self, variant: str) -> None:
         self._library = library(variant)
@@ -56,7 +61,10 @@ class Device:
         weakref.finalize(self, self._library.device_free, self._device)
 
     def run(self, counts: ArrayLike, missing: ArrayLike | None = None) -> dict[str, Array]:
-        """Process samples, oldest first; return the fields of ESTIMATE after each sample past the window."""
+        """Process samples, the oldest first; return the fields of ESTIMATE after each sample.
+
+        The start-up window at the beginning gives no fields.
+        """
         counts = np.ascontiguousarray(counts, dtype=np.int16)
         lost = np.zeros(len(counts), np.uint8) if missing is None else np.asarray(missing, dtype=np.uint8)
         rows = np.empty((len(counts), len(FIELDS)))

@@ -49,7 +49,7 @@ def raw(numbers: Iterable[int]) -> RawBlock:
 
 
 def reads(sizes: Iterable[int]) -> Iterator[Event]:
-    """Yield a HELLO, then consecutive samples in reads of these sizes."""
+    """Yield a HELLO, then consecutive samples in blocks of these sizes."""
     yield hello()
     begin = 0
     for size in sizes:

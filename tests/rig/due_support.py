@@ -1,5 +1,6 @@
-"""Run the committed firmware image on the emulated Due, for tests of the whole chain; tests share the
-runs.
+"""Run the committed firmware image on the emulated Due, for tests from the chip to the output.
+
+Tests that need the same run share it.
 """
 
 import os

@@ -13,17 +13,15 @@ from tools.due_emulator.icm20948 import Icm20948
 from tools.due_emulator.mpu9250 import Mpu9250
 
 
-# Over 12 attributes: each is one fact typed by hand from a chip's data sheet.
+# Over 12 attributes: each is one fact from a chip's data sheet, typed by hand.
 class Emulated(NamedTuple):
-    """One kind of chip.
+    """An emulated kind of chip with facts about it.
 
-    `model`: makes the chip, given its world and `options`.
-    `period_ms`: sampling period.
-    `holds`: number of samples that fit into the chip's FIFO.
-    `keeps_oldest`: whether an overflow leaves the oldest samples whole.
-    `at_25_c`, `counts_a_c`: counts of the chip's thermometer at 25 °C, and counts per °C.
-    `kept`: register values once the chip is set up.
-    `lost`: registers in which the driver has to notice a change of the bit `lost_bit`.
+    `model`: makes the chip, given its surroundings and `options`. `period_ms`: sampling period. `holds`:
+    number of samples that fit into the chip's FIFO. `keeps_oldest`: whether an overflow leaves the oldest
+    samples whole. `at_25_c`, `counts_a_c`: counts of the chip's thermometer at 25 °C, and counts per °C.
+    `kept`: register values once the chip is set up. `lost`: registers in which the driver has to notice a
+    change of the bit `lost_bit`.
     """
 
     model: type[Any]
@@ -42,7 +40,7 @@ class Emulated(NamedTuple):
     lost_bit: int
 
     def make(self, world: Any, **options: Any) -> Chip:
-        """Return a chip of this kind that measures the world `world`."""
+        """Return a chip of this kind; `world` supplies the values that it measures."""
         chip: Chip = self.model(world, **(dict(self.options) | options))
         return chip
 
@@ -91,7 +89,8 @@ EMULATED = {
         keeps_oldest=False,
         at_25_c=-3920,
         counts_a_c=340.0,
-        kept={0x1A: 0x01, 0x1B: 0x18, 0x1D: 0x00},  # neither FIFO_MODE nor ACCEL_CONFIG_2
+        # This chip has neither the bit FIFO_MODE nor the register ACCEL_CONFIG_2.
+        kept={0x1A: 0x01, 0x1B: 0x18, 0x1D: 0x00},
         lost=(0x19, 0x1A, 0x1B, 0x1C, 0x23),
     ),
     0x75: _relative(0x75, "MPU-9250 clone (0x75)"),
@@ -109,8 +108,8 @@ EMULATED = {
         at_25_c=1335,
         counts_a_c=333.87,
         kept={
-            0x006: 0x01,  # awake, the best clock
-            0x007: 0x00,  # all axes
+            0x006: 0x01,  # not asleep; the chip selects the best clock
+            0x007: 0x00,  # all axes enabled
             0x200: 8,  # 1125 Hz / (1 + 8)
             0x201: 0x07,  # GYRO_DLPFCFG 0: 196.6 Hz; ±2000 deg/s; filter on
             0x209: 0x01,

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 ESTIMATES = ("alpha", "alpha_var", "f", "f_var", "x", "P", "innovation", "innovation_var")
 
-# Section 7.1, x axis.
+# Section 7.1 of the paper, x axis.
 PRINTED = EstimatorConfig(variant="triple", guard="off", memory="direct")
 GYROSCOPE = LaneSettings(PRINTED, h=0.01, R=0.0235)
-# Section 6.1.
+# Section 6.1 of the paper.
 EXAMPLE = LaneSettings(
     msgspec.structs.replace(
         PRINTED,
@@ -51,7 +51,10 @@ def white(n: int, lanes: int, seed: int, variance: float = 0.0235) -> Array:
 
 
 def example(number: int, n: int, seed: int) -> tuple[Array, Array]:
-    """Return y and u, each (n,), of the paper's example 1, 2 or 3, with a saw-tooth input of ±1 and 1 Hz."""
+    """Return measurements y and input u of the paper's example `number` (1, 2 or 3), both of shape (n,).
+
+    The input is a saw-tooth between -1 and 1, of 1 Hz.
+    """
     rng = np.random.default_rng(seed)
     u = saw_tooth(n) if number < 3 else rng.normal(0, 0.1**0.5, n)
     alpha = 0.6 if number == 1 else 0.2 + 0.1 * 0.001 * np.arange(1, n + 1)
@@ -59,7 +62,10 @@ def example(number: int, n: int, seed: int) -> tuple[Array, Array]:
 
 
 def driven(alpha: Any, u: Array, seed: int | np.random.Generator) -> tuple[Array, Array]:
-    """Return states and measurements, each (n,), of the system of section 6.1 driven by the input u (n,)."""
+    """Return states and measurements of the system of section 6.1 for an input.
+
+    The input `u` and both results have the shape (n,).
+    """
     system = FractionalNoise(alpha, -0.3, 1e-5, 1e-3, 0.001, len(u) + 1, seed)
     y, x = np.array([system.step(one) for one in u.tolist()]).T
     return x, y
@@ -72,7 +78,9 @@ def reference_run(
     missing: NDArray[np.bool_],
     changes: Mapping[int, tuple[float, float]] | None = None,
 ) -> Array:
-    """Return the estimates of the reference, (n, len(ESTIMATES)). The settings must be plain numbers.
+    """Return the estimates of the reference implementation, of shape (n, len(ESTIMATES)).
+
+    The settings must be single numbers, not arrays.
 
     `changes`: Q and R that take effect at the given samples.
     """
@@ -100,19 +108,19 @@ def reference_run(
 
 
 def run(settings: LaneSettings, y: Array, u: Array | None = None, **options: Any) -> Estimates:
-    """Run one engine over all columns of y (n, lanes)."""
+    """Run one engine over the measurements y, of shape (n, lanes), one lane for each column."""
     return Engine(y.shape[1], settings, **options).run(y, u)
 
 
 def columns(estimates: Estimates) -> Array:
-    """Return the estimates of one lane, (n, len(ESTIMATES))."""
+    """Return the estimates of an engine of one lane as an array of shape (n, len(ESTIMATES))."""
     return np.column_stack([getattr(estimates, name)[:, 0] for name in ESTIMATES])
 
 
 def run_changing(
     settings: LaneSettings, y: Array, u: Array, changes: Mapping[int, tuple[float, float]], **options: Any
 ) -> Array:
-    """Run one lane over y and u (n,) and return its estimates.
+    """Run an engine of one lane over measurements y and input u, both of shape (n,); return the estimates.
 
     `changes`: Q and R that take effect at the given samples.
     """

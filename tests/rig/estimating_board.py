@@ -1,4 +1,7 @@
-"""Simulate a board that computes estimates: its messages, in order, and the events read from them."""
+"""Simulate a board that computes estimates.
+
+The functions yield its messages in order, and the events that the host reads from them.
+"""
 
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
@@ -20,7 +23,7 @@ from tools.made_up_board import MadeUpBoard, Sent
 from tools.own_estimator import JOINT, OwnEstimator
 
 ESTIMATOR = JOINT._replace(startup=30, remaining=30, gate=8.0)
-"""The board's settings: start-up window and gate differ from the host's."""
+"""Estimator settings of the board. Its start-up window and gate differ from those of the host."""
 STARTUP = ESTIMATOR.startup
 
 LSB_PER_DPS = 16.4
@@ -30,16 +33,18 @@ AXES = ("gyro_x", "gyro_y", "gyro_z")
 
 
 def noise(n: int, seed: int = 1) -> list[tuple[int, ...]]:
-    """Return counts of three axes at rest, with offsets."""
+    """Return counts of three axes at rest: noise with an offset."""
     counts = np.rint(np.random.default_rng(seed).normal((3, -40, 0), 2.5, (n, 3)))
     return [tuple(map(int, row)) for row in counts]
 
 
 class Board(MadeUpBoard):
-    """A board that sends HELLO and ESTIMATOR every 100 samples, and each sample's estimates `late` later.
+    """A board that sends HELLO and ESTIMATOR every 100 samples, and estimates after each sample.
 
-    `stated`: the settings that the board states; None if the board does not estimate. `first`: sequence
-    number of the first sample.
+    `late`: number of samples by which the estimates come later than their sample.
+
+    `stated`: the settings that the board sends in ESTIMATOR; None if the board computes no estimates.
+    `first`: sequence number of the first sample.
     """
 
     def __init__(
@@ -54,12 +59,15 @@ class Board(MadeUpBoard):
         super().__init__(hello, first=first, own=own, own_late=late)
 
     def run(self, counts: Iterable[tuple[int, ...] | None]) -> Iterator[Sent]:
-        """Process samples and yield the messages sent; a sample None is one that the board misses."""
+        """Process samples and yield the messages that the board sends.
+
+        None stands for a sample that it misses.
+        """
         return (sent for row in counts for sent in self.tick(row))
 
 
 def said(at: int, message: wire.Message, sequence: int = 0) -> Sent:
-    """Return a message that a board sends at this sampling instant."""
+    """Return a message with the time at which the board sends it: sampling instant number `at`."""
     return Sent(at, message, sequence, at * PERIOD_US)
 
 
@@ -102,15 +110,17 @@ def changed(
     which: Callable[[Sent], bool] = lambda one: True,
     **changes: object,
 ) -> Iterator[Sent]:
-    """Replace fields in all messages of one kind, or in the messages for which `which` returns True."""
+    """Replace fields in the messages of one kind, or in those of them for which `which` returns True."""
     for one in sent:
         is_meant = isinstance(one.message, kind) and which(one)
         yield one._replace(message=one.message._replace(**changes)) if is_meant else one
 
 
 def pipeline(who: str, **settings: object) -> Pipeline:
-    """Return a pipeline where the host, the device, or both estimate; `estimator__R` stands for
-    estimator.R."""
+    """Return a pipeline that takes estimates from `who`: "host", "device" or "both".
+
+    In the names of settings, `estimator__R` stands for estimator.R.
+    """
     changes = {"estimator__estimate_on": who} | settings
     return Pipeline(Source(), load_config(None, {k.replace("__", "."): v for k, v in changes.items()}))
 
@@ -125,12 +135,15 @@ def feed(walk: Pipeline, found: Iterable[Event]) -> list[AnyRecord]:
 
 
 def estimates_of(who: str, records: Iterable[AnyRecord]) -> list[Any]:
-    """Return the published records with the device's estimates, for either setting `who`."""
+    """Return the records that hold the device's estimates.
+
+    Their type depends on whether only the device estimates (`who` is "device").
+    """
     return of(Estimate if who == "device" else DeviceEstimates, records)
 
 
 def of_filters(e: Estimate | DeviceEstimates) -> list[FlteaEstimate]:
-    """Return the board's estimates for one sample, from either kind of record."""
+    """Return the estimates that the board's filters made for one sample, one for each axis."""
     return [a.fltea for a in e.axes.values()]
 
 

@@ -8,7 +8,7 @@ from fltea.records.stats import AxisStats, BiasCheck, DeviceStatus, LinkStats, S
 
 
 def axis_estimate(*of_filters: Any, unit: str = GYRO_UNIT, **known: Any) -> AxisEstimate:
-    """Return an axis's estimate with these figures of the paper's filters.
+    """Return an estimate of one axis whose figures from the paper's filters are `of_filters`.
 
     `known`: values of other fields.
     """

@@ -24,7 +24,7 @@ SCAN = struct.Struct("<6hxxxxq")
 
 
 class FakeIio:
-    """One imitated device.
+    """One imitated IIO device.
 
     `root`: folder that is used in place of /.
     """
@@ -68,7 +68,7 @@ class FakeIio:
 
 
 def imu(root: Path) -> FakeIio:
-    """Return an imitated BMI160 with its own trigger, and with one unused channel left enabled."""
+    """Return an imitated BMI160 with its own trigger; one channel that fltea does not need is enabled."""
     device = FakeIio(root)
     for name, text in IMU.items():
         device.put(name, text)

@@ -36,7 +36,10 @@ Injection = Callable[[tuple[i2c_msg, ...]], int | None]
 
 
 class TellsTime:
-    """A world whose values encode when they were measured, and whether they were measured together."""
+    """Surroundings of the emulated sensor, whose values encode the time at which they are measured.
+
+    A sample also shows whether its values were measured together.
+    """
 
     def at(self, now_ns: int) -> Motion:
         n = now_ns // TICK_NS
@@ -46,8 +49,9 @@ class TellsTime:
 
 
 def taken_ns(gyro: tuple[float, ...], accel: tuple[float, ...] | None) -> int:
-    """Return when a sample of `TellsTime` was measured, to 0.1 ms; refuse one whose values are of different
-    moments.
+    """Return when a sample of `TellsTime` was measured, to 0.1 ms.
+
+    A sample whose values were measured at different times raises an error.
     """
     low, high, check = (round(value) for value in gyro)
     assert low ^ high == check, f"a torn sample: {gyro}"
@@ -56,7 +60,7 @@ def taken_ns(gyro: tuple[float, ...], accel: tuple[float, ...] | None) -> int:
 
 
 class FakeHost:
-    """The machine: its clock advances with every use, and `stall` makes the program wait.
+    """The simulated machine: its clock advances with every use, and `stall` makes the program wait.
 
     `at(ns, do)`: call `do` once when that time is reached.
     """
@@ -157,7 +161,7 @@ class FakeBus:
         ctypes.memmove(message.buf, data, n)
 
     def _read(self, n: int, *, last: bool) -> bytes:
-        # the same result as `read`, without its slow path for every byte
+        # The result is the same as that of `read`, but no byte takes the slow path through `read`.
         if self._register == self.chip.fifo_register:
             return bytes(self.chip.fifo.pop() for _ in range(n))
         return bytes(self.chip.read(ack=not last or i < n - 1) for i in range(n))
@@ -201,7 +205,7 @@ class Pi:
         return self
 
     def run_until(self, at_s: float) -> "Pi":
-        """Run until the time `at_s` [s], and on to the last sample of the present burst."""
+        """Run until the time `at_s` [s], then continue to the last sample of the burst that is being read."""
         for event in self._running:
             self.events += in_samples([event])
             self.records += records_of(self.pipeline.feed(event))
@@ -244,7 +248,9 @@ class Pi:
         return self.source._status()
 
     def check(self, ppm: float = 0.0) -> list[int]:
-        """Check every sample against the time of its measurement; return the times of the last epoch [ns].
+        """Check every sample against the time of its measurement.
+
+        Return the sample times of the last epoch [ns].
 
         Within an epoch, numbers and times agree to the sample. No sample arrives before it is measured. Every
         sample that is not delivered is counted.

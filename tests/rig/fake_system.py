@@ -1,4 +1,4 @@
-"""Simulate a machine by a folder for its file system, and fixed answers for all other queries."""
+"""Simulate a machine: a folder is its file system, and all other queries get fixed answers."""
 
 from collections.abc import Mapping
 from pathlib import Path

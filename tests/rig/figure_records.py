@@ -1,4 +1,4 @@
-"""Records of one device in which every number is known, and what each place shows of such records."""
+"""Records of one device whose numbers are all known, and the text that each output makes of them."""
 
 import io
 import json
@@ -43,11 +43,11 @@ from tests.rig.fit_support import FRACTIONAL, with_curves
 from tests.rig.host_support import hello
 
 KEYS: dict[str, Any] = {"str": "order_box", "int": 60}
-"""A key of each type, for a mapping that an example leaves empty."""
+"""A key of each key type, for mappings that the examples leave empty."""
 
 
 def parts_of(hint: Any) -> Iterator[Any]:
-    """Yield the types that a hint consists of; of a mapping the types of its values."""
+    """Yield the types of which a type hint consists; for a mapping, these are the types of its values."""
     if get_origin(hint) in (types.UnionType, Union):
         for one in get_args(hint):
             yield from parts_of(one)
@@ -58,7 +58,7 @@ def parts_of(hint: Any) -> Iterator[Any]:
 
 
 def completed(struct: Any) -> Any:
-    """Return a record in which every number, object and mapping has a value; values that it has are kept."""
+    """Return a record in which every number, object and mapping has a value; values already set are kept."""
     found = {}
     for name, hint in get_type_hints(type(struct)).items():
         value = getattr(struct, name)
@@ -93,11 +93,14 @@ def _members(hint: Any) -> Sequence[Any]:
 
 
 OTHER_WORDS = {"not rejected": "rejected", "fractional": "white", "user": "watchdog", "white": "walks"}
-"""Another word for each word in the example."""
+"""For each word that occurs in the example records, another valid word."""
 
 
 def changed(value: Any, path: Sequence[str]) -> Any:
-    """Return a record in which the value of one path is another one; in a mapping the values of all keys."""
+    """Return a copy of a record in which the value at one path differs.
+
+    If a mapping is on the path, the values of all its keys differ.
+    """
     if isinstance(value, dict):
         return {key: changed(one, path) for key, one in value.items()}
     if path:
@@ -157,24 +160,26 @@ EVERYTHING: Records = {
         EVERY_DEVICE_FIT,
     )
 }
-"""A record of each kind that has figures, in the order in which a device's come."""
+"""One record of each kind that has figures, in the order in which a device publishes them."""
 
 UNDECIDED = {AXIS: replace(FRACTIONAL_FIT, verdict="undecided", until_s=Until(0.05, 440.0))}
 EXAMPLES = (EVERYTHING, {**EVERYTHING, Fit: replace(EVERY_FIT, axes=UNDECIDED)})
-"""Records with which each figure is shown wherever it is ever shown, after the first estimate."""
+"""Sets of records which together make every output show each of its figures."""
 
 
 def history(records: Records, who: EstimateOn = "both") -> DeviceHistory:
-    """Return what the page remembers of these records."""
+    """Return the live page's history of a device after these records."""
     return told(list(records.values()), who=who)
 
 
 DRAWN = ("now", "spectra", "curves")
-"""Parts of the page that draw what other parts say, and the one that the time of the request changes."""
+"""Parts of the page that are not compared. Two only draw figures of other parts; "now" depends on the time of
+the request.
+"""
 
 
 def page(records: Records) -> str:
-    """Return all parts of the live page except drawings, with one axis open."""
+    """Return all compared parts of the live page, with one axis open."""
     found = history(records)
     view = View("due", AXIS, 0)
     parts = {name: make(found, view) for name, make in PARTS.items() if name not in DRAWN}
@@ -182,7 +187,7 @@ def page(records: Records) -> str:
 
 
 def terminal(records: Records) -> str:
-    """Return the table of a wide terminal."""
+    """Return the table that `fltea` prints in a wide terminal."""
     console = Console(file=io.StringIO(), width=200, color_system=None)
     sink = TableSink(console)
     for record in records.values():
@@ -210,7 +215,7 @@ class _Output:
 
 
 def metrics(records: Records) -> str:
-    """Return Prometheus' text of these records."""
+    """Return the text that Prometheus reads for these records."""
     newest = _Held()
     newest.hello, newest.stats, newest.fit = records[type(HELLO)], records[Stats], records[Fit]  # type: ignore[assignment]
     newest.sample = records[Sample]  # type: ignore[assignment]

@@ -1,4 +1,4 @@
-"""Invent fits in the form of the live fit's, for the tests of the live page."""
+"""Invent results of a live fit, for the tests of the live page."""
 
 import numpy as np
 from fltea.records.fit import AxisFit, FitAllan, FitSpectrum, Interval, Until

@@ -1,4 +1,4 @@
-"""Put fits into a history of the fleet, and read what the history holds."""
+"""Put fits into the stored history of many devices (a fleet), and read them again."""
 
 import math
 from pathlib import Path
@@ -29,7 +29,7 @@ def times_of(history: History, device: str) -> list[float]:
 
 
 def write_out(history: History, before_unix_s: float = -math.inf) -> int:
-    """Let the history write and prune; return how many rows were pruned."""
+    """Let the history write its rows and delete those before a time; return how many it deleted."""
     before = history.pruned
     history.work(before_unix_s)
     history.settle()

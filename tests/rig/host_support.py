@@ -1,4 +1,7 @@
-"""Helpers for the tests of the host: a simulated board, the real command, a strict reader, HTTP requests."""
+"""Helpers for the tests of the host program.
+
+They are a simulated board, the real command, a strict reader of its output, and HTTP requests.
+"""
 
 import contextlib
 import http.client
@@ -131,7 +134,10 @@ HEARS_HANGUPS = ("env", "--default-signal=HUP")
 
 
 class StandIn:
-    """The program tools/standin.py, reached by a fixed name, so that it can go away and come back."""
+    """A process of tools/standin.py, the simulated board.
+
+    Its port has a fixed name, so that the board can go away and come back.
+    """
 
     def __init__(self, link: Path, *arguments: str) -> None:
         self.process = subprocess.Popen(
@@ -155,7 +161,7 @@ class StandIn:
 
 
 class Daemon(Program):
-    """A running `fltea run` or other command, whose records are read as they come.
+    """A running `fltea run` (or other command), whose records are read as soon as they are written.
 
     `program`: a program to run in place of fltea.
     """
@@ -175,7 +181,7 @@ class Daemon(Program):
 
 
 class Processes:
-    """Starts programs of both classes, and stops all of them even if a test fails."""
+    """Starts instances of `StandIn` and `Daemon`, and stops all of them even if a test fails."""
 
     def __init__(self) -> None:
         self._started: list[StandIn | Daemon] = []

@@ -26,7 +26,10 @@ class Files(dict[str, bytes]):
 
 
 def mcap_with(*records: bytes) -> bytes:
-    """Return the head of a recording of fltea, followed by `records`, without the end of a recording."""
+    """Return the beginning of a recording that fltea makes, followed by `records`.
+
+    The closing part of an MCAP file is left out.
+    """
     builder = RecordBuilder()
     Header("", "hostile").write(builder)
     info = PartInfo("1f0c2b3a", 0, "due", "1.0", 0, 0)
@@ -41,7 +44,10 @@ def chunk(compression: str, data: bytes, declared_bytes: int) -> bytes:
 
 
 def zeros(compression: str, size_bytes: int) -> bytes:
-    """Return `size_bytes` zero bytes, compressed: a series of unknown records of 9 bytes each."""
+    """Return `size_bytes` zero bytes, compressed.
+
+    An MCAP reader takes them for records of an unknown type, each of 9 bytes.
+    """
     if compression == "lz4":
         return bytes(lz4.frame.compress(bytes(size_bytes)))
     return zstandard.compress(bytes(size_bytes))
@@ -55,7 +61,9 @@ MCAP_BOMBS: dict[str, Callable[[], bytes]] = {
     "lz4": lambda: mcap_with(chunk("lz4", zeros("lz4", LARGE), LARGE)),
     "many": lambda: mcap_with(*[chunk("zstd", zeros("zstd", LARGE), LARGE)] * 20),
 }
-"""Recordings by name, which are all refused. Refusing such a recording needs little memory."""
+"""Functions that make recordings, by name. A reader must refuse each of these recordings, in little
+memory.
+"""
 
 MCAP_LIES: dict[str, Callable[[], bytes]] = {
     "declares 4.2 GB": lambda: chunk("zstd", zeros("zstd", 900), 4_200 * MB),
@@ -66,7 +74,9 @@ MCAP_LIES: dict[str, Callable[[], bytes]] = {
     "a frame that declares 4 GB": lambda: chunk("zstd", _frame_declaring(4_200 * MB), 900),
     "an unknown packer": lambda: chunk("\x1b[31mrar", b"", 9),
 }
-"""Recordings by name, with chunks that are damaged but not large. The data after such a chunk are read."""
+"""Functions that make recordings with a damaged chunk that is not large, by name. A reader must read the data
+after that chunk.
+"""
 
 
 def _streamed_zeros(size_bytes: int) -> bytes:
@@ -75,13 +85,19 @@ def _streamed_zeros(size_bytes: int) -> bytes:
 
 
 def _frame_declaring(size_bytes: int) -> bytes:
-    """Return a zstd frame of one empty block: magic, single segment with 8 bytes of size, a last raw
-    block."""
+    """Return a zstd frame that declares `size_bytes` bytes of content, but holds one empty block.
+
+    The frame consists of the magic number, a header of a single segment with a size of 8 bytes, and the last
+    block, which is stored raw.
+    """
     return struct.pack("<IBQ", 0xFD2FB528, 0b11100000, size_bytes) + b"\x01\x00\x00"
 
 
 def sparse(path: Path, head: bytes, kind: int, length: int) -> Path:
-    """Write a sparse file whose last record has `length` zero bytes, which take no room on the disk."""
+    """Write a sparse file: `head`, then a record of zero bytes.
+
+    The `length` zero bytes occupy no space on the disk.
+    """
     with path.open("wb") as file:
         file.write(head + struct.pack("<BQ", kind, length))
         file.truncate(len(head) + 9 + length)
@@ -105,7 +121,7 @@ def npy(shape: object, dtype: str, data: bytes, header: bytes | None = None) -> 
 
 
 def npz(path: Path, packing: int = zipfile.ZIP_DEFLATED, **arrays: bytes | object) -> Path:
-    """Write an npz file. Members given as bytes are stored as they are, all others as numpy arrays."""
+    """Write an npz file. Values that are bytes are stored unchanged; all others are stored as npy arrays."""
     with zipfile.ZipFile(path, "w", packing) as archive:
         for name, content in arrays.items():
             if not isinstance(content, bytes):
@@ -117,7 +133,10 @@ def npz(path: Path, packing: int = zipfile.ZIP_DEFLATED, **arrays: bytes | objec
 
 
 def npz_bombs(folder: Path) -> dict[str, tuple[Path, str]]:
-    """Return, by name, an npz file and a word of the reason for which it is refused."""
+    """Write npz files that must be refused.
+
+    Return, by name, the path and a word of the expected error message.
+    """
     good = {"fs_hz": 100.0, "lsb_per_dps": 16.4}
     rows = 60 * MB
     small = npy((4, 3), "<i2", bytes(24))

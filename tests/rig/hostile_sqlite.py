@@ -25,7 +25,10 @@ def _made_by(script: str) -> Callable[[Path], None]:
 
 
 def _disguised(name: str, view: str) -> str:
-    """Return statements that make a view which the schema calls a table."""
+    """Return SQL statements that create a view and then falsify the schema.
+
+    The falsified schema calls the view a table.
+    """
     text = view.replace("'", "''")
     return (
         f"CREATE VIEW {name} AS {view}; PRAGMA writable_schema=ON;"
@@ -35,7 +38,10 @@ def _disguised(name: str, view: str) -> str:
 
 
 def _without_end(path: Path) -> None:
-    """Write a tree whose inner pages all name the same page: 2 kB, and 100^12 rows."""
+    """Write a table of 100^12 rows in a file of a few kB.
+
+    All entries of an inner page of its B-tree refer to the same page below.
+    """
     page_bytes, depth, children = 1024, 12, 100
     with contextlib.closing(sqlite3.connect(path)) as connection:
         connection.executescript(f"PRAGMA page_size={page_bytes};" + TOPICS + PLAIN)

@@ -23,7 +23,7 @@ def settings(shuffles: int = 4, figures: bool = False) -> Settings:
 
 
 def counts(n: int, axes: int = 3, seed: int = 1) -> np.ndarray:
-    """Return white noise of 16 LSB and an offset, (n, axes)."""
+    """Return white noise of σ 16 LSB with an offset, an array of shape (n, axes)."""
     return np.rint(16 * white(n, axes, seed).T + 40).astype(np.int32)
 
 
@@ -33,7 +33,7 @@ def npz(path: Path, raw: np.ndarray, **extra: object) -> Path:
 
 
 class Deadly:
-    """An object that replaces a path and kills the process that reads it, the first `times` times.
+    """An object that replaces a path and kills the process that reads it, at the first `times` attempts.
 
     Only a process that receives this object dies, because unpickling the object kills the process.
     """
@@ -63,5 +63,5 @@ def identify_axis(
     options: IdentifyOptions | None = None,
     gaps: Gaps | None = None,
 ) -> AxisResult:
-    """Return all that is identified about one axis, except its shuffled copies."""
+    """Return the identification of one axis, without the test with shuffled copies."""
     return identified(analyse(y, h, options, gaps), lsb, options)

@@ -32,7 +32,7 @@ def identify_series(
     known: Sequence[DataCheck] = (),
     live: LiveConfig | None = None,
 ) -> AxisReport:
-    """Return all that is identified about one axis alone, except its shuffled copies.
+    """Return the identification of one axis alone, without the test with shuffled copies.
 
     `known`: results of data checks of the whole recording.
 
@@ -44,7 +44,7 @@ def identify_series(
         events = watch({"y": series}, (), {"y": found.tracked}, h, live or LiveConfig())["y"]
         if events.left_out.is_like(found.left_out):
             break
-        # with too few samples between the steps, the first result stays
+        # If there are too few samples between steps, the fit fails, and the earlier result stays.
         with contextlib.suppress(ValueError):
             found = examine(series, h, options, figures, known, events.left_out)
     if found.tracked is not None:

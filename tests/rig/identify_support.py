@@ -12,14 +12,19 @@ H = 0.01
 
 
 def recursion(alpha: float, f: float, n: int, series: int, seed: int, warmup: int = 2000) -> Array:
-    """Return states of the fractional recursion with unit innovations, (series, n), after a warm-up."""
+    """Return states of the fractional recursion driven by white noise of variance 1.
+
+    The shape is (series, n). The first `warmup` states are dropped.
+    """
     drive = np.random.default_rng(seed).standard_normal((n + warmup, series)) / H**alpha
     return fractional_states(np.full(n + warmup, alpha), f, drive, H)[warmup:].T
 
 
 def long_recursion(alpha: float, g: float, n: int, seed: int) -> Array:
-    """Return states (n,) of the same recursion by FFT on a circle four times as long, which is faster for
-    long series."""
+    """Return n states of the recursion in `recursion`, computed by FFT.
+
+    The series is a section of a periodic series four times as long. For many samples this is faster.
+    """
     lam = 2 * np.pi * np.arange(1, 2 * n + 1) / (4 * n)
     z = np.exp(-1j * lam)
     transfer = np.concatenate([[0], 1 / ((1 - z) ** alpha - g * z)])
@@ -28,7 +33,10 @@ def long_recursion(alpha: float, g: float, n: int, seed: int) -> Array:
 
 
 def ar(phi: tuple[float, ...], n: int, series: int, seed: int, warmup: int = 1000) -> Array:
-    """Return an AR process with unit innovations, (series, n)."""
+    """Return samples of an autoregressive process, of shape (series, n).
+
+    White noise of variance 1 drives the process.
+    """
     noise = np.random.default_rng(seed).standard_normal((n + warmup, series))
     x = np.zeros((n + warmup + len(phi), series))
     for k in range(n + warmup):
@@ -42,13 +50,16 @@ def white(n: int, series: int, seed: int) -> Array:
 
 
 def drawn(spectrum: Array, lam: Array, n: int, seed: int, series: int = 1) -> Periodogram:
-    """Draw a periodogram as theory predicts it: independent exponentials whose means are the spectrum."""
+    """Draw a periodogram: independent exponentially distributed values whose means are the spectrum."""
     power = np.random.default_rng(seed).exponential(size=(series, len(lam))) * spectrum
     return Periodogram(lam, power[0] if series == 1 else power, H, n)
 
 
 class Truth(NamedTuple):
-    """N, K and Q as filters use them, and (σ, τ) of each Gauss–Markov part, the slowest first."""
+    """True figures of a noise: N, K and Q as navigation filters use them, and (σ, τ) of Gauss–Markov parts.
+
+    The Gauss–Markov part with the longest τ comes first.
+    """
 
     N: float
     gauss_markov: tuple[tuple[float, float], ...] = ()
@@ -57,7 +68,7 @@ class Truth(NamedTuple):
 
 
 def composite(truth: Truth, n: int, h: float, seed: int) -> Array:
-    """Return one series (n,) of this noise, computed recursively in time."""
+    """Return n samples of the noise with these true figures, computed one after the other."""
     rng = np.random.default_rng((77, seed))
     y = rng.standard_normal(n) * truth.N / np.sqrt(h)
     for sigma, tau in truth.gauss_markov:
@@ -67,7 +78,7 @@ def composite(truth: Truth, n: int, h: float, seed: int) -> Array:
 
 
 def gauss_markov(rng: np.random.Generator, n: int, h: float, sigma: float, tau: float) -> Array:
-    """Return one Gauss–Markov part that is stationary from the start."""
+    """Return n samples of a Gauss–Markov process that is stationary from the start."""
     phi, before = np.exp(-h / tau), int(20 * tau / h)
     drive = rng.standard_normal(n + before) * sigma * np.sqrt(1 - phi * phi)
     return np.asarray(lfilter([1], [1, -phi], drive)[before:])

@@ -1,4 +1,4 @@
-"""Make boards that run small assembly programs, which are built when needed, at a clock of 84 MHz."""
+"""Run small assembly programs on emulated boards. The programs are assembled when needed."""
 
 import subprocess
 import tempfile
@@ -30,13 +30,13 @@ PRELUDE = (FOLDER / "prelude.S").read_text(encoding="utf-8")
 
 TICK_EACH_MS = "systick 3999, 7\n"
 COUNT = "\n count_ticks\n"
-"""Assembly code by which SysTick fires every millisecond at the clock rate after reset; its handler counts in
-slot 0.
+"""Assembly code that makes SysTick fire every millisecond at the clock rate after reset. Its handler counts
+in the first word of RAM.
 """
 
 
 def program(text, handlers=None):
-    """Return the image of a program that begins with `text`.
+    """Return the image of a program that begins with the assembly code `text`.
 
     `handlers`: label of the handler by exception number.
     """
@@ -44,7 +44,10 @@ def program(text, handlers=None):
 
 
 def linked_program(folder, text, handlers=None):
-    """Write the image of `program` as an ELF file into the folder; return the file's path and the image."""
+    """Build a program as `program` does, and write it as an ELF file.
+
+    Return the file's path and the image.
+    """
     return _link(folder, _source(text, handlers), ".S")
 
 
@@ -77,7 +80,7 @@ def _link(folder, source, suffix):
 
 
 class Bench:
-    """A board with a program, the bytes it sent, and the RAM slots in which the program keeps results."""
+    """An emulated board with a program, the bytes that it sent, and access to its results in RAM."""
 
     def __init__(self, image, **options):
         self.received = bytearray()
@@ -99,7 +102,7 @@ class Bench:
         return caught.value.reason
 
     def slot(self, n):
-        """Return word `n` of RAM."""
+        """Return word `n` of RAM, where the program stores a result."""
         return int.from_bytes(self.board.memory.read(RAM_BASE + 4 * n, 4), "little")
 
 
@@ -108,7 +111,7 @@ def run(text, seconds=0.01, handlers=None, **options):
 
 
 def peripheral(board, name):
-    """Return one of the chip's peripherals by its name in the vendor's description."""
+    """Return a peripheral of the microcontroller by its name in the vendor's description."""
     return next(one for one in board.peripherals if one.name == name)
 
 
@@ -125,7 +128,9 @@ def fault_of(text, seconds=0.1, handlers=None):
 
 MS = PS_PER_S // 1000
 FAR = 0x0037_0809
-"""CKGR_MOR with its key: crystal and RC on, start-up 64 slow cycles (1.95 ms)."""
+"""Value for the register CKGR_MOR, with its key: crystal and RC oscillator on, start-up time of 64 cycles of
+the slow clock (1.95 ms).
+"""
 PLLA_168 = 1 << 29 | 13 << 16 | 0x3F << 8 | 1
 
 

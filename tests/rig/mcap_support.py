@@ -1,5 +1,5 @@
-"""Helpers for the tests of recordings: simulate a port's data, record them as the daemon does, read them
-back.
+"""Helpers for the tests of recordings: simulate a serial port's data, record them as the daemon does, and
+read them back.
 """
 
 import random
@@ -31,7 +31,7 @@ PERIOD_NS = 10_000_000
 
 
 def transport(samples: int = 200, boots: int = 1, seed: int = 1) -> list[TransportEvent]:
-    """Return the events of a device's serial port: chunks cut anywhere, late arrivals, lost frames.
+    """Return the events of a device's serial port, with frames cut anywhere, late arrivals and lost frames.
 
     Between two boots the port is unplugged.
     """
@@ -74,7 +74,7 @@ def record(
     estimate_on: str = "host",
     **settings: object,
 ) -> tuple[list[AnyRecord], RecordSink]:
-    """Process and record events, as the daemon does; with `end` false the file stays open."""
+    """Process and record events, as the daemon does; if `end` is false, the recording stays open."""
     sink = RecordSink(recording_to(folder, **settings), device, report)
     source = FedSource("/dev/due")
     pipeline = Pipeline(
@@ -95,7 +95,10 @@ def record(
 
 
 def kill(sink: RecordSink) -> None:
-    """Leave a recorder as a killed process would: the system closes the file, and nothing more is written."""
+    """Leave a recorder in the state of a killed process.
+
+    Its file is closed, and nothing more is written to it.
+    """
     assert sink._part is not None
     sink._part.writer._file.close()
 
@@ -108,7 +111,7 @@ def replay(path: Path, **overrides: object) -> list[AnyRecord]:
 
 
 def without(records: Iterable[AnyRecord], *fields: str) -> list[AnyRecord]:
-    """Return the records with `fields` blanked, since these fields differ in every run."""
+    """Return the records with empty values in `fields`, which differ from run to run."""
     return [msgspec.structs.replace(one, **dict.fromkeys(fields, "")) for one in records]
 
 
@@ -128,7 +131,10 @@ def metadata_of(path: Path) -> list[tuple[str, dict[str, str]]]:
 
 
 def wire_entries(path: Path) -> list[Entry]:
-    """Return the wire entries of a recording, even if its file is cut off."""
+    """Return the entries of a recording that hold the serial port's bytes.
+
+    This works even if the file is cut off.
+    """
     entries = read_entries(Part(path, read_info(path)))
     return [entry for entry in entries if entry.topic == WIRE]
 

@@ -1,5 +1,6 @@
-"""Run the filters' native memories from Python (tests/native/probe.cpp), one library for each instruction
-set.
+"""Run the filters' native memories of past samples from Python.
+
+tests/native/probe.cpp is built once for each instruction set.
 """
 
 import ctypes
@@ -16,7 +17,7 @@ from tests.rig.built import DOUBLES, probe
 SETS = instruction_sets()
 """Instruction sets that this processor supports."""
 DIRECT = -1
-"""Number of digits that selects the exact memory."""
+"""Value of `digits` that selects the exact memory instead of a compressed memory."""
 
 
 @lru_cache
@@ -41,9 +42,11 @@ def library(instruction_set: str) -> ctypes.CDLL:
 
 
 class Memory:
-    """A memory with `digits` digits (or DIRECT) and window L (0: unlimited); results are (lanes,).
+    """A filter's memory of past samples, accurate to `digits` digits (or exact: DIRECT).
 
-    `kind`: number type, f: float, d: double, w: a SIMD pack as wide as the registers.
+    It reaches back L samples (0: all). Results have the shape (lanes,).
+
+    `kind`: number type; f: float, d: double, w: a SIMD pack that fills a register.
     """
 
     def __init__(
@@ -59,7 +62,7 @@ class Memory:
         return np.repeat(np.asarray(values, dtype=np.float64).reshape(n, 1), self.lanes, 1)
 
     def push(self, x: ArrayLike, P: ArrayLike) -> None:
-        """Push n samples, oldest first, (n,) for all lanes."""
+        """Append samples, the oldest first; arrays of shape (n,) hold for all lanes."""
         n = len(np.atleast_1d(x))
         x, P = self._rows(x, n), self._rows(P, n)
         self._library.probe_push(self._probe, n, x.ctypes.data, P.ctypes.data)
@@ -68,7 +71,7 @@ class Memory:
         self._library.probe_push(self._probe, n, None, None)
 
     def stir(self, n: int, seed: int) -> None:
-        """Push n random samples of about unit variance, with P about 1."""
+        """Append n random samples of about unit variance, with variances P of about 1."""
         self._library.probe_stir(self._probe, n, seed)
 
     def sums(self, order: ArrayLike) -> tuple[Array, Array]:
@@ -79,7 +82,10 @@ class Memory:
         return S, V
 
     def evaluate(self, orders: ArrayLike) -> tuple[Array, Array]:
-        """Return S for three orders, (3, lanes), and V for the first order, (lanes,), from one call."""
+        """Return S for three orders and V for the first of them, from one call.
+
+        The shapes are (3, lanes) and (lanes,).
+        """
         S, V = np.empty((3, self.lanes)), np.empty(self.lanes)
         self._library.probe_evaluate(self._probe, self._rows(orders, 3), S, V)
         return S, V
@@ -89,14 +95,17 @@ class Memory:
 
     @property
     def modes(self) -> tuple[int, int]:
-        """Return the modes that the window and digits selected for the sums of states and of variances."""
+        """Return how the sums of states and of variances are computed, as two numbers of modes.
+
+        The window and the digits select these modes.
+        """
         out = np.zeros(3)
         self._library.probe_nodes(self._probe, out)
         return int(out[0]), int(out[1])
 
 
 def math(kind: str, x: Array, instruction_set: str | None = None) -> tuple[Array, Array, Array]:
-    """Return e^x, e^-x and sin(pi x) as pack_math.hpp computes them."""
+    """Return e^x, e^-x and sin(pi x), computed by host code for SIMD packs (pack_math.hpp)."""
     native = library(instruction_set or SETS[0])
     padded = np.concatenate((x, np.zeros(-len(x) % 8)))
     up, down, sine = (np.empty_like(padded) for _ in range(3))

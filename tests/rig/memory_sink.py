@@ -1,4 +1,4 @@
-"""A sink in memory, shared by the tests of outputs, of the hub and of many devices."""
+"""An output that keeps its records in memory, for the tests of outputs, of the hub and of many devices."""
 
 import threading
 from collections.abc import Callable
@@ -9,7 +9,7 @@ from tools.faults.program import PATIENCE_S
 
 
 class Memory(Sink):
-    """Keeps what it is given. A test can make it block or fail."""
+    """A sink that keeps the records that it receives. A test can make its writing block or fail."""
 
     def __init__(self, name: str = "memory", capacity: int = 10_000) -> None:
         self.name = name

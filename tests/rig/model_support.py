@@ -39,7 +39,7 @@ PARTS: dict[str, st.SearchStrategy[p.Part]] = {
     "notch": st.builds(p.Notch, hz, st.floats(0.5, 10)),
     "mean": st.builds(p.Mean, st.integers(2, 10)),
 }
-"""An example of each kind of part of a noise model, at 100 Hz."""
+"""Strategies that draw a part of a noise model, by kind of part, for 100 Hz."""
 EXAMPLES: dict[str, p.Part] = {
     "white": p.White(1.0),
     "relaxation": p.Relaxation(1.0, 0.3),
@@ -57,18 +57,23 @@ EXAMPLES: dict[str, p.Part] = {
     "floor": p.Floor(0.1),
     "arfima": p.Arfima(0.4, 0.9, 0.1),
 }
-"""A part of each kind whose spectrum exceeds white noise of variance 1, at 100 Hz."""
+"""One part of a noise model for each kind. At 100 Hz, its spectrum exceeds that of white noise of variance
+1.
+"""
 
 
 def samples(parts: Sequence[p.Part], n: int, h: float, seed: int) -> Array:
-    """Draw Gaussian samples (n,) with the parts' spectrum, as a section of a longer periodic series."""
+    """Draw n Gaussian samples with the spectrum of the parts of a noise model.
+
+    They are a section of a longer periodic series.
+    """
     return drawn(parts, n, h, np.random.default_rng((28, seed)))
 
 
 def bins(parts: Sequence[p.Part], n: int, h: float, seed: int | None, size: int = 130) -> Binned:
-    """Draw a binned periodogram of n samples as theory predicts it.
+    """Draw a binned periodogram of n samples from the distribution that theory predicts for these parts.
 
-    With `seed` None return the spectrum itself.
+    If `seed` is None, the spectrum itself is returned, without scatter.
     """
     edges = np.geomspace(25 / n, np.pi, size + 1)
     lam = (edges[1:] + edges[:-1]) / 2
@@ -80,7 +85,10 @@ def bins(parts: Sequence[p.Part], n: int, h: float, seed: int | None, size: int 
 
 
 def sound(e: Evidence, verdict: Verdict) -> None:
-    """Check that text, figures and accepted model agree, and that no bound is printed as an estimate."""
+    """Check that a verdict's text, figures and model agree.
+
+    Also check that no bound is printed as an estimate.
+    """
     assert verdict.text == f"{verdict.what} {verdict.why} {verdict.next}"
     for sentence in (verdict.what, verdict.why, verdict.next):
         assert sentence[0].isupper() or sentence[0].isdigit()

@@ -1,5 +1,7 @@
-"""Debian's mosquitto on a port of its own, certificates for it, and a client that records all its
-messages."""
+"""Run Debian's MQTT broker mosquitto with certificates, and a client that records its messages.
+
+The broker uses a TCP port of its own.
+"""
 
 import contextlib
 import json
@@ -30,7 +32,10 @@ def openssl(*arguments: str | Path) -> None:
 
 
 def make_authority(folder: Path) -> Path:
-    """Make a certificate authority and a certificate for localhost; return the authority's certificate."""
+    """Make a certificate authority and a certificate for localhost.
+
+    Return the path of the authority's certificate.
+    """
     folder.mkdir()
     key = ["-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes"]
     ca, ca_key = folder / "ca.pem", folder / "ca.key"
@@ -49,8 +54,9 @@ def make_authority(folder: Path) -> Path:
 class Mosquitto(Server):
     """A broker that can stop and come back on the same port with its retained messages.
 
-    `authority`: folder of `make_authority`; the broker then uses TLS. `secure`: use a password file and an
-    access list. `usual_limits`: keep mosquitto's default limits, which drop messages for slow subscribers.
+    `authority`: folder that `make_authority` filled; if it is given, the broker uses TLS. `secure`: use a
+    password file and an access list. `usual_limits`: keep mosquitto's default limits, which drop messages for
+    slow subscribers.
     """
 
     def __init__(
@@ -100,7 +106,10 @@ class Heard(NamedTuple):
 
 
 class Watcher:
-    """Records all that is published below `fltea/`. Its session outlives restarts of the broker."""
+    """A client that records all messages on topics below `fltea/`.
+
+    Its session survives restarts of the broker.
+    """
 
     def __init__(self, port: int, ca: Path | None = None, login: tuple[str, str] | None = None) -> None:
         self.heard: list[Heard] = []
@@ -150,7 +159,7 @@ def last_status(watcher: Watcher, topic: str = "fltea/a0/status") -> Any:
 
 
 class Connected(Driven):
-    """A sink that publishes to a real broker."""
+    """An MQTT sink that publishes to a real broker."""
 
     def __init__(self, port: int, **settings: Any) -> None:
         tls = "mqtts" if settings.get("ca") else "mqtt"
@@ -188,7 +197,8 @@ class Stage(contextlib.ExitStack):
     def client(self, port: int, name: str = "", **settings: Any) -> Client:
         """Return a connected client.
 
-        `settings`: version, login, ca; any other is a function that handles an event.
+        `settings`: `version`, `login` and `ca` configure the connection; each other setting is a function
+        that handles an event.
         """
         version = settings.pop("version", MQTTProtocolVersion.MQTTv5)
         client = Client(CallbackAPIVersion.VERSION2, name, protocol=version)

@@ -38,7 +38,9 @@ def gap(seq: int = 0) -> Gap:
 
 
 class FakeConnection:
-    """Accepts every message, and acknowledges a message only when the test requests it.
+    """A fake connection to a broker.
+
+    It accepts every message, but acknowledges one only if the test requests it.
 
     `full`: whether the connection can send nothing at present.
     """
@@ -73,7 +75,7 @@ class FakeConnection:
 
 
 class Driven:
-    """A sink whose methods the test calls directly, without a sink queue."""
+    """An MQTT sink whose methods the test calls directly, without the queue that is before a sink."""
 
     def __init__(self, broker: str, **settings: Any) -> None:
         self.told: list[tuple[str, str]] = []
@@ -87,7 +89,7 @@ class Driven:
 
 
 class Bench(Driven):
-    """A sink, a fake broker, and a clock that the test advances."""
+    """An MQTT sink with a fake broker, and a clock that the test advances."""
 
     def __init__(self, **settings: Any) -> None:
         super().__init__("broker.example", **settings)

@@ -1,5 +1,7 @@
-"""Debian's nats-server on ports of its own: one server, or three nodes with the settings files that the
-project ships."""
+"""Run Debian's nats-server on TCP ports of its own.
+
+There is one server, or a cluster of three nodes with the settings files that the project ships.
+"""
 
 import os
 import shutil
@@ -20,7 +22,7 @@ def started(folder: Path, settings: Path, port: int, environment: dict[str, str]
 
 
 def mapping(partitions: int = PARTITIONS) -> str:
-    """Return the line of the settings that maps subjects to partitions."""
+    """Return the line of the server's settings file that maps subjects to partitions."""
     mapped = f"fltea.frames.{{{{partition({partitions},1)}}}}.{{{{wildcard(1)}}}}"
     return f'mappings {{ "fltea.*.frames": "{mapped}" }}'
 
@@ -46,7 +48,10 @@ def single(folder: Path, maps: str | None = None, store: str = "8GB", more: str 
 
 
 def three_nodes(folder: Path, authority: Path) -> list[Server]:
-    """Start the nodes of tools/deploy/nats on the loopback, with certificates of `make_authority`."""
+    """Start the three nodes of tools/deploy/nats on the loopback interface.
+
+    `make_authority` has made their certificates.
+    """
     for file in (
         *DEPLOYED.glob("*.conf"),
         *(authority / name for name in ("server.pem", "server.key", "ca.pem")),

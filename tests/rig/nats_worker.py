@@ -17,7 +17,7 @@ Start = Callable[..., "Worker"]
 
 
 class Worker:
-    """The part of a worker that talks to the server."""
+    """The part of a worker that talks to the NATS server, with its inbox and what it reported."""
 
     def __init__(self, url: str, start: bool = True, **settings: Any) -> None:
         flags = {"format": "none", "ingest.partitions": PARTITIONS}
@@ -37,7 +37,7 @@ class Worker:
 
 
 def taken(worker: Worker, timeout_s: float) -> list[Message | Served | Resumed | Left]:
-    """Return all items that wait in the worker's inbox, in order."""
+    """Remove all items that wait in the worker's inbox, and return them in order."""
     found: list[Message | Served | Resumed | Left] = []
     messages, behind = worker.inbox.take(timeout_s)
     while messages or behind:
@@ -47,7 +47,7 @@ def taken(worker: Worker, timeout_s: float) -> list[Message | Served | Resumed |
 
 
 def ask(server: Server, what: Callable[[Any], Coroutine[Any, Any, Any]], **options: Any) -> Any:
-    """Run a coroutine with a client of the server; return its result."""
+    """Call the coroutine function `what` with a client of the server; return its result."""
 
     async def connected() -> Any:
         client = await nats.connect(f"nats://127.0.0.1:{server.port}", allow_reconnect=False, **options)
@@ -60,7 +60,7 @@ def ask(server: Server, what: Callable[[Any], Coroutine[Any, Any, Any]], **optio
 
 
 def publish(server: Server, *messages: tuple[str, bytes], **options: Any) -> None:
-    """Publish messages, each a subject and its content, to the server."""
+    """Publish messages to the server; a message is a pair of a subject and a content."""
 
     async def all_of_them(client: Any) -> None:
         for subject, data in messages:

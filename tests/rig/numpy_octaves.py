@@ -24,16 +24,19 @@ class Lines(NamedTuple):
 
 
 def _correlated(later: int) -> float:
-    """Return the sum of a line's squared correlations with all lines of a block `later` samples later."""
+    """Return the sum of the squared correlations of a spectral line of one block with all lines of another.
+
+    The other block begins `later` samples later.
+    """
     both = np.zeros(256)
     both[: 256 - later] = WINDOW[later:] * WINDOW[: 256 - later]
     return float((np.abs(np.fft.fft(both)) ** 2).sum() / (WINDOW**2).sum() ** 2)
 
 
 def lines(stretches: list[Array], made_up: list[Array] | None = None) -> Lines:
-    """Return the spectrum of pieces of a record that have no gap.
+    """Return the spectrum of a record that is given as stretches without gaps.
 
-    `made_up`: True for a sample that was filled in, not measured.
+    `made_up`: for each stretch, an array that is True where a sample was filled in instead of measured.
     """
     lam, power, weight, all_blocks, level = [], [], [], [], 0
     while sum(len(x) for x in stretches if len(x) >= 64) > 3072:
@@ -79,7 +82,7 @@ def passed(lam: Array, level: int) -> Array:
 
 
 def fed(y: Array) -> Octaves:
-    """Return the native octaves, fed with samples (n, lanes), or (n,) of one lane."""
+    """Return the native octaves after they received samples, of shape (n, lanes), or (n,) for one lane."""
     rows = np.ascontiguousarray(y.reshape(len(y), -1))
     octaves = Octaves(rows.shape[1])
     octaves.add(rows)

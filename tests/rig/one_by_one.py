@@ -36,7 +36,10 @@ class Timebase:
         self._last_ns: int | None = None
 
     def add(self, seq: int, device_us: int, host_ns: int) -> int:
-        """Use one arrival for the fit; return the sample's host time in ns, which never decreases."""
+        """Include one arrival in the fit; return the sample's host time in ns.
+
+        Returned times never decrease.
+        """
         self._latest = (seq, device_us, host_ns)
         if self._last_ns is None:
             self._first, self._end_us = self._latest, device_us + BLOCK_US

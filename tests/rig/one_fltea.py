@@ -1,4 +1,4 @@
-"""Run FLTEA over one axis, with the variant that the settings name."""
+"""Run the algorithm FLTEA over one axis, in the variant that the settings name."""
 
 from fltea.identification.fltea_fit import FlteaAxis, FlteaFit, fltea_fits
 from fltea.identification.gaps import Gaps, no_gaps

@@ -16,8 +16,11 @@ NEIGHBOURS = 4 / 9, 1 / 36
 
 
 class Try(NamedTuple):
-    """A stretch of spectral lines under test: its own range, the levels it must exceed, and the ordinates of
-    each level."""
+    """Neighbouring spectral lines that are tested for a peak.
+
+    The fields give their range, the background levels that their power must exceed, and the number of
+    ordinates from which each level was computed.
+    """
 
     begin: int
     end: int
@@ -109,7 +112,7 @@ class Lines:
 
 
 def strongest(power: Array, weight: Array, false_alarm: float) -> tuple[int, int, float] | None:
-    """Return the likeliest of the significant ranges of lines, and the level around that range."""
+    """Return the most significant range of spectral lines with the background level around it, or None."""
     lines = Lines(power, weight)
     best: Try | None = None
     for tries in (list(lines.at_the_ends()), list(lines.between())):

@@ -18,9 +18,9 @@ CUT = ("cobs", "oversize", "short", "crc")
 
 
 class Found(NamedTuple):
-    """A decoded item.
+    """A frame or an error that was decoded from the bytes.
 
-    `end`: offset of the byte just behind the item in all bytes.
+    `end`: offset, in all bytes, of the first byte after it.
     """
 
     item: Frame | Refused | BadFrame
@@ -35,7 +35,8 @@ def decoded(data: bytes) -> list[Found]:
     for number, block in enumerate(blocks):
         end = begin + len(block) + 1
         item: Frame | Refused | BadFrame | None = None
-        if len(block) > wire.MAX_ENCODED:  # an oversized block is reported as soon as it is too long
+        # An oversized block is reported at the byte that makes it too long.
+        if len(block) > wire.MAX_ENCODED:
             item, end_of_item = BadFrame("oversize", block[: wire.MAX_ENCODED]), begin + wire.MAX_ENCODED + 1
         elif block and number < len(blocks) - 1:
             item, end_of_item = of_block(block), end
@@ -54,7 +55,7 @@ def unfinished(data: bytes) -> int:
 
 
 def of_block(block: bytes) -> Frame | Refused | BadFrame:
-    """Decode the bytes between two 0x00."""
+    """Decode the bytes between two bytes 0x00, which are one encoded frame."""
     try:
         body = cobs.decode(block)
     except cobs.DecodeError:
@@ -80,7 +81,7 @@ def of_block(block: bytes) -> Frame | Refused | BadFrame:
 
 
 def in_chunks(reader: BlockReader, chunks: Iterable[bytes]) -> list[Found]:
-    """Return the native decoder's results for these chunks, in the form of `decoded`."""
+    """Return what the native decoder finds in these chunks, in the form that `decoded` returns."""
     found: list[Found] = []
     for chunk in chunks:
         before = reader.bytes_in

@@ -52,11 +52,14 @@ MINUTE_NS = 60 * SECOND_NS
 
 
 def in_units(raw: RawSample, hello: Hello) -> tuple[Vector, Vector | None, float | None]:
-    """Return rates [deg/s], specific forces [m/s²] and temperature [°C]; a scale None means units already."""
+    """Return rates [deg/s], specific forces [m/s²] and temperature [°C].
+
+    A scale of None means that the values are in units already.
+    """
     lsb, per_g = hello.gyro_lsb_per_dps, hello.accel_lsb_per_g
     gyro_dps = tuple(counts / (1.0 if lsb is None else lsb) for counts in raw.gyro)
     accel_ms2 = temperature_c = None
-    if raw.accel is not None and per_g != 0:  # 0: the scale is unknown
+    if raw.accel is not None and per_g != 0:  # A scale of 0 means that it is unknown.
         ms2 = 1.0 if per_g is None else 9.80665 / per_g
         accel_ms2 = tuple(counts * ms2 for counts in raw.accel)
     if raw.temperature is not None:
@@ -83,7 +86,7 @@ class Saved(NamedTuple):
     tracks: dict[str, SensorTracks]
 
 
-# Over 12 attributes: it mirrors the pipeline in plain Python, so the two can be read side by side.
+# Over 12 attributes: it mirrors the native pipeline, so that the two can be read side by side.
 class PlainDeviceStream:
     """Turns the events of one source into records.
 
@@ -106,10 +109,11 @@ class PlainDeviceStream:
         self._sequence = PlainSequenceTracker(config)
         self._timebase: Timebase | None = None
         self._epoch = self._now_ns = 0
-        # fixed for each epoch, so that a date set later does not change the epoch's times
+        # The offset is fixed at the beginning of an epoch, so that setting the date later does not change
+        # times.
         self._offset_ns = source.unix_offset_ns
         self._sensors: list[Sensor] = []
-        self._tracks: dict[str, SensorTracks] = {}  # the tracks of each sensor, by unit
+        self._tracks: dict[str, SensorTracks] = {}  # the bias trackers of each sensor, by its unit
         self._board: DeviceStatus | None = None
         self._newest: RawSample | None = None  # the newest sample that was used
         self._lost_told_ns: dict[str, int] = {}
@@ -142,7 +146,8 @@ class PlainDeviceStream:
 
     def _on_time(self, host_ns: int | None) -> Iterator[AnyRecord]:
         self._now_ns = self._now_ns if host_ns is None else host_ns
-        if self._timebase is None:  # until then, since a source may learn the date late
+        # Before the first sample of an epoch the offset is updated, since a source may learn the date late.
+        if self._timebase is None:
             self._offset_ns = self._source.unix_offset_ns
         if self._stats_due_ns is not None:
             if self._now_ns < self._stats_due_ns:
@@ -169,7 +174,8 @@ class PlainDeviceStream:
                 yield self._error("state_unused", text)
         assert self._timebase is not None
         host_ns, device = self._timebase.add(seq, device_us, raw.host_ns), self._config.name
-        if missing:  # published in the epoch that lacks the samples, even if it ends here
+        # The gap is published in the epoch that lacks the samples, even if this sample begins another epoch.
+        if missing:
             of_epoch = self._epoch - (reason is not None)
             yield Gap(seq - missing, missing, of_epoch, host_ns, device=device)
         times = SampleTimes(seq, self._epoch, device_us, host_ns)
@@ -205,8 +211,8 @@ class PlainDeviceStream:
     ) -> Iterator[AnyRecord]:
         """Run trackers and filters on a sample.
 
-        Yields the estimate, errors for axes that became invalid or were constant over the start-up window,
-        and steps and motion.
+        Yields the estimate, steps and motion, and an error for each axis that became invalid or was constant
+        over the start-up window.
         """
         axes: dict[str, AxisEstimate] = {}
         happened: list[Step | Motion] = []
@@ -323,9 +329,9 @@ class PlainDeviceStream:
         )
 
     def save(self) -> Saved | None:
-        """Return a snapshot.
+        """Return a snapshot of the state, from which a later run can resume.
 
-        The result is None while a start-up window fills, with a constant axis, or for an unknown device.
+        The result is None while a start-up window fills, if an axis is constant, or if the device is unknown.
         """
         if self._saved is not None:  # an earlier run's snapshot, which has not been used yet
             return self._saved
@@ -371,8 +377,8 @@ def why_unused(saved: Saved, hello: Hello, config: Config, now_unix_ns: int) -> 
     other = [key for key, value in made_with(hello, config).items() if saved.made_with[key] != value]
     if other:
         return f"it differs in: {', '.join(other)}"
-    # A HELLO of the same boot may have changed the sampling rate. The filters keep the rate at the beginning
-    # of the epoch.
+    # A later HELLO of the same boot may have stated another sampling rate. The filters keep the rate that was
+    # stated at the beginning of the epoch.
     is_other_rate = any(sensor.rate_hz != hello.rate_hz for sensor in saved.sensors)
     return "it was saved with other settings" if is_other_rate else None
 
@@ -380,8 +386,8 @@ def why_unused(saved: Saved, hello: Hello, config: Config, now_unix_ns: int) -> 
 def missing_since(saved: Saved, hello: Hello, raw: RawSample, age_s: float) -> int:
     """Return the number of samples between a snapshot and the sample `raw`.
 
-    The number follows from the sequence numbers if they agree with the elapsed time, otherwise from the
-    elapsed time.
+    It is computed from the sequence numbers if these agree with the elapsed time, otherwise from the elapsed
+    time.
     """
     is_same_boot = saved.boot_id is not None and saved.boot_id == hello.boot_id
     if is_same_boot and age_s <= LONGEST_SILENCE_NS * 1e-9:

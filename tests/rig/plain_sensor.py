@@ -1,7 +1,7 @@
 """Estimate the axes of one sensor in plain Python, one sample at a time, as an oracle.
 
-The lanes of the filters and their supervisors are in `sample_by_sample`. `plain_device_stream` has the
-steps before and after.
+The filters of each axis and their supervisors are in `sample_by_sample`. The steps before and after these
+estimates are in `plain_device_stream`.
 """
 
 import math
@@ -20,10 +20,10 @@ from fltea.settings.estimator import EstimatorConfig
 from tests.rig.sample_by_sample import LanesBySample, whiteness
 
 LONGEST_BRIDGE = 30_000
-"""Largest number of samples that filters of unlimited memory predict after a snapshot."""
+"""Largest number of missing samples over which filters of unlimited memory predict after a snapshot."""
 
 COLUMNS = ("alpha", "alpha_std", "f", "f_std", "state", "innovation")
-"""Columns of an estimate, in the order of the lanes' columns."""
+"""Fields of an estimate, in the order of the filters' output columns."""
 
 Vector = tuple[float, ...]
 Loss = tuple[str, Reason]
@@ -56,14 +56,18 @@ def baseline_of(window: list[Vector], axes: int, config: EstimatorConfig, resolu
 
 
 def _each(setting: str | float | list[float], axes: int) -> Vector:
-    """Return the setting of each axis: "none", one number for all axes, or one number each."""
+    """Return the value of a setting for each axis.
+
+    The setting is a text such as "none" (0 for all axes), one number for all axes, or a list with a number
+    for each axis.
+    """
     values = [0.0] if isinstance(setting, str) else setting if isinstance(setting, list) else [setting]
     return tuple(map(float, values if len(values) > 1 else values * axes))
 
 
-# Over 12 attributes: it mirrors the native sensor in plain Python, so the two can be read side by side.
+# Over 12 attributes: it mirrors the native sensor, so that the two can be read side by side.
 class Sensor:
-    """The axes of one sensor from the beginning of an epoch: first the start-up window, then the filters.
+    """Estimates the axes of one sensor from the beginning of an epoch: a start-up window, then the filters.
 
     `axes`: names of the axes with their columns in the samples. `resolution`: size of one count, 0 if
     unknown.
@@ -96,8 +100,10 @@ class Sensor:
         self._lanes = LanesBySample(len(self._live), settings) if self._live else None
 
     def take(self, sample: Vector) -> tuple[dict[str, AxisEstimate], list[Loss]]:
-        """Return the estimates, none while the window fills, and the axes that were lost with their
-        reasons."""
+        """Process one sample; return the estimates, and the axes that have become invalid, with the reasons.
+
+        There are no estimates while the start-up window fills.
+        """
         own = tuple(sample[column] for column in self.axes.values())
         if self.baseline is None:
             self._window.append(own)
@@ -119,10 +125,10 @@ class Sensor:
         return said, lost
 
     def _of_filters(self, axis: str, columns: Vector | None) -> FlteaEstimate:
-        """Return the filters' estimate.
+        """Return the filters' estimate of one axis.
 
-        An estimate is settled if the innovations were white at the last full hundred. Filters that a live fit
-        has to tune are not settled before that fit.
+        The field `settled` is true if the innovations passed the test for whiteness at the last full hundred
+        of samples. It stays false for filters that wait for a live fit to tune them.
         """
         rows = self._innovations[axis]
         rows.append((columns[5], columns[6]) if columns else None)
@@ -136,7 +142,7 @@ class Sensor:
         return FlteaEstimate(**dict(zip(COLUMNS, numbers, strict=True)), valid=True, settled=accepted)
 
     def miss(self, count: int) -> list[Loss]:
-        """Predict over lost samples; return the axes that became invalid meanwhile.
+        """Let the filters predict over lost samples; return the axes that became invalid meanwhile.
 
         The start-up window ignores lost samples.
         """
@@ -152,7 +158,10 @@ class Sensor:
         return lost
 
     def bridge(self, count: int) -> None:
-        """Predict over the samples since a snapshot, at most the length of the memory."""
+        """Let the filters predict over the samples missed since a snapshot.
+
+        They predict at most as many samples as the memory holds.
+        """
         self.miss(min(count, self.config.window_samples or LONGEST_BRIDGE))
 
     def stats(self) -> Iterator[tuple[str, AxisStats]]:
@@ -196,6 +205,9 @@ class Sensor:
 
 
 def _axis_estimate(found: FlteaEstimate, unit: str) -> AxisEstimate:
-    """Return an axis's estimate with empty fields for the live fit and the tracker."""
+    """Return the filters' estimate of an axis as an `AxisEstimate`.
+
+    Its fields for the live fit and the tracker are empty.
+    """
     tracked = None, None, None, None, None, False
     return AxisEstimate(None, Interval(), Interval(), *tracked, None, None, unit, found)

@@ -1,6 +1,6 @@
-"""Track a sample's sequence number and device time without wrap-around, and the samples lost before it.
+"""Compute each sample's sequence number and device time without wraps, and the number of lost samples.
 
-The rules are those of protocol/README.md. `plain_device_stream` has the steps before and after.
+The rules are those of protocol/README.md. The later steps are in `plain_device_stream`.
 """
 
 from typing import NamedTuple
@@ -13,19 +13,22 @@ from fltea.settings.duration import in_samples
 LONGEST_SILENCE_NS = 30 * 60 * 10**9
 """Device time wraps every 71.6 minutes, so after a longer silence the number of wraps is ambiguous."""
 LONGEST_DISAGREEMENT_US = 5 * 60 * 10**6
-"""Largest accepted difference between device clock and host clock since the last sample. A reset may look
-like a gap of an hour.
+"""Largest accepted difference between the times that elapsed on the device's and the host's clock since the
+last sample. After a reset, the device's time can look like that after a gap of an hour.
 """
 CLOCK_TOLERANCE = 0.02
-"""Relative difference that is accepted between sequence number and time: twice the ±1 % of a sensor's own
-clock.
+"""Accepted relative difference between the time by sequence numbers and the device's time. It is twice the ±1
+% of a sensor's own clock.
 """
 LONGEST_GAP = 1_000_000
-"""Largest number of samples that a gap may bridge, whatever `link.max_gap` says."""
+"""Largest number of lost samples that begin no epoch, however large `link.max_gap` is."""
 
 
 class Tracked(NamedTuple):
-    """Number and device time of a sample, number of samples lost before it, and why it begins an epoch."""
+    """Number and device time of a sample, and the number of samples lost before it.
+
+    If the sample begins an epoch, the reason is given, too.
+    """
 
     seq: int
     device_us: int
@@ -34,7 +37,10 @@ class Tracked(NamedTuple):
 
 
 def steps_between(last: RawSample, raw: RawSample, hello: Hello) -> int | None:
-    """Return the number of sampling periods between two samples; None if numbers and times disagree."""
+    """Return the number of sampling periods between two samples.
+
+    None if sequence numbers and times disagree.
+    """
     elapsed_us, period_us = (raw.device_us - last.device_us) % 2**32, 1e6 / hello.rate_hz
     numbers = (raw.sequence - last.sequence) % 2**16
     # The elapsed time shows how often the number has wrapped.
@@ -50,7 +56,7 @@ class RateWatch:
         self.begin()
 
     def begin(self) -> None:
-        """Start over, so that no earlier sample is compared."""
+        """Forget all earlier samples."""
         self._last: tuple[int, int] | None = None
         self._pairs: list[tuple[int, int]] = []
         self.says: str | None = None
@@ -59,7 +65,8 @@ class RateWatch:
         """Compare a sample with the last sample.
 
         Returns:
-            "differs" or "agrees" when a new verdict is possible, else None.
+            "differs" or "agrees" (the sampling rate with the HELLO) if there are enough samples to decide
+                anew, else None.
         """
         last, self._last = self._last, (sequence, device_us)
         if last is None:
@@ -83,10 +90,9 @@ class RateWatch:
         return found
 
 
-# Over 12 attributes: it mirrors the native tracker in plain Python, so the two can be read side by side.
+# Over 12 attributes: it mirrors the native tracker, so that the two can be read side by side.
 class PlainSequenceTracker:
-    """Numbers samples without wraps, and counts what became of all that came
-    (protocol/README.md)."""
+    """Numbers samples without wraps, and counts used, rejected and lost samples (protocol/README.md)."""
 
     def __init__(self, config: Config) -> None:
         self._max_gap = config.link.max_gap
@@ -102,7 +108,7 @@ class PlainSequenceTracker:
         self._seq = self._device_us = 0
 
     def on_hello(self, hello: Hello) -> bool:
-        """Accept the samples that follow the HELLO.
+        """Accept the samples that follow this HELLO.
 
         Returns:
             Whether this HELLO is the first one, or states another boot or another sensor.
@@ -123,15 +129,15 @@ class PlainSequenceTracker:
         return is_news
 
     def on_link_down(self) -> None:
-        """Accept no sample until the next HELLO, since another device may have been plugged in."""
+        """Reject samples until the next HELLO, since another device may have been plugged in."""
         self.hello, self._disagreed = None, False
         self._watch.begin()
         self._set_filter_models()
 
     def on_break(self, reason: EpochReason) -> None:
-        """Take note that a recording says its next sample begins an epoch.
+        """Begin an epoch at the next sample, because a recording says so.
 
-        A reason known already has precedence.
+        If another reason to begin an epoch is known, it is kept.
         """
         if self._reason in (None, "sensor_restart"):
             self._reason = reason
@@ -149,7 +155,8 @@ class PlainSequenceTracker:
             if self._disagreed:
                 self._compare(raw)
             return None
-        if last is None or reason not in (None, "sensor_restart"):  # earlier samples have no effect any more
+        # Earlier samples no longer matter, since this sample begins an epoch.
+        if last is None or reason not in (None, "sensor_restart"):
             return self._used(raw, Tracked(raw.sequence, raw.device_us, 0, reason))
         if raw.host_ns - last.host_ns > LONGEST_SILENCE_NS:
             return self._used(raw, Tracked(raw.sequence, raw.device_us, 0, reason or "silence"))
@@ -160,7 +167,7 @@ class PlainSequenceTracker:
             return None
         steps, elapsed_on_host_us = steps_between(last, raw, hello), (raw.host_ns - last.host_ns) / 1000
         if steps is None or abs(elapsed_us - elapsed_on_host_us) > LONGEST_DISAGREEMENT_US:
-            # this is a restart or another device; the next HELLO states which
+            # The device has restarted, or this is another device; the next HELLO states which.
             self._reason, self.hello = "discontinuity", None
             self.before_hello += 1
             self._disagreed = True

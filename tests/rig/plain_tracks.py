@@ -22,7 +22,7 @@ from tests.rig.plain_sensor import Vector
 
 
 class SampleTimes(NamedTuple):
-    """Number, epoch and times of a sample, as its records state them."""
+    """Number, epoch and times of a sample, as they appear in its records."""
 
     seq: int
     epoch: int
@@ -39,7 +39,7 @@ class SampleTimes(NamedTuple):
 
 
 class SensorTracks:
-    """The tracker of one sensor from the beginning of an epoch.
+    """The bias trackers of all axes of one sensor, from the beginning of an epoch.
 
     `axes`: names of the axes with their columns in the samples.
     """
@@ -54,7 +54,9 @@ class SensorTracks:
         self._happened: list[TrackerEvent] = []
 
     def take(self, sample: Vector, accel_ms2: Vector | None) -> dict[str, dict[str, object]]:
-        """Return the tracker's fields of an estimate, for each axis.
+        """Update the trackers with one sample.
+
+        Return the fields of an estimate that they supply, for each axis.
 
         `accel_ms2`: the accelerometer's sample, by which the gyroscope's tracker detects motion as well.
         """
@@ -83,11 +85,11 @@ class SensorTracks:
             yield Motion(*began, begins, by, *after, device=device)
 
     def miss(self, count: int) -> None:
-        """Predict over lost samples."""
+        """Predict the bias over `count` lost samples."""
         self._tracker.skip(count)
 
     def stats(self) -> Iterator[tuple[str, TrackerStats]]:
-        """Yield the statistics of each axis, with the values that they have before any fit."""
+        """Yield the tracker's statistics for each axis, as they are before the first fit."""
         for axis, one in zip(self._axes, self._tracker.figures(), strict=True):
             checked = zip(CHECKED_S, one.checked, strict=True)
             yield (
@@ -110,5 +112,5 @@ class SensorTracks:
 
 
 def with_tracks(estimate: AxisEstimate, of_axis: dict[str, object]) -> AxisEstimate:
-    """Return an estimate completed with the tracker's fields of its axis."""
+    """Return an estimate with the fields that the tracker of its axis supplies."""
     return msgspec.structs.replace(estimate, **of_axis)

@@ -1,4 +1,7 @@
-"""Helpers for the tests of the protocol: its vector files, its definition, and draws with fixed seeds."""
+"""Helpers for the tests of the protocol.
+
+They read its vector files and its definition, and make hypothesis try the same examples in each run.
+"""
 
 import math
 from pathlib import Path
@@ -33,7 +36,10 @@ def table(name: str) -> list[tuple[str, str]]:
 
 
 def run(text: str) -> bytes:
-    """Return the bytes of a hex text; `XX..YY` counts up from XX to YY, `-` means no bytes."""
+    """Return the bytes that a hexadecimal text stands for.
+
+    `XX..YY` stands for all bytes from XX up to YY, `-` for no bytes.
+    """
     out = b""
     for word in text.replace("-", "").split():
         first, _, last = word.partition("..")
@@ -42,7 +48,10 @@ def run(text: str) -> bytes:
 
 
 def records(name: str) -> list[list[tuple[str, str]]]:
-    """Return the records of a vector file, which blank lines separate; each line is `key value`."""
+    """Return the records of a vector file as lists of (key, value).
+
+    In the file, blank lines separate records; each other line is `key value`.
+    """
     lines = [line for line in (VECTORS / name).read_text().splitlines() if not line.startswith("#")]
     blocks = "\n".join(lines).strip("\n").split("\n\n")
     return [
@@ -55,8 +64,8 @@ def names(found: list[list[tuple[str, str]]]) -> list[str]:
 
 
 _F32 = [3.4028234663852886e38, 2.0**-126, 2.0**-149, 0.0, math.inf, math.nan, 1.25]
-"""Values for tests: the largest, smallest normal and smallest f32, and other special values; used with both
-signs.
+"""Special values of an f32: the largest, the smallest normal, the smallest denormal, zero, and others. Tests
+use them with both signs.
 """
 
 
@@ -85,7 +94,8 @@ def _values(field: protocol_definition.Field) -> st.SearchStrategy:
 
 def _messages(message: protocol_definition.Message) -> st.SearchStrategy[wire.Message]:
     fields = {field.name: _values(field) for field in message.fields}
-    if message.name == "HELLO":  # a HELLO of any other version is refused before its fields are read
+    # A receiver refuses a HELLO of another protocol version before it reads the fields.
+    if message.name == "HELLO":
         fields["protocol_major"] = st.just(wire.PROTOCOL_MAJOR)
         fields["schema_hash"] = st.just(wire.SCHEMA_HASH)
     return st.builds(wire.MESSAGES[message.id], **fields)

@@ -1,4 +1,4 @@
-"""Replace the live fit by one that takes no time, for tests of its inputs and of when it is called."""
+"""Replace the live fit by one that takes no time, to test its inputs and the moments of its calls."""
 
 import hashlib
 from collections.abc import Callable
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 class QuickAxes:
     """A replacement of `fltea.spectrum.live_axes.LiveAxes`.
 
-    The figures of its fits depend on all samples and losses, and on their order.
+    The figures of its fits depend on all samples and lost samples, and on their order.
     """
 
     longest_motion = 60_000

@@ -9,7 +9,7 @@ import pytest
 from fltea.records.records import AnyRecord, Error, Stats
 
 HOST_NS = 1
-"""Largest accepted difference of host times [ns]. The clock fit adds values in any order.
+"""Largest accepted difference of host times [ns]. The clock fit may add its values in any order.
 
 Another order changes a time by less than 1e-10 s, which sometimes changes the rounding.
 """
@@ -40,7 +40,7 @@ def comparable(record: AnyRecord) -> Comparable:
 
 
 def words_of(error: Error) -> str:
-    """Return the part of a message that is compared: the names of axes."""
+    """Return the part of an error message that is compared: the names of the axes in it."""
     if error.kind in OF_AN_AXIS:
         return error.message.split()[0]
     if error.kind == "rate_differs":
@@ -51,7 +51,7 @@ def words_of(error: Error) -> str:
 
 
 def assert_same(found: Iterable[AnyRecord], expected: Iterable[AnyRecord]) -> None:
-    """Check that both outputs are equal to the bit, except host times and sums over many samples."""
+    """Check that two outputs have bitwise equal records, except for host times and sums over many samples."""
     mine = [comparable(one) for one in found]
     plain = [comparable(one) for one in expected]
     for a, b in zip(mine, plain, strict=False):

@@ -24,9 +24,8 @@ STATE_BOUND = CAUSES.index("state_bound")
 class Verdict(NamedTuple):
     """The supervisor's verdict on a lane after a sample.
 
-    `valid`: the estimate may be published.
-    `restart`: the lane (the filters of one axis) has to restart with the next sample.
-    `news`: reason why the lane has just become invalid, else None.
+    `valid`: the estimate may be published. `restart`: the lane (the filters of one axis) has to restart with
+    the next sample. `news`: the reason, if the lane has become invalid at this sample, otherwise None.
     """
 
     valid: bool
@@ -38,7 +37,7 @@ GOOD = Verdict(True, False, None)
 
 
 class Supervisor:
-    """Supervises one lane."""
+    """Judges one lane (the filters of one axis) after each sample."""
 
     def __init__(self) -> None:
         self._bounds: deque[bool] = deque(maxlen=BOUND_SAMPLES)
@@ -65,8 +64,11 @@ class Supervisor:
 
 
 class Row(NamedTuple):
-    """The lanes' output after a sample: seven columns (7, lanes), NaN where invalid, and the lost lanes with
-    reasons."""
+    """Output of all lanes after a sample.
+
+    The seven columns have the shape (7, lanes); they are NaN for an invalid lane. Lanes that have just become
+    invalid are listed with their reasons.
+    """
 
     columns: Array
     valid: NDArray[np.bool_]
@@ -74,7 +76,10 @@ class Row(NamedTuple):
 
 
 class LanesBySample:
-    """Lanes with their supervisors; an invalid lane restarts with the next sample."""
+    """The filters of several axes (lanes) with their supervisors.
+
+    An invalid lane restarts at the next sample.
+    """
 
     def __init__(self, lanes: int, settings: LaneSettings) -> None:
         self.engine = Engine(lanes, settings)
@@ -83,7 +88,7 @@ class LanesBySample:
         self._held = np.zeros(lanes, dtype=np.int32)
 
     def step(self, y: ArrayLike, *, missing: bool = False) -> Row:
-        """Process one sample of every lane (lanes,).
+        """Process one sample of every lane; `y` has the shape (lanes,).
 
         `missing`: the sample was lost.
         """
@@ -112,7 +117,7 @@ class LanesBySample:
 def baseline(
     window: Array, config: EstimatorConfig, lsb: float | None
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Return bias and R of each axis, from its start-up window or the settings, and the constant axes."""
+    """Return bias and R of each axis, from start-up window or settings, and which axes are constant."""
     axes = window.shape[1]
     if config.bias == "startup":
         bias = window.mean(axis=0)
@@ -122,8 +127,8 @@ def baseline(
         return bias, np.broadcast_to(config.R, axes), np.zeros(axes, dtype=bool)
     R = np.maximum(window.var(axis=0, ddof=1), (lsb or 0.0) ** 2 / 12)
     # Constant axes are found by comparison, since rounding of the mean leaves a nonzero variance. The
-    # comparison is made even if the resolution is known; otherwise a stuck channel would count as a quiet
-    # one.
+    # comparison is made even if the resolution is known; otherwise a channel that is stuck at one value would
+    # count as a channel of little noise.
     return bias, R, (window == window[0]).all(axis=0)
 
 
@@ -131,7 +136,7 @@ BLOCK, BLOCKS, FEWEST = 100, 10, 200
 
 
 class Whiteness(NamedTuple):
-    """Figures of the last innovations; None if there are too few innovations."""
+    """Figures of how white the last innovations are. A figure is None if there are too few innovations."""
 
     lag1: float | None
     nis: float | None
@@ -141,8 +146,8 @@ class Whiteness(NamedTuple):
 def whiteness(rows: Sequence[tuple[float, float] | None]) -> Whiteness:
     """Return figures of the last 900 to 1,000 innovations, by their definitions.
 
-    `rows`: innovation and its predicted deviation for each sample; None for a lost sample, so that the next
-    innovation has no predecessor.
+    `rows`: innovation and its predicted standard deviation for each sample, or None for a lost sample. The
+    innovation after a lost sample is not paired with an earlier one.
     """
     x, std = np.array([one or (np.nan, np.nan) for one in rows]).reshape(-1, 2).T
     there = ~np.isnan(x)

@@ -19,7 +19,10 @@ SPEED_400K = 101 << 8 | 101
 
 
 class SmallBoard:
-    """A machine with chip, wires, PIOB and TWI1. The clocks run; nothing else is set up."""
+    """An emulated microcontroller with the sensor wired to its peripherals PIOB and TWI1.
+
+    The clocks run; nothing else is set up.
+    """
 
     def __init__(self, world=None):
         self.machine = Machine()
@@ -37,7 +40,7 @@ class SmallBoard:
         self.twi = Twi(self.machine, "TWI1", self.lines, self.pio, (SDA_BIT, SCL_BIT))
 
     def set_up(self):
-        """Give the pins to peripheral A, and make TWI1 a master at 400 kHz."""
+        """Connect the pins to TWI1 (as "peripheral A" of the pins), and make TWI1 a master at 400 kHz."""
         self.pio.write("PDR", SDA | SCL)
         self.twi.write("CR", SWRST)
         self.twi.write("CR", MSEN)
@@ -48,7 +51,10 @@ class SmallBoard:
         self.machine.advance(round(us * US))
 
     def wait_for(self, flag, limit_us=2000):
-        """Poll SR until the flag is set; return all flags seen on the way, None if it is never set."""
+        """Poll the status register until the flag is set.
+
+        Return all flags that were seen meanwhile, or None if the flag was not set within the limit.
+        """
         seen = 0
         for _ in range(limit_us * 2):
             seen |= self.twi.read("SR")
@@ -71,7 +77,10 @@ class SmallBoard:
         self.twi.write("CR", STOP)
 
     def read_block(self, register, n):
-        """Read as the datasheet says (33.8.5): STOP after the next-to-last byte."""
+        """Read n registers in the way of section 33.8.5 of the datasheet.
+
+        STOP is set after the next-to-last byte.
+        """
         self.begin_read(register, START | (STOP if n == 1 else 0))
         data: list[int] = []
         while len(data) < n:
@@ -110,7 +119,7 @@ class SmallBoard:
         self.line(SDA, True)
 
     def send_byte(self, byte):
-        """Send eight bits; return the sensor's acknowledge."""
+        """Send eight bits; return the acknowledge bit of the sensor."""
         for i in range(8):
             self.line(SCL, False)
             self.line(SDA, bool(byte >> (7 - i) & 1))

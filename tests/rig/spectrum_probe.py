@@ -1,4 +1,4 @@
-"""Run the device's running spectrum and fit from Python: tests/native/spectrum_probe.cpp."""
+"""Run the board's running spectrum, its fit and its tracker from Python (tests/native/spectrum_probe.cpp)."""
 
 import ctypes
 import re
@@ -15,7 +15,7 @@ from tests.rig.built import COUNTS, DOUBLES, probe
 
 
 class BoardFit(NamedTuple):
-    """The device's fit of an axis, as FitFigures of firmware/core/engine/sliced_fit.hpp."""
+    """The board's fit of an axis, with the fields of FitFigures in firmware/core/engine/sliced_fit.hpp."""
 
     verdict: float
     """0 none, 1 white, 2 fractional, 3 a relaxation describes the noise equally well"""
@@ -60,7 +60,7 @@ def library() -> ctypes.CDLL:
 
 
 class BoardSpectrum:
-    """The device's spectrum, fit and tracker of one axis.
+    """The board's spectrum, fit and tracker of one axis.
 
     `ahead`: number of future samples over which the bias is averaged; 0 means the present bias.
     """
@@ -83,16 +83,22 @@ class BoardSpectrum:
         return BoardFit(*out.tolist())
 
     def retrack(self) -> None:
-        """Track the next samples with the last fit."""
+        """Let the tracker use the last fit for the next samples."""
         library().spectrum_retrack(self._axis)
 
     def track_by(self, verdict: int, *numbers: float) -> None:
-        """Track the next samples by given parameters: α, g, s2, R; for a relaxation 1 - φ, variance, R."""
+        """Let the tracker use given parameters for the next samples.
+
+        For a fractional noise they are α, g, s2 and R; for a relaxation 1 - φ, its variance and R.
+        """
         given = np.array([verdict, *numbers, *[0.0] * (4 - len(numbers))])
         library().spectrum_design(self._axis, given)
 
     def track(self, counts: NDArray[np.int16]) -> NDArray[np.float64]:
-        """Return bias, its deviation, state and its deviation after each count, (n, 4)."""
+        """Track counts.
+
+        Return bias, its standard deviation, state and its standard deviation for each, (n, 4).
+        """
         return track_sensor([self], counts[:, None])[0][:, 0]
 
     def lose(self, lost: int) -> None:
@@ -103,11 +109,11 @@ class BoardSpectrum:
 def track_sensor(
     axes: Sequence[BoardSpectrum], counts: NDArray[np.int16]
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Let the axes of a sensor track their counts, (n, axes).
+    """Track the counts of all axes of a sensor, of shape (n, axes).
 
     Returns:
-        Bias, its deviation, state and its deviation after each sample, (n, axes, 4); and whether the sensor
-        is in motion at that sample, (n,).
+        Two arrays. The first, of shape (n, axes, 4), has bias, its standard deviation, state and its standard
+        deviation after each sample; the second, of shape (n,), whether the sensor is in motion then.
     """
     n, k = counts.shape
     out = np.empty((n, k, 5))

@@ -37,9 +37,10 @@ def open_here(kind: str, path: Path, **how: Any) -> Stored:
 
 
 def hdf5(folder: Path, arrays: dict[str, Any], **how: Any) -> Stored:
-    """Write arrays to an HDF5 file by their paths, and open it.
+    """Write arrays to an HDF5 file, and open the file.
 
-    `arrays`: values by path. A name behind `@` is an attribute of the path before it.
+    `arrays`: values by their path in the file. `path@name` stands for the attribute `name` of the data set or
+    group `path`.
     """
     path = folder / f"{next(_NUMBERS)}.h5"  # a new name each time, as h5py keeps the earlier file open
     with h5py.File(path, "w", track_order=True) as file:
@@ -54,7 +55,7 @@ def hdf5(folder: Path, arrays: dict[str, Any], **how: Any) -> Stored:
 
 
 def with_attributes(folder: Path, values: Any, attributes: dict[str, Any], **how: Any) -> Stored:
-    """Open a gyroscope at 100 Hz in a data set with attributes."""
+    """Write gyroscope samples at 100 Hz to a data set with these attributes, and open the file."""
     path = folder / f"{next(_NUMBERS)}.h5"  # a new name each time, as h5py keeps the earlier file open
     with h5py.File(path, "w") as file:
         file["gyro"] = values

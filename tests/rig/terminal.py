@@ -11,7 +11,7 @@ from pathlib import Path
 
 
 class Terminal:
-    """A pseudo-terminal that can go away and come back.
+    """A pseudo-terminal that imitates a serial port; it can be unplugged and plugged in again.
 
     `link`: a fixed name for the terminal, since the system may give a freed /dev/pts/N to another program.
     `master`: descriptor of the terminal's other end.
@@ -31,7 +31,7 @@ class Terminal:
 
     def unplug(self) -> None:
         self.link.unlink(missing_ok=True)
-        with contextlib.suppress(OSError):  # the terminal may be unplugged already
+        with contextlib.suppress(OSError):  # the test may have unplugged the terminal already
             os.close(self.master)
 
     def send(self, data: bytes) -> None:
@@ -44,7 +44,10 @@ def unplug(made: list[Terminal]) -> None:
 
 
 class SpeakingPort:
-    """A pseudo-terminal that sends the bytes `speech(turn)` every `every_s` seconds."""
+    """A pseudo-terminal that sends bytes every `every_s` seconds.
+
+    The bytes sent the n-th time are those that `speech(n)` returns.
+    """
 
     def __init__(self, speech: Callable[[int], bytes], every_s: float) -> None:
         self._master, self._slave = pty.openpty()
@@ -69,7 +72,7 @@ class SpeakingPort:
 
 @contextlib.contextmanager
 def speaking(speech: Callable[[int], bytes], every_s: float) -> Iterator[SpeakingPort]:
-    """Start a port that sends until the end of the block."""
+    """Start a `SpeakingPort` that sends until the `with` block ends."""
     port = SpeakingPort(speech, every_s)
     port._thread.start()
     try:

@@ -1,4 +1,4 @@
-"""Write a recording to a test's folder, and read it, or return why it is refused."""
+"""Write a text file to a test's folder; read it as a recording, or return the message that refuses it."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -21,12 +21,12 @@ def stored(folder: Path, text: str | bytes, **how: object) -> Stored:
 
 
 def refusal(folder: Path, text: str | bytes, **how: object) -> str:
-    """Return the message, without the file's name, with which a file with this text is refused."""
+    """Return the error message, without the file's name, that refuses a file with this text."""
     return refused(folder / "rest.csv", lambda _: stored(folder, text, **how))
 
 
 def refused(path: Path, read: Callable[[Path], object]) -> str:
-    """Return the message, without the file's name, with which `read` refuses a file."""
+    """Return the error message, without the file's name, with which `read` refuses a file."""
     with pytest.raises(UsageError) as caught:
         read(path)
     return str(caught.value).removeprefix(str(path))

@@ -20,5 +20,5 @@ def slow_but(quick: Container[Any], values: Iterable[Any]) -> list[Any]:
 
 @cache
 def may_be_slow(file: Path) -> bool:
-    """Return whether a test file names the mark; without that, none of its tests has the mark."""
+    """Return whether a test file contains the name of the mark `slow`; otherwise none of its tests has it."""
     return "slow" in file.read_text(encoding="utf-8")

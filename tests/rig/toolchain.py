@@ -1,4 +1,4 @@
-"""Find the repository's tools, and decide what happens if a test needs one that is not installed."""
+"""Find the programs that tests need, and decide what happens if one of them is not installed."""
 
 import os
 import shutil

@@ -13,7 +13,7 @@ H = 0.01
 
 
 def kalman(s: System, y: Array) -> dict[str, Array]:
-    """Run the textbook's Kalman filter; NaN is a lost sample."""
+    """Run the Kalman filter of a textbook over measurements; NaN stands for a lost sample."""
     x, P, A = np.zeros(len(s.a)), s.P0.copy(), s.A
     of_state, of_bias = s.signal * s.c, np.maximum(s.signal, s.a == 1) * s.c
     rows = []

@@ -1,4 +1,4 @@
-"""The udev rule, the systemd unit and the script that installs them, into a folder made by the test."""
+"""Tests of the udev rule, the systemd unit, and the script that installs both, here into a test's folder."""
 
 import os
 import re
@@ -21,9 +21,9 @@ from tests.rig.toolchain import needed
 DEPLOY = ROOT / "tools/deploy"
 SCRIPT = DEPLOY / "service.sh"
 LARGEST_EXPOSURE = 20
-"""Largest accepted exposure by systemd-analyze security, in tenths.
+"""Largest accepted "exposure level" of the service by `systemd-analyze security`, in tenths.
 
-It is 16 now, mostly network and serial ports.
+It is 16 now, mostly because of the network and the serial ports.
 """
 
 CLAUSE = re.compile(r'([A-Z_]+(?:\{[A-Za-z_]+\})?)(==|!=|\+=|=)"([^"]*)"')
@@ -51,7 +51,7 @@ def script(action: str, **environment: str | Path) -> subprocess.CompletedProces
 
 
 SHUT = "umask 077; exec "
-"""What the shell of a careful administrator sets before any command."""
+"""What a careful administrator's shell does before any command: only the user may read new files."""
 
 INSTALLER = """#!/bin/sh
 # Does to the umask what Python's venv and pip do to it: nothing.
@@ -67,7 +67,7 @@ esac
 
 
 def modes(folder: Path) -> dict[str, int]:
-    """Return the permissions of a folder and of all in it."""
+    """Return the permissions of a folder and of everything in it, by path."""
     paths = (folder, *folder.rglob("*"))
     return {str(path.relative_to(folder)): stat.S_IMODE(path.stat().st_mode) for path in paths}
 
@@ -80,7 +80,7 @@ def tree(tmp_path: Path) -> Path:
 
 
 def rules() -> list[list[tuple[str, str, str]]]:
-    """Return the lines of the udev rule, each as its clauses."""
+    """Return each line of the udev rule as its clauses: key, operator and value."""
     lines = (DEPLOY / RULE).read_text("utf-8").splitlines()
     found = []
     for line in lines:
@@ -92,7 +92,7 @@ def rules() -> list[list[tuple[str, str, str]]]:
 
 
 class Device(dict[str, str]):
-    """A device as udev sees it, and what the rule does to it."""
+    """The properties of a device in udev. `apply` changes them as the udev rule says."""
 
     def apply(self) -> "Device":
         label = ""
@@ -208,12 +208,12 @@ def test_what_is_installed_under_a_strict_umask_can_be_read(tmp_path: Path) -> N
     done = run("sh", "-c", f"{SHUT}{SCRIPT} install", DESTDIR=tmp_path / "tree")
     assert (done.returncode, done.stderr) == (0, "")
     found = modes(tmp_path / "tree")
-    assert found.pop("etc/fltea/mqtt.env") == 0o600  # the file holds its password
+    assert found.pop("etc/fltea/mqtt.env") == 0o600  # the file contains a password
     assert set(found.values()) == {0o755, 0o644}
 
 
 def test_a_program_installed_under_a_strict_umask_is_run_by_any_user(tmp_path: Path) -> None:
-    """The second installation replaces files that an earlier one left unreadable."""
+    """The second installation replaces files that other users cannot read after the first one."""
     python, program = tmp_path / "python", tmp_path / "opt/program"
     python.write_text(INSTALLER)
     python.chmod(0o700)
@@ -312,7 +312,7 @@ def test_systemd_itself_takes_the_unit(tmp_path: Path) -> None:
     program.chmod(0o755)
     script("install", DESTDIR=tmp_path / "tree", PREFIX=tmp_path / "program")
     unit = tmp_path / "tree/etc/systemd/system" / UNIT
-    newer = r"^Restart(Steps|MaxDelaySec)=.*\n"  # settings that exist since systemd 254
+    newer = r"^Restart(Steps|MaxDelaySec)=.*\n"  # settings that older versions than systemd 254 do not know
     unit.write_text(re.sub(newer, "", unit.read_text("utf-8"), flags=re.MULTILINE))
     checked = run(analyze, "verify", "--man=no", unit)
     assert (checked.returncode, checked.stderr) == (0, "")
@@ -323,5 +323,6 @@ def test_systemd_itself_takes_the_unit(tmp_path: Path) -> None:
 
 def test_make_knows_the_targets() -> None:
     for target in ("install-service", "install-udev", "uninstall-service"):
-        done = run("make", "--no-print-directory", "-n", target)  # the tests themselves may run under make
+        # the tests may run under make, whose messages must not appear here
+        done = run("make", "--no-print-directory", "-n", target)
         assert done.stdout.startswith("tools/deploy/service.sh ")

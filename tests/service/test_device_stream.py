@@ -1,5 +1,7 @@
-"""The stream of one device: sinks that take single records receive the same values as sinks that take
-blocks."""
+"""Tests of the stream of one device.
+
+Outputs that take single records receive the same values as outputs that take blocks.
+"""
 
 import io
 

@@ -1,5 +1,7 @@
-"""What ending waits for: as long as needed, up to a limit after a first request to end, or until a further
-signal."""
+"""Tests of the waiting at the end of the program.
+
+It has no time limit until somebody asks for the end. After that it has one, and a further signal ends it.
+"""
 
 import threading
 from collections.abc import Callable
@@ -17,7 +19,7 @@ from tests.rig.host_support import PATIENCE_S
 
 
 class Scene:
-    """An ending with a clock that advances only while it waits."""
+    """An `Ending` with a clock that advances only while the `Ending` waits."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now_s, self.asked, self.signals = 0.0, True, 1
@@ -26,13 +28,13 @@ class Scene:
         self.ending = Ending(lambda: self.asked, lambda: self.signals, self.said.append)
 
     def wait(self, *awaited: Awaited) -> float:
-        """Wait for these objects; return how long that took."""
+        """Wait for these tasks, and return how long that took [s]."""
         began_s = self.now_s
         self.ending.wait(awaited)
         return self.now_s - began_s
 
     def after(self, end_s: float, then: Callable[[], None] = lambda: None) -> Callable[[float], bool]:
-        """Return an object that ends at a given time; each query may trigger another event."""
+        """Return the `done` of a task that ends at `end_s`. Each call of `done` first calls `then`."""
 
         def done(timeout_s: float) -> bool:
             then()
@@ -75,7 +77,7 @@ def test_until_the_end_is_asked_for_there_is_no_limit(scene: Scene) -> None:
 
 
 def test_another_signal_counts_once_it_was_said_what_is_waited_for(scene: Scene) -> None:
-    """A terminal that is closed may send two signals together."""
+    """A terminal that is closed may send two signals at once, which must count as one request."""
     scene.signals = 2
 
     def signal_again() -> None:
@@ -87,7 +89,7 @@ def test_another_signal_counts_once_it_was_said_what_is_waited_for(scene: Scene)
 
 
 class Held:
-    """A call that a thread enters and cannot leave until the test permits."""
+    """A function that a thread calls and cannot leave until the test permits it."""
 
     def __init__(self) -> None:
         self.entered, self.go = threading.Event(), threading.Event()
@@ -98,7 +100,7 @@ class Held:
 
 
 def run_to_its_end(*urls: str, **settings: Any) -> tuple[Exception | None, bool]:
-    """Run until the end, after a signal has already requested it."""
+    """Run the program to its end; a signal has asked for the end before the start."""
     stop = StopOnSignal()
     stop.ask()
     return _Run(load_configs(None, {"format": "none", **settings}, list(urls)), stop).run()

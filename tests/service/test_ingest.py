@@ -1,5 +1,8 @@
-"""Many devices behind one source: which are accepted, the limits, devices that catch up, and devices that
-flood."""
+"""Tests of many devices behind one broker.
+
+They show which devices are accepted, the limits, and what happens to devices that send what they have kept
+during an outage, or that send too much.
+"""
 
 from typing import Any
 
@@ -166,9 +169,9 @@ def test_no_more_is_taken_than_the_time_allows(said: list[tuple[int, int]]) -> N
 
 @pytest.mark.parametrize(("rate_hz", "outage_s"), [(100, 0), (100, 3600), (1000, 500), (8000, 0), (4000, 60)])
 def test_whoever_catches_up_loses_nothing(rate_hz: int, outage_s: int) -> None:
-    """A device whose server was away for some time sends everything at once, then continues.
+    """After an outage, a device sends everything that it has kept at once, and then continues.
 
-    All is read at once, an hour later.
+    The messages are read at once, an hour later.
     """
     inbox, message = Inbox(10, 1 << 20), bytes(28 * rate_hz + 121)
     inbox.admission.admit("a")

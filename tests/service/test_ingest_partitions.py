@@ -1,4 +1,4 @@
-"""Devices shared among workers: snapshots, and resuming where another worker stopped."""
+"""Tests of devices that are shared among workers, each of which continues where another one has stopped."""
 
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -28,7 +28,7 @@ S = 10**9
 
 
 class FakeReceiver:
-    """Serves what the test says, and keeps snapshots in a dictionary."""
+    """A receiver that serves the partitions in `mine`, and keeps snapshots in a dictionary."""
 
     url = "nats://test"
     connected = True
@@ -65,7 +65,7 @@ class FakeReceiver:
 
 
 class Worker:
-    """An `Ingest` whose loop the test runs step by step."""
+    """A worker, which is an `Ingest` whose loop the test runs step by step."""
 
     def __init__(self, **set_: Any) -> None:
         flags = {
@@ -93,9 +93,9 @@ class Worker:
         self.turn()
 
     def hear(self, seconds: Iterable[int], ahead: int = 1) -> None:
-        """Deliver these seconds of device "a".
+        """Deliver a message with one second of samples of device "a" for each of `seconds`.
 
-        The sequence mark of a message leads its second by a fixed number.
+        The number of a message in the stream is its second plus `ahead`.
         """
         for second in seconds:
             self.say("a", second, second + ahead)
@@ -106,7 +106,7 @@ class Worker:
             self.ingest.take_all(0)
 
     def keep(self, device: str = "a") -> Kept:
-        """Take and store the device's snapshot now."""
+        """Take and store snapshots of all devices now, and return the one of this device."""
         self.take_snapshots()
         wait_until(lambda: self.ingest.snapshots.store(self.opened), "the snapshots")
         return self.kept(device)
@@ -126,11 +126,11 @@ class Worker:
         return self
 
     def kinds(self) -> list[str]:
-        """Return the kinds of all errors, at the end."""
+        """End the worker, and return the kinds of all errors that it reported."""
         return [one.kind for one in of(Error, self.end().sink.items)]
 
     def estimates(self) -> dict[int, tuple[Any, ...]]:
-        """Return the estimates and their number of occurrences, by sample number."""
+        """Return the estimates and how often each occurs, by the number of the sample."""
         found: dict[int, tuple[Any, ...]] = {}
         for block in of(Block, self.sink.items):
             for record in block.estimate_records() if block.estimates else ():
@@ -147,7 +147,7 @@ def unbroken(seconds: int) -> dict[int, tuple[Any, ...]]:
 
 
 def test_what_nobody_had_between_the_snapshot_and_the_next_message_is_counted() -> None:
-    """Messages 7 to 9 never reached the stream, as happens while the server is away."""
+    """Messages 7 to 9 have never reached the stream, as happens in an outage of the server."""
     first, second = Worker(), Worker()
     first.hear(range(6))
     kept = first.keep()
@@ -163,7 +163,10 @@ def test_what_nobody_had_between_the_snapshot_and_the_next_message_is_counted() 
 
 
 def test_a_snapshot_is_not_stored_before_outputs_have_what_it_follows() -> None:
-    """Otherwise a kill of the worker would lose processed samples, since no worker processes them again."""
+    """Otherwise, samples before the snapshot would be lost if the worker is killed.
+
+    No other worker processes these samples again.
+    """
     worker = Worker()
     worker.hear(range(6))
     assert worker.keep().mark == 6
@@ -185,7 +188,7 @@ def test_another_worker_goes_on_with_the_very_same_estimates() -> None:
     assert kept.mark == 6
     first.hear(range(6, 8))
     second.ingest.inbox.post(Served(0, {"a": kept}, 8))
-    second.hear(range(4, 12))  # messages up to the snapshot are known already
+    second.hear(range(4, 12))  # messages up to the snapshot are not processed a second time
     assert [one.reason for one in of(Epoch, second.end().sink.items)] == ["resumed"]
     whole, left, right = unbroken(12), first.end().estimates(), second.estimates()
     assert set(left) | set(right) == set(whole) == set(range(50, 1200))
@@ -227,12 +230,13 @@ def test_a_partition_that_is_another_ones_is_not_walked_and_its_devices_are_forg
 
 
 def test_once_a_message_was_left_out_none_is_walked_until_it_comes_again() -> None:
-    """A partition is released and taken again while messages from before still wait."""
+    """A partition is given back and taken again while earlier messages of it wait in the inbox."""
     worker = Worker()
     worker.hear(range(4))
     worker.receiver.mine = set()
-    worker.hear([4])  # this message is left out
-    worker.receiver.mine = {0}  # the partition is taken again; the notice is still in the inbox
+    worker.hear([4])  # the worker leaves this message out, since it does not serve the partition
+    # the worker has taken the partition again, but has not yet processed the notice in its inbox
+    worker.receiver.mine = {0}
     worker.hear([5, 6])
     worker.ingest.inbox.post(Left(0))
     kept = Kept(3, 1003 * S, worker.opened["a"].stream.hello)
@@ -266,7 +270,7 @@ def test_a_device_that_says_nothing_since_it_was_taken_over_keeps_its_estimators
 
 
 def test_a_snapshot_goes_with_its_device_and_never_because_of_a_clock() -> None:
-    """The store says which snapshot was given up; the times in snapshots do not decide it."""
+    """A snapshot is deleted with its device, whatever time the snapshot contains."""
     worker = Worker()
     for k in range(4):
         worker.say("a", k, 2 * k + 1)
@@ -284,7 +288,10 @@ def test_a_snapshot_goes_with_its_device_and_never_because_of_a_clock() -> None:
 
 @pytest.mark.parametrize("later", [False, True])
 def test_nobody_is_called_silent_while_the_stream_is_read_behind_its_time(later: bool) -> None:
-    """Messages of an hour still wait; only later has the partition been read to its end."""
+    """While messages of an hour wait, no device counts as silent.
+
+    `later`: the partition was read to its end.
+    """
     worker = Worker()
     for k in range(4):
         worker.ingest.inbox.put("a", second_of(0, k), 0, k + 1, host_ns() - 3600 * S + k * S)
@@ -298,7 +305,7 @@ def test_nobody_is_called_silent_while_the_stream_is_read_behind_its_time(later:
 
 
 def test_times_are_the_streams_whatever_this_machines_clock_says() -> None:
-    """The clocks of two workers differ from the server's, and from each other, by hours."""
+    """The clocks of the two workers differ by hours from the server's clock and from each other."""
     first, second = Worker(), Worker()
     first.receiver.unix_offset_ns += 7200 * S
     second.receiver.unix_offset_ns -= 3600 * S
@@ -330,13 +337,15 @@ HELLO = Hello(source="s", host_ns=0, rate_hz=100.0, sampling_mode="timer", boot_
 @pytest.mark.parametrize(
     ("boot", "sequence", "device_us", "age_s", "missing"),
     [
-        (7, 11, 110_000, 3.0, 0),  # the time says 299, the sequence number is more precise
+        # the time would mean 299 missing samples, but the sequence number is more precise
+        (7, 11, 110_000, 3.0, 0),
         (7, 31, 310_000, 0.2, 20),
         (7, (10 + 70_000) % 65536, 100_000 + 700_000_000, 700.0, 69_999),
-        (8, 11, 110_000, 3.0, 299),  # another boot
-        (7, 11, 900_000, 3.0, 299),  # number and time disagree
+        (8, 11, 110_000, 3.0, 299),  # the device has restarted
+        (7, 11, 900_000, 3.0, 299),  # sequence number and device time disagree
         (7, 10, 100_000, 0.5, 49),  # the same sample again
-        (7, 11, 110_000, 3600.0, 359_999),  # too long to determine the number of wraps
+        # after so long, the sequence number may have wrapped any number of times
+        (7, 11, 110_000, 3600.0, 359_999),
     ],
 )
 def test_what_is_missing_since_a_snapshot(

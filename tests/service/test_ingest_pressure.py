@@ -1,5 +1,7 @@
-"""An ingest whose outputs are too slow: the broker keeps waiting messages, and accepted messages are
-counted."""
+"""Tests of an ingest whose outputs are too slow.
+
+Messages then wait in the broker, and every accepted message is counted.
+"""
 
 import threading
 from pathlib import Path
@@ -26,11 +28,11 @@ from tests.rig.memory_sink import Memory
 from tools.faults.server import Broker
 
 SECONDS, DEVICES = 120, ("a", "b")
-"""More samples than a queue of 10,000 records holds."""
+"""Together more samples than a queue of 10,000 records has room for."""
 
 
 class Flood:
-    """Offers all messages from a thread, as fast as the inbox has room."""
+    """A receiver that puts all messages into the inbox, from a thread, as fast as the inbox has room."""
 
     url, partitions, connected = "mqtt://test", None, True
 
@@ -80,7 +82,7 @@ class Scene:
 
     @property
     def samples(self) -> int:
-        """Return the number of samples that the output has taken."""
+        """Return the number of samples that the output has received."""
         return sum(map(len, of(Block, self.sink.items)))
 
     def is_held(self) -> bool:
@@ -96,7 +98,7 @@ class Scene:
 
 
 def counted(scene: Scene) -> int:
-    """Return the samples that were delivered, and those left at the end."""
+    """Return the number of samples that the output received, plus those that were left at the end."""
     left = sum(scene.ingest.inbox.overflow_bytes.values())
     return scene.samples + 100 * left // len(second_of(0, 1))
 
@@ -156,8 +158,8 @@ def test_a_broker_holds_what_has_no_room_and_does_not_give_us_up(
             publisher.publish("fltea/a/frames", k.to_bytes(2, "big").ljust(size), qos=1)
         wait_until(lambda: not publisher._out_messages, "that the broker has all")
         wait_until(lambda: not inbox.wait_for_room(0), "that no more has room")
-        # By then both sides would have closed the connection: the ingest after 1.5, the library after two
-        # keepalive periods.
+        # Without signs of life, both sides would have closed the connection by then: the ingest after 1.5
+        # keepalive periods, the library after two.
         wait_until(lambda: broker.said().count("Received SUBSCRIBE") > 8, "signs of life")
         found: list[int] = []
         while len(found) < count:
@@ -176,7 +178,8 @@ def test_what_is_turned_away_just_before_the_end_is_told_of() -> None:
     scene = Scene(queue_bytes=1_000_000)
     scene.sink.go.set()
     wait_until(lambda: scene.samples == 100 * len(DEVICES) * SECONDS, "all samples")
-    scene.ingest.hearing.checked_ns = host_ns() + 10**12  # no check of silence until the end
+    # so that the regular checks do not run before the end
+    scene.ingest.hearing.checked_ns = host_ns() + 10**12
     scene.ingest.inbox.put("bad name<b>", second_of(0, 0))
     scene.end()
     assert [one.kind for one in of(Error, scene.sink.items)] == ["devices_refused"]

@@ -1,4 +1,7 @@
-"""The order in which outputs are opened, so that a failure of one output is reported through the others."""
+"""Tests of the order in which outputs are opened.
+
+It lets the other outputs report that one cannot be opened.
+"""
 
 import pytest
 from fltea.records.ports import Report

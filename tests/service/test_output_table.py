@@ -1,5 +1,7 @@
-"""The table of outputs is complete: the error names what a new output lacks, and the file in which it
-belongs."""
+"""Tests that the table of outputs is complete.
+
+If a new output lacks something, the failure says what it lacks, and in which file that belongs.
+"""
 
 import ast
 import importlib
@@ -25,9 +27,11 @@ from tools import site_outputs
 
 SINKS = ROOT / "host/fltea/sinks"
 NO_OUTPUTS = {"output", "state"}
-"""Tables of `Outputs` that apply to all outputs, and the snapshots."""
+"""Groups of settings in `Outputs` that are not about one output: those for all outputs and those of the
+snapshots.
+"""
 NOT_IN_THE_TABLE = {"log"}
-"""Sinks that are not outputs of their own."""
+"""Modules with a `Sink` that is not a separate output."""
 UNSEEN = {"stdout"}
 """Outputs that `fltea doctor` cannot check before they are used."""
 
@@ -35,7 +39,7 @@ EACH = pytest.mark.parametrize("output", OUTPUTS, ids=lambda output: output.modu
 
 
 def sinks() -> Iterator[str]:
-    """Return every module that defines a `Sink`, as `Output.module` names it."""
+    """Yield the name of every module that defines a `Sink`, as it stands in `Output.module`."""
     for file in SINKS.rglob("*.py"):
         for node in ast.parse(file.read_text(encoding="utf-8")).body:
             if isinstance(node, ast.ClassDef) and any(ast.unparse(base) == "Sink" for base in node.bases):

@@ -1,4 +1,7 @@
-"""The loop that processes all devices on ports: each device gets its own samples, and ends independently."""
+"""Tests of the loop over all serial ports.
+
+Each device stream gets the samples of its own device, and ends independently of the others.
+"""
 
 import os
 import pty
@@ -31,7 +34,7 @@ from tests.rig.memory_sink import Memory
 
 
 class Watched(DeviceStream):
-    """A device stream that reports what it takes to its `Line`."""
+    """A device stream that reports everything it receives to its `Line`."""
 
     line: "Line"
 
@@ -52,9 +55,10 @@ class Watched(DeviceStream):
 
 
 class Line:
-    """A device on a pseudo-terminal, and its stream.
+    """A device on a pseudo-terminal, and its device stream.
 
-    `raises`: what its first samples raise. `fails`: its stream fails at the first trouble, as under `--once`.
+    `raises`: the exception that the first samples raise. `fails`: whether the stream fails at the first
+    trouble, as with `--once`.
     """
 
     def __init__(self, number: int, hub: Hub) -> None:
@@ -111,7 +115,7 @@ class FakePressure(Pressure):
 
 
 class Running:
-    """The loop, running in its thread."""
+    """The port loop, running in its thread."""
 
     def __init__(self, hub: Hub, *lines: Line) -> None:
         self.ended: list[tuple[Any, Exception | None]] = []
@@ -246,9 +250,9 @@ def test_a_walk_that_fails_is_finished_and_the_loop_ends_with_the_last(lines, ru
 
 
 def test_at_the_end_nothing_waits_for_more(hub, lines, monkeypatch, running) -> None:
-    """With many devices, samples wait to be read in blocks.
+    """With many devices, samples wait so that larger blocks are processed together.
 
-    Here they would wait far longer than the test lasts.
+    In this test they would wait far longer than the test lasts.
     """
     monkeypatch.setattr("fltea.service.port_loop.PATIENCE_NS", 10**12)
     monkeypatch.setattr("fltea.service.port_loop.DEVICES_A_SECOND", 0)
@@ -272,7 +276,7 @@ def test_who_has_nothing_to_say_is_told_that_time_passes(page, lines, running) -
 
 
 def test_nothing_overtakes_samples_that_wait_for_more(page, lines, running) -> None:
-    """With many devices, sinks that take blocks get the samples a while later."""
+    """With many devices, outputs that take blocks get the samples a little later, but before later events."""
     many = lines(40)
     first = many[0]
     running(*many)
@@ -311,7 +315,7 @@ def test_how_long_samples_waited_is_known(lines, running) -> None:
 
 
 def test_a_fault_of_the_loop_itself_ends_every_walk(monkeypatch, hub, lines) -> None:
-    """Otherwise a daemon that receives nothing would look alive."""
+    """Otherwise the daemon would seem to work although it receives nothing any more."""
     many = lines(2)
     one = Running(hub, *many)
 

@@ -1,5 +1,7 @@
-"""Recordings that begin and end while the program runs: they hold the samples of that time, and disturb
-nothing."""
+"""Tests of recordings that begin and end while the program runs.
+
+They contain the samples of their time, and disturb nothing else.
+"""
 
 from pathlib import Path
 

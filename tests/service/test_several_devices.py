@@ -1,4 +1,4 @@
-"""Several devices in one configuration: their names, settings of each device, and settings of the program."""
+"""Tests of several devices in one configuration: names, settings of each device and of the program."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Sinks behind their queues: each loses only its own records, counts them, and ends in order."""
+"""Tests of outputs behind their queues: each loses only its own records, counts them, and ends in order."""
 
 import threading
 from unittest.mock import Mock
@@ -68,7 +68,7 @@ def test_a_slow_sink_loses_the_newest_and_is_told_where() -> None:
     sink.go.set()
     finish(sink_queue)
     assert sink.items == [gap(k) for k in range(11)]
-    assert sink.overflows == [(11, 20)]  # the queue was full of older records
+    assert sink.overflows == [(11, 20)]  # reported after 11 records, since older records filled the queue
     assert sink_queue.stats().written + sink_queue.stats().dropped == 31
 
 
@@ -151,7 +151,10 @@ def test_a_sink_that_ends_takes_nothing_more_and_counts_it(error: Exception) -> 
 
 
 def test_what_was_in_hand_when_a_sink_broke_is_counted_too() -> None:
-    """Every record is written, dropped or waiting. A record lost by the sink itself counts once."""
+    """Every record counts once: as written, dropped or waiting.
+
+    This includes records that the output itself lost.
+    """
     sink = Memory().held()
     sink_queue, _ = started(sink)
     sink_queue.put([gap(0)])
@@ -167,7 +170,8 @@ def test_what_was_in_hand_when_a_sink_broke_is_counted_too() -> None:
     sink_queue.put([gap(k) for k in range(30, 35)])
     sink.lost = 7
     stats = sink_queue.stats()
-    assert (stats.written, stats.dropped, stats.queued) == (8, 2, 25)  # not less than what was written before
+    # the number of written records does not fall
+    assert (stats.written, stats.dropped, stats.queued) == (8, 2, 25)
     sink.fail = ZeroDivisionError
     sink.go.set()
     assert sink_queue.join(PATIENCE_S)
@@ -256,7 +260,8 @@ def test_one_held_output_holds_up_no_other() -> None:
     all_outputs.add(slow)
     all_outputs.add(quick)
     for k in range(100):
-        all_outputs.publish("due", [gap(k)], wait=True)  # only lossless sinks are waited for
+        # `wait` concerns only lossless outputs, and these are not lossless
+        all_outputs.publish("due", [gap(k)], wait=True)
     all_outputs._shared[1].close()
     assert all_outputs._shared[1].join(PATIENCE_S)
     assert len(quick.items) == 100
@@ -265,7 +270,8 @@ def test_one_held_output_holds_up_no_other() -> None:
     assert closed(all_outputs)
     stats = all_outputs.stats("due")["slow"]
     assert stats.written + stats.dropped == 100
-    assert stats.dropped >= 94  # three records were being written and three were in the queue
+    # at most six were not dropped: three that were being written and three in the queue
+    assert stats.dropped >= 94
 
 
 def test_who_waits_for_room_is_let_go_at_the_end() -> None:

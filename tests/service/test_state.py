@@ -1,4 +1,4 @@
-"""Snapshots: which state continues, bit for bit, and which must not."""
+"""Tests of snapshots: from which ones estimates continue bit for bit, and which ones must not be used."""
 
 import errno
 import os
@@ -57,15 +57,17 @@ def snapshot(settings: Config, samples: int = 200, **changes: object) -> DeviceS
 
 
 def later(state: DeviceState, settings: Config, begin: int, end: int, **changes: object) -> list[AnyRecord]:
-    """Return records of a run that begins with sample `begin`, numbered from there, of a board that was
-    reset."""
+    """Return the records of a run from a snapshot. The board was reset and begins with sample `begin`."""
     pipeline = Pipeline(source(), settings, state=state)
     said = hello(**{"boot_id": 99, "host_ns": begin * PERIOD_NS, **changes})
     return walk(pipeline, said, *map(raw, range(begin, end)))
 
 
 def estimates(records: list[AnyRecord]) -> dict[int, object]:
-    """Return the estimates without the fit's fields, whose seconds begin with the epoch."""
+    """Return the estimates by sample number, without fields of the fit.
+
+    These fields depend on when the epoch began.
+    """
     return {
         r.seq: {
             axis: msgspec.structs.replace(one, null_p=None, whiteness=None) for axis, one in r.axes.items()
@@ -83,7 +85,7 @@ ALL = ["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_z"]
 def test_estimates_go_on_as_if_the_program_had_not_been_stopped(
     channels: list[str] | None, missing: int
 ) -> None:
-    untuned = {"live.on": False}  # the fit's seconds begin at 0 again
+    untuned = {"live.on": False}  # without fits, whose times begin at 0 again in the later run
     settings = config(channels=channels, **untuned)
     unbroken = Pipeline(source(), settings)
     events = [hello(), *map(raw, range(200)), *map(raw, range(200 + missing, 400))]
@@ -97,9 +99,9 @@ def test_estimates_go_on_as_if_the_program_had_not_been_stopped(
 
 
 def test_a_date_that_was_set_in_between_does_not_change_the_age() -> None:
-    """An epoch dates its samples by the clock at its beginning, even for months.
+    """All times of an epoch come from the machine's date at the epoch's beginning, even for months.
 
-    A snapshot's age must not use that date.
+    The age of a snapshot must not depend on that date.
     """
     settings, clock = config(), source()
     pipeline = Pipeline(clock, settings)
@@ -120,7 +122,7 @@ def of_filters(records: list[AnyRecord]) -> list[FlteaEstimate]:
 def test_what_is_longer_ago_than_the_memory_is_bridged_by_its_length() -> None:
     settings = config()
     far, farther = (later(snapshot(settings), settings, k, k + 20) for k in (1000, 1300))
-    assert estimates(far)[1000] != estimates(farther)[1300]  # these estimates are of other samples
+    assert estimates(far)[1000] != estimates(farther)[1300]  # the estimates differ, since the samples do
     state = snapshot(settings)
     moved = msgspec.structs.replace(state, unix_ns=state.unix_ns - 100 * S)
     assert of_filters(later(moved, settings, 1000, 1020)) == of_filters(far)
@@ -189,7 +191,7 @@ def test_nothing_is_kept_of_a_start_up_window() -> None:
         assert pipeline.save() is None
 
 
-# --- the file ---
+# --- the file of snapshots ---
 
 
 def state_file(path: Path, **settings: object) -> tuple[StateFile, list[tuple[str, str]]]:
@@ -198,7 +200,7 @@ def state_file(path: Path, **settings: object) -> tuple[StateFile, list[tuple[st
 
 
 def written(path: Path, **devices: DeviceState) -> bytes:
-    """Return a snapshot file of these devices, and its content."""
+    """Write a file with snapshots of these devices, and return its content."""
     file, _ = state_file(path)
     for name, state in devices.items():
         file.put(name, state)
@@ -236,7 +238,7 @@ def test_a_second_program_is_told_who_has_the_file(tmp_path: Path) -> None:
 
 
 def test_a_file_system_without_locks_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """NFS without its lock daemon is such a file system; the command line is right."""
+    """Such a file system is NFS without its lock daemon. The message must not blame the command line."""
 
     def refuse(held: int, operation: int) -> None:
         raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
@@ -251,7 +253,7 @@ def test_a_file_system_without_locks_is_named(tmp_path: Path, monkeypatch: pytes
 def test_what_is_new_is_written_soon_and_not_a_period_later(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """If the program is killed then, at most one period is lost."""
+    """A program that is killed loses at most what came after the last period."""
     monkeypatch.setattr(state_module, "LOOK_S", 0.01)
     path = tmp_path / "state"
     file, said = state_file(path, period_s=3600)
@@ -282,7 +284,7 @@ def test_a_folder_that_goes_is_told_once_and_the_old_file_kept(tmp_path: Path) -
 def test_a_file_that_is_none_of_ours_is_refused_and_left_alone(content: bytes, tmp_path: Path) -> None:
     path = tmp_path / "notes.txt"
     path.write_bytes(content)
-    for _ in range(2):  # the file is released each time
+    for _ in range(2):  # twice, since the first attempt must not leave the file locked
         with pytest.raises(UsageError, match="no snapshot of fltea"):
             state_file(path)
     assert path.read_bytes() == content
@@ -290,7 +292,7 @@ def test_a_file_that_is_none_of_ours_is_refused_and_left_alone(content: bytes, t
 
 @pytest.mark.parametrize("version", [3, 99])
 def test_a_snapshot_of_another_version_is_told_and_replaced(version: int, tmp_path: Path) -> None:
-    """A service that was updated must start, even though nobody is there to remove the file."""
+    """A service must start after an update, even if nobody removes the old file."""
     path = tmp_path / "state"
     path.write_bytes(b'{"version":%d,"devices":{"due":{"new":1}},"more":2}' % version)
     file, said = state_file(path)
@@ -315,14 +317,14 @@ def test_a_file_that_cannot_be_one_is_refused(tmp_path: Path) -> None:
     ("changes", "reason"),
     [
         ({"bias_dps": (0.0,)}, "bias_dps has 1 numbers for 3 axes"),
-        ({"engine": None}, ""),  # its last bytes are changed
+        ({"engine": None}, ""),  # stands for a state whose last bytes are changed
     ],
     ids=str,
 )
 def test_a_snapshot_that_is_not_sound_is_set_aside_and_the_window_begins(
     changes: dict[str, object], reason: str, tmp_path: Path
 ) -> None:
-    """This holds at every start: a service must not fail because of its file's content."""
+    """A service must not fail to start because of the content of its file."""
     path = tmp_path / "state"
     state, other = snapshot(config()), snapshot(config(), 250)
     assert state.gyro is not None

@@ -1,4 +1,4 @@
-"""A device stream that hangs is not reported as alive, and a signal ends the waiting."""
+"""Tests of the reports to systemd: they stop when a device stream hangs. A signal ends the waiting."""
 
 import math
 import signal
@@ -21,7 +21,7 @@ def test_the_watchdog_is_fed_only_while_every_walk_moves(monkeypatch) -> None:
     monkeypatch.setattr(run._manager, "alive", lambda: fed.append(now_s[0]))
 
     def once() -> Callable[[], bool]:
-        """Return after one check."""
+        """Return a condition that ends the waiting after one check."""
         stop.wake_up.ring()
         return iter((False, True)).__next__
 
@@ -31,7 +31,7 @@ def test_the_watchdog_is_fed_only_while_every_walk_moves(monkeypatch) -> None:
     left.moved_s = now_s[0]
     run._wait(once())
     assert fed == [1000.0]
-    right.moved_s = math.inf  # the source has ended
+    right.moved_s = math.inf  # the stream has ended, so it cannot hang
     run._wait(once())
     assert fed == [1000.0, now_s[0]]
 

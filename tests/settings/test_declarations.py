@@ -195,7 +195,7 @@ def test_a_table_made_in_python_is_checked_too(one: Declared) -> None:
             table(**{one.name: value})
 
 
-# # --- documents generated from the declarations ---
+# --- documents generated from the declarations ---
 
 
 def test_every_setting_is_in_the_reference_with_its_range_and_default() -> None:

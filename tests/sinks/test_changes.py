@@ -1,5 +1,7 @@
-"""Steps of a bias and motions of the sensor: the same sentence on page, table and log, and marks in the
-figures."""
+"""Tests of steps of the bias and motions of the sensor.
+
+Page, table and log describe them in the same words, and diagrams mark them.
+"""
 
 import re
 import time
@@ -76,7 +78,7 @@ def test_the_log_has_a_line_for_each_and_no_flood() -> None:
     assert lines[-1] == "fltea: due: step: 16 more of this kind within a minute.\n"
 
 
-# --- what happened ---
+# --- the descriptions ---
 
 
 def texts(*found: Motion) -> list[str]:
@@ -99,7 +101,7 @@ def test_motions_without_anything_in_between_are_one_entry() -> None:
     assert [one.kind for one in happenings] == ["motion", "gap", "motion"]
 
 
-# --- marks in figures ---
+# --- marks in the diagrams ---
 
 
 def marks(*found: Step | Motion) -> Marks:
@@ -189,7 +191,7 @@ def test_the_page_says_what_the_bias_did_and_that_the_sensor_moves() -> None:
 
 
 def test_marks_are_sent_when_there_are_new_ones_and_a_shaken_sensor_costs_little() -> None:
-    """The page may receive 3 kB/s; this is the size before compression, which leaves a third."""
+    """The limit is 3 kB/s for the page. Sizes are before compression, which makes them a third."""
     history = told(records("n=400"))
     reader = Reader(history)
     reader.read(axis="gyro_x", parts="marks", window=1)

@@ -1,5 +1,7 @@
-"""What the page says about the noise: the fit's result in words, and no figure that the data do not
-support."""
+"""Tests of what the page says about the noise.
+
+It describes the result of the fit in words, and states no value that the data do not support.
+"""
 
 import json
 from typing import get_args
@@ -68,7 +70,7 @@ def test_digits_are_what_the_interval_is_worth(p: Interval, shown: str) -> None:
 
 
 def test_f_is_no_value_where_it_is_one_more_or_less() -> None:
-    """For noise with f = -1 the page once said 0.0."""
+    """For noise with f = -1, the page once stated that f is 0.0."""
     f = answer(replace(FRACTIONAL, f=Interval(-0.02, -2.0, 0.0))).f
     assert f is not None
     assert f.said("f") == "f between −2.0 and 0.0"
@@ -93,9 +95,9 @@ def test_how_long_yet(fit: AxisFit, left_s: float | None, words: str) -> None:
 
 
 def forecasts(*totals_s: float) -> list[int | None]:
-    """Return what a page says after each fit.
+    """Return, after each of several fits, the total time until α is known that the page states [s].
 
-    Each fit has a tenth more samples than the last, up to a number of seconds.
+    `totals_s`: total time that each fit predicts. Each fit has a tenth more samples than the one before.
     """
     one, said, samples = TimeToTell(), [], 1000
     for total_s in totals_s:
@@ -106,7 +108,7 @@ def forecasts(*totals_s: float) -> list[int | None]:
 
 
 def test_a_time_to_tell_is_said_only_while_fits_agree_and_then_it_stays() -> None:
-    """The page once went from 11 minutes to a month and back to 51 minutes."""
+    """The page once stated 11 minutes, then a month, and then 51 minutes."""
     assert forecasts(660, 2.6e6, 3060, 660, 2.6e6, 3060) == [None] * 6
     steady = forecasts(600, 700, 560, 650, 600, 640, 700, 610)
     assert steady[:3] == [None] * 3

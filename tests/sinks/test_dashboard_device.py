@@ -1,4 +1,4 @@
-"""The page of a device that estimates: its own estimates alone, or in addition to the host's."""
+"""Tests of the page of a device that makes estimates itself, alone or in addition to this computer."""
 
 from collections.abc import Callable
 
@@ -31,7 +31,7 @@ def status(history: DeviceHistory) -> tuple[str, str]:
     return facts.status(history, history.heard_ns or 0)
 
 
-# --- the device alone ---
+# --- only the device estimates ---
 
 
 @pytest.mark.parametrize("late", [0, 3])
@@ -41,7 +41,7 @@ def test_device_alone_is_drawn_as_published_at_a_pace_of_its_own(late: int) -> N
     assert history.estimator("gyro_y") == "device"
     shown = columns(history, "gyro_y")
     published = [e.axes["gyro_y"].fltea.alpha or 0.0 for e in found if isinstance(e, Estimate)]
-    drawn = shown["alpha"][1:]  # the first row comes before the axes are known
+    drawn = shown["alpha"][1:]  # the first row is skipped, since the axes are not known yet
     assert np.isfinite(drawn).all(), "each until the next comes"
     assert min(published) <= drawn.min() < drawn.max() <= max(published)
     assert np.isfinite(shown["y"]).all(), "every sample is drawn"
@@ -56,7 +56,7 @@ def test_what_a_device_estimated_is_not_drawn_for_ever() -> None:
 
 
 def test_axes_of_the_accelerometer_are_the_hosts_and_leave_the_devices_alone() -> None:
-    """The accelerometer's estimates come in records of their own."""
+    """The estimates of the accelerometer's axes come in separate records, from this computer."""
     found: list[AnyRecord] = []
     for record in with_breaks([700], accel=True):
         if isinstance(record, Estimate):
@@ -112,7 +112,7 @@ def test_engine_is_named_with_whose_the_estimates_are(
     assert facts.settings(told(found(records(NOISE)), who=who)).endswith(words + memory)
 
 
-# # --- device and host ---
+# --- device and this computer estimate ---
 
 
 def test_the_devices_estimates_stand_beside_and_the_hosts_stay_as_they_are() -> None:
@@ -147,7 +147,7 @@ def test_largest_difference_is_that_of_what_is_shown_and_no_bucket_hides_it(sign
 
 
 def test_rows_that_are_kept_longer_than_they_are_shown_do_not_count() -> None:
-    """With one estimate in 2 s, the table of two minutes, with rows of 0.4 s, reaches further back."""
+    """With one estimate in 2 s, the rows for the window of two minutes reach further back."""
     found = both(records("n=700&rate_hz=5"), lambda seq: 5e-6 if seq == 60 else 1e-8)
     history = told(found, who="both")
     at_most = [history.course.farthest(window, "gyro_x")[0] for window in (1, 2)]
@@ -212,7 +212,7 @@ def test_new_epoch_forgets_the_devices_estimates_and_cuts_their_lines() -> None:
     assert axis["why_not"] == "no estimate of the device yet"
 
 
-# --- facts and the page ---
+# --- texts and the page ---
 
 
 def test_facts_of_the_devices_estimator() -> None:

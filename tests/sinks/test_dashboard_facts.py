@@ -1,6 +1,6 @@
-"""What the page says about a device, in plain words with units.
+"""Tests of what the page says about a device, in plain words with units.
 
-What it says about the noise: test_dashboard_answer.
+What the page says about the noise is tested in test_dashboard_answer.
 """
 
 import json
@@ -47,7 +47,7 @@ def reconnected() -> list[AnyRecord]:
         (lambda: with_breaks([200]), 1, "good", f"running for 1 s {START}"),
         (lambda: with_breaks([200]), 4, "bad", "stalled for 4 s: no sample arrives"),
         (lambda: [*with_breaks([200]), GONE], 400, "bad", "stalled for 6 min: the port is gone"),
-        # Old trouble must not be given as the cause of a new stall.
+        # The page must not give an earlier trouble as the cause of a later stall.
         (lambda: [NO_PORT, *with_breaks([200])], 4, "bad", "stalled for 4 s: no sample arrives"),
         (lambda: records("n=200"), 5, "wait", "at its end: no sample for 5 s"),
         (reconnected, 0, "good", "running for 0 s (reconnected, epoch 2: the device restarted)"),

@@ -1,4 +1,4 @@
-"""The page's buttons: only our own page may use them, and they have a real effect."""
+"""Tests of the page's buttons: only our own page may use them, and they have an effect."""
 
 import base64
 import html
@@ -30,7 +30,7 @@ AXES = {"gyro_x": with_curves(FRACTIONAL), "gyro_y": with_curves(WHITE, 2.0), "g
 
 
 class Fake:
-    """A recorder that notes each request."""
+    """A recorder that records nothing, and remembers each request."""
 
     def __init__(self) -> None:
         self.asked: list[tuple[str, str, bool]] = []
@@ -61,7 +61,7 @@ class Served:
         return ask(self.port, path, method, **{BY_SCRIPT: "1", **headers})
 
     def hear(self, axes: dict[str, AxisFit] = AXES, **of_hello: str) -> list[Fit]:
-        """Give the page a device with such fits."""
+        """Give the page records of a device, with fits of these axes."""
         found = with_fits(records("n=600"), axes) if axes else records("n=600")
         for record in found:
             changes = of_hello if isinstance(record, Hello) else {}
@@ -78,7 +78,8 @@ def test_the_page_is_for_those_who_know_the_password(tmp_path: Path) -> None:
     paths = "/", "/state?device=due", "/report.html?device=due"
     try:
         assert served.ask("GET", "/", Authorization=good).status == 200
-        with ThreadPoolExecutor(len(paths)) as pool:  # a wrong password is answered with a delay
+        # all at once, since the answer to a wrong password is delayed
+        with ThreadPoolExecutor(len(paths)) as pool:
             assert [*pool.map(lambda path: served.ask("GET", path).status, paths)] == [401] * len(paths)
     finally:
         served.sink.close()
@@ -96,17 +97,17 @@ def server() -> Iterator[Served]:
 
 @pytest.fixture
 def served(server: Served) -> Served:
-    """Share one server among tests, with a recorder that has no requests and a history without events."""
+    """Return a server that the tests share, without requests and events from earlier tests."""
     server.fake.asked, server.fake.fail = [], ""
     server.sink._histories["due"] = DeviceHistory("due", "host")
     return server
 
 
-# # --- access ---
+# --- access ---
 
 
 def test_no_other_site_presses_the_buttons_and_none_reads_the_files(served: Served) -> None:
-    """A page of another site cannot send our header, and the browser states its origin."""
+    """A page of another site cannot send our own header, and the browser states its origin."""
     served.hear()
     record = "/recording?device=due&want=on"
     assert ask(served.port, record, "POST").status == 403
@@ -212,7 +213,7 @@ def test_recording_in_words(view: RecordingView, may: bool, level: str, can: boo
         assert json.loads(json.dumps(facts, allow_nan=False)) == facts
 
 
-# # --- downloads ---
+# --- downloads ---
 
 
 def test_report_holds_fit_curves_counts_settings_and_times(served: Served) -> None:

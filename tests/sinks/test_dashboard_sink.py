@@ -1,4 +1,4 @@
-"""The output for the page: it opens, serves, ends, and depends only on records."""
+"""Tests of the output that serves the page: how it opens, serves and ends, and that it needs only records."""
 
 import ast
 import json
@@ -42,7 +42,7 @@ def test_it_serves_what_it_is_given_and_its_end_leaves_no_thread_and_frees_the_p
 
 
 def test_a_visitor_too_many_is_told_how_to_be_let_in() -> None:
-    """200 visitors took 260 MB, though 20 were allowed, since they shared one session."""
+    """Once 200 visitors took 260 MB although 20 were allowed, since they shared one session."""
     reports: list[str] = []
     config = DashboardConfig(address=0, visitors=1)
     sink = DashboardSink(config, {"due": "host"}, lambda kind, text: reports.append(kind))
@@ -58,10 +58,10 @@ def test_a_visitor_too_many_is_told_how_to_be_let_in() -> None:
 
 
 def test_the_page_knows_only_what_records_say() -> None:
-    """It imports neither the estimator nor the pipeline, so no thread that outlives the program holds native
-    objects.
+    """The page imports neither the estimator nor the pipeline, so a thread that outlives the program holds no
+    native objects.
 
-    The same holds for the documents that it writes.
+    The same is true of the code that writes the downloads.
     """
     folder = Path(page.__file__).parent
     found = {module for file in folder.glob("*.py") for module in modules_of(file)}
@@ -79,7 +79,7 @@ def test_the_page_knows_only_what_records_say() -> None:
 
 
 def modules_of(file: Path) -> set[str]:
-    """Return our own modules that a file imports from."""
+    """Return the modules of fltea from which a file imports."""
     nodes = ast.walk(ast.parse(file.read_text()))
     names = {node.module or "" for node in nodes if isinstance(node, ast.ImportFrom)}
     return {name for name in names if name.startswith("fltea.")}

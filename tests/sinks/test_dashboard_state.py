@@ -1,4 +1,4 @@
-"""A page is sent only what is new to it, and the server keeps no state for it."""
+"""Tests that a page receives only what is new to it, and that the server keeps nothing about the page."""
 
 import json
 
@@ -67,7 +67,10 @@ def test_only_new_rows_are_sent_and_of_them_what_there_is() -> None:
 
 
 def test_the_last_minutes_of_all_axes_come_without_one_that_is_open() -> None:
-    """The rows continue, as those of the expanded axis do; the spectra are a part of the update."""
+    """The page gets rows for small diagrams of all axes, and later only new rows.
+
+    Their spectra come as one part.
+    """
     found = records("n=400")
     last = next(r for r in reversed(found) if isinstance(r, Sample))
     history = told(found)
@@ -88,7 +91,7 @@ def test_the_last_minutes_of_all_axes_come_without_one_that_is_open() -> None:
 
 
 def test_a_spectrum_is_drawn_again_for_a_tenth_more_samples_or_another_verdict() -> None:
-    """The spectrum is not sent with each fit, since it is the largest part of an update."""
+    """A spectrum is not sent after each fit, since it is the largest part of an answer."""
     found = records("n=400")
     last = next(r for r in reversed(found) if isinstance(r, Sample))
     history = told(found)
@@ -105,7 +108,10 @@ def test_a_spectrum_is_drawn_again_for_a_tenth_more_samples_or_another_verdict()
 
 
 def test_a_second_costs_little() -> None:
-    """Sizes in bytes before compression, which leaves a third; an earlier page took 28,000."""
+    """Sizes are in bytes before compression, which makes them a third.
+
+    An earlier page took 28,000 bytes a second.
+    """
     found = records("n=1500")
     begin = next(i for i, r in enumerate(found) if isinstance(r, Sample) and r.seq == 1300)
     history = told(found[:begin])

@@ -1,5 +1,7 @@
-"""The page's history: nothing recent is lost, memory does not grow, and a bucket summarises its own
-samples."""
+"""Tests of the rows that the page keeps for its diagrams.
+
+Nothing recent is lost, memory does not grow, and each row summarises exactly the samples of its time.
+"""
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ KINDS = ("mean", "max", "min", "mean", "max")
 
 
 def fill(tiers: Tiers, values: list[float], begin_ms: float = 1e12, step_ms: float = 10.0) -> np.ndarray:
-    """Fill in rows as the history does: time, number, and one value that is summarised in three ways."""
+    """Append rows with a time, a number, and a value that is merged in three ways; return them."""
     rows = np.array([[begin_ms + k * step_ms, k, v, v, v] for k, v in enumerate(values)])
     for row in rows:
         tiers.append(row)
@@ -19,7 +21,7 @@ def fill(tiers: Tiers, values: list[float], begin_ms: float = 1e12, step_ms: flo
 
 
 @given(st.lists(st.floats(-1e6, 1e6) | st.just(float("nan")), min_size=1, max_size=900))
-@example([float("nan")] * 300)  # a 0 in place of NaN would be drawn as an estimate
+@example([float("nan")] * 300)  # the result must be NaN, since the page would draw a 0 as an estimate
 def test_buckets_are_what_their_samples_say(values: list[float]) -> None:
     tiers = Tiers(KINDS)
     rows = fill(tiers, values)
@@ -38,7 +40,7 @@ def test_buckets_are_what_their_samples_say(values: list[float]) -> None:
                 assert np.isnan(row[2:]).all()
                 continue
             assert (row[2], row[4]) == (good.min(), good.max())
-            if window == 0:  # in coarser tiers the mean is a mean of means
+            if window == 0:  # in longer windows the mean is a mean of means, so it differs
                 assert row[0] == pytest.approx(inside[:, 0].mean())
                 assert row[3] == pytest.approx(good.mean(), rel=1e-9, abs=1e-6)
 

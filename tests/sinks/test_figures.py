@@ -1,4 +1,8 @@
-"""Each number of a record is a declared figure, or has a reason; each place shows what is declared."""
+"""Tests of published figures.
+
+Each number of a record is declared as a figure, or there is a reason why not. Each place shows the figures
+that are declared for it.
+"""
 
 import re
 from collections.abc import Callable, Iterator
@@ -31,13 +35,16 @@ MODULES = of_link, of_fit, of_axis, of_filters, of_device
 
 
 def files(kind: type) -> str:
-    """Return the files that declare the figures of a record, or of a part of a record."""
+    """Return the names of the files in which figures of this record, or part of a record, are declared."""
     having = (one.__name__ for one in MODULES if any(figure.kind is kind for figure in one.FIGURES))
     return " or ".join(f"{FOLDER}/{name.rpartition('.')[2]}.py" for name in having) or FOLDER
 
 
 def numbers(kind: type, prefix: str = "") -> Iterator[str]:
-    """Yield the paths of the numbers of a record, except those of parts that have figures of their own."""
+    """Yield the paths of all numbers in a record.
+
+    Parts of the record whose figures are declared separately are left out.
+    """
     for name, hint in get_type_hints(kind).items():
         path = f"{prefix}.{name}".lstrip(".")
         for one in parts_of(hint):
@@ -48,7 +55,7 @@ def numbers(kind: type, prefix: str = "") -> Iterator[str]:
 
 
 def kinds() -> Iterator[type]:
-    """Yield all records, and the parts of records that have figures of their own."""
+    """Yield the types of all records, and of the parts whose figures are declared separately."""
     yield from (record for record in get_args(AnyRecord) if record not in WITHOUT_FIGURES)
     yield from (kind for kind in ROOTS if not issubclass(kind, Record))
 
@@ -90,7 +97,7 @@ def test_figures_and_exceptions_are_of_fields_that_there_are() -> None:
 
 
 def with_changed(records: Records, kind: type, path: str) -> Records:
-    """Return the records with another value of one number, for all axes and outputs."""
+    """Return the records with one number changed, for all axes and outputs."""
     root = ROOTS.get(kind, Root(kind, "", ""))
     fields = f"{root.path}.{path}".strip(".").split(".")
     return {**records, root.record: changed(records[root.record], fields)}
@@ -106,7 +113,9 @@ PLACES: dict[str, tuple[Callable[[Records], str], str]] = {
     "terminal": (terminal, "host/fltea/sinks/table.py"),
     "home_assistant": (home_assistant, "host/fltea/sinks/mqtt/discovery.py"),
 }
-"""What each place shows of records, and the file that lays it out."""
+"""For each place, the function that returns everything it shows of given records, and the file that does
+so.
+"""
 
 
 @pytest.mark.parametrize("place", PLACES)

@@ -1,4 +1,4 @@
-"""The Grafana dashboard queries only metrics that exist."""
+"""Tests that the dashboard for Grafana queries only metrics that exist."""
 
 import json
 import re
@@ -19,12 +19,14 @@ SUFFIXES = {
     "histogram": ("_bucket", "_sum", "_count"),
 }
 OF_PROMETHEUS = {"le", "job", "instance"}
-"""Labels that the format or Prometheus adds."""
+"""Labels that Prometheus, or its text format, adds to metrics."""
 
 
 def metrics() -> dict[str, set[str]]:
-    """Return the labels of every time series by its name; metric families exist before there is any
-    device."""
+    """Return the labels of every metric, by the name of its time series.
+
+    The metrics are known even without a device.
+    """
     ours = list(Families({}, {}, list).collect())
     process = list(ProcessCollector(registry=CollectorRegistry()).collect())
     return {
@@ -35,7 +37,7 @@ def metrics() -> dict[str, set[str]]:
 
 
 def expressions(part: Any) -> Iterator[str]:
-    """Return every query of panels and of variables."""
+    """Yield every query in panels and in variables of the dashboard."""
     if isinstance(part, dict):
         for key, value in part.items():
             if key in ("expr", "definition") and isinstance(value, str):
@@ -47,7 +49,7 @@ def expressions(part: Any) -> Iterator[str]:
 
 
 def unknown(expression: str, known: dict[str, set[str]]) -> set[str]:
-    """Return names of metrics and labels in an expression that do not exist."""
+    """Return the names of metrics and labels in a query that do not exist."""
     names = set(re.findall(r"\b(?:fltea|process)_\w+", expression))
     there = set().union(*(known.get(name, set()) for name in names))
     labels = set(re.findall(r"(\w+)\s*(?:=~|!=|!~|=)\s*\"", expression))

@@ -1,4 +1,4 @@
-"""JSON lines of a block are byte for byte what msgspec and the recorder make of its records."""
+"""Tests of the JSON lines of a block: they equal those that msgspec and the recorder make of its records."""
 
 import math
 
@@ -21,7 +21,7 @@ names = st.text(max_size=8)
 
 
 def columns(draw: st.DrawFn, n: int, axes: int, count: int) -> list[np.ndarray]:
-    """Return columns that are contiguous in memory, as the engine gives them."""
+    """Draw columns that are contiguous in memory, as the estimator returns them."""
     values = draw(st.lists(numbers, min_size=4, max_size=20))
     order = np.random.default_rng(draw(st.integers(0, 99))).integers(0, len(values), (count, n, axes))
     return list(np.array(values)[order])

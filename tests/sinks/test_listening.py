@@ -1,5 +1,7 @@
-"""Where servers listen, and which requests are accepted: by host name, by the page of origin, and error
-cases."""
+"""Tests of the requests that a server accepts, by host name and by the page from which they come.
+
+They also test addresses at which a server cannot listen.
+"""
 
 import errno
 import socket
@@ -18,8 +20,11 @@ OTHERS = ["evil.example", "evil.example:9100", "localhost.evil.example", "127.0.
 
 @pytest.mark.parametrize("host", [*MACHINE, *OTHERS, "", "[::1"])
 def test_only_names_of_this_machine_and_bare_addresses_are_own(host: str) -> None:
-    """DNS rebinding: a foreign name is made to point to this machine, so that a foreign page could read our
-    answers."""
+    """This prevents DNS rebinding.
+
+    There, the name of another site is made to lead to this machine, so that a page of that site could read
+    our answers.
+    """
     assert is_own(host, own_names("127.0.0.1", ())) == (host in MACHINE)
 
 

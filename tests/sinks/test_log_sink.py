@@ -1,4 +1,4 @@
-"""The log has one line per error, never a flood, and says how many errors were left out."""
+"""Tests of the log: one line per error, at a limited rate, and how many errors were left out."""
 
 import pytest
 from fltea.records.records import Error, Gap

@@ -1,4 +1,4 @@
-"""Metrics over HTTP, read with Prometheus's own parser."""
+"""Tests of the metrics served over HTTP, which are read with Prometheus's own parser."""
 
 import socket
 import threading
@@ -48,7 +48,7 @@ Labels = frozenset[tuple[str, str]]
 
 
 def scrape(url: str) -> dict[tuple[str, Labels], float]:
-    """Return every sample by name and labels."""
+    """Return the value of every time series by its name and labels."""
     with urllib.request.urlopen(url, timeout=PATIENCE_S) as answer:
         text = answer.read().decode()
     for family in text_string_to_metric_families(text):
@@ -72,7 +72,7 @@ def value(found: dict[tuple[str, Labels], float], name: str, **labels: str) -> f
 
 @pytest.fixture
 def serve(monkeypatch: pytest.MonkeyPatch) -> Iterator[Serve]:
-    monkeypatch.setattr("fltea.sinks.metrics.sink.POLL_S", 0.01)  # so that the sink ends sooner
+    monkeypatch.setattr("fltea.sinks.metrics.sink.POLL_S", 0.01)  # so that the output ends sooner
 
     def start(
         *records: Any, sink_queues: Any = list, told: list[str] | None = None, **settings: Any
@@ -97,7 +97,9 @@ def test_nothing_is_said_of_devices_before_they_speak(serve: Serve) -> None:
 
 
 EXPECTED = Path(__file__).with_name("metrics.txt").read_text(encoding="utf-8")
-"""All metrics of a device, in base units; an axis that is not valid shows only that."""
+"""All metrics of a device, in base units. An axis whose estimate is not valid has only the metric that says
+so.
+"""
 
 
 def test_every_figure_under_its_name_and_in_base_units(serve: Serve) -> None:
@@ -212,7 +214,7 @@ def test_several_at_once_while_records_come(serve: Serve) -> None:
             number += 1
             sink.write(msgspec.structs.replace(STATS, device=f"d{number % 40}"))
             sink.write(Error(f"k{number % 40}", "text", 1))
-            time.sleep(0)  # otherwise clients would wait for the interpreter
+            time.sleep(0)  # lets the other threads run, which otherwise would wait long for the interpreter
     assert [one.exception() for one in asked] == [None] * 16
 
 
@@ -228,9 +230,9 @@ def test_address_may_be_of_version_6() -> None:
 
 
 def test_only_who_asks_by_a_name_of_this_machine_is_answered(serve: Serve) -> None:
-    """A request without any host name does not come from a browser.
+    """A request without a host name is answered, since it does not come from a browser.
 
-    Test_listening says which names are accepted.
+    test_listening tests which names are accepted.
     """
     sink = serve(STATS, names=("Lab.example",))
     named = [{"Host": host} for host in ("127.0.0.1", "LOCALHOST:9100", "lab.example")]
@@ -243,7 +245,7 @@ def test_only_who_asks_by_a_name_of_this_machine_is_answered(serve: Serve) -> No
 
 
 def test_board_that_is_ever_another_makes_few_series(serve: Serve) -> None:
-    """Each label makes a time series that Prometheus keeps for weeks."""
+    """Each new value of a label begins a time series, which Prometheus keeps for weeks."""
     told: list[str] = []
     sink = serve(told=told)
     series = set()

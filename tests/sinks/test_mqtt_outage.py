@@ -1,4 +1,4 @@
-"""The MQTT sink without a broker: which messages wait, which are lost, and when the sink tries again."""
+"""Tests of the output to MQTT without a broker: which messages wait or are lost, and when it tries again."""
 
 import pytest
 from fltea.mqtt.connection import Down, Up
@@ -94,7 +94,7 @@ def test_slow_network_loses_streams_and_holds_back_what_is_rare(bench: MakeBench
     b.wait(1)
     b.happens(Up())
     assert len(b.connection.on("gap")) == 1
-    # the five earlier records are not among them
+    # the message does not count the five records lost before this outage
     assert f"; {IN_FLIGHT} records were lost" in b.told[-1][1]
 
 
@@ -139,8 +139,10 @@ OUTAGES = st.lists(
 
 @given(OUTAGES, st.sampled_from([0, 1]))
 def test_every_record_is_acknowledged_waiting_or_lost(steps: list[str], qos: int) -> None:
-    """Whatever the broker does, no record vanishes, and only an unacknowledged record may be counted
-    twice."""
+    """Whatever the broker does, every record is counted as acknowledged, waiting or lost.
+
+    Only a record of which the acknowledgement is uncertain may be counted twice.
+    """
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(delivery, "IN_FLIGHT", 6)
         patch.setattr(delivery, "BACKLOG", 4)
@@ -164,7 +166,8 @@ def test_every_record_is_acknowledged_waiting_or_lost(steps: list[str], qos: int
                         done.add((id(c), mid))
                     c.acknowledge()
                     last = [q for _, _, q, _ in c.sent]
-                    # After the last message whose acknowledgement proves anything.
+                    # Messages of QoS 0 after the last message of QoS 1 are uncertain, since no later
+                    # acknowledgement proves that they arrived.
                     unsure = last[::-1].index(1) if 1 in last else len(last)
                     acknowledged -= unsure
                     done -= {(id(c), mid) for mid in range(len(last) - unsure + 1, len(last) + 1)}
@@ -173,7 +176,8 @@ def test_every_record_is_acknowledged_waiting_or_lost(steps: list[str], qos: int
                     b.wait(40)
                 case "full":
                     b.connection.full = not b.connection.full
-            assert len(b.sink._delivery._flight) <= 6 + 2  # the two states are never held back
+            # two more than the limit, since the two states are always sent
+            assert len(b.sink._delivery._flight) <= 6 + 2
             assert len(b.sink._delivery._waiting) <= 4
             states = sum(m.retain for m in b.sink._delivery._flight.messages)
             waiting = len(b.sink._delivery._waiting) + len(b.sink._delivery._flight) - states
@@ -198,7 +202,7 @@ def test_backoff_grows_and_begins_anew_after_a_good_connection(bench: MakeBench)
     assert waits == [0.5, 1.0, 2.0, 5.0, 10.0, 30.0, 30.0, 30.0]
     b.happens(Up())
     b.wait(1)
-    b.happens(Down("broker_lost", "gone"))  # a connection that is closed immediately counts as failed
+    b.happens(Down("broker_lost", "gone"))  # a connection that is lost at once counts as a failed attempt
     b.wait(29)
     made = len(FakeConnection.made)
     b.wait(1)

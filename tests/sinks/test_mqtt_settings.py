@@ -1,4 +1,4 @@
-"""Settings and secrets of MQTT: every mistake is named, and no password is ever repeated."""
+"""Tests of settings and secrets of MQTT: every mistake is named, and no message repeats a password."""
 
 import ssl
 from pathlib import Path
@@ -57,7 +57,7 @@ def test_password_in_the_address_is_refused_and_not_repeated(password: str, form
         with pytest.raises(UsageError, match="FLTEA_MQTT_PASSWORD") as refused:
             load_config(None, {"mqtt.broker": form.format(secret_word)})
         said.append(str(refused.value))
-    # the same message for any password, since a password may equal a word of the message
+    # comparing the messages for two passwords, since one password may equal a word of the message
     assert said[0] == said[1]
 
 
@@ -103,7 +103,7 @@ def test_login_from_a_file_goes_before_the_environment(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setenv("FLTEA_MQTT_USER", "other")
-    for mark in ("", "\ufeff"):  # editors of Windows may begin a file with this mark
+    for mark in ("", "\ufeff"):  # some Windows editors begin a file with this byte order mark
         file = secret(tmp_path, f"{mark}me:hunter2:with:colons\n", 0o640)
         broker = Broker(MqttConfig(broker="pi", password_file=file))
         assert (broker.user, broker.password) == ("me", "hunter2:with:colons")

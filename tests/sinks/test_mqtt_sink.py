@@ -1,4 +1,4 @@
-"""The MQTT sink alone: topics, payloads, and the status of the device."""
+"""Tests of the output to MQTT without a real broker: topics, payloads, and the status of the device."""
 
 import json
 
@@ -161,7 +161,10 @@ def test_status_follows_the_samples(bench: MakeBench) -> None:
 
 
 def test_status_is_said_again_with_the_time_since_when(bench: MakeBench) -> None:
-    """The will of an earlier, half-dead connection may have overwritten the status."""
+    """The last will of an earlier connection may have replaced the status.
+
+    This happens if the broker notices late that the connection was lost.
+    """
     b = bench()
     b.wait(29)
     assert len(b.statuses()) == 1
@@ -185,8 +188,9 @@ def test_will_and_farewell(bench: MakeBench) -> None:
 
 
 def test_farewell_waits_for_acknowledgements(bench: MakeBench, monkeypatch: pytest.MonkeyPatch) -> None:
-    """If the connection is closed during a broker's answer, the broker may publish the will after the
-    farewell."""
+    """If the connection is closed while the broker still answers, the broker may publish the last will after
+    the final status.
+    """
     b = bench()
     b.write(gap())
     naps: list[bool] = []
@@ -233,7 +237,7 @@ def test_another_board_while_the_broker_is_away(bench: MakeBench) -> None:
     assert b.connection.on("status", "b1")[-1]["status"] == "stalled"
 
 
-# # --- a board that states another name in every HELLO ---
+# --- a board that states another name in every HELLO ---
 
 
 def topics() -> set[str]:
@@ -241,7 +245,7 @@ def topics() -> set[str]:
 
 
 def test_ever_new_names_get_few_topics_and_are_told_once(bench: MakeBench) -> None:
-    """768 retained topics were once made on a broker in 8 s."""
+    """Such a board once created 768 retained topics on a broker in 8 s."""
     b = bench()
     for k in range(100):
         b.write(hello(device_id=f"n{k}"), sample(k))

@@ -1,4 +1,7 @@
-"""A disk that fails: the recording lacks what arrived meanwhile, which is counted, and nothing else."""
+"""Tests of recordings on a disk that fails.
+
+The recording lacks only what arrived while the disk failed, and this is counted.
+"""
 
 import errno
 import os
@@ -22,7 +25,7 @@ from tests.rig.mcap_support import MONOTONIC_NS, files, messages, replay, sink_i
 class Recorder:
     """A recorder whose disk takes a limited number of bytes and then fails in the middle of a block.
 
-    `room`: bytes left; None uses the real disk. `told`: the errors that the recorder reported.
+    `room`: number of bytes that still fit; None for no limit. `told`: errors that the recorder has reported.
     """
 
     def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch, **settings: Any) -> None:
@@ -38,7 +41,7 @@ class Recorder:
         self.sink = sink_in(folder, self.told, **settings)
 
     def feed(self, items: list, room: int | None = None) -> None:
-        """Feed items to the recorder while the disk has this much room."""
+        """Write items to the recorder, while the disk has room for `room` bytes."""
         self.room = room
         for item in items:
             self.now_ns = item.host_ns
@@ -79,7 +82,8 @@ def test_a_full_disk_costs_what_came_meanwhile_and_says_so_once(
     torn = files(tmp_path)[0].stat().st_size
     assert recorder.kinds() == ["disk_full" if number in record_module.NO_ROOM else "record_failed"]
     lost_while_full = sink.lost
-    recorder.feed(items[1500:2200], room=10**6)  # less than resume_mb
+    # less than the setting resume_mb, so the recording does not resume
+    recorder.feed(items[1500:2200], room=10**6)
     assert (len(recorder.told), len(files(tmp_path))) == (1, 1)
     recorder.feed(items[2200:])
     sink.close()
@@ -113,7 +117,8 @@ def test_a_replay_counts_what_a_full_disk_cost(tmp_path: Path, recorder: Recorde
     missing = 2000 - len(samples)
     gaps = [record for record in records if type(record).__name__ == "Gap"]
     assert sum(gap.missing for gap in gaps) == missing > 400
-    assert max(gap.missing for gap in gaps) < 1100  # it resumed without waiting for the next HELLO
+    # so the recording resumed without waiting for the next HELLO
+    assert max(gap.missing for gap in gaps) < 1100
     assert [r.kind for r in of(Error, records)] == ["cut_recording", "recording_gap"]
     assert "bytes of the wire were not recorded (disk_full)" in of(Error, records)[1].message
     assert stats is None or stats.sample_counts.lost == missing

@@ -1,4 +1,7 @@
-"""Another program takes the recording's file away: only what was in the file is lost, and that is counted."""
+"""Tests of recordings whose file another program removes or changes.
+
+Only the content of that file is lost, and it is counted.
+"""
 
 import os
 import shutil
@@ -23,7 +26,7 @@ from tools.faults.daemon import read_recording
 class Recorder:
     """A recorder that flushes after each item.
 
-    `told`: the errors that it reported. `all`: the items that it received.
+    `told`: errors that the recorder has reported. `all`: all items that it has received.
     """
 
     def __init__(self, folder: Path, **settings: Any) -> None:
@@ -48,7 +51,7 @@ def flushed(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def check_account(folder: Path, recorder: Recorder) -> int:
-    """Check that every item and byte is in the files or counted as lost; return the number of lost items."""
+    """Check that every item is in the files or counted as lost; return how many are lost."""
     found = read_recording(folder)
     came = b"".join(item.data for item in recorder.all if isinstance(item, Chunk))
     assert len(found.wire) + sum(gap.bytes for gap in found.gaps) == len(came)
@@ -121,7 +124,8 @@ def test_what_the_deleted_file_said_is_missing_is_said_again(tmp_path: Path) -> 
     recorder.sink.close()
     assert recorder.kinds() == ["record_deleted", "record_resumed"] * 2
     (gap,) = read_recording(tmp_path).gaps
-    assert recorder.sink.lost == gap.items - 7  # the queue before the recorder counts those
+    # the queue in front of the recorder has counted these seven items
+    assert recorder.sink.lost == gap.items - 7
     assert len(b"".join(wire_data(files(tmp_path)[0]))) + gap.bytes == sum(
         len(item.data) for item in items if isinstance(item, Chunk)
     )
@@ -181,7 +185,7 @@ def test_the_folder_is_not_made_again_below_a_disk_that_was_taken_away(
     assert recorder.kinds() == ["record_deleted", "record_failed"]
     assert record_session.NO_DISK in recorder.told[1][1]
     assert not folder.exists()
-    folder.mkdir()  # a folder that somebody makes again is meant to be used
+    folder.mkdir()  # somebody creates the folder again, so the recording uses it
     monkeypatch.setattr(clock, "host_ns", lambda: MONOTONIC_NS + record_module.RETRY_NS)
     recorder.feed(items[200:])
     recorder.sink.close()

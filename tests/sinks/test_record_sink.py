@@ -1,4 +1,4 @@
-"""The recorder: what its files hold, and when they end."""
+"""Tests of the recorder: what its files contain, and when they end."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -107,7 +107,7 @@ TYPES = {"string": str, "boolean": bool, "integer": int, "number": int | float, 
 
 
 def fits(value: Any, schema: dict) -> bool:
-    """Whether a value fits a schema, for the keywords that our schemas use."""
+    """Return whether a value fits a JSON schema. Only the keywords that our schemas use are checked."""
     kind = schema["type"]
     if not isinstance(value, TYPES[kind]) or (isinstance(value, bool) and kind != "boolean"):
         return False
@@ -122,8 +122,9 @@ def fits(value: Any, schema: dict) -> bool:
 
 @pytest.mark.parametrize("kind", [*KINDS.values(), LinkMessage])
 def test_schemas_are_such_as_foxglove_reads(kind: type[msgspec.Struct]) -> None:
-    """Foxglove's parser knows these words alone, requires the properties of every object, and refuses
-    everything else."""
+    """The parser of Foxglove knows only these keywords, needs the properties of every object, and refuses
+    everything else.
+    """
 
     def check(schema: dict) -> None:
         allowed = {"title", "type", "properties", "required", "items", "enum"}
@@ -202,7 +203,10 @@ def test_files_end_by_age_and_size_and_nothing_falls_between(
 
 
 def test_a_board_that_says_ever_new_things_leaves_few_notes(tmp_path: Path) -> None:
-    """The metadata index stays in memory until the file ends; the recorded bytes hold every HELLO anyway."""
+    """The index of metadata stays in memory until the file ends.
+
+    The recorded bytes contain every HELLO anyway.
+    """
     items: list[TransportEvent] = [Opened(MONOTONIC_NS, OFFSET_NS)]
     items += [
         Chunk(standin.Device(parse_noise("seed=1"), boot_id=k).booted(), MONOTONIC_NS + k, OFFSET_NS)
@@ -304,7 +308,7 @@ def test_folder_that_cannot_be(tmp_path: Path) -> None:
 
 def test_a_too_slow_recorder_marks_the_place(tmp_path: Path) -> None:
     items = transport(samples=400)
-    sink = sink_in(tmp_path, rotate_s=1.2)  # long enough for the file's head to hold a HELLO
+    sink = sink_in(tmp_path, rotate_s=1.2)  # long enough for a HELLO at the beginning of the file
     for item in items[:150]:
         sink.write(item)
     sink.on_overflow(33)

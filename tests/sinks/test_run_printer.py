@@ -1,4 +1,4 @@
-"""What the native device prints of its samples is byte for byte what is printed for their blocks."""
+"""Tests that the native device prints its samples byte for byte as `BlockLines` prints their blocks."""
 
 from collections.abc import Iterable, Iterator
 from typing import Any
@@ -33,10 +33,11 @@ wanted = st.builds(Wanted, *[st.booleans()] * 4)
 
 
 class Printing:
-    """Pipelines whose device prints.
+    """A pipeline whose native device prints the samples.
 
-    A new printer is made with the first block whose records have other constant fields. `compared`: rows
-    whose native print equals the print of their block. `made`: number of printers.
+    A new printer is made whenever the fields that all records of a block share have changed. `compared`:
+    number of rows that were printed natively, and equal the text of their block. `made`: number of printers.
+    `missed`: number of rows that a printer did not print.
     """
 
     def __init__(self, changes: dict[str, Any], wanted: Wanted) -> None:
@@ -70,7 +71,7 @@ class Printing:
 
 
 def with_unknown(events: Iterable[Event]) -> Iterator[Event]:
-    """Make every third temperature unknown."""
+    """Yield the events with every third temperature unknown."""
     for event in events:
         if isinstance(event, RawBlock) and event.temperature is not None:
             known = np.arange(len(event.temperature)) % 3 > 0
@@ -110,7 +111,8 @@ def test_rows_without_the_columns_of_a_text_are_not_printed() -> None:
         assert isinstance(block, RawBlock)
         events[k] = block._replace(accel=None)
     printing.feed(events)
-    assert printing.missed >= 10 * 4  # the pipelines with and without the accelerometer both missed rows
+    # rows are missed both when the accelerometer's samples end and when they come back
+    assert printing.missed >= 10 * 4
     assert printing.compared > 400
 
 

@@ -1,4 +1,4 @@
-"""Sinks: JSON lines that any JSON reader accepts, and a table that loses neither numbers nor units."""
+"""Tests of two outputs: JSON lines that any JSON reader accepts, and a table with all numbers and units."""
 
 import io
 import json
@@ -128,7 +128,7 @@ def refuse_constant(text: str) -> None:
 
 @given(st.lists(st.floats(allow_nan=True, allow_infinity=True), min_size=6, max_size=6))
 def test_never_a_number_that_is_none(values: list[float]) -> None:
-    """The pipeline puts null in place of NaN; if a NaN should remain, the line is still JSON."""
+    """The pipeline replaces NaN by null. Even if a NaN remains, the line is still valid JSON."""
     line = written(estimate(gyro_x=axis_estimate(*values, True)))
     axis = json.loads(line, parse_constant=refuse_constant)["axes"]["gyro_x"]["fltea"]
     for found, value in zip(axis.values(), values, strict=False):
@@ -136,7 +136,7 @@ def test_never_a_number_that_is_none(values: list[float]) -> None:
 
 
 class Stream(io.RawIOBase):
-    """A stream that takes a few bytes at a time, or none, or fails."""
+    """A stream that accepts a limited number of bytes at a time, or fails."""
 
     def __init__(self, failure: Exception | None = None, at_a_time: int = 1 << 20) -> None:
         self.data, self.failure, self.at_a_time, self.calls = bytearray(), failure, at_a_time, 0
@@ -190,7 +190,7 @@ def test_stream_that_takes_little_at_a_time_gets_everything(at_a_time: int) -> N
 
 
 def test_a_full_pipe_that_does_not_block_is_waited_for() -> None:
-    """Another process that shares the pipe may have made it non-blocking."""
+    """Another process that shares the pipe may have set it to non-blocking."""
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
     sink = NdjsonSink(io.FileIO(writer, "wb"), samples=True)
@@ -233,7 +233,7 @@ def test_full_disk_is_no_closed_pipe() -> None:
 
 
 def test_record_that_cannot_be_encoded_is_no_closed_pipe() -> None:
-    """An error must not look like an intended end."""
+    """An error must not look as if the reader had ended."""
     with pytest.raises(UnicodeEncodeError):
         written(Error("silent", "a lone surrogate: \udcff", 1))
 
@@ -323,10 +323,10 @@ def test_each_axis_stands_in_the_sentence_that_the_page_has(width: int) -> None:
         ([HELLO, EPOCH, STATS], ["start-up window: 123 samples to go"], []),
         ([HELLO, OPENED], ["bad frames 2 "], []),
         ([HELLO, estimate(), EPOCH], ["no estimate yet"], ["0.412"]),
-        ([HELLO, FIT, EPOCH], ["Fractional"], []),  # of the same sensor, until its next fit
+        ([HELLO, FIT, EPOCH], ["Fractional"], []),  # the fit of the same sensor is shown until the next fit
         ([HELLO, estimate(), EPOCH, estimate()], [BARS[0]], []),
         ([estimate(gyro_x=WITHOUT_STD)], ["0.412"], ["0.412 ±", "None"]),
-        # rich takes [bold] and [5 s] for markup unless that is switched off
+        # the library rich would read [bold] and [5 s] as markup if that were not switched off
         ([HELLO, ERROR], ["silent: nothing [bold]came[/bold] for [5 s]"], []),
         ([HELLO, Gap(40, 3, 1, 0)], ["gap: 3 samples lost from number 40"], []),
         ([HELLO, STEP], ["gyro_x: step of +0.104 ± 0.022 deg/s at 0:00:07"], []),
@@ -408,7 +408,7 @@ def test_axes_of_the_accelerometer_have_their_unit() -> None:
     assert "m/s²" in text
 
 
-# # --- parts of the table ---
+# --- parts of the table ---
 
 
 def test_sparkline() -> None:

@@ -1,4 +1,4 @@
-"""The server of both pages, over real sockets: access control, rate limits, and the number of connections."""
+"""Tests of the web server of both pages, over real sockets: access, rate limits, number of connections."""
 
 import asyncio
 import base64
@@ -27,9 +27,9 @@ class Echo(Handler):
 
 
 class Served:
-    """A server in a thread of its own.
+    """A server that runs in a separate thread.
 
-    `reports`: the errors that it reported.
+    `reports`: errors that the server has reported.
     """
 
     def __init__(self, sockets: list[socket.socket] | None = None, **of_site: Any) -> None:
@@ -59,7 +59,7 @@ class Served:
         return socket.create_connection(("127.0.0.1", self.port), timeout=PATIENCE_S)
 
     def turn(self, call: Callable[[], None] = lambda: None) -> None:
-        """Let the event loop run once, and call a function in it."""
+        """Call a function in the event loop, and wait until that is done."""
         turned = threading.Event()
         self._loop.add_callback(lambda: (call(), turned.set()))
         assert turned.wait(PATIENCE_S)
@@ -79,7 +79,7 @@ def serve() -> Iterator[Serve]:
 
 
 def is_closed(one: socket.socket) -> bool:
-    """Whether the other side has closed the connection."""
+    """Return whether the other side has closed the connection."""
     one.settimeout(0.0)
     try:
         return one.recv(1) == b""
@@ -89,11 +89,11 @@ def is_closed(one: socket.socket) -> bool:
         return True
 
 
-# # --- access ---
+# --- access ---
 
 
 def test_only_who_came_by_a_name_of_ours_and_from_a_page_of_ours_is_answered(serve: Serve) -> None:
-    """test_listening says which host names are accepted."""
+    """test_listening tests which host names are accepted."""
     port = serve(names=own_names("127.0.0.1", ("page.example",))).port
     for path in ("/", "/common.js", "/echo", "/nothing"):
         assert ask(port, path, Host=f"evil.example:{port}").status == 421
@@ -123,7 +123,7 @@ def test_a_fault_is_reported_once_and_ends_nothing(serve: Serve) -> None:
     assert "broken on purpose" in served.reports[0][1]
 
 
-# # --- limits ---
+# --- limits ---
 
 
 def test_more_requests_than_are_answered_are_told_so_and_later_ones_answered(serve: Serve) -> None:
@@ -138,7 +138,7 @@ def test_more_requests_than_are_answered_are_told_so_and_later_ones_answered(ser
 
 
 def test_who_guesses_the_password_takes_no_room_from_who_knows_it(serve: Serve) -> None:
-    """40 clients that guessed for 8 s once locked the owner out."""
+    """Once, 40 clients that guessed passwords for 8 s locked the owner out."""
     served = serve(a_second=2.0, password="me:hunter2")
     known, wrong = (
         {"Authorization": "Basic " + base64.b64encode(text).decode()} for text in (b"me:hunter2", b"me:no")
@@ -151,7 +151,7 @@ def test_who_guesses_the_password_takes_no_room_from_who_knows_it(serve: Serve) 
 
 
 def test_idle_connections_are_few_and_a_reader_still_gets_its_page(serve: Serve) -> None:
-    """330 idle connections once took all descriptors of the daemon, and its recording failed."""
+    """Once, 330 idle connections used all file descriptors of the daemon, so that its recording failed."""
     served = serve()
     idle = [served.connect() for _ in range(330)]
     assert ask(served.port, "/echo").status == 200
@@ -191,7 +191,7 @@ def test_a_connection_that_asks_for_nothing_or_takes_no_answer_is_closed(
 
 
 class Exhausted(socket.socket):
-    """A listening socket that at first fails for lack of descriptors."""
+    """A listening socket whose first `accept` fails for lack of file descriptors."""
 
     failures = 1
 
@@ -209,7 +209,7 @@ class Exhausted(socket.socket):
 def test_without_descriptors_nobody_is_let_in_for_a_while_and_then_again(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Each failed accept was once reported with a traceback and retried at once: 81,740 of them."""
+    """Once, each failed `accept` was reported with a traceback and tried again at once, 81,740 times."""
     monkeypatch.setattr(door_module, "REST_S", 3600.0)
     listening = Exhausted()
     listening.bind(("127.0.0.1", 0))

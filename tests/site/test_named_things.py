@@ -20,12 +20,12 @@ ELSEWHERE = frozenset(
             "WInterrupts.h",
             "sam3x8e.h",
             "variant.h",
-        ),  # Arduino's core for SAM boards
+        ),  # a file of Arduino's core for SAM boards
         "gen_dataset.py",
-        "mavlogdump.py",  # pymavlink
+        "mavlogdump.py",  # a program of pymavlink
         "random.py",  # an example of a file of the user
-        "wit_protocol_resolver.py",  # WitMotion
-        "NAME.sh",  # stands for any name
+        "wit_protocol_resolver.py",  # a file of WitMotion
+        "NAME.sh",  # This stands for any name.
     }
 )
 """Files of other programs that our texts name."""
@@ -44,7 +44,7 @@ def tracked() -> tuple[str, ...]:
 
 
 def prose(name: str) -> str:
-    """Return a file's text for readers: comments, docstrings, or the whole of a page."""
+    """Return what a file says to readers: its comments and docstrings, or the whole text of a page."""
     source = (ROOT / name).read_text(encoding="utf-8")
     if name.endswith((".py", ".pyi")):
         return "\n".join(re.findall(r'(?m)(?:^|(?<=\s))# [^\n]*|^\s*(?:""".*?""")', source, re.DOTALL))
@@ -71,7 +71,7 @@ def unknown_files(text: str) -> set[str]:
 
 @cache
 def ends_of_paths() -> frozenset[str]:
-    """Return all ways to name each path of the repository: with or without its folders."""
+    """Return all names of the repository's paths in texts: with all, some or none of the folders."""
     parts = [name.split("/") for name in tracked()]
     return frozenset("/".join(one[n:]) for one in parts for n in range(len(one)))
 
@@ -99,7 +99,7 @@ def settings() -> frozenset[str]:
 
 
 def unknown_modules(text: str) -> set[str]:
-    """Return names `room.module.Name` whose module is not in that package of the host."""
+    """Return the names `package.module.Name` in a text whose module is not in that package of the host."""
     found = set()
     for room, module in re.findall(rf"`(?:fltea\.)?({'|'.join(ROOMS)})\.(\w+)\.[A-Z]\w+`", text):
         folder = ROOT / "host/fltea" / room
@@ -111,13 +111,13 @@ def unknown_modules(text: str) -> set[str]:
 
 @cache
 def fields_of_records() -> frozenset[str]:
-    """Return the names of record fields, such as link.frames, and their tables."""
+    """Return the names of record fields, such as link.frames, and of the objects that contain them."""
     rows = re.findall(r"(?m)^\| `([^`]+)`", site_records.records())
     return frozenset({*rows, *(".".join(name.split(".")[:n]) for name in rows for n in (1, 2))})
 
 
 def unknown_settings(text: str) -> set[str]:
-    """Return names `table.name` on a page that look like a setting, where the table has no such setting."""
+    """Return names `table.name` in a text that look like settings, but are none of that table."""
     tables = {name.partition(".")[0] for name in settings() if "." in name}
     named = re.findall(rf"`((?:{'|'.join(sorted(tables))})(?:\.[a-zA-Z]\w*)+)(?: ?=[^`]*)?`", text)
     return {name for name in named if name not in settings() and name not in fields_of_records()}

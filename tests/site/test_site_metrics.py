@@ -1,4 +1,4 @@
-"""The reference of metrics names the field of each, and the other places that show it."""
+"""The reference of metrics names, for each metric, its field and the other outputs that show the field."""
 
 from fltea.sinks.figures.table import FIGURES
 

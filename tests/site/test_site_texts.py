@@ -72,7 +72,7 @@ def test_commands_in_a_text_exist_with_their_options(text: str) -> None:
         for command in line.split(" | "):
             try:
                 words = shlex.split(command.replace("; fltea ", " # "), comments=True)
-            except ValueError:  # no line of a shell
+            except ValueError:  # This is not a line for a shell.
                 continue
             if words[:1] not in (["fltea"], [".venv/bin/fltea"]) or len(words) < 2:
                 continue
@@ -98,7 +98,7 @@ FOUND = {
     "cookbook/vins.md": "VINS",
     "cookbook/ros.md": "ROS 2",
 }
-"""Search terms, by the page that answers."""
+"""Search terms, by the page that the search has to find."""
 
 
 @pytest.mark.parametrize(
@@ -152,7 +152,8 @@ def test_the_first_lines_of_the_notebook_do_what_they_say(
     page = (DOCS / "cookbook/notebook.md").read_text(encoding="utf-8")
     block = re.findall(r"^```python\n(.*?)^```", page, re.MULTILINE | re.DOTALL)[0]
     assert len([line for line in block.splitlines() if line]) <= 5
-    noise = np.random.default_rng(1).normal(0.0, 0.05, (3000, 3))  # N 0.005 deg/s/√Hz, which is 0.3 deg/√h
+    # This noise has N = 0.005 deg/s/√Hz, which is 0.3 deg/√h.
+    noise = np.random.default_rng(1).normal(0.0, 0.05, (3000, 3))
     np.savez(tmp_path / "rest.npz", gyro_dps=noise, fs_hz=100.0)
     monkeypatch.chdir(tmp_path)
     exec(block, {})

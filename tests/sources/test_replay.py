@@ -84,7 +84,7 @@ def test_sequence_and_time_wrap_as_a_devices_do(tmp_path: Path) -> None:
     assert place.counts.lost == 0
 
 
-# # --- times of a CSV file: gaps are counted as gaps, and no sample is rejected ---
+# --- times of a CSV file: gaps are counted as gaps, and no sample is rejected ---
 
 
 def csv_file(tmp_path: Path, times_s: list[float]) -> Path:

@@ -149,7 +149,7 @@ def test_needs_neither_scipy_nor_allantools():
     assert done.stdout.strip() == "[]"
 
 
-# # --- the record `fit` ---
+# --- the record `fit` ---
 
 WHITE = FittedModel((0,), (0.0,), 0.0)
 

@@ -247,7 +247,7 @@ def test_no_median_filter_where_there_is_none(name: str) -> None:
         assert "median filter" not in {data_check.kind for data_check in axis_data_checks(y, H)}
 
 
-# # --- a spectral line whose frequency wanders ---
+# --- a spectral line whose frequency wanders ---
 
 
 def wandering(n: int, rate_hz: float, seed: int) -> Array:

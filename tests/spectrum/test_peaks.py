@@ -64,7 +64,7 @@ def resonance(radius: float, angle: float, n: int, seed: int) -> Array:
     return ar((2 * radius * np.cos(angle), -(radius**2)), n, 1, seed)[0]
 
 
-# # --- existing peaks are found ---
+# --- existing peaks are found ---
 
 AT_JOINTS_OF_OCTAVES = (1.09, 2.16, 2.18, 4.33, 4.35, 8.68, 8.7, 17.3, 17.45)
 
@@ -161,7 +161,7 @@ def test_a_resonance_above_slow_noise_stays_one(search: Search, n: int) -> None:
         assert peak.frequency_hz == pytest.approx(2.0 / (2 * np.pi * H), abs=1)
 
 
-# # --- no peak is found where there is none ---
+# --- no peak is found where there is none ---
 
 NOISES: dict[str, Callable[[int, int], Array]] = {
     "white": lambda n, series: white(n, series, 3),
@@ -204,7 +204,7 @@ def test_a_filter_has_no_peaks_nor_are_its_side_lobes_resonances(search: Search,
     assert search(FILTERED[noise](n)) == ()
 
 
-# # --- the band around peaks ---
+# --- the band around peaks ---
 
 
 def test_bands_are_widened_by_the_lobes_of_averaged_lines() -> None:

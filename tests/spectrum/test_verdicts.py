@@ -91,7 +91,7 @@ def test_the_ends_of_a_short_record_do_not_leak() -> None:
     assert decide(e).kind == "drift"
 
 
-# # --- findings in addition to the noise model ---
+# --- findings in addition to the noise model ---
 
 LINE = Peak("line", 31.4, 0.02, 0.1, 80.0, (31.2, 31.6))
 RESONANCE = Peak("resonance", 20.0, 2.0, 0.3, 8.0, (17.0, 23.0))

@@ -327,7 +327,7 @@ def test_a_host_that_estimates_alone_says_nothing_of_them() -> None:
     assert not of(DeviceFits, found)
 
 
-# # --- displays ---
+# --- displays ---
 
 
 def test_the_page_says_them_in_words() -> None:

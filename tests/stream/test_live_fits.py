@@ -250,7 +250,7 @@ def test_a_break_in_a_recording_breaks_the_stretch() -> None:
     assert [(f.samples, left_out(f)) for f in of(Fit, items)] == [(100, 0), (250, live.BREAK)]
 
 
-# # --- the fit's fields of estimates ---
+# --- the fit's fields of estimates ---
 
 
 @pytest.mark.parametrize("who", ["host", "device"])

@@ -1,5 +1,6 @@
-"""The benchmark of the chain: the rows of a run, the alternating measurement of two programs, and its
-tables."""
+"""The benchmark of the whole program: its rows, the alternating measurement of two programs, and its
+tables.
+"""
 
 import json
 import sys

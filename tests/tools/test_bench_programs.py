@@ -1,4 +1,4 @@
-"""Another commit's program next to the present one: its own code, our packages, built once."""
+"""The program of another commit: it has its own code, uses the present packages, and is built once."""
 
 import subprocess
 import sys
@@ -29,7 +29,7 @@ def git(root: Path, *arguments: str) -> None:
 
 @pytest.fixture(scope="module")
 def repository(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Make a program in two commits; it prints its commit."""
+    """Make a repository with a program in two commits; the program prints its commit."""
     root = tmp_path_factory.mktemp("repository")
     package = root / "host/fltea"
     package.mkdir(parents=True)

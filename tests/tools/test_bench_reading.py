@@ -1,5 +1,7 @@
-"""The benchmark of reading: it reads completely each form that it writes, and names a figure that misses its
-goal."""
+"""The benchmark of reading text.
+
+It reads completely each kind of text that it writes, and names a figure that misses its goal.
+"""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,7 @@
-"""The form of `findings/` is checked; running the scripts needs a package index, so it is no test."""
+"""The form of the scripts in `findings/` is checked.
+
+The scripts are not run by tests, because they need a package index.
+"""
 
 import shutil
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""`make near`: what it runs for which changed files."""
+"""`make near`: which commands it runs for which changed files."""
 
 import re
 import subprocess

@@ -1,4 +1,7 @@
-"""The part `bias`: its noises, peers and plain filter agree with theory; its sections on a few samples."""
+"""The part `bias` of `make validate`: its noises, other programs' filters and plain filter agree with theory.
+
+Its sections are run on a few samples.
+"""
 
 import ast
 import math
@@ -65,8 +68,10 @@ def test_a_part_goes_on_where_it_stopped(name: str, cut: int) -> None:
 
 @pytest.mark.parametrize("name", ["white", "EMA (.2)", "CIC", "DLPF"])
 def test_filters_keep_the_density(name: str) -> None:
-    """The mean over five seconds has the variance σ²/500; with 400 such means the spread is known to 3.5
-    %."""
+    """The mean over five seconds has the variance σ²/500.
+
+    From 400 such means the standard deviation is known to 3.5 %.
+    """
     axis = Lane(name, np.random.default_rng(2))
     y, x = axis.take(200_000)
     means = (y - x).reshape(-1, 500).mean(axis=1)
@@ -157,7 +162,10 @@ def test_the_plain_filter_of_an_offset_is_the_mean() -> None:
 def test_the_plain_filter_is_the_best_linear_forecast(
     K: float, states: list[tuple[float, float]], ahead: int, seed: int
 ) -> None:
-    """The filter is compared with the forecast from the covariance of all samples, without a recursion."""
+    """The recursive filter agrees with a forecast that is computed without recursion.
+
+    That forecast is computed from the covariance of all samples.
+    """
     n = 30
     k = np.arange(1, n + ahead + 1)
     covariance = 0.5**2 + K**2 * H * np.minimum.outer(k, k)
@@ -206,7 +214,8 @@ def test_the_live_way_fits_as_the_record_grows(monkeypatch: pytest.MonkeyPatch) 
     sensor.run(drawn(lanes("test", "walk, 0.002 a sample", range(3)), 4_000)[0])
     assert times[:12] == [*range(100, 1_101, 100), 1_210]
     assert times[12] == 1_210 + 121
-    assert "walks" not in {figures.model for _, figures in sensor._tracks.stats()}  # as before any fit
+    # without a random walk, as before the first fit
+    assert "walks" not in {figures.model for _, figures in sensor._tracks.stats()}
 
 
 def test_sections_have_tasks_of_their_own() -> None:

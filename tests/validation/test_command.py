@@ -1,4 +1,7 @@
-"""`make validate` as a user calls it, on records of 5 Hz; finished results are kept and not repeated."""
+"""`make validate` as a user calls it, on records at 5 Hz.
+
+Finished results are kept and not computed again.
+"""
 
 import functools
 import json
@@ -51,7 +54,7 @@ def test_tables_and_files(validate: Call, tmp_path: Path) -> None:
 
 
 def test_json_and_resumed(validate: Call, tmp_path: Path) -> None:
-    """The result of a last line that was cut off is computed again; complete lines are kept."""
+    """If the last line of the file was cut off, its result is computed again. Complete lines are kept."""
     first = validate("--only", "white", "--no-figures", "--json")
     kept = tmp_path / "build/validation/gallery.ndjson"
     lines = kept.read_text().splitlines(keepends=True)
@@ -96,7 +99,7 @@ def test_mistakes(validate: Call, tmp_path: Path, arguments: tuple[str, ...], wo
 def test_a_full_disk_leaves_no_half_file(
     validate: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """If the disk is full, the earlier table stays."""
+    """If the disk is full, the table of the earlier run is kept."""
     folder = tmp_path / "build/validation"
     folder.mkdir(parents=True)
     (folder / "gallery.md").write_text("old")
@@ -112,7 +115,7 @@ def test_a_full_disk_leaves_no_half_file(
 
 
 class Backwards(Here):
-    """Runs three tasks at a time, and finishes those begun last first."""
+    """Workers that run three tasks at a time, and finish the last one first."""
 
     slots = 4
 
@@ -155,5 +158,5 @@ def test_nothing_depends_on_the_workers(tmp_path: Path) -> None:
 
 def test_a_table_and_shares() -> None:
     assert Table("A", ("b", "c"), [("1", "2")]).markdown() == "### A\n\n| b | c |\n| --- | --- |\n| 1 | 2 |\n"
-    assert interval(950, 1_000) == pytest.approx((0.93470, 0.96187), abs=1e-4)  # Wilson's
+    assert interval(950, 1_000) == pytest.approx((0.93470, 0.96187), abs=1e-4)  # Wilson's interval
     assert share_within(10, 10) == "100.0% (72…100)"

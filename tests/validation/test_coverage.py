@@ -13,7 +13,7 @@ from tools.validation.tables import Table
 
 
 def test_each_published_interval_has_a_row_or_a_reason() -> None:
-    """This test fails for a new field of a record; state in `FIGURES` what is measured for the field."""
+    """If this test fails for a new field of a record, state in `FIGURES` what is measured for the field."""
     fields = list(published.fields())
     assert {one.name for one in fields} == FIGURES.keys()
     assert Field("tau_s", "identification/navigation_file.GaussMarkovState") in fields
@@ -53,7 +53,7 @@ def test_what_holds_a_truth_of_2(
 
 
 def test_coverage_has_its_error() -> None:
-    """4 of 100 intervals miss: 96 % with the error of a proportion."""
+    """4 of 100 intervals miss the truth: the coverage is 96 %, with the error of a proportion."""
     row = {"population": "white", "quantity": "N", "intervals": 120, "published": 100}
     row |= {"below": 1.0, "above": 3.0, "squares": 4.0, "width": 0.1}
     whole, single = run.tables([row])
@@ -64,8 +64,10 @@ def test_coverage_has_its_error() -> None:
 
 
 def test_true_figures() -> None:
-    """White noise of R = 4 at 100 Hz: N = 0.2, and the Allan deviation falls with the square root of the
-    time."""
+    """White noise of R = 4 at 100 Hz has N = 0.2.
+
+    Its Allan deviation falls with the square root of the averaging time.
+    """
     white = (p.White(4.0), p.Relaxation(3.0, 0.2), p.Quantisation(0.1))
     assert measure.true_N(white) == pytest.approx(0.2)
     np.testing.assert_allclose(
@@ -74,26 +76,28 @@ def test_true_figures() -> None:
 
 
 def held(rows: list[dict[str, object]], quantity: str) -> tuple[float, float]:
-    """Return how many intervals hold the truth, and how many there are."""
+    """Return how many intervals of a quantity hold the truth, and how many there are."""
     (row,) = (one for one in rows if one["quantity"] == quantity)
     published, below, above = (float(str(row[name])) for name in ("published", "below", "above"))
     return published - below - above, published
 
 
 def test_N_holds_what_a_fast_relaxation_that_was_not_found_would_make_of_it() -> None:
-    """Of 40 intervals 95 % are 38; intervals from the accepted model alone give 21."""
+    """Of 40 intervals, 95 % are 38. If only the chosen model is used, 21 hold the truth."""
     inside, published = held(run.count("fast relaxation", 40), "N")
     assert published >= 25
     assert inside >= 0.85 * published
 
 
 def test_N_of_white_noise_is_no_wider() -> None:
-    """For pure white noise the half width is 1.96 / 2 of the root of the number of ordinates, in nine of
-    ten."""
+    """In nine of ten records of white noise, the interval of N is as narrow as theory allows.
+
+    The relative half width is 1.96 / (2 √n) for n ordinates.
+    """
     rng = np.random.default_rng(1)
     wider = []
     for _ in range(60):
-        axis = measure.look((p.White(1.0),), rng.standard_normal(6_000))
+        axis = measure.analyse((p.White(1.0),), rng.standard_normal(6_000))
         N = axis.figures.level.N
         assert N.value is not None
         assert N.low is not None
@@ -104,8 +108,10 @@ def test_N_of_white_noise_is_no_wider() -> None:
 
 
 def test_parameters_of_an_order_have_their_own_profile() -> None:
-    """Of 40 intervals 95 % are 38. f and Q change with α, so intervals at a fixed α hold half of them or
-    less."""
+    """Of 40 intervals, 95 % are 38.
+
+    f and Q change with α, so intervals at a fixed α hold the truth in half of the cases or less.
+    """
     rows = run.count("order, no white", 40)
     for quantity in ("alpha of order", "f of order", "Q of order"):
         inside, published = held(rows, quantity)

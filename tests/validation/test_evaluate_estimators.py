@@ -1,4 +1,4 @@
-"""Filters as lanes, also with changing Q and R, and fits give the results of the daemon."""
+"""Filters that are run in parallel, also with changing Q and R, and fits give the results of the daemon."""
 
 from itertools import pairwise
 
@@ -44,7 +44,7 @@ def test_a_shorter_record_is_the_beginning_of_a_longer_one() -> None:
 
 
 def test_given_variances_take_the_place_of_the_settings() -> None:
-    """Each lane has its own Q and R."""
+    """Each series has its own Q and R."""
     y = samples(CASE, 2, 1_000)
     Q, R = np.array([0.02, 0.3]), np.array([0.004, 0.05])
     (found,) = read(y, H, EstimatorConfig(), (1_000,), Q=Q, R=R)
@@ -78,7 +78,7 @@ CLEAR = Case(0.8, -1.0, 3.0)
 
 @pytest.mark.parametrize("name", list(TUNED))
 def test_the_filters_go_on_with_what_they_are_told(name: str) -> None:
-    """A tuning without a value changes nothing; a tuning with values changes the settings."""
+    """A tuning without values leaves the filter's settings unchanged; a tuning with values replaces them."""
     config, y = TUNED[name], samples(CLEAR, 2, 1_000)
     nothing, handed = np.full(2, np.nan), (np.full(2, 0.01), np.full(2, 0.004))
     (plain,) = read(y, H, config, (1_000,))
@@ -95,7 +95,10 @@ def test_the_filters_go_on_with_what_they_are_told(name: str) -> None:
 
 
 def test_only_what_is_known_is_handed_over() -> None:
-    """s2 and R of ten minutes are passed on; s2 and R of half a minute, or of white noise, are not."""
+    """s2 and R that were fitted to ten minutes are passed on.
+
+    Those of half a minute, or of white noise, are not.
+    """
     handed = tunings(samples(CLEAR, 2, 20_000), H, 20_001)
     assert np.isnan(handed[0].Q).all()
     last = handed[-1]
@@ -125,11 +128,14 @@ def test_truths() -> None:
 
 
 def test_up_to_three_thousand_samples_live_is_the_whole_record() -> None:
-    """For such a short record, the accumulators still hold every sample."""
+    """For such a short record, the live fit still holds every sample.
+
+    So it equals the fit of the whole record.
+    """
     y = samples(STRONG, 3, 3_000)
     truth = truths(STRONG)
     (live,), whole = live_readings(y, H, (3_000,), truth), whole_reading(y, H, truth)
-    # Above the tenth ordinate f is known to a factor of two, and changes by a fifth of itself.
+    # From the tenth ordinate on, f is known to a factor of two, and the two fits differ by a fifth of f.
     for name, most in (("alpha", 0.03), ("F", 0.03), ("s2", 0.1), ("f", 0.25)):
         np.testing.assert_allclose(live.estimates[name], whole.estimates[name], rtol=most, atol=1e-3)
     for name in QUANTITIES:
@@ -138,7 +144,10 @@ def test_up_to_three_thousand_samples_live_is_the_whole_record() -> None:
 
 
 def test_strong_noise_is_found_and_its_intervals_hold() -> None:
-    """60 series of 20,000 samples: 95 % of the intervals hold the truth; 51 or fewer have a chance of 1 %."""
+    """Of the intervals for 60 series of 20,000 samples, 95 % hold the truth.
+
+    51 or fewer have a chance of 1 %.
+    """
     truth = truths(STRONG)
     _, found = live_readings(samples(STRONG, 60, 20_000), H, (3_000, 20_000), truth)
     assert found.published.all()
@@ -158,7 +167,10 @@ def test_white_noise_has_no_order_and_no_truth() -> None:
 
 
 def test_fitted_variances() -> None:
-    """Q and R are those of the noise; for white noise the default Q and the power; neither is ever 0."""
+    """The fitted Q and R are those of the noise, and never 0.
+
+    For white noise, Q is the default and R the power.
+    """
     noise = Case(0.8, -10.0, 3.0)
     Q, R = fitted_variances(samples(noise, 3, 10_000), H, 0.15, POWER)
     assert np.median(Q) == pytest.approx(noise.noise.s2, rel=0.1)

@@ -1,5 +1,4 @@
-"""Coverage of intervals over many series, for one noise and for several parts, and the reference on short
-series."""
+"""How often intervals hold the truth, over many series, and the reference method on short series."""
 
 import numpy as np
 import pytest
@@ -31,7 +30,10 @@ def test_points() -> None:
 
 @pytest.mark.parametrize(("point", "least"), [(POINTS[1], 52), (POINTS[2], 48), (POINTS[3], 52)])
 def test_intervals_hold_the_truth(point: Point, least: int) -> None:
-    """60 series: 95 % give 57, and 51 or fewer one time in a hundred; without white noise it is some 92 %."""
+    """Of 60 intervals 57 are expected to hold the truth; 51 or fewer do in one of a hundred cases.
+
+    For noise without a white part, some 92 % hold the truth.
+    """
     found = count_coverage(point, 3_000, 60, 1)
     assert [row["quantity"] for row in found] == list(QUANTITIES)
     assert min(row["held"] for row in found) >= least, found
@@ -45,7 +47,7 @@ def test_the_truth_has_the_spectrum_that_is_drawn(name: str) -> None:
 
 
 def test_intervals_of_two_relaxations_hold_the_truth() -> None:
-    """20 series: 95 % give 19, and 15 or fewer have a chance of 3 in a thousand."""
+    """Of 20 intervals 19 are expected to hold the truth; 15 or fewer have a chance of 3 in a thousand."""
     rows = count_composite("two relaxations", 20)
     assert [row["quantity"].split(" of ")[0] for row in rows] == ["sigma", "tau_s", "sigma", "tau_s", "R"]
     assert rows[0]["same"] >= 16
@@ -61,7 +63,10 @@ def test_mixtures_are_not_called_fractional() -> None:
 
 
 def test_three_answers_to_the_same_series() -> None:
-    """Weakly dependent noise, where Whittle's likelihood is right: the three errors are alike."""
+    """For weakly dependent noise the three methods have similar errors.
+
+    Whittle's likelihood is right for such noise.
+    """
     case = Case(0.8, -10.0, 30.0)
     (found,) = judge(case, 4, 600)
     assert (found["noise"], found["samples"]) == (case.name, 600)

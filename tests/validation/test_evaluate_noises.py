@@ -1,4 +1,4 @@
-"""The noises: stationary, with their stated power and shares, and those that change during a run."""
+"""The noises of `evaluate` are stationary and have the stated power and shares, or change during a run."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ GRID = grid(cases.ORDERS, cases.PARAMETERS, cases.STEP_RATIOS)
 
 
 def test_the_grid() -> None:
-    """White noise once, then the stationary noises; f = -3 at α = 0.2 is not stationary."""
+    """The grid has white noise once, and all stationary noises. f = -3 at α = 0.2 is not stationary."""
     assert GRID[0] == Case()
     assert len(GRID) == len(set(GRID)) == 53
     for case in GRID[1:]:
@@ -48,7 +48,7 @@ def test_samples_have_the_spectrum_from_the_first_on(case: Case) -> None:
         expected = noise.s2 * spectrum.fractional(power.lam, case.alpha, noise.g) + noise.R
     else:
         expected = np.full(len(power.lam), POWER)
-    for low in range(0, 480, 80):  # each block: 4,800 exponentials
+    for low in range(0, 480, 80):  # each block is a mean of 4,800 exponential variables
         assert (power.power / expected)[:, low : low + 80].mean() == pytest.approx(1, abs=0.08)
     first, last = (y[part].var() for part in (slice(0, 300), slice(-300, None)))
     assert first == pytest.approx(last, rel=0.25)
@@ -68,7 +68,7 @@ SEEDS = 6
 
 @pytest.fixture(scope="module")
 def found() -> dict[tuple[str, bool], Row]:
-    """Return the results by the name of the shift, and whether the fit forgets."""
+    """Return the results by the name of the shift (a change of the noise), and by whether the fit forgets."""
     rows = [row for shift in SHIFTS for row in score_shift(shift, SEEDS)]
     return {(row["change"], row["memory_s"] is not None): row for row in rows}
 
@@ -78,7 +78,7 @@ def found() -> dict[tuple[str, bool], Row]:
 def test_three_time_constants_later_the_truth_is_back(
     shift: Shift, found: dict[tuple[str, bool], Row]
 ) -> None:
-    """At least 5 of 6 intervals of 95 % hold the truth: fewer have a chance of 3 %."""
+    """At least 5 of 6 intervals hold the truth; with 95 % intervals fewer have a chance of 3 %."""
     score = found[shift.name, True]
     assert score["series"] == SEEDS
     assert score["holds"] >= SEEDS - 1
@@ -89,7 +89,7 @@ def test_three_time_constants_later_the_truth_is_back(
 @pytest.mark.slow
 @pytest.mark.parametrize("shift", SHIFTS, ids=lambda shift: shift.name)
 def test_without_forgetting_the_verdict_says_it(shift: Shift, found: dict[tuple[str, bool], Row]) -> None:
-    """A shift that does not change the noise does not spoil the fit."""
+    """The verdict reports a shift. One that does not change the noise does not spoil the fit."""
     score = found[shift.name, False]
     assert score["verdicts"].get("not stationary", 0) == (0 if shift.stationary else SEEDS)
     if shift.stationary:

@@ -1,4 +1,4 @@
-"""Plans, their order, and the tables made of the rows."""
+"""The plans of `evaluate`, their order, and the tables that are made from the rows."""
 
 from typing import Any
 
@@ -38,7 +38,7 @@ FILTERS = [*(one.name for one in MAIN), *TUNED]
 
 @pytest.fixture(scope="module")
 def tiny(tmp_path_factory: pytest.TempPathFactory) -> list[Row]:
-    """Return a tiny evaluation, made once, with one row of each of the parts that it leaves out."""
+    """Return the rows of a tiny evaluation, and one row of each part that it leaves out."""
     rows = run_tasks(plan_tasks(TINY), Here(), tmp_path_factory.mktemp("tiny") / "evaluate.ndjson")
     of_others: dict[str, Row] = {
         "coverage": {"samples": 3_000, "series": 600, "held": 560, "undefined": 30},
@@ -61,8 +61,10 @@ def cell(tables: dict[str, Table], title: str, *names: str) -> list[str]:
 
 
 def test_rows(tiny: list[Row]) -> None:
-    """Every estimator on every noise after every length: filters for α and f, fits for all their
-    parameters."""
+    """There is a row for every estimator, noise and length of the record.
+
+    Filters estimate α and f, and fits all their parameters.
+    """
     scores = [row for row in tiny if row["kind"] == "rows"]
     keys = {tuple(row[name] for name in ("noise", "samples", "estimator", "quantity")) for row in scores}
     assert len(keys) == len(scores) == 2 * 2 * (2 * len(FILTERS) + 2 * len(fits.QUANTITIES))
@@ -84,7 +86,7 @@ def test_rows(tiny: list[Row]) -> None:
 
 
 def test_where_Q_and_R_come_from(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The fitted values come from another record than the one that is estimated."""
+    """Fitted values of Q and R come from another record than the one on which the filter is run."""
     given: list[tuple[Any, Any]] = []
 
     def read(y: Any, h: float, config: Any, lengths: Any, Q: Any, R: Any) -> list[Reading]:
@@ -122,7 +124,7 @@ def test_plans() -> None:
 
 
 def scored(error: float, coverage: float, without: int = 0) -> Row:
-    """Return twenty estimates at ± the error, `lost` of them lost."""
+    """Return the row of twenty estimates that are off by ± `error`; `without` of them have no value."""
     estimate = np.tile([0.5 - error, 0.5 + error], 10)
     covered = np.arange(20) < round(20 * coverage)
     found = score(estimate, np.arange(20) >= without, truth=0.5, covered=covered)
@@ -165,7 +167,7 @@ def test_tables_and_conclusion(tiny: list[Row]) -> None:
     assert cell(tables, "White noise", "triple", "1,000")[2] == f"{triple['beyond_zero']:.0%}"
     # Four series are too few for a ratio.
     assert cell(tables, "Live over the whole record", "30", "1,000")[:2] == ["0 of 1", "–"]
-    # Two parts are counted as one: 95 % of 1,000, of which 40 are undefined.
+    # The counts of two parts of a plan are added: 95 % of 1,000 intervals, of which 40 are undefined.
     (held,) = tables["Intervals, noise by noise"].rows
     assert held[:3] == ("any", "3,000", "1,000")
     assert held[3] == f"95.0% (93…96), 4% undefined, else {910 / 960:.1%}"
@@ -174,12 +176,12 @@ def test_tables_and_conclusion(tiny: list[Row]) -> None:
     assert isinstance(words, str)
     assert words.startswith("After 1,500 samples")
     assert "Where x has at least 90% of the power joint is right in" in words
-    assert "less than" not in words  # the plan has no such noise
+    assert "less than" not in words  # the plan has no noise for this sentence
 
 
 @pytest.mark.slow
 def test_figures(tiny: list[Row], monkeypatch: pytest.MonkeyPatch) -> None:
-    """The test makes only two of the maps, and the settings, since a map takes most of a second."""
+    """Only two of the maps are drawn, since a map takes most of a second."""
     monkeypatch.setattr(figures, "MAPS", {name: figures.MAPS[name] for name in ("error", "coverage")})
     drawn = figures.draw(tiny)
     assert set(drawn) == {"error", "coverage", "settings", "live"}
@@ -189,6 +191,6 @@ def test_figures(tiny: list[Row], monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_cell_is_empty_where_half_have_no_value() -> None:
     made = [scored(0.1, 1.0, without=lost) for lost in (9, 10)] + [{**scored(0.1, 1.0), "alpha": None}]
-    some, half = figures.shown(frame(made, "rows")).itertuples()  # and no row of white noise
+    some, half = figures.shown(frame(made, "rows")).itertuples()  # white noise has no row
     assert (some.rmse, some.coverage, some.error_of_f) == pytest.approx((0.1, 1.0, 0.1))
     assert np.isnan([half.rmse, half.bias, half.coverage, half.error_of_f]).all()

@@ -1,4 +1,7 @@
-"""Scores of a few estimates by hand; the Cramér–Rao bound compared with closed forms and differences."""
+"""Scores of a few estimates are computed by hand.
+
+The Cramér–Rao bound is compared with closed forms and with numerical derivatives.
+"""
 
 import math
 
@@ -23,8 +26,8 @@ def test_by_hand() -> None:
     assert found["rmse"] == pytest.approx(math.sqrt(18 / 4), rel=1e-5)
     assert found["median_error"] == 1.0
     assert found["reported_sd"] == 1.2
-    assert found["coverage"] == 0.5  # 2 and 3
-    assert found["beyond_zero"] == 0.75  # all but 3, which is 1.5 σ off
+    assert found["coverage"] == 0.5  # the intervals of estimates 2 and 3 hold the truth
+    assert found["beyond_zero"] == 0.75  # all but estimate 3, which is 1.5 σ off
     assert found["cramer_rao_sd"] == 0.5
     assert found["sd_over_bound"] == pytest.approx(2 * math.sqrt(14 / 3), rel=1e-5)
 
@@ -57,7 +60,7 @@ CASES = [(0.3, -0.4, 2.0, 0.5), (0.6, -0.19, 1.0, 3.0), (0.8, -0.025, 0.03, 1.0)
 @settings(max_examples=25)
 @given(phi=st.floats(-0.95, 0.95))
 def test_ar1(phi: float) -> None:
-    """α = 1 and g = φ - 1 are AR(1), with var φ = (1 - φ²)/n; var log s2 = 2/n."""
+    """α = 1 and g = φ - 1 is AR(1), for which var φ = (1 - φ²)/n and var log s2 = 2/n."""
     information = fisher(1.0, phi - 1, 2.5, 0.0, N)
     assert information[1, 1] == pytest.approx(N / (1 - phi**2), rel=1e-6)
     assert information[2, 2] == pytest.approx(N / 2, rel=1e-9)
@@ -66,7 +69,7 @@ def test_ar1(phi: float) -> None:
 
 @pytest.mark.parametrize("d", [0.05, 0.3, 0.45])
 def test_fractional_noise(d: float) -> None:
-    """g = 0 is ARFIMA(0, d, 0), whose var d is 6/(π² n)."""
+    """g = 0 is ARFIMA(0, d, 0), for which the variance of d is 6/(π² n)."""
     assert fisher(d, 0.0, 1.0, 0.0, N)[0, 0] == pytest.approx(N * math.pi**2 / 6, rel=1e-6)
 
 
@@ -84,7 +87,10 @@ def log_spectrum(p: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("case", CASES)
 def test_bound_of_alpha_and_f_by_differences(case: tuple[float, float, float, float]) -> None:
-    """The bound has f as a parameter, and uses the spectrum's derivatives from the Whittle fit."""
+    """The bound for α and f agrees with one that is computed by finite differences.
+
+    It has f as a parameter, and uses the derivatives of the spectrum from the Whittle fit.
+    """
     alpha, g, s2, R = case
     here = np.array([alpha, spectrum.f_of(alpha, g, H), math.log(s2), math.log(R)])
     slopes = []
@@ -112,5 +118,5 @@ def test_bound_of_alpha_and_f_by_differences(case: tuple[float, float, float, fl
     ],
 )
 def test_means_over_the_frequencies(shape: np.ndarray, expected: float) -> None:
-    """The test covers AR(1), with a memory of up to 100,000 samples, and a pole at λ = 0."""
+    """Means are computed for AR(1) with a memory of up to 100,000 samples, and for a pole at λ = 0."""
     assert mean(shape) == pytest.approx(expected, rel=1e-5)

@@ -1,4 +1,4 @@
-"""The exact likelihood compared with the density whose logarithm it is, and with closed forms."""
+"""The exact likelihood is compared with the probability density and with closed forms."""
 
 import math
 
@@ -48,7 +48,7 @@ def test_sixty_samples_against_the_whole_matrix(alpha: float, share: float, weig
 
 @pytest.mark.parametrize("phi", [-0.9, 0.3, 0.95, 0.999])
 def test_ar1(phi: float) -> None:
-    """γ(k) = φ^k / (1 - φ²); each sample adds only what its neighbour does not predict."""
+    """γ(k) = φ^k / (1 - φ²). Each sample adds to the likelihood only what its neighbour does not predict."""
     gamma = autocovariance(1 / (1 - 2 * phi * np.cos(FREQUENCIES) + phi**2), 3000)
     np.testing.assert_allclose(gamma * (1 - phi**2), phi ** np.arange(3000.0), atol=1e-4)
     y = np.random.default_rng(5).standard_normal((3000, 1))
@@ -59,13 +59,17 @@ def test_ar1(phi: float) -> None:
 
 @pytest.mark.parametrize("d", [0.1, 0.3, 0.45])
 def test_fractional_noise(d: float) -> None:
-    """g = 0: γ(0) = Γ(1 - 2d)/Γ(1 - d)² and γ(k)/γ(k - 1) = (k - 1 + d)/(k - d), from a pole at λ = 0."""
+    """For g = 0 the spectrum has a pole at λ = 0, and the autocovariance a closed form.
+
+    It is γ(0) = Γ(1 - 2d)/Γ(1 - d)² and γ(k)/γ(k - 1) = (k - 1 + d)/(k - d).
+    """
     gamma = autocovariance(spectra.fractional(FREQUENCIES, d, 0.0), 2000)
     k = np.arange(1.0, 2000)
     expected = (
         math.gamma(1 - 2 * d) / math.gamma(1 - d) ** 2 * np.cumprod(np.append(1, (k - 1 + d) / (k - d)))
     )
-    # Beyond the circle its memory continues, as a constant over so few lags.
+    # The noise's memory is longer than the period used for the computation, and adds a constant over so few
+    # lags.
     np.testing.assert_allclose(gamma - gamma[0], expected - expected[0], atol=2e-3 * expected[0])
 
 
@@ -84,9 +88,9 @@ def test_lengths(n: int) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1])
 def test_the_fit_is_a_maximum_and_its_interval_is_where_it_ends(seed: int) -> None:
-    """On 600 samples no neighbouring parameters are better.
+    """For 600 samples no neighbouring parameters have a larger likelihood.
 
-    The deviance decides which orders are in the interval.
+    The fall of 2 log L decides which orders are in the interval.
     """
     case = Case(0.8, -10.0, 30.0)
     series = ExactSeries(samples(case, 2, 600)[:, seed], H)

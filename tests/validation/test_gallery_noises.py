@@ -1,4 +1,4 @@
-"""The gallery's noises compared with closed forms, by an independent periodogram."""
+"""Spectra of the gallery's noises agree with closed forms, by an independent periodogram."""
 
 import ast
 import itertools
@@ -15,7 +15,7 @@ from tools.validation.gallery.noises import NOISES
 from tools.validation.gallery.parts import Fractional, Relaxation
 from tools.validation.recursions import FractionalState
 
-pytestmark = pytest.mark.slow  # these tests check the reference of a proof, no part of the program
+pytestmark = pytest.mark.slow  # these tests check the reference for other tests, no part of the program
 
 GENERATORS = ("../recursions", "parts", "noise", "noises", "periodic", "contrast")
 SAMPLES, SEGMENT = 1 << 16, 1 << 11
@@ -25,8 +25,10 @@ PLAIN = [name for name, noise in NOISES.items() if noise.treatment is None]
 
 @pytest.mark.parametrize("module", GENERATORS)
 def test_nothing_is_shared_with_the_fits(module: str) -> None:
-    """Neither the noises nor the rule of what can be distinguished imports any of the program except the
-    gallery."""
+    """The gallery shares no code with the fits.
+
+    This holds for the noises, and for the rules on which verdicts are right.
+    """
     source = (Path(recursions.__file__).parent / "gallery" / f"{module}.py").read_text(encoding="utf-8")
     names: list[str] = []
     for node in ast.walk(ast.parse(source)):
@@ -41,21 +43,23 @@ def test_nothing_is_shared_with_the_fits(module: str) -> None:
 
 @pytest.mark.parametrize("name", PLAIN)
 def test_spectrum(name: str) -> None:
-    """Bands of Welch's periodogram hold the power of the closed form there."""
+    """In each band of frequencies, Welch's periodogram has the power of the closed form."""
     noise = NOISES[name]._replace(lines=(), drift=None)
     y = noise.draw(SAMPLES, RATE_HZ, np.random.default_rng(5))
     _, power = welch(y, window="hann", nperseg=SEGMENT, scaling="density", fs=2 * np.pi)
     power *= np.pi  # so that white noise of variance R has the power R
     lam = 2 * np.pi * np.arange(SEGMENT // 2 + 1) / SEGMENT
     edges = np.unique(np.geomspace(5, SEGMENT // 2 - 3, 9).astype(int))
-    # The window of a short segment smears steep spectra; the mean of neighbours approximates that.
+    # The window of a short segment smears steep spectra. This is approximated by the mean of neighbouring
+    # frequencies.
     fine = np.linspace(-1.5, 1.5, 31)
     near = noise.spectrum((lam[5:, np.newaxis] + fine * lam[1]).ravel(), RATE_HZ).reshape(-1, len(fine))
     weight = np.cos(np.pi * fine / 4) ** 8
     smeared = np.concatenate([np.ones(5), near @ weight / weight.sum()])
     for begin, end in itertools.pairwise(edges):
         expected, got = smeared[begin:end].sum(), power[begin:end].sum()
-        share = (smeared[begin:end] ** 2).sum() / expected**2  # effective share of one ordinate
+        # effective share of a single ordinate in the power of the band
+        share = (smeared[begin:end] ** 2).sum() / expected**2
         spread = math.sqrt(share / (SAMPLES / SEGMENT * 1.3))
         assert got / expected == pytest.approx(1, abs=5 * spread + 0.03), f"ordinates {begin} to {end}"
 

@@ -1,4 +1,4 @@
-"""The gallery from end to end: verdicts on a part of it, tables, pictures."""
+"""The gallery from end to end: verdicts on some of its noises, tables, and pictures."""
 
 from typing import Any
 
@@ -25,7 +25,7 @@ LOOKED_AT = (
 @pytest.mark.slow
 @pytest.mark.parametrize("name", LOOKED_AT)
 def test_verdicts(name: str) -> None:
-    """The gallery has one record of 10 min at 100 Hz for each noise."""
+    """The verdicts on one record of 10 min at 100 Hz of each noise are right."""
     (row,) = look(name, 100.0, 600.0, 0)
     assert row["outcome"] != "wrong", row["text"]
     if row["kind"] == "fractional":
@@ -71,7 +71,7 @@ def test_tables() -> None:
 
 
 def test_two_runs_cell_by_cell() -> None:
-    """A cell of the table with only one run is not counted."""
+    """A cell of the table that only one of the runs has is not counted."""
     after = [
         seen("white", "white", "right"),
         seen("white", "fractional", "wrong", 1),

@@ -11,7 +11,7 @@ from tools.validation.gallery.contrast import Bins, bins_of, shortfall
 from tools.validation.gallery.noises import NOISES
 from tools.validation.gallery.right import Right, right_verdicts
 
-pytestmark = pytest.mark.slow  # these tests check the reference of a proof, no part of the program
+pytestmark = pytest.mark.slow  # these tests check the reference for other tests, no part of the program
 
 
 def bins(name: str, rate_hz: float = 100.0, seconds: float = 600.0) -> Bins:
@@ -23,15 +23,17 @@ def right(name: str, rate_hz: float = 100.0, seconds: float = 600.0) -> Right:
 
 
 def test_shortfall_is_the_mean_of_the_likelihood_ratio() -> None:
-    """2 log L of the truth over a model, for ordinates that are exponential with the true spectrum as
-    mean."""
+    """The shortfall is the mean of 2 log L of the truth minus that of a model.
+
+    The ordinates are exponential variables, whose mean is the true spectrum.
+    """
     lam = np.pi * (np.arange(400) + 0.5) / 400
     truth, model = 1 + np.cos(lam) ** 2, np.ones((1, 400))
     power = truth * np.random.default_rng(1).exponential(size=(4_000, 400))
-    size = power.mean(axis=1)  # the best scale of the model
+    size = power.mean(axis=1)  # the scale with which the model fits best
     ratio = 2 * (400 * np.log(size) + 400 - (np.log(truth) + power / truth).sum(axis=1))
     expected = float(shortfall(Bins(lam, np.ones(400), truth), model)[0])
-    # The scale is fitted, too, which gains one more on average.
+    # The scale is fitted, too, which increases 2 log L by one on average.
     assert ratio.mean() == pytest.approx(expected - 1, abs=4 * ratio.std() / np.sqrt(4_000))
     assert ratio.std() == pytest.approx(2 * np.sqrt(expected), rel=0.3)
 

@@ -1,4 +1,4 @@
-"""Odds and growing records, on a few noises: the counts, and the tables."""
+"""The parts `odds` and `growth` of `make validate` on a few noises: their counts and tables."""
 
 from typing import Any
 
@@ -32,8 +32,10 @@ def test_tasks_differ() -> None:
 
 
 def test_odds_that_come_true_are_on_the_line() -> None:
-    """Of a hundred noises of each kind, three in four with odds of 3 : 1 have an order, by their
-    proportions."""
+    """Three in four noises with odds of 3 : 1 have an order.
+
+    There are a hundred noises of each kind, weighted by the kinds' proportions.
+    """
     rows = [row("order", k, 5.0, 2.0) for k in range(100)]
     rows += [row(name, k, 5.0, 2.0) for name in POPULATIONS if name != "order" for k in range(50)]
     rows += [row(name, k, -20.0, 0.05) for name in POPULATIONS if name != "order" for k in range(50)]

@@ -1,4 +1,4 @@
-"""The smaller parts, on a few short series: their counts, and their tables."""
+"""The smaller parts of `make validate` on a few short series: their counts and tables."""
 
 from typing import Any
 
@@ -43,7 +43,10 @@ def test_the_bias_is_near_the_best_possible(noise: str) -> None:
 def test_about_five_white_series_in_a_hundred_are_rejected(
     noise: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Of 200 short series; 3 or fewer and 19 or more have a chance of 1 % together."""
+    """Of 200 short series about ten are rejected.
+
+    3 or fewer and 19 or more have a chance of 1 % together.
+    """
     monkeypatch.setitem(power.LENGTHS, "30 s", 1_000)
     rows = power.count(noise, "30 s", 200)
     assert [row["spectrum"] for row in rows] == ["live", "whole"]
@@ -91,7 +94,7 @@ def test_an_axis_looked_at_all_the_while(noise: str, rules: list[str]) -> None:
 
 
 def test_critical_values_rise_with_the_correlation() -> None:
-    """Without correlation one bound does not depend on the other: 3.84."""
+    """Without correlation one bound does not depend on the other, and the critical value is 3.84."""
     points = {row["rho"]: row["critical"] for row in bound.critical_values()}
     assert points[0.0] == pytest.approx(3.84 + 0.0, abs=0.03)
     assert list(points.values()) == sorted(points.values())

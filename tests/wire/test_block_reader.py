@@ -1,4 +1,7 @@
-"""Any bytes in any chunks: memory stays bounded, no frame is wrong, and the plain decoder agrees."""
+"""Tests of the decoder with any bytes, in any chunks.
+
+Memory stays bounded, no wrong frame is decoded, and a second, plain decoder agrees.
+"""
 
 import random
 from collections import Counter
@@ -35,15 +38,17 @@ sample_frames = st.builds(encode, samples, sequences, times)
 
 @st.composite
 def good_frames(draw: st.DrawFn) -> bytes:
-    """Draw good frames.
+    """Draw a good frame.
 
-    A composite strategy has a short repr, which hypothesis writes for every rejected example.
+    The strategy is composite for the sake of its short repr, which hypothesis writes for every rejected
+    example.
     """
     return encode(draw(st.one_of(samples, messages)), draw(sequences), draw(times))
 
 
 good = good_frames()
-# Intact frames of any type and length: unknown types, wrong lengths, HELLOs of other versions.
+# Undamaged frames of any type and length, so also of unknown types, wrong lengths, and other protocol
+# versions.
 intact = st.builds(
     encode_frame, st.one_of(st.integers(0, 8), st.integers(0, 255)), sequences, times, st.binary(max_size=240)
 )
@@ -56,8 +61,8 @@ runs = st.builds(
 )
 idle = st.builds(bytes, st.integers(1, 3))
 parts = st.one_of(good, intact, mutated, cut, runs, idle, st.binary(max_size=300))
-# Half of the frames are samples, so that runs of samples occur before, between and after all others. (one_of
-# would merge equal branches.)
+# Half of the frames are samples, so that several samples in a row occur before, between and after other
+# frames. (With `one_of`, equal branches would be merged.)
 halves = st.booleans().flatmap(lambda sample: sample_frames if sample else parts)
 streams = st.lists(halves, max_size=12).map(b"".join)
 
@@ -75,7 +80,7 @@ def chunks_of(data: bytes, sizes: list[int]) -> list[bytes]:
 def test_it_gives_what_the_plain_decoder_gives(data: bytes) -> None:
     blocks, frames = BlockReader(), FrameReader()
     expected = decoded(data)
-    assert repr(in_chunks(blocks, [data])) == repr(expected)  # as text a NaN equals itself
+    assert repr(in_chunks(blocks, [data])) == repr(expected)  # compared as text, in which a NaN equals itself
     assert repr(frames.feed_all(data)) == repr([item for item, _ in expected])
     names = ("frames" if isinstance(item, Frame) else getattr(item, "reason", None) for item, _ in expected)
     assert frames.counts == Counter(name for name in names if name)
@@ -139,7 +144,7 @@ def test_columns_are_plain_arrays_of_their_own(n: int) -> None:
     types = ["int64", "int64", "int16", "int16", "int16", "int64", "int64"]
     for (name, column), type in zip(columns._asdict().items(), types, strict=True):
         assert (column.dtype, column.shape) == (np.dtype(type), shapes.get(name, (n,)))
-        assert column.flags.carray  # contiguous, aligned, writable
+        assert column.flags.carray  # says that the array is contiguous, aligned and writable
     assert columns.sequence.tolist() == list(range(n))
     assert columns.device_us.tolist() == list(range(0, 10 * n, 10))
     assert columns.gyro.tolist() == [[12, -7, 3]] * n
@@ -157,15 +162,15 @@ def test_endless_bytes_without_a_zero_take_no_memory() -> None:
 
 
 def damaged(frame: bytes, pattern: int, start: int) -> bytes:
-    """Return `frame` with the bits of `pattern` flipped from bit `start` on, as far as the frame reaches."""
+    """Return `frame` with the bits of `pattern` flipped, beginning at bit `start`."""
     mask = (pattern << start) % (1 << 8 * len(frame))
     return (int.from_bytes(frame, "little") ^ mask).to_bytes(len(frame), "little")
 
 
 def must_be_rejected(frame: bytes, pattern: int, start: int) -> None:
     hurt = damaged(frame, pattern, start)
-    # The 0x00 in front keeps the damage from counting as "partial"; the one behind closes a frame that lost
-    # its own.
+    # With the 0x00 in front, the damaged frame does not count as "partial". The 0x00 behind ends the frame if
+    # its own is damaged.
     found = FrameReader().feed(b"\0" + hurt + b"\0" + NEXT)
     assert [item.sequence for item in found if isinstance(item, Frame)] == [99], (hurt.hex(), pattern, start)
     assert len(found) == 1
@@ -173,9 +178,13 @@ def must_be_rejected(frame: bytes, pattern: int, start: int) -> None:
 
 @pytest.mark.parametrize("message", [SAMPLE, SAMPLE._replace(gyro_x=0, accel_x=0), HELLO])
 def test_bursts_are_rejected(message: wire.Message) -> None:
-    """Every start and length of a burst: all ones, both ends alone, and random insides."""
-    # A UART sends bits 0 to 7 of a byte in this order, so a burst on the wire is a run of these bits. A burst
-    # that begins before the closing 0x00 may reach over it; one in the 0x00 alone is tested below.
+    """Every start and length of a burst of errors is tried.
+
+    In the burst, all bits are wrong, or the first and last, or random ones in between as well.
+    """
+    # A UART sends bits 0 to 7 of a byte in this order, so a burst on the wire concerns successive bits. A
+    # burst that begins before the closing 0x00 may reach into the next frame. Bursts in the 0x00 alone are
+    # tested below.
     frame = encode(message, 513, 0x01020304)
     source = random.Random(2)
     for start in range(8 * (len(frame) - 1)):
@@ -211,7 +220,7 @@ def test_what_is_not_bytes_is_refused_and_changes_nothing() -> None:
 
 
 def test_threads_may_share_a_decoder() -> None:
-    # Several frames a call, enough that other threads run meanwhile: nothing is lost or mixed.
+    # Each call gets so many frames that other threads run meanwhile. Nothing may be lost or mixed.
     decoder = _native.Decoder()
     with ThreadPoolExecutor(4) as threads:
         calls = [threads.submit(decoder.feed, encode(SAMPLE, k, k) * 2000) for k in range(40)]

@@ -1,4 +1,4 @@
-"""Inspection prints a line for every block of a stream; tested for each kind of block."""
+"""Tests that inspection prints a line for every frame of a stream, of each kind, good or bad."""
 
 from collections import Counter
 from pathlib import Path

@@ -1,4 +1,7 @@
-"""Many ports in one loop: whatever one port does, the others lose nothing and are read in every round."""
+"""Tests of many serial ports in one loop.
+
+Whatever one port does, the others lose nothing, and all are read in every round of the loop.
+"""
 
 import contextlib
 import fcntl
@@ -29,7 +32,7 @@ BAUD = 250_000
 
 
 class Loop:
-    """Runs the ports as the daemon does, and stores what came from each."""
+    """Reads ports as the daemon does, and stores the events of each port."""
 
     def __init__(self, urls: Sequence[str | Path], latency_s: float = 0.0) -> None:
         self.ports = Ports([Port(str(url), BAUD, latency_s) for url in urls])
@@ -49,7 +52,7 @@ class Loop:
         return b"".join(event.data for event in self.heard[place] if isinstance(event, Reads))
 
     def kinds(self, place: int) -> list[str]:
-        """Return the events of the port itself, in order."""
+        """Return, in order, whether the port was opened, or why it failed."""
         events = (event for event in self.heard[place] if isinstance(event, Opened | Failed))
         return [event.kind if isinstance(event, Failed) else "opened" for event in events]
 
@@ -69,7 +72,7 @@ def loop_of() -> Iterator[Callable[[Sequence[str | Path]], Loop]]:
 
 @pytest.fixture
 def many(terminals, loop_of) -> tuple[list[Terminal], Loop]:
-    """Open ten ports."""
+    """Return ten terminals, and a loop that has opened them as ports."""
     found = terminals(10)
     loop = loop_of([one.link for one in found])
     loop.opened(*range(10))
@@ -81,7 +84,7 @@ def many(terminals, loop_of) -> tuple[list[Terminal], Loop]:
 def test_what_comes_from_a_port_is_its_own_in_any_order_of_sending_and_reading(
     many: tuple[list[Terminal], Loop], story: list[tuple[int, bytes | None]]
 ) -> None:
-    """None stands for a round of the loop in between. The examples reuse the same ports."""
+    """In `story`, None stands for a round of the loop. All examples use the same ports."""
     terminals, loop = many
     sent = [loop.data(place) for place in range(10)]
     for place, data in story:
@@ -151,10 +154,11 @@ def test_one_that_floods_loses_nothing_and_holds_up_nobody(terminals, loop_of) -
     flood = 0
     for k in range(300):
         with contextlib.suppress(BlockingIOError):
-            for _ in range(100):  # more than fits in, before every round
+            for _ in range(100):  # writes until the terminal is full, before every round
                 flood += os.write(many[1].master, bytes(1000))
         many[k % 2 * 2].send(b"x")
-        # Bytes written to a terminal may arrive a moment later; reading a flood to its end takes 16 reads.
+        # Bytes written to a terminal may arrive a moment later. Reading everything that a full terminal holds
+        # would take 16 reads.
         floods = 0
         while len(loop.data(0)) + len(loop.data(2)) <= k:
             before = len(loop.heard[1])
@@ -166,7 +170,7 @@ def test_one_that_floods_loses_nothing_and_holds_up_nobody(terminals, loop_of) -
 
 
 def test_reads_wait_for_each_other_and_keep_their_own_times(monkeypatch) -> None:
-    """A pipe takes the place of the port, since its bytes arrive at once."""
+    """A pipe stands for the port, since bytes arrive through it at once."""
     near, far = os.pipe()
     os.set_blocking(near, False)
     monkeypatch.setattr(Port, "fileno", lambda port: near)
@@ -223,7 +227,7 @@ def test_sockets_and_their_loss(loop_of) -> None:
             peer.sendall(b"%d" % k * 1000)
         loop.until(lambda: len(loop.data(0)) == len(loop.data(1)) == 1000, "both")
         assert {loop.data(0)[:1], loop.data(1)[:1]} == {b"0", b"1"}
-        dead = int(loop.data(1)[:1] == b"0")  # whose peer is the first
+        dead = int(loop.data(1)[:1] == b"0")  # the port whose other side is peers[0]
         peers[0].sendall(b"last words")
         peers[0].close()
         loop.until(lambda: loop.kinds(dead)[-1] == "unplugged", "the loss")
@@ -273,7 +277,7 @@ def test_closing_frees_every_port_also_one_that_was_just_opened(monkeypatch, ter
     opened = loop.ports._openings._opened
     wait_until(lambda: opened.qsize() == 2, "ports that the loop does not know to be open")
     loop.ports.close()
-    loop.ports.wake()  # too late, which does no harm
+    loop.ports.wake()  # a call after closing does no harm
     go.set()
     assert released.wait(PATIENCE_S)
     for one in many:

@@ -1,4 +1,4 @@
-"""Conversion of counts to units, with figures worked by hand."""
+"""Tests of the conversion of counts to units, with values computed by hand."""
 
 import pytest
 from fltea.records.events import RawSample
@@ -18,7 +18,7 @@ ACCEL_LSB_PER_G = {2: 16384.0, 4: 8192.0, 8: 4096.0, 16: 2048.0}
 
 
 def scaled(*raw: RawSample, **changes: object) -> Sample:
-    """Return the last sample in units."""
+    """Return the last of these samples, converted to units."""
     decoder = Decoder(lambda: 0, 100)
     list(decoder.feed(hello(**changes)))
     ((block, *_),) = decoder.feed(as_block(*raw))

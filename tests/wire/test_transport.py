@@ -1,4 +1,4 @@
-"""The reader thread with pseudo-terminals, sockets and errors of the operating system."""
+"""Tests of the thread that reads a port, with pseudo-terminals, sockets and errors of the system."""
 
 import errno
 import os
@@ -83,7 +83,7 @@ def broken(*arguments: object) -> bytes:
 def test_any_exception_of_a_driver_becomes_an_event(monkeypatch, readers) -> None:
     monkeypatch.setattr(type(serial.serial_for_url("loop://")), "read", broken)
     events = readers("loop://").events(0.05)
-    for _ in range(2):  # the thread continues
+    for _ in range(2):  # twice, since the thread must go on after an exception
         next_of(Opened, events)
         assert "NoneType" in failure(events).message
 
@@ -179,7 +179,10 @@ def test_what_the_operating_system_says_is_explained(number: int, kind: str, wor
 
 
 def test_no_permission_names_what_opens_the_port(monkeypatch) -> None:
-    """tests/machine/test_devices.py has all cases. While a board is searched for, its port is unknown."""
+    """All cases are in tests/machine/test_devices.py.
+
+    While fltea searches for a board, the board's port is unknown.
+    """
     monkeypatch.setattr(transport, "this_user", lambda: User("anna", set(), set()))
     denied = PermissionError(errno.EACCES, "denied")
     text = explain_open_failure(transport.ANY_BOARD, denied)[1]
@@ -198,7 +201,7 @@ def test_urls_that_no_retry_can_cure_are_refused(url: str) -> None:
 def test_urls_that_write_files_or_load_classes_are_refused_before_pyserial_sees_them(
     scheme: str, tmp_path: Path
 ) -> None:
-    """pyserial's `spy` empties the file of `?file=` while parsing the URL, before anything is opened."""
+    """For `spy:`, pyserial empties the file named by `?file=` when it parses the URL."""
     file = tmp_path / "mine"
     file.write_text("kept")
     with pytest.raises(UsageError, match=f"'{scheme.lower()}://' is not among the kinds of addresses"):
@@ -241,7 +244,7 @@ def test_missing_ports_are_answered_with_those_that_exist(monkeypatch) -> None:
 
 @pytest.mark.parametrize("url", ["/dev/none", "loop://"])
 def test_what_fails_while_a_failure_is_explained_ends_no_reading(url: str, monkeypatch, readers) -> None:
-    """The explanation reads this machine's groups and ports, which may fail as well."""
+    """Explaining a failure reads this machine's groups and ports, which may fail as well."""
     monkeypatch.setattr(type(serial.serial_for_url("loop://")), "open", broken)
     monkeypatch.setattr(transport, "explain_open_failure", broken)
     events = readers(url).events(0.05)

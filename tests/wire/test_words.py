@@ -1,4 +1,4 @@
-"""The texts for people about chips and faults."""
+"""Tests of the texts for people about sensor chips and faults."""
 
 import pytest
 from fltea.wire.faults import fault_text

@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 
 
 class Mode(NamedTuple):
-    """A group of benchmarks that a flag selects, instead of the usual ones.
+    """A group of benchmarks that a flag selects instead of the usual benchmarks.
 
-    `modules`: have `measure` and `text`; they are imported when the flag is given. `options`: options of the
-    command line that `measure` takes.
+    `modules`: modules with functions `measure` and `text`; they are imported if the flag is given. `options`:
+    options of the command line that are passed to `measure`.
     """
 
     help: str
@@ -69,7 +69,7 @@ MODES = {
 def main() -> None:
     """Run the chosen benchmarks and print the results.
 
-    Timing is noisy, so the figures are medians with their spread, and ratios.
+    Times vary from run to run, so the figures are medians with their spread, and ratios.
     """
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--json", action="store_true", help="print one JSON object")

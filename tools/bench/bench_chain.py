@@ -1,9 +1,11 @@
-"""Measures the chain: the cost of recordings from file to output and of live devices, for one or two commits.
+"""Measures the whole program: the cost of recordings from file to output, and of live devices.
+
+One or two commits are measured.
 
     make bench ARGS='--chain --against HEAD~3 --rows 300,ndjson'
 
 Every round measures each row with one program and right after it with the other program, on the same samples,
-so that a busy machine slows both. Peers are other programs that read such files. Live devices send white
+so that a busy machine slows both. "Peers" are other programs that read such files. Live devices send white
 noise, or coloured noise, whose fits take longer. The engine alone processes the samples of an hour; the ratio
 of processor times tells what the chain adds to the engine.
 """
@@ -28,14 +30,15 @@ from tools.validation.tables import NONE, Table
 
 ROUNDS = 3
 MEMORY_S = 60.0
-"""Shortest run [s] whose growth of memory is reported."""
+"""Shortest run of which the growth of memory is reported [s]."""
 FAILED = (RuntimeError, OSError, psutil.Error, subprocess.SubprocessError)
 
 
 class Column(NamedTuple):
     """How a table shows a figure.
 
-    `whole`: the goal holds for all runs, not for their median. `ratio`: the ratio of the programs is shown.
+    `whole`: whether the goal is for every run instead of the median of the runs. `ratio`: whether the ratio
+    of the two programs' figures is shown.
     """
 
     heading: str
@@ -78,8 +81,9 @@ def measure(
 ) -> dict[str, Any]:
     """Measure the rows with the present program and, if `against` is given, with that commit's program.
 
-    `rows`: names separated by commas. `rounds`: default 3, and 1 for long rows. In the result, `runs` has the
-    figures of each run by row and by program, or in `failed` the reason why a run has no figures.
+    `rows`: names separated by commas. `rounds`: number of rounds, by default 3, or 1 for long rows. In the
+    result, `runs` has the figures of each run by row and by program, or in `failed` the reason why a run has
+    no figures.
     """
     picked = chosen([name for name in rows.split(",") if name], long=long)
     programs = [*([at_commit(against)] if against else []), PRESENT]
@@ -107,9 +111,9 @@ def measure(
 
 
 def _measured(row: Row, files: Files, program: Program, engine_s: float) -> Figures:
-    """Measure once and print the figures.
+    """Measure a row once for one program, and print the figures.
 
-    If the program fails, return the reason, so that other rows go on.
+    If the program fails, the result is the reason, so that the other rows are still measured.
     """
     try:
         found = row.work(files, program)
@@ -133,7 +137,7 @@ def spread(runs: Sequence[Figures], key: str) -> tuple[float, float, float] | No
 
 
 def not_reached(runs: Mapping[str, Mapping[str, Sequence[Figures]]]) -> list[str]:
-    """Return the goals that the present program misses."""
+    """Return a text for each goal that the present program misses."""
     missed = []
     for row in (row for row in ROWS if row.name in runs and row.of_fltea):
         for key, goal in row.goals.items():
@@ -146,7 +150,10 @@ def not_reached(runs: Mapping[str, Mapping[str, Sequence[Figures]]]) -> list[str
 
 
 def text(found: dict[str, Any]) -> str:
-    """Return the tables: for each row the programs one below another, their ratio and the goals."""
+    """Return the tables.
+
+    For each row they list the programs one below the other, their ratio and the goals.
+    """
     lines = []
     for kind, title in TITLES.items():
         rows = [row for row in ROWS if row.kind == kind and row.name in found["runs"]]
@@ -192,7 +199,7 @@ def _cell(found: tuple[float, float, float] | None, form: str) -> str:
 
 
 def _ratio(before: Sequence[Figures], after: Sequence[Figures], key: str) -> str:
-    """Return the ratio of the medians, after over before."""
+    """Return the ratio of the medians, that of `after` divided by that of `before`."""
     old, new = spread(before, key), spread(after, key)
     return NONE if old is None or new is None or not old[0] else f"**{new[0] / old[0]:.2f}**"
 

@@ -1,7 +1,7 @@
-"""Measures `fltea identify --out` with a Dask cluster of one and of two workers: files and bytes a second.
+"""Measures the speed of `fltea identify --out` with Dask clusters of one and of two workers.
 
-The recordings are ten minutes long, as MCAP; one large .npy is also summed in pieces. All files are on this
-machine's disk, so the network of a cluster is not measured.
+The recordings are ten minutes long, as MCAP; one large .npy file is processed in pieces, too. All files are
+on this machine's disk, so the network of a cluster is not measured.
 """
 
 import os
@@ -28,13 +28,18 @@ from tools.bench.feeder import RATE_HZ
 
 MINUTES, FILES = 10, 6
 TINY = 400
-"""Number of invalid files of a few bytes: they cost only listing, scheduler and table."""
+"""Number of invalid files of a few bytes: they only take the time for listing, for the scheduler and for the
+table.
+"""
 LARGE_SAMPLES, PIECES = 6_000_000, 6
 AXES = 3
 
 
 def measure() -> dict[str, Any]:
-    """Return wall-clock and processor time of each work; the workers have loaded all modules before."""
+    """Return wall-clock and processor time of each measured task.
+
+    The workers have loaded all modules before the measurement.
+    """
     from distributed import LocalCluster
 
     start: Any = LocalCluster  # distributed has no type hints
@@ -109,9 +114,10 @@ def _timed(files: Path, ask: Ask, address: str, folder: Path, *, failing: bool =
 
 
 def text(found: dict[str, Any]) -> str:
-    """Return a table.
+    """Return the figures as a table.
 
-    Processor time is what a busy machine changes least; the client's includes the scheduler's.
+    Processor time depends less than other times on how busy the machine is. That of the client includes the
+    scheduler.
     """
     lines = ["workers  what                      files/s      MB/s  worker cpu s/file  client cpu ms/file"]
     for workers in (1, 2):

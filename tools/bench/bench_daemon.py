@@ -1,7 +1,7 @@
-"""Runs `fltea run` with many devices on ports: latency, processor time, memory, and losses.
+"""Measures `fltea run` with many devices on serial ports: latency, processor time, memory and losses.
 
-`make bench ARGS='--ports --devices 300 --seconds 600 --open-files 1024'` also records all devices, with that
-limit of open files, and compares the recordings with the bytes sent.
+`make bench ARGS='--ports --devices 300 --seconds 600 --open-files 1024'` also records all devices, with this
+limit of open files, and compares the recordings with the bytes that were sent.
 """
 
 import contextlib
@@ -30,7 +30,7 @@ from tools.bench.programs import PRESENT, Program
 from tools.validation.tables import Table, number
 
 SETTLE_S = 8.0
-"""Time [s] after which memory, start-up windows and imports have settled."""
+"""Time [s] after which all modules are imported, start-up windows are full and the memory hardly grows."""
 OPEN_WITHIN_S = 60.0
 """Longest wait [s] for a daemon to open all its ports; after this the measurement begins anyway.
 """
@@ -38,14 +38,14 @@ LOST = ("lost", "overflow_bytes", "dropped", "port_full", "missing", "unrecorded
 OTHER_FILES = 100
 """Number of open files in addition to the two of each port."""
 LOOKS = 10
-"""Number of times that a run measures the memory."""
+"""Number of measurements of the memory in a run."""
 
 
 class Setting(NamedTuple):
     """Settings of a run.
 
-    `latency_ms`: `link.latency`; None: the default. `settle_s`: time before the measurement. `open_files`:
-    limit of open files.
+    `latency_ms`: the setting `link.latency`, or None for its default. `settle_s`: time before the
+    measurement. `open_files`: limit of open files of the daemon.
     """
 
     devices: int
@@ -58,7 +58,10 @@ class Setting(NamedTuple):
 
 
 class Reader(threading.Thread):
-    """Reads NDJSON; notes the arrival time of each estimate and keeps the last statistics of each device."""
+    """Reads the daemon's NDJSON.
+
+    It stores the arrival time of each estimate, and the last statistics of each device.
+    """
 
     def __init__(self, stream: Any, devices: int, samples: int) -> None:
         super().__init__(daemon=True)
@@ -68,7 +71,7 @@ class Reader(threading.Thread):
         self.errors: list[str] = []
 
     def run(self) -> None:
-        """Read to the end. Only rare records are parsed as JSON, to be fast enough."""
+        """Read to the end. To be fast enough, only records of rare kinds are parsed as JSON."""
         head = b'{"class":"estimate","seq":'
         for line in self._stream:
             now_ns = time.monotonic_ns()
@@ -84,9 +87,9 @@ class Reader(threading.Thread):
 
 
 def run_once(of: Setting, program: Program = PRESENT) -> dict[str, Any]:
-    """Run a daemon on `of.devices` devices, and measure it from outside.
+    """Run a daemon on `of.devices` devices, and measure its process.
 
-    RuntimeError: the daemon ended early, or the system allows too few open files.
+    RuntimeError is raised if the daemon ends early, or if the system permits too few open files.
     """
     allow_open_files(2 * of.devices + OTHER_FILES)
     with tempfile.TemporaryDirectory() as name, contextlib.ExitStack() as stack:
@@ -143,9 +146,12 @@ def _daemon(stack: contextlib.ExitStack, of: Setting, folder: Path, program: Pro
 
 
 def _wait_until_open(daemon: Any, devices: int, folder: Path) -> None:
-    """Return a second after all ports are open: later a device that is silent for 5 s would be reported."""
+    """Wait until all ports are open, and a second more.
+
+    A longer wait would lead to reports on devices that are silent for 5 s.
+    """
     files, until_s = psutil.Process(daemon.pid), time.monotonic() + OPEN_WITHIN_S
-    with contextlib.suppress(psutil.Error):  # the daemon has ended
+    with contextlib.suppress(psutil.Error):  # The daemon may have ended.
         while daemon.poll() is None and files.num_fds() < devices and time.monotonic() < until_s:
             time.sleep(0.1)
     time.sleep(1.0)
@@ -159,9 +165,9 @@ def _still_runs(daemon: Any, folder: Path) -> None:
 
 
 def _arrived(reader: Reader, fed: dict[str, Any], begin_ns: int) -> dict[str, Any]:
-    """Return the latency of the estimates of samples written after `begin_ns`, and the losses by kind.
+    """Return the latency of the estimates for samples written after `begin_ns`, and the losses by kind.
 
-    At the commit 068f73c8, which is compared with later commits, statistics have the counts of samples as
+    Later commits are compared with the commit 068f73c8, whose statistics have the counts of samples as
     `samples`.
     """
     written_ns, stats = fed["times"], reader.stats.values()
@@ -186,7 +192,7 @@ def _arrived(reader: Reader, fed: dict[str, Any], begin_ns: int) -> dict[str, An
 
 
 def _recorded_bytes(folder: Path, devices: int) -> NDArray[np.int64]:
-    """Return the number of bytes of the wire in the recordings of each device."""
+    """Return, for each device, how many bytes from its serial port are in the recordings."""
     found = np.zeros(devices, dtype=np.int64)
     for part in (part for session in find_sessions([folder])[0] for part in session.parts):
         for item in read_batches(part):
@@ -198,12 +204,12 @@ def _recorded_bytes(folder: Path, devices: int) -> NDArray[np.int64]:
 
 
 def measure(devices: int = 300, seconds: float = 60.0, open_files: int | None = None) -> dict[str, Any]:
-    """Run once, with recordings."""
+    """Run the daemon once, with recordings."""
     return run_once(Setting(devices, seconds, record=True, open_files=open_files))
 
 
 def text(run: dict[str, Any]) -> str:
-    """Return the run as a table, its memory, and the losses by kind."""
+    """Return a table of the run's figures, and lines on its memory and its losses by kind."""
     lost = {key: run[key] for key in LOST if run[key]}
     return "\n".join(
         [
@@ -217,7 +223,7 @@ def text(run: dict[str, Any]) -> str:
 
 
 def table(runs: list[dict[str, Any]]) -> Table:
-    """Return the runs as a table."""
+    """Return the figures of several runs as a table."""
     cells = [
         (
             f"{run['devices']}, {'coloured' if run['coloured'] else 'white'}",

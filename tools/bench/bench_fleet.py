@@ -1,6 +1,8 @@
-"""Sends the fits of many daemons through a real broker to one `fltea fleet`: its cost and its losses.
+"""Measures `fltea fleet`: its processor time and losses, with the fits of many daemons.
 
-Broker and load run on the same processors as the measured program.
+The fits come through a real broker.
+
+Broker and simulated daemons run on the same processors as the measured program.
 """
 
 import contextlib
@@ -22,7 +24,10 @@ SENSORS, EVERY_S, ROUNDS = 500, 2.5, 6
 
 
 def measure(devices: int = SENSORS, rounds: int = ROUNDS) -> dict[str, Any]:
-    """Run once: every 2.5 s each of `devices` sensors sends a fit, statistics and now and then a status."""
+    """Run once.
+
+    Each of `devices` sensors sends a fit and statistics every 2.5 s, and now and then a status.
+    """
     with tempfile.TemporaryDirectory() as name, contextlib.ExitStack() as stack:
         folder = Path(name)
         mosquitto = broker(folder, stack)
@@ -67,7 +72,7 @@ def _asked(url: str) -> dict[str, Any]:
 
 
 def text(found: dict[str, Any]) -> str:
-    """Return a few lines for people."""
+    """Return the figures as lines for people."""
     return (
         f"{found['sensors']} sensors, {found['fits']} fits, {found['messages_per_s']:.0f} messages a second: "
         f"{found['lost']} fits lost\n"

@@ -1,4 +1,4 @@
-"""Measures `fltea identify` against the Allan deviation alone, and against another commit.
+"""Compares the time of `fltea identify` with that of the Allan deviation alone, and with another commit.
 
 make bench ARGS='--identify --against HEAD~3 --long'
 """
@@ -19,7 +19,10 @@ def measure(*, long: bool = False, against: str | None = None, rounds: int | Non
 
 
 def text(found: dict[str, Any]) -> str:
-    """Return the tables, and the ratio of its time to that of the Allan deviation of the same axes."""
+    """Return the tables, and the ratio of the time of `fltea identify` to that of the Allan deviation.
+
+    Both process the same axes.
+    """
     lines = [bench_chain.text(found)]
     for kind, (own, *others) in IDENTIFY.items():
         peer = next(name for name in others if name.endswith("oadev"))

@@ -1,6 +1,8 @@
-"""Measures many sensors that publish frames: cost and losses of one program on MQTT, two workers on NATS.
+"""Measures how programs process the frames that many sensors publish: processor time and losses.
 
-Broker, server and load run on the same processors as the measured programs.
+There is one program behind an MQTT broker, or two workers behind a NATS server.
+
+Broker, server and the simulated sensors run on the same processors as the measured programs.
 """
 
 import contextlib
@@ -24,10 +26,10 @@ DEVICES, SECONDS = 200, 15
 KILL_S, KILLED_S = 10, 25
 """Time [s] during which two workers share the devices, and time after one of them has been killed."""
 SETTLE_S = 5.0
-"""Time [s] until every device has a stream and its start-up window is full."""
+"""Time [s] after which every device is processed and its start-up window is full."""
 PARTITIONS, WORKERS = 16, 2
 EVERY = 100
-"""One in this many samples has its estimate written; these estimates show whether any are missing."""
+"""The programs write one estimate in this many samples. These estimates show whether any are missing."""
 
 
 def broker(folder: Path, stack: contextlib.ExitStack) -> Broker:
@@ -38,7 +40,7 @@ def broker(folder: Path, stack: contextlib.ExitStack) -> Broker:
 
 
 def measure(devices: int = DEVICES, seconds: int = SECONDS) -> dict[str, Any]:
-    """Measure MQTT, then NATS, then NATS with one of its workers killed."""
+    """Measure with MQTT, then with NATS, then with NATS while one of the workers is killed."""
     return {
         "mqtt": _run(devices, seconds),
         "nats": _run(devices, seconds, nats=True),
@@ -50,7 +52,8 @@ class _Programs:
     """Several processes of `fltea run`, and the records that they write."""
 
     def __init__(self, folder: Path, stack: contextlib.ExitStack, count: int, *arguments: str) -> None:
-        # Opened for appending: reading moves the position in a file that both processes have open.
+        # The file is opened for appending, because reading moves the file position, which both processes
+        # share.
         self._files = [stack.enter_context((folder / f"out{k}").open("a+b")) for k in range(count)]
         command = ("run", *arguments, "--every", EVERY, "--format", "ndjson")
         self.processes = [
@@ -59,25 +62,31 @@ class _Programs:
         ]
 
     def end(self) -> None:
-        """End all processes at the same time: otherwise one takes over the devices of another."""
+        """End all processes at the same time, since otherwise one would take over the devices of another."""
         for process in self.processes:
             process.terminate()
         for process in self.processes:
             process.wait(60)
 
     def records(self, kind: str) -> Iterator[dict[str, Any]]:
-        """Yield the records of a class, of all programs."""
+        """Yield the records of one class that all programs have written."""
         begin = f'{{"class":"{kind}"'.encode()
         for file in self._files:
             file.seek(0)
             yield from (json.loads(line) for line in file if line.startswith(begin) and line[-1:] == b"\n")
 
     def have_estimated(self, seq: int, devices: int) -> bool:
-        """Return whether all devices have their estimate number `seq`, and so all estimates before it."""
+        """Return whether all devices have an estimate of sample `seq`.
+
+        They then have all estimates before it, too.
+        """
         return len({one["device"] for one in self.records("estimate") if one["seq"] == seq}) == devices
 
     def estimates(self) -> tuple[int, int]:
-        """Return how many estimates were made twice, and how many are missing between first and last."""
+        """Return how many estimates were made twice, and how many are missing.
+
+        The first and the last estimate of any device are the limits.
+        """
         seen: dict[str, Counter[int]] = {}
         for one in self.records("estimate"):
             seen.setdefault(one["device"], Counter())[one["seq"]] += 1
@@ -92,7 +101,7 @@ class _Programs:
 def _run(
     devices: int, seconds: int, kill_after_s: int | None = None, *, nats: bool = False
 ) -> dict[str, Any]:
-    """Run one program on mosquitto, or two workers on NATS whose results go to mosquitto.
+    """Run one program behind mosquitto, or two workers behind NATS, which publish their results to mosquitto.
 
     The boards speak MQTT in both cases. `kill_after_s`: time after which one worker is killed (`kill -9`).
     """
@@ -143,7 +152,7 @@ def _run(
 
 
 def _counted(programs: _Programs) -> dict[str, Any]:
-    """Return the programs' own counts: for each device the record with the most samples."""
+    """Return the programs' own counts. For each device, the `stats` record with the most samples counts."""
     stats: dict[str, dict[str, Any]] = {}
     for one in programs.records("stats"):
         known = stats.get(one["device"])
@@ -166,7 +175,10 @@ def _counted(programs: _Programs) -> dict[str, Any]:
 
 
 def text(found: dict[str, Any]) -> str:
-    """Return a table. After a kill, `delivered` is what the other worker counted since it took over."""
+    """Return the figures as a table.
+
+    After a worker was killed, `delivered` is what the other worker has counted since it took over.
+    """
     keys = (
         "devices",
         "seconds",

@@ -1,4 +1,7 @@
-"""Measures the live fit: accumulators and fits. An hour's replay with and without the fit is in `--chain`."""
+"""Measures the live fit: the running sums and the fits.
+
+The replay of an hour with and without the fit is measured by `--chain`.
+"""
 
 import statistics
 from functools import partial
@@ -24,20 +27,20 @@ NOISE = Case(0.8, -1.0, 3.0)
 SAMPLES = 60_000
 AT_ONCE = {"10 rows a call": 10, "1,000 rows a call": 1_000}
 NEXT = 100
-"""Number of samples between a fit and the next."""
+"""Number of samples between two fits."""
 ROUNDS = 5
 GOALS = {"accumulators_ns": 100.0, "fit_ms": 2.0}
 
 
 def measure() -> dict[str, Any]:
-    """Return processor times: medians over the rounds, and ratios within a round."""
+    """Return processor times. They are medians over the rounds, or medians of ratios within a round."""
     y = samples(NOISE, len(AXES), SAMPLES)
     found: dict[str, Any] = {"rounds": ROUNDS, "accumulators": _accumulators(y), "fit": _fits(y)}
     return found | {"not_reached": not_reached(found)}
 
 
 def not_reached(found: dict[str, Any]) -> list[str]:
-    """Return the goals that these figures miss."""
+    """Return a text for each goal that these figures miss."""
     ns = found["accumulators"]["1,000 rows a call"]["ns"]
     ms = found["fit"]["the next, a second later"]["ms"]
     missed = []
@@ -66,7 +69,7 @@ def text(found: dict[str, Any]) -> str:
 
 
 def _accumulators(y: Array) -> dict[str, Any]:
-    """Time the accumulators and, in turns, the filters on the same blocks."""
+    """Measure the time of the running sums, and alternately that of the filters, on the same blocks."""
     settings = LaneSettings(EstimatorConfig(), H, y[:1000].var(axis=0))
     found = {}
     for name, rows in AT_ONCE.items():
@@ -92,7 +95,7 @@ def _accumulators(y: Array) -> dict[str, Any]:
 
 
 def _fits(y: Array) -> dict[str, Any]:
-    """Time the very first fit, the next fit, and a fit with curves, per axis."""
+    """Measure the time per axis of the very first fit, of the next fit, and of a fit with curves."""
     times: dict[str, list[float]] = {}
     for _ in range(ROUNDS):
         live = LiveAxes(AXES, H, LiveConfig(), "deg/s")

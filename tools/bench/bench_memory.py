@@ -1,8 +1,10 @@
-"""Measures the compressed memory: modes, accuracy and time of a step, by digits, window and lanes.
+"""Measures the filters' compressed memory of past samples, for several digits, windows and numbers of lanes.
 
-A step is what the estimator needs from its memory: state sums of three orders, both sums of a fourth order,
-and one push, each waiting for the one before. Errors are relative, and the worst over ages up to ten million
-samples and over the range of orders.
+The figures are the number of modes (decaying sums), the accuracy and the time of a step.
+
+A step is all that the estimator needs from its memory for one sample: state sums of three orders, both sums
+of a fourth order, and one push. Each operation waits for the one before. Errors are relative. The tables have
+the largest error for ages up to ten million samples and all orders.
 """
 
 import statistics
@@ -22,30 +24,34 @@ AGES = 10_000_000
 
 
 class Timed(Memory):
-    """A memory that measures what it costs."""
+    """A memory that measures its own time and size."""
 
     def seconds(self, n: int) -> float:
         """Return the time of `n` steps.
 
-        A step is three state sums, one call for both sums and one push, each waiting for the one before.
+        A step is three state sums, one call for both sums and one push. Each operation waits for the one
+        before.
         """
         return float(self._library.probe_seconds(self._probe, n))
 
     @property
     def bytes(self) -> int:
-        """Number of bytes of all lanes together."""
+        """Size of the memory of all lanes together [bytes]."""
         return int(self._library.probe_bytes(self._probe))
 
     @property
     def grid_step(self) -> float:
-        """Distance between the logarithms of neighbouring modes."""
+        """Distance between the logarithms of the decay rates of neighbouring modes."""
         out = np.zeros(3)
         self._library.probe_nodes(self._probe, out)
         return float(out[2])
 
 
 def worst_errors(memory: Memory, low: float, high: float) -> tuple[float, float]:
-    """Return the worst relative errors of c_j and c_j^2, over orders `low` to `high` and a grid of ages."""
+    """Return the largest relative errors of the coefficients c_j and of c_j^2, for orders `low` to `high`.
+
+    They are computed for a grid of ages j.
+    """
     ages = np.unique(np.geomspace(16, AGES, 60).astype(int))
     worst = [0.0, 0.0]
     for order in np.linspace(low, high, 7)[1 if low >= 0 else 0 : -1]:
@@ -67,7 +73,7 @@ def worst_errors(memory: Memory, low: float, high: float) -> tuple[float, float]
 def nanoseconds(memory: Timed, window: int) -> float:
     """Return the median time [ns] of a step with a full window.
 
-    Batches are shorter than a scheduler's time slice.
+    Each timed batch of steps is shorter than a time slice of the system's scheduler.
     """
     memory.stir(window or 10_000, 1)
     steps = max(50, int(4e5 / (memory.seconds(50) / 50 * 1e9)))
@@ -75,7 +81,7 @@ def nanoseconds(memory: Timed, window: int) -> float:
 
 
 def measure() -> dict[str, list[dict[str, Any]]]:
-    """Measure all tables."""
+    """Measure the figures of all tables."""
     by_digits = []
     for digits in DIGITS:
         memory = Timed(digits)
@@ -118,7 +124,7 @@ def measure() -> dict[str, list[dict[str, Any]]]:
 
 
 def text(found: dict[str, list[dict[str, Any]]]) -> str:
-    """Return the figures as tables."""
+    """Return the figures as tables in Markdown."""
     by_digits = [
         (
             f"{row['digits']}",

@@ -1,7 +1,7 @@
-"""Measures the reading of text by `open_csv`, as `fltea info` calls it, against pandas in the same run.
+"""Compares the time in which `open_csv` reads text, as `fltea info` calls it, with that of pandas.
 
 Ratios are of processor times within a round, so that a busy machine slows both. pandas reads the same columns
-and nothing else; fltea also checks every line, numbers the samples and finds the clock.
+and nothing else; fltea also checks every line, numbers the samples and determines the clock.
 """
 
 import json
@@ -30,7 +30,7 @@ NAMES += [f"accel_{axis} (m/s^2)" for axis in "xyz"]
 PLACES = How(columns=["2", "3", "4"], time_column="1", time_unit="s", units="deg/s")
 ROUNDS = 5
 SMALLER = 30
-"""The files for the growth of the time have this many times fewer rows."""
+"""To measure how the time grows with size, files are used that have this many times fewer rows."""
 SECONDS_PER_MB, TWICE = 1.0, 2.5
 """Goals: time for 1 MB of any text [s], and ratio of the times for twice as much text."""
 HALF = 0.5
@@ -42,8 +42,9 @@ Row = tuple[str, ...]
 class Form(NamedTuple):
     """A kind of text.
 
-    `pandas`: reads the text; None if pandas cannot. `every`: number of rows between two lines `again`.
-    `share`: share of the rows that is used, less for text that takes longer.
+    `pandas`: function that reads the text by pandas, or None if pandas cannot. `again`: a line that is
+    repeated after every `every` rows. `share`: share of the rows that is used, smaller for text that takes
+    longer.
     """
 
     write: Callable[[Row], str]
@@ -60,7 +61,7 @@ def _of_json(row: Row) -> str:
 
 
 def _of_yaml(row: Row) -> str:
-    """Return a message of `ros2 topic echo`, without its covariances."""
+    """Return a row as a message that `ros2 topic echo` prints, without its covariances."""
     second, _, fraction = row[0].partition(".")
     lines = ["header:", "  stamp:", f"    sec: {second}", f"    nanosec: {int(fraction) * 1_000_000}"]
     for name, values in (("angular_velocity", row[1:4]), ("linear_acceleration", row[4:])):
@@ -69,7 +70,7 @@ def _of_yaml(row: Row) -> str:
 
 
 def _csv(columns: int = len(SEVEN), **options: Any) -> Callable[[Path], object]:
-    """Return a function that reads, by pandas, the columns that fltea reads."""
+    """Return a function that reads by pandas the same columns as fltea."""
     return partial(pd.read_csv, usecols=list(range(columns)), **options)
 
 
@@ -95,7 +96,10 @@ LINEAR = {
 
 
 def measure(rows: int = ROWS, rounds: int = ROUNDS) -> dict[str, Any]:
-    """Return the processor time of each form, and of a file, one twice and one four times as long."""
+    """Return the processor times for each kind of text.
+
+    Also measured are the times for a file, and for files twice and four times as long.
+    """
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "rest.csv"
         speeds = {name: _speed(path, form, rows, rounds) for name, form in FORMS.items()}
@@ -105,7 +109,7 @@ def measure(rows: int = ROWS, rounds: int = ROUNDS) -> dict[str, Any]:
 
 
 def not_reached(found: dict[str, Any]) -> list[str]:
-    """Return the goals that these figures miss."""
+    """Return a text for each goal that these figures miss."""
     ratio = found["speed"]["CSV with a header"]["of_pandas"]
     missed = [f"CSV at {ratio:.2f} of pandas' speed, goal {HALF:g}"] if ratio < HALF else []
     for name, one in found["growth"].items():
@@ -194,7 +198,7 @@ def _speed(path: Path, form: Form, rows: int, rounds: int) -> dict[str, Any]:
 
 
 def _growth(path: Path, form: Form, rows: int, rounds: int) -> dict[str, Any]:
-    """Return the smallest time for each size, since disturbances only ever add time."""
+    """Return the smallest time for each size of a file, since disturbances can only increase a time."""
     seconds, mb = [], 0.0
     for times in (1, 2, 4):
         _write(path, form, rows * times)

@@ -1,4 +1,4 @@
-"""Measures the live spectrum and the Allan deviation alone: sums per sample, curves, refits of an axis."""
+"""Measures the live spectrum and the Allan deviation: sums per sample, curves, and refits of an axis."""
 
 import statistics
 from collections.abc import Callable
@@ -37,7 +37,7 @@ NOISES = {
 
 
 def measure() -> dict[str, Any]:
-    """Return the bytes of memory, and median and largest processor time of each work over the rounds."""
+    """Return sizes in memory, and median and largest processor time of each measured task over the rounds."""
     works = [*_octaves(), *_allan(), *_models(), *_last_refits()]
     times = in_turns({name: partial(cpu_seconds, run) for name, _, _, run in works}, REPETITIONS)
     timed = [
@@ -60,7 +60,7 @@ def measure() -> dict[str, Any]:
 
 
 def _medians(timed: list[dict[str, Any]]) -> dict[str, float]:
-    """Return the median over the noises, for each kind of refit and length."""
+    """Return, for each kind of refit and length of the record, the median time over the noises."""
     last_refit: dict[str, list[float]] = {}
     for one in timed:
         kind, _, noise = one["work"].partition(": ")
@@ -80,7 +80,7 @@ def text(figures: dict[str, Any]) -> str:
 
 
 Work = tuple[str, str, float, Callable[[], object]]
-"""Name, unit, number of units in a second, and the function to measure."""
+"""A measured task: its name, the unit of its time, the factor from seconds to that unit, and its function."""
 
 
 def _octaves() -> list[Work]:
@@ -123,7 +123,7 @@ def _allan() -> list[Work]:
 
 
 def _models() -> list[Work]:
-    """Return the works of a refit that are mostly native, averaged over an axis of each noise."""
+    """Return the tasks of a refit that mostly run in native code, averaged over the noises."""
     found = []
     for parts in NOISES.values():
         sums = Octaves(1)
@@ -145,7 +145,7 @@ def _models() -> list[Work]:
 
 
 def _last_refits() -> list[Work]:
-    """Return refits of an axis without new samples, without and with a model search."""
+    """Return tasks that refit an axis without new samples, once without and once with a model search."""
 
     def made(axes: LiveAxes, *, fresh: bool) -> AxisRefit:
         return axes.refits(curves=False, fresh=fresh)["x"]()

@@ -1,4 +1,7 @@
-"""Measures the tracker: time per sample and axis by the number of state variables, and of setting a model."""
+"""Measures the bias tracker: its time per sample and axis, and the time to set a model.
+
+The times depend on the number of state variables.
+"""
 
 import math
 import statistics
@@ -16,7 +19,7 @@ from tools.validation.tables import Table
 
 AXES, SAMPLES, ROUNDS, H = 3, 60_000, 5, 0.01
 FIRST = 3000
-"""Number of samples (half a minute) during which a bank of filters runs."""
+"""Number of samples (half a minute) before the first model is set; until then the tracker bank runs."""
 
 
 def systems() -> dict[str, System]:
@@ -32,7 +35,7 @@ def systems() -> dict[str, System]:
 
 
 def measure() -> list[dict[str, Any]]:
-    """Measure all models."""
+    """Measure the tracker with each of the models."""
     y = np.random.default_rng(1).standard_normal((SAMPLES, AXES))
     rows = []
     for name, s in systems().items():

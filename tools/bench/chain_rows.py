@@ -1,4 +1,4 @@
-"""The rows of `make bench ARGS=--chain`: recordings of an hour and a day, and live devices."""
+"""The rows of `make bench ARGS=--chain`: recordings of ten minutes, an hour and a day, and live devices."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
@@ -18,18 +18,20 @@ from tools.bench.chain_works import (
 )
 
 SECONDS = {"ten minutes": 600, "hour": 3600, "day": 24 * 3600, "live": 0}
-"""Length [s] of the recordings that the rows of a kind read."""
+"""Length of the recordings that the rows of each kind read [s]."""
 LIVE_S = 10.0
 OLD_S = 120.0
-"""Age [s] of a record whose model searches have become rare: the lasting cost of a device."""
+"""Age of a record after which model searches have become rare [s]. From then on, the cost of a device stays
+constant.
+"""
 
 
 class Row(NamedTuple):
-    """One measurement.
+    """One row of the tables: a task that is measured.
 
-    `kind`: its table. `goals`: the largest value of a figure. `usual`: it is measured without being named.
-    `of_fltea`: if False it is a peer to compare with, measured once a round. `long`: it takes minutes, and is
-    measured only if named or with --long.
+    `kind`: the table with the row. `goals`: largest permitted values of figures. `usual`: whether the row is
+    measured if no rows are named. `of_fltea`: False for another program to compare with, which is measured
+    once a round. `long`: whether it takes minutes; it is then measured only if it is named or with --long.
     """
 
     name: str
@@ -94,7 +96,9 @@ IDENTIFY = {
     "hour": ("identify", "identify-json", "oadev", "peer-npz"),
     "day": ("day-identify", "day-oadev", "day-peer-npz"),
 }
-"""Rows of `make bench ARGS=--identify` by kind: `fltea identify`, and peers that process the same files."""
+"""Rows of `make bench ARGS=--identify` by kind: those of `fltea identify`, and those of other programs that
+process the same files.
+"""
 
 
 def _identify() -> Iterator[Row]:
@@ -176,9 +180,10 @@ ROWS = (*_hour(), *_identify(), *_day(), *_devices())
 
 
 def chosen(names: Sequence[str] = (), *, long: bool = False) -> list[Row]:
-    """Return the rows with these names or kinds, all for `all`, the usual ones without names.
+    """Return the rows with these names or kinds, all rows for `all`, or the usual rows if there are no names.
 
-    Long rows are included if they are named themselves, or with `long`. SystemExit: a name is unknown.
+    Long rows are included if they are named themselves, or if `long` is set. An unknown name raises
+    SystemExit.
     """
     known = {row.name for row in ROWS} | {row.kind for row in ROWS} | {"all"}
     if unknown := [name for name in names if name not in known]:

@@ -1,7 +1,7 @@
-"""The works of `make bench ARGS=--chain`: a program processes recordings, or live devices.
+"""The tasks that `make bench ARGS=--chain` measures: a program processes recordings, or live devices.
 
-The program may be another commit's (`tools.bench.programs`). Files, devices and timing are always the present
-commit's.
+The program may be that of another commit (`tools.bench.programs`). Files, devices and the measurement of time
+are always those of the present commit.
 """
 
 import json
@@ -39,7 +39,7 @@ class Files:
 
     @cached_property
     def gyro(self) -> NDArray[np.int16]:
-        """Counts of three axes, (samples, 3)."""
+        """Counts of white noise of three axes, of shape (samples, 3)."""
         return day_files.counts(self._seconds * RATE_HZ)
 
     @cached_property
@@ -49,7 +49,7 @@ class Files:
 
     @cached_property
     def coloured(self) -> Path:
-        """Path of a recording of white noise and an AR(1)."""
+        """Path of a recording of white noise plus an AR(1) process."""
         noise = np.rint(relaxation(1, len(self.gyro))).astype(np.int16)
         return self._written("coloured.npz", day_files.write_npz, self.gyro + noise)
 
@@ -60,7 +60,7 @@ class Files:
 
     @cached_property
     def mcap(self) -> Path:
-        """Path of the white noise as the recorder writes it."""
+        """Path of the white noise as MCAP, in the form that the daemon records."""
         return self._written("mcap", day_files.write_mcap, self.gyro)
 
     def _written(self, name: str, write: Callable[[Path, Any], object], gyro: NDArray[np.int16]) -> Path:
@@ -72,9 +72,9 @@ Work = Callable[[Files, Program], Figures]
 
 
 def run_program(command: Sequence[str], out: Path | None = None) -> Figures:
-    """Return the cost of a program and all its child processes; its output goes to `out`.
+    """Return the time and memory that a program and its child processes use; its output goes to `out`.
 
-    RuntimeError: the program failed.
+    If the program fails, RuntimeError is raised.
     """
     with open(out or os.devnull, "wb") as stream:
         measure = [sys.executable, "-c", _MEASURE, *command]
@@ -100,13 +100,15 @@ with contextlib.suppress(ChildProcessError):
 print(json.dumps([wall_s, cpu_s, rss_kb / 1024]), file=sys.stderr)
 os._exit(code % 256)
 """
-"""Code of a small process, because a program's peak memory includes that of the process that forked it."""
+"""Code of a small process that starts the program. A small process is needed because a program's peak memory
+includes that of the process that forked it.
+"""
 
 
 def replay(
     form: str, files: Files, program: Program, *, output: str = "none", more: Sequence[str] = ()
 ) -> Figures:
-    """Replay a recording of this form into nothing, or as NDJSON into a file.
+    """Replay a recording in this form; its records are discarded, or written to a file as NDJSON.
 
     `more`: options of `fltea run`.
     """
@@ -126,22 +128,25 @@ def export(suffix: str, files: Files, program: Program) -> Figures:
 
 
 def identify(files: Files, program: Program) -> Figures:
-    """Identify the recording with the usual options, but without shuffled copies."""
+    """Identify the recording with the usual options.
+
+    Only the test with shuffled copies of the samples is left out.
+    """
     return run_program(program.command("identify", files.npz, "--shuffles", 0))
 
 
 def identify_in_full(files: Files, program: Program) -> Figures:
-    """Identify the recording with all figures except the shuffled copies."""
+    """Identify the recording with all figures as JSON, but without the test with shuffled copies."""
     return run_program(program.command("identify", files.npz, "--json", "--shuffles", 0))
 
 
 def code(text: str, form: str, files: Files, program: Program) -> Figures:
-    """Run Python code with the program's packages; its argument is the path of a form of the recording."""
+    """Run Python code with the program's packages. Its argument is the path of the recording in this form."""
     return run_program([program.python, "-c", text, str(getattr(files, form))])
 
 
 def engine_alone(files: Files) -> Figures:
-    """Return the cost of this process's engine on the same samples, in blocks."""
+    """Return the time that the engine in this process takes for the same samples, in blocks."""
     y = np.asarray(files.gyro[200:], dtype=np.float64) / day_files.LSB_PER_DPS
     engine = Engine(3, LaneSettings(EstimatorConfig(), 1 / RATE_HZ, y[:1000].var(axis=0)))
     begin_s, begin_cpu_s = time.monotonic(), time.process_time()
@@ -155,6 +160,6 @@ def engine_alone(files: Files) -> Figures:
 
 
 def live(setting: Setting, files: Files, program: Program) -> Figures:
-    """Run a daemon on devices; the losses of all kinds are added up."""
+    """Run a daemon on simulated devices; return its figures and the sum of all kinds of losses."""
     run = bench_daemon.run_once(setting, program)
     return run | {"lost_or_errors": sum(run[key] for key in bench_daemon.LOST)}

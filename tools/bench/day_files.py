@@ -1,8 +1,9 @@
-"""Writes recordings of any length: .npz, .csv, and MCAP as the live recorder writes it, one message a read.
+"""Writes recordings of any length as .npz, .csv, and MCAP as the live recorder writes it.
 
-`python -m tools.bench.day_files FOLDER HOURS` writes rest.npz, rest.csv and a session of MCAP files of the
-same
-samples: white noise of 3 LSB on three axes at 100 Hz, with a slow random walk.
+The MCAP files have one message for each read of the serial port.
+
+`python -m tools.bench.day_files FOLDER HOURS` writes rest.npz, rest.csv and a folder of MCAP files with the
+same samples: white noise of 3 LSB on three axes at 100 Hz, with a slow random walk.
 """
 
 import csv
@@ -26,7 +27,7 @@ AT_ONCE = 8192
 
 
 def counts(samples: int, seed: int = 1) -> NDArray[np.int16]:
-    """Return the counts of three axes, (samples, 3), in LSB."""
+    """Return the counts of three axes at rest, in LSB, an array of shape (samples, 3)."""
     rng = np.random.default_rng(seed)
     found = np.empty((samples, 3), dtype=np.int16)
     level = np.zeros(3)
@@ -39,12 +40,12 @@ def counts(samples: int, seed: int = 1) -> NDArray[np.int16]:
 
 
 def write_npz(path: Path, gyro: NDArray[np.int16]) -> None:
-    """Write counts, scale and rate: the least that `replay:` needs."""
+    """Write counts, scale and sampling rate, which is the least that a source `replay:` needs."""
     np.savez_compressed(path, gyro_raw=gyro, lsb_per_dps=LSB_PER_DPS, fs_hz=float(RATE_HZ))
 
 
 def write_csv(path: Path, gyro: NDArray[np.int16]) -> None:
-    """Write times, and rates in deg/s."""
+    """Write the times, and the angular rates in deg/s."""
     with path.open("w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(["time_s", "gyro_x_dps", "gyro_y_dps", "gyro_z_dps"])
@@ -55,7 +56,7 @@ def write_csv(path: Path, gyro: NDArray[np.int16]) -> None:
 
 
 def write_mcap(folder: Path, gyro: NDArray[np.int16]) -> Path:
-    """Write a session with the recorder itself; return its folder."""
+    """Write MCAP files by the program's own recorder; return their folder."""
     sink = RecordSink(
         RecordConfig(folder=str(folder)).for_devices(1), "bench", lambda kind, text: print(kind, text)
     )
@@ -72,7 +73,7 @@ def write_mcap(folder: Path, gyro: NDArray[np.int16]) -> Path:
 
 
 def main() -> None:
-    """Write all three forms."""
+    """Run the command line: write the recording in all three formats."""
     folder, hours = Path(sys.argv[1]), float(sys.argv[2])
     folder.mkdir(parents=True, exist_ok=True)
     gyro = counts(round(hours * 3600 * RATE_HZ))

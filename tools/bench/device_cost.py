@@ -1,7 +1,10 @@
-"""Measures the device's own estimates: instructions per axis and step by phase, and memory.
+"""Measures the board's own estimates: memory, and instructions per axis and sample, by phase.
+
+A phase is a function with all functions that it calls.
 
 The sources are built again to get their symbols, and run on the emulated board. Instructions are counted, not
-cycles: the share of a real processor's time assumes `CYCLES` per instruction.
+cycles. The share of a real processor's time is computed from an assumed number of cycles per instruction,
+`CYCLES`.
 """
 
 import re
@@ -29,11 +32,11 @@ PHASES = {
     "memory: push; counts of the guard": r"^fltea::engine::baseline::Lane<.*::step\(",
     "centring, supervisor": r"^fltea::AxisEstimator::step\(",
 }
-"""Phase -> pattern that matches the name of its function only."""
+"""For each phase, a pattern that matches only the name of its function."""
 
 
 def measure() -> dict[str, Any]:
-    """Run the board and count. Raises FileNotFoundError without the compiler."""
+    """Run the board, and count its instructions. Without the compiler, FileNotFoundError is raised."""
     with tempfile.TemporaryDirectory() as folder:
         image = build(ROOT, "timer", Path(folder))
         functions = functions_of(Path(folder) / "fltea_due.elf")

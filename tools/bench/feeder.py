@@ -2,9 +2,10 @@
 
 Usage: `python -m tools.bench.feeder FOLDER N SECONDS [coloured]`. The ports are FOLDER/d0, d1, …. The
 devices' samples are spread evenly over the period, and their HELLO and STATUS over the second, as if the
-devices had been switched on one after another. The program writes FOLDER/fed.npz: `times` when the last byte
-of each sample's frame was written, (devices, samples) in ns of the monotonic clock, 0 where the port was
-full; when each was `due`; and the `bytes` that each port accepted. It ends automatically.
+devices had been switched on one after another. The program writes FOLDER/fed.npz: `times`, at which the last
+byte of each sample's frame was written, of shape (devices, samples), in ns of the monotonic clock, 0 if the
+port was full; `due`, the times at which the samples were due; and `bytes`, the number of bytes that each port
+accepted. The program ends by itself.
 """
 
 import os
@@ -36,7 +37,7 @@ def hello_of(k: int) -> wire.Hello:
 
 
 def board(k: int) -> MadeUpBoard:
-    """Return device `k`."""
+    """Return the simulated board of device `k`."""
     return MadeUpBoard(hello_of(k), status=STATUS)
 
 
@@ -46,16 +47,19 @@ def sent_by(one: MadeUpBoard, counts: Iterable[Sequence[int]]) -> Iterator[bytes
 
 
 def relaxation(seed: int, samples: int, seconds: float = 0.5) -> NDArray[np.float64]:
-    """Return an AR(1) as strong as white noise of 3 LSB, to be added to make coloured noise, (samples, 3)."""
+    """Return AR(1) noise with the variance of white noise of 3 LSB, of shape (samples, 3).
+
+    The sum of this and white noise is coloured noise.
+    """
     a = float(np.exp(-1 / (seconds * RATE_HZ)))
     noise = np.random.default_rng((seed, 1)).normal(0, 3 * np.sqrt(1 - a * a), (3, samples))
     return np.array([list(accumulate(axis.tolist(), lambda x, e: a * x + e)) for axis in noise]).T
 
 
 def ports(folder: Path, n: int) -> tuple[list[int], list[int]]:
-    """Return the descriptors that the devices write to, and the descriptors of the other sides.
+    """Make n pseudo-terminals; return the descriptors to which devices write, and those of the other ends.
 
-    The other sides stay open, so that writing to a port that no program has opened yet is no error.
+    The other ends stay open, so that writing to a port that no program has opened yet is no error.
     """
     masters, slaves = [], []
     for k in range(n):
@@ -69,7 +73,7 @@ def ports(folder: Path, n: int) -> tuple[list[int], list[int]]:
 
 
 def noises(n: int, samples: int, *, coloured: bool) -> list[list[bytes]]:
-    """Return the frames of each noise, one per sample."""
+    """Return, for each noise, its frames, one for each sample."""
     found = []
     for k in range(min(n, VOICES)):
         noise = np.random.default_rng(k).normal(0, 3, (samples, 3))
@@ -80,12 +84,15 @@ def noises(n: int, samples: int, *, coloured: bool) -> list[list[bytes]]:
 
 
 def offsets_ns(n: int) -> list[int]:
-    """Return the time within the period of each device's samples; within a frame of USB they coincide."""
+    """Return, for each device, when within a sampling period its samples are due.
+
+    Times within the same frame of USB are equal.
+    """
     return [k * PERIOD_NS // n // FRAME_NS * FRAME_NS for k in range(n)]
 
 
 def send(masters: list[int], samples: int, voices: list[list[bytes]]) -> tuple[NDArray[np.int64], ...]:
-    """Write all samples when they are due; return times, due times and bytes, as in FOLDER/fed.npz."""
+    """Write all samples when they are due; return `times`, `due` and `bytes` as FOLDER/fed.npz has them."""
     n, offsets = len(masters), offsets_ns(len(masters))
     boards = [board(k) for k in range(n)]
     together = [(at_ns, list(ks)) for at_ns, ks in groupby(range(n), offsets.__getitem__)]
@@ -116,7 +123,7 @@ def send(masters: list[int], samples: int, voices: list[list[bytes]]) -> tuple[N
 
 
 def main() -> None:
-    """Write until the time is over."""
+    """Run the command line: write samples until the time is over."""
     folder, n, seconds = Path(sys.argv[1]), int(sys.argv[2]), float(sys.argv[3])
     samples = int(seconds * RATE_HZ)
     masters, slaves = ports(folder, n)
@@ -126,7 +133,7 @@ def main() -> None:
     times, due, taken = send(masters, samples, voices)
     np.savez(folder / "fed.tmp.npz", times=times, due=due, bytes=taken)
     (folder / "fed.tmp.npz").rename(folder / "fed.npz")
-    sys.stdin.readline()  # the ports stay open until the daemon has read them
+    sys.stdin.readline()  # The ports stay open until the daemon has read all bytes.
     for port in masters + slaves:
         os.close(port)
 

@@ -1,9 +1,10 @@
 """Shows where the processor time of a live device goes, from bytes to JSON lines: `make bench ARGS=--loop`.
 
-A device with white noise runs for ten minutes of virtual time. Its bytes are read as with `link.latency` of
-0 ms (one sample a read) and of 20 ms (two samples a read). The bytes pass through the same functions as in
-`fltea run`, but all in one thread; `fltea run` refits in a thread of its own. A timer of processor time
-records which file of fltea is at work. Wake-ups, threads and queues of the real program come in addition.
+A device with white noise runs for ten minutes of virtual time. Its bytes are read in two ways: as with a
+`link.latency` of 0 ms (one sample in each read), and of 20 ms (two samples). The bytes pass through the same
+functions as in `fltea run`, but all in one thread; `fltea run` refits in a thread of its own. At each tick of
+a timer of processor time, the file of fltea that is running is recorded. The real program also needs time for
+wake-ups, threads and queues.
 """
 
 import os
@@ -48,24 +49,29 @@ PARTS = {
     ),
     "lines": ("sinks",),
 }
-"""Beginnings of file names by what the files do; the longest beginning that matches counts."""
+"""For each task, the beginnings of the names of the files that do it. The longest beginning that matches a
+file name counts.
+"""
 
 OTHER, BESIDE = "pipeline and statistics", "refits, which have a thread of their own"
 
 
 def part_of(file: str) -> str:
-    """Return the name of the part to which a file of the package belongs."""
+    """Return the name of the task to which a file of the package belongs."""
     names = [(len(one), part) for part, files in PARTS.items() for one in files if file.startswith(one)]
     return max(names, default=(0, OTHER))[1]
 
 
 class InlineWorker(FitWorker):
-    """Makes a refit in this thread when its result is asked for, and notes while a refit is made."""
+    """Makes a refit in this thread when its result is requested.
+
+    `making` is true while a refit is made.
+    """
 
     making = False
 
     def begin(self, work: Callable[[], T]) -> Callable[[], T]:
-        """Return a function that does the work."""
+        """Return a function that makes the refit."""
 
         def made() -> T:
             self.making = True
@@ -78,14 +84,14 @@ class InlineWorker(FitWorker):
 
 
 class LastRefit:
-    """Counts which part was at work at each tick of the timer of processor time."""
+    """Counts which task was running at each tick of the timer of processor time."""
 
     def __init__(self, worker: InlineWorker) -> None:
         self.seen: Counter[str] = Counter()
         self._worker = worker
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
-        """Count one tick for the part of the innermost file of the package on the stack."""
+        """Count one tick for the task of the innermost file of the package on the stack."""
         while frame is not None and not frame.f_code.co_filename.startswith(PACKAGE):
             frame = frame.f_back
         file = OTHER if frame is None else frame.f_code.co_filename[len(PACKAGE) :]
@@ -100,7 +106,7 @@ def _reads(at_once: int) -> Iterator[Chunk]:
 
 
 def measure() -> dict[str, Any]:
-    """Return microseconds per read and per part, for one and for two samples a read."""
+    """Return microseconds per read for each task, for one and for two samples in each read."""
     return {f"{at_once}": _measure(at_once) for at_once in (1, 2)}
 
 
@@ -135,7 +141,7 @@ def _measure(at_once: int) -> dict[str, Any]:
 
 
 def text(found: dict[str, Any]) -> str:
-    """Return the parts as a table."""
+    """Return the times of the tasks as a table."""
     columns = list(found.values())
     rows = [(part, *(f"{one['parts_us'][part]:.1f}" for one in columns)) for part in (*PARTS, OTHER, BESIDE)]
     rows.append(("all", *(f"{one['us_a_read']:.1f}" for one in columns)))

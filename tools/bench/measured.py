@@ -1,4 +1,4 @@
-"""Helpers that the benchmarks share: works in turns, and the cost of programs."""
+"""Helpers that the benchmarks share: they run tasks alternately, and measure the cost of programs."""
 
 import contextlib
 import resource
@@ -18,16 +18,19 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def cpu_seconds(work: Callable[[], object]) -> float:
-    """Return the processor time of a function, which a busy machine changes least."""
+    """Return the processor time of a function.
+
+    It depends less than other times on how busy the machine is.
+    """
     begin = time.process_time()
     work()
     return time.process_time() - begin
 
 
 def in_turns(works: Mapping[K, Callable[[], T]], rounds: int) -> dict[K, list[T]]:
-    """Return the results of each work.
+    """Run several functions alternately; return the results of each.
 
-    Each round runs every work once, so that a busy machine slows all works.
+    Each round calls every function once, so that a busy machine slows all of them.
     """
     found: dict[K, list[T]] = {name: [] for name in works}
     for _ in range(rounds):
@@ -37,16 +40,16 @@ def in_turns(works: Mapping[K, Callable[[], T]], rounds: int) -> dict[K, list[T]
 
 
 class Share(NamedTuple):
-    """Cost of a program."""
+    """Processor time, memory and threads of a program."""
 
     cpu_percent: float
-    """percent of a core"""
+    """Processor time in percent of one core."""
     rss_mb: float
     threads: int
 
 
 class Watch:
-    """Measures running programs from its construction to its `end`."""
+    """Measures running programs from the construction of this object to `end`."""
 
     def __init__(self, pids: Mapping[str, int]) -> None:
         self._programs = {name: psutil.Process(pid) for name, pid in pids.items()}
@@ -58,7 +61,7 @@ class Watch:
         return {name: one.user + one.system for name, one in times.items()}
 
     def end(self) -> dict[str, Share]:
-        """Return the processor time of each program since the start, and its memory and threads now."""
+        """Return each program's processor time since the construction, and its present memory and threads."""
         seconds, after = (time.monotonic_ns() - self.begin_ns) * 1e-9, self._cpu_s()
         return {
             name: Share(
@@ -81,7 +84,7 @@ def rounded(shares: Mapping[str, Share]) -> dict[str, dict[str, float]]:
 def allow_open_files(count: int) -> None:
     """Raise this process's limit of open files, which child processes inherit.
 
-    RuntimeError: the system allows fewer.
+    RuntimeError is raised if the system permits fewer.
     """
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     if hard != resource.RLIM_INFINITY and count > hard:
@@ -98,7 +101,7 @@ def started(stack: contextlib.ExitStack, module: str, *arguments: object, **opti
 
 
 def started_command(stack: contextlib.ExitStack, command: list[str], **options: Any) -> Any:
-    """Start a program, which is killed when `stack` is closed if it has not ended before."""
+    """Start a program. When `stack` is closed, the program is killed if it still runs."""
     program = subprocess.Popen(command, cwd=ROOT, **options)
     for pipe in (program.stdin, program.stdout, program.stderr):
         if pipe is not None:

@@ -1,7 +1,8 @@
-"""Provides fltea as it is, and as it was at another commit, for benchmarks that compare both.
+"""Provides the present fltea, and that of another commit, for benchmarks that compare both.
 
 A commit is built once, into build/against/COMMIT: its Python files and its native module are in a virtual
-environment of their own, which takes all other packages from .venv. So both programs differ only in fltea.
+environment of their own, which takes all other packages from .venv. The two programs therefore differ only in
+fltea.
 """
 
 import json
@@ -19,7 +20,9 @@ from tools.bench.measured import ROOT
 
 BUILT = ROOT / "build/against"
 READY = "ready"
-"""Name of a file that is written last: a build without it was interrupted, and is repeated."""
+"""Name of a file that is written at the end of a build. A build without this file was interrupted, and is
+repeated.
+"""
 
 
 class Program(NamedTuple):
@@ -34,11 +37,11 @@ class Program(NamedTuple):
 
 
 PRESENT = Program("present", sys.executable)
-"""The working tree, including uncommitted changes."""
+"""The program of the working tree, including uncommitted changes."""
 
 
 def commit_of(revision: str, root: Path = ROOT) -> str:
-    """Return the commit of a revision as 40 digits. SystemExit: the revision is unknown."""
+    """Return the commit of a revision as 40 digits; an unknown revision raises SystemExit."""
     command = ["git", "-C", str(root), "rev-parse", "--verify", "--quiet", f"{revision}^{{commit}}"]
     found = subprocess.run(command, capture_output=True, text=True, check=False)
     if found.returncode:
@@ -47,7 +50,7 @@ def commit_of(revision: str, root: Path = ROOT) -> str:
 
 
 def at_commit(revision: str, root: Path = ROOT, built: Path = BUILT) -> Program:
-    """Return the program of a commit, built if necessary; tables call it by `revision`."""
+    """Return the program of a commit, and build it first if necessary. Its name in tables is `revision`."""
     commit = commit_of(revision, root)
     folder = built / commit
     program = Program(revision, str(folder / "bin/python"))
@@ -61,7 +64,10 @@ def at_commit(revision: str, root: Path = ROOT, built: Path = BUILT) -> Program:
 
 
 def imported_from(program: Program) -> list[Path]:
-    """Return the paths of a program's package and native module; none if it does not start."""
+    """Return the paths of the package and the native module that a program imports.
+
+    The list is empty if the program does not start.
+    """
     code = "import json, fltea, fltea._native as n; print(json.dumps([fltea.__file__, n.__file__]))"
     command = [program.python, "-c", code]
     try:
@@ -81,17 +87,17 @@ def _build(commit: str, root: Path, folder: Path) -> None:
     with tempfile.TemporaryDirectory() as name:
         source, wheels = Path(name, "source"), Path(name, "wheels")
         source.mkdir()
-        # Not a git worktree: an interrupted build leaves nothing in .git.
+        # This is not a git worktree, so that an interrupted build leaves nothing behind in .git.
         archive = _done(["git", "-C", str(root), "archive", commit])
         _done(["tar", "-x", "-C", str(source)], input=archive)
-        # Built with the tools of .venv, such as cmake and ninja.
+        # The build uses the tools of .venv, such as cmake and ninja.
         _pip("wheel", "--no-deps", "--no-build-isolation", "--wheel-dir", str(wheels), str(source))
         _make_environment(folder)
         python = str(folder / "bin/python")
         _pip("--python", python, "install", "--no-deps", "--no-index", *map(str, wheels.glob("*.whl")))
-        # Written after fltea is installed, or pip would take .venv's fltea for the installed one. Python
-        # searches paths from a .pth file last, and does not follow .pth files there, such as that of the
-        # clone's own fltea.
+        # This file is written after fltea is installed. Otherwise pip would take the fltea of .venv for the
+        # installed one. Python searches paths from a .pth file last, and does not follow .pth files there,
+        # such as that of the clone's own fltea.
         (_packages(folder) / "of_the_clone.pth").write_text(
             sysconfig.get_path("purelib") + "\n", encoding="utf-8"
         )
@@ -112,7 +118,7 @@ def _pip(*arguments: str) -> None:
 
 
 def _done(command: Sequence[str], **options: Any) -> bytes:
-    """Return what a command prints. SystemExit with its error output if it fails."""
+    """Return the output of a command. If it fails, SystemExit is raised with its error output."""
     done = subprocess.run(command, capture_output=True, check=False, **options)
     if done.returncode:
         raise SystemExit(f"{' '.join(command[:6])} …: {done.stderr.decode(errors='replace')[-2000:]}")

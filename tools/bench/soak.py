@@ -1,9 +1,12 @@
-"""Streams days of a device's data in minutes: does memory stay flat, and is every loss counted?
+"""Streams days of a device's data in minutes.
+
+It shows whether memory stays constant and all losses are counted.
 
 `make bench ARGS='--soak [--hours 24] [--seed 1]'`. A device sends samples, HELLO and STATUS in virtual time.
-On the way frames are lost, bits flip, the port falls silent for a while, and now and then the board is reset.
-The bytes pass through the same functions as in `fltea run`, into NDJSON. Then both ends are compared: for
-each boot, delivered + lost must equal the number sent between the first and the last sample that is used.
+On the way to the host, frames are lost, bits flip, and the port is silent for a while. Now and then the board
+is reset. The bytes pass through the same functions as in `fltea run`, into NDJSON. Then the numbers at both
+ends are compared. For each boot, the samples between the first and the last one that is used must be as many
+as those that were delivered or counted as lost.
 """
 
 import gc
@@ -38,7 +41,7 @@ LONGEST_SILENCE = 3000
 
 
 class Sent:
-    """What the device sent: for each boot the number of its sampling instants."""
+    """What the device sent: the number of sampling instants of each boot, and the incidents."""
 
     def __init__(self) -> None:
         self.boots: dict[int, int] = {}
@@ -46,7 +49,7 @@ class Sent:
 
 
 def stream(samples: int, seed: int, sent: Sent) -> Iterator[tuple[bytes, int]]:
-    """Yield bytes and their monotonic time of arrival [ns]; the device's clock runs 40 ppm fast."""
+    """Yield bytes with their monotonic time of arrival [ns]. The device's clock is 40 ppm too fast."""
     rng = random.Random(seed)
     device = MadeUpBoard(hello_of(1), status=STATUS, pace=1 + 40e-6)
     boot = silent = 0
@@ -81,7 +84,7 @@ class Seen:
         self.stats: Stats | None = None
 
     def add(self, record: Any) -> None:
-        """Count a record."""
+        """Include a record in the counts."""
         match record:
             case Epoch():
                 self.epochs.append(
@@ -91,7 +94,8 @@ class Seen:
                 self.epochs[-1]["delivered"] += len(record)
                 self.epochs[-1]["last"] = int(record.seq[-1])
             case Gap():
-                self.epochs[-1]["lost"] += record.missing  # reported before the epoch that the gap may begin
+                # A gap is reported before the epoch that it may begin.
+                self.epochs[-1]["lost"] += record.missing
             case Stats():
                 self.stats = record
 
@@ -148,7 +152,11 @@ def measure(hours: float = 24.0, seed: int = 1) -> dict[str, Any]:
 
 
 def uncounted(seen: Seen) -> int:
-    """Return the number of samples between each boot's first and last that are neither delivered nor lost."""
+    """Return how many samples are not accounted for.
+
+    They are between the first and the last used sample of a boot, and neither delivered nor counted as
+    lost.
+    """
     missing = 0
     for boot in {epoch["boot"] for epoch in seen.epochs}:
         epochs = [epoch for epoch in seen.epochs if epoch["boot"] == boot and "last" in epoch]

@@ -1,8 +1,8 @@
-"""Measures the running spectrum and the fit on the board, and compares the board's bits with a PC's.
+"""Measures the time of the running spectrum and the fit on the board, and compares the results with a PC's.
 
-`spectrum_program.cpp` generates its own noise, adds it to the spectrum of one axis, and fits twice: from a
-grid, and from the last result. It is built for the emulated Due, which counts instructions, and for this
-machine.
+`spectrum_program.cpp` generates its own noise, adds it to the spectrum of one axis, and fits it twice: first
+from a grid of starting values, then from the last result. It is built for the emulated Due, which counts
+instructions, and for this machine.
 """
 
 import os
@@ -32,15 +32,18 @@ MOST_S = 600
 PHASES = ("sample", "level", "bins", "first fit", "next fit", "filter", "track")
 LAYOUT = struct.Struct("<2I4f10I" + 3 * f"{len(PHASES)}I")
 NOISES = ("kSlow", "kWhite", "kFast", "kFullScale", "kConstant")
-"""Noises that the program can generate, by the names of its enum Kind."""
+"""Noises that the program can generate: the names in its enum Kind."""
 FILTERS = 3
-"""Number of filters that the program designs."""
+"""Number of tracker filters that the program designs."""
 FIT_EVERY_S = 3.0
-"""Assumed time between fits [s] for the share of the processor."""
+"""Assumed time between fits [s], from which the fits' share of the processor's time is computed."""
 
 
 class Phase(NamedTuple):
-    """Calls and instructions of a phase on the emulated board; `longest` is the longest slice."""
+    """Calls and instructions of a phase of the program on the emulated board.
+
+    `longest`: largest number of instructions in one call. A fit is computed in many short calls.
+    """
 
     calls: int
     instructions: int
@@ -48,7 +51,7 @@ class Phase(NamedTuple):
 
 
 class Found(NamedTuple):
-    """The figures of a run."""
+    """The figures of a run of the program."""
 
     hash: int
     alpha: float
@@ -56,14 +59,16 @@ class Found(NamedTuple):
     bins: int
     levels: int
     evaluations: tuple[int, int]
-    """Evaluations of the first fit and of the next."""
+    """Numbers of evaluations of the likelihood in the first fit and in the next."""
     bytes: tuple[int, int, int, int, int]
-    """Sizes of an axis's spectrum, the bins, a fit, an axis's memory between fits, an axis's tracker."""
+    """Sizes [bytes] of an axis's spectrum, the bins, a fit, an axis's memory between fits, and an axis's
+    tracker.
+    """
     phases: dict[str, Phase]
 
 
 def on_pc(samples: int, noise: str = NOISES[0]) -> Found:
-    """Run on this machine, with a noise of NOISES; the counts of its phases are zero.
+    """Run the program on this machine, with one of NOISES. The counts of the phases are zero.
 
     Raises:
         subprocess.CalledProcessError: the program cannot be built.
@@ -75,7 +80,7 @@ def on_pc(samples: int, noise: str = NOISES[0]) -> Found:
 
 
 def on_due(samples: int, noise: str = NOISES[0]) -> Found:
-    """Run on the emulated Due.
+    """Run the program on the emulated Due.
 
     Raises:
         FileNotFoundError: there is no compiler for the Due.
@@ -100,7 +105,7 @@ def on_due(samples: int, noise: str = NOISES[0]) -> Found:
 
 
 def measure(samples: int = 60_000) -> dict[str, Any]:
-    """Return the figures of both runs, and the share of the processor that three axes take."""
+    """Return the figures of both runs, and the share of the board's processor time that three axes take."""
     due, pc = on_due(samples), on_pc(samples)
     taken = due.phases["sample"].instructions + due.phases["level"].instructions
     track = due.phases["track"].instructions / due.phases["track"].calls
@@ -158,7 +163,10 @@ def _flags(samples: int, noise: str) -> tuple[str, ...]:
 
 
 def _compile(program: Path, *command: str, link: tuple[str | Path, ...] = ()) -> None:
-    """Build the program; where ccache is installed, it keeps the object, which takes seconds to compile."""
+    """Build the program.
+
+    If ccache is installed, it stores the object file, which takes seconds to compile.
+    """
     cached = ("ccache",) if shutil.which("ccache") else ()
     made = program.with_suffix(".o")
     _run(*cached, *command, "-c", PROGRAM, "-o", made)
@@ -167,6 +175,7 @@ def _compile(program: Path, *command: str, link: tuple[str | Path, ...] = ()) ->
 
 def _run(*command: str | Path) -> str:
     words = [str(part) for part in command]
-    one_place = {"CCACHE_BASEDIR": str(ROOT), "CCACHE_NOHASHDIR": "1"}  # another clone compiles the same
+    # With these variables, ccache finds what another clone of the repository has compiled.
+    one_place = {"CCACHE_BASEDIR": str(ROOT), "CCACHE_NOHASHDIR": "1"}
     environment = os.environ | one_place
     return subprocess.run(words, capture_output=True, text=True, check=True, env=environment).stdout

@@ -1,5 +1,5 @@
-// Runs the device's running spectrum, fit and tracked state of one axis on noise that it generates: on the
-// emulated Due, where it counts instructions, and on a PC, which must give the same bits. spectrum_cost.py
+// Runs the board's running spectrum, fit and tracked state of one axis on noise that this program generates.
+// On the emulated Due it counts instructions; on a PC it must give bitwise the same results. spectrum_cost.py
 // builds it and defines SAMPLES and NOISE, a value of Kind. All noise is computed in integers.
 #include <stdint.h>
 
@@ -20,7 +20,7 @@ enum Phase { kSample, kLevel, kBins, kColdFit, kWarmFit, kDesign, kTrack, kPhase
 
 struct Results {
     uint32_t done;
-    uint32_t hash;  // over all sums, bins and figures
+    uint32_t hash;  // a hash of all sums, bins and figures
     float alpha, alpha_std, ratio_white, ratio_ar1;
     uint32_t verdict, evaluations_cold, evaluations_warm, bins, depth;
     uint32_t octaves_bytes, bins_bytes, fit_bytes, memory_bytes, tracked_bytes;
@@ -111,7 +111,8 @@ void fit_once(const Bins& bins, Fit& fit, Memory& memory, Phase phase) {
     }
 }
 
-// Track some of the same noise with the filter of the fit, then of an order, and again of the fit.
+// Track some of the same noise: first with the filter of the fit, then with that of a fractional noise, then
+// again with that of the fit.
 void track(const fltea::whittle::FitFigures& found) {
     fltea::whittle::FilterDesign& design = *new (design_storage) fltea::whittle::FilterDesign;
     fltea::whittle::TrackedState& tracked = *new (tracked_storage) fltea::whittle::TrackedState;

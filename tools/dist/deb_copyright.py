@@ -1,6 +1,7 @@
-"""Writes the Debian package's copyright file: our licence and that of every library in the package.
+"""Writes the Debian package's copyright file: the licence of fltea, and that of every library in the package.
 
-Usage: deb_copyright.py LICENSE FOLDER WHERE    (FOLDER: holds the libraries; WHERE: its path once installed)
+Usage: deb_copyright.py LICENSE FOLDER WHERE (FOLDER: the folder of the libraries; WHERE: the path of that
+folder after installation)
 """
 
 import sys
@@ -9,7 +10,7 @@ from pathlib import Path
 
 
 def licence(library: Distribution) -> str:
-    """Return the licence's short name from the library's metadata. Exits if there is none."""
+    """Return the short name of the licence in a library's metadata. If there is none, the program exits."""
     metadata = library.metadata
     classifiers = [line for line in metadata.get_all("Classifier") or () if line.startswith("License ::")]
     named = [line.rpartition(" :: ")[2] for line in classifiers]

@@ -1,7 +1,10 @@
-"""Compares what two machines printed for one record: texts must be equal, figures equal within a tolerance.
+"""Compares the outputs of two machines for one recording.
 
-The filters' estimates are the same bit by bit on every machine (no contraction, our own logarithm). The
-result of a maximisation depends on the last bits of numpy and libm, which differ between processors.
+Texts must be equal, and figures equal within a tolerance.
+
+The filters' estimates are bitwise equal on every machine, because the compiler contracts no operations and
+the logarithm is fltea's own. The result of a maximisation depends on the last bits of numpy and libm, which
+differ between processors.
 """
 
 import argparse
@@ -16,7 +19,7 @@ RELATIVE, ABSOLUTE = 1e-5, 1e-8
 
 
 def differences(a: Any, b: Any, exactly: bool, where: str = "") -> Iterator[str]:
-    """Yield each difference with its path in the records."""
+    """Yield each difference of `a` and `b`, with its path in the records."""
     if isinstance(a, dict) and isinstance(b, dict) and a.keys() == b.keys():
         for name in a:
             yield from differences(a[name], b[name], exactly, f"{where}.{name}")
@@ -31,7 +34,7 @@ def differences(a: Any, b: Any, exactly: bool, where: str = "") -> Iterator[str]
 
 
 def read(path: Path) -> list[Any]:
-    """Return the JSON object of each line."""
+    """Return the JSON values in the lines of a file."""
     return [json.loads(line) for line in path.read_text("utf-8").splitlines()]
 
 

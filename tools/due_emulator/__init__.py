@@ -1,1 +1,1 @@
-"""The Arduino Due in software: runs an image for the real board in virtual time."""
+"""The Arduino Due in software: it runs a firmware image for the real board in virtual time."""

@@ -1,6 +1,7 @@
 """Run an image for the Arduino Due on an emulated Due, with an MPU-9250 on its I2C pins.
 
-  --virtual S   runs S seconds of virtual time as fast as possible, and prints what a host makes of the bytes.
+  --virtual S runs S seconds of virtual time as fast as possible, and prints a report on the bytes that a host
+  receives.
                  Two runs with the same arguments give the same bytes.
   --pty         offers the programming port as a pseudo-terminal in real time. Opening it resets the board;
                  a wrong baud rate gives garbage; 1200 baud erases the flash. Ctrl-C ends it.
@@ -149,7 +150,10 @@ def _build(options: argparse.Namespace, image: Image, world: World) -> tuple[Boa
 
 
 def _end_on_signals(machine: Machine) -> None:
-    """Let signals set a flag of the machine; an exception raised in a processor's callback would be lost."""
+    """Let signals set a flag of the machine.
+
+    An exception raised in a callback of the processor would be lost.
+    """
     for number in SIGNALS:
         signal.signal(number, lambda *_: setattr(machine, "interrupted", True))
 

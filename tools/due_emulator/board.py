@@ -1,4 +1,4 @@
-"""The Arduino Due with a sensor on its I2C pins: all parts, their wiring, and the kinds of reset."""
+"""The Arduino Due with a sensor on its I2C pins: its parts, their wiring, and the kinds of reset."""
 
 import hashlib
 from collections.abc import Callable
@@ -31,10 +31,13 @@ TWD1, TWCK1 = 12, 13
 DATA_READY = 25
 UTXD = 9
 OPENING_PS = 205_000 * PS_PER_US
-"""Time for which the bridge holds the board in reset when the port is opened (hardware notes of the project).
+"""Time for which the bridge between USB and UART holds the board in reset when the serial port is opened
+(hardware notes of the project).
 """
 RESET_PS = 100 * PS_PER_US
-"""Duration of the chip's own resets; a round number (three cycles of the slow clock or more)."""
+"""Duration of resets that the microcontroller causes: a round number, at least three cycles of the slow
+clock.
+"""
 
 
 class _Nowhere:
@@ -45,7 +48,7 @@ class _Nowhere:
 
 
 class _SerialPin:
-    """Connection from UTXD to the bridge; the pin has to be assigned to the UART."""
+    """Connection from the pin UTXD to the bridge. The program has to assign this pin to the UART."""
 
     def __init__(self, pio: Pio, line: Line) -> None:
         self._pio = pio
@@ -57,7 +60,7 @@ class _SerialPin:
         self._line.send(byte, at_ps, baud)
 
 
-# Over 12 attributes: each is one part of the board, as its circuit diagram has them.
+# Over 12 attributes: each is one part of the board in its circuit diagram.
 class Board:
     """A Due that has been connected to power; `run_until` runs it.
 
@@ -125,7 +128,7 @@ class Board:
         pio.connect(DATA_READY, self.socket.int_wire)
 
     def run_until(self, at_s: float) -> None:
-        """Run until a moment of virtual time [s].
+        """Run until a point in virtual time [s].
 
         Raises:
             EmulationFault: the program did what the real board does not tolerate.
@@ -150,18 +153,21 @@ class Board:
     # Faults (tools.due_emulator.faults)
 
     def brown_out(self) -> None:
-        """Let the supply sag: the processor restarts with random contents in RAM; the sensor runs on."""
+        """Let the supply voltage sag.
+
+        The processor restarts with random contents of RAM; the sensor keeps running.
+        """
         self._power_up()
         self.resets += 1
         self.events.append(f"board brown-out at {self.now_s:.3f} s")
 
     def reopen_port(self) -> None:
-        """Let the host open the port, which resets the board as its button does."""
+        """Let the host open the serial port, which resets the board as its reset button does."""
         self.bridge.forget()
         self.reset(ResetType.USER, OPENING_PS)
 
     def starve(self, for_s: float) -> None:
-        """Let the program hang for a time [s]; its interrupts wait."""
+        """Let the program hang for a time [s]; interrupts stay pending meanwhile."""
         self.cpu.hang(seconds_to_ps(for_s))
 
     def _power_up(self) -> None:

@@ -1,4 +1,6 @@
-"""The ATmega16U2 between the UART and the host: it passes bytes on, or garbles them at a wrong baud rate.
+"""The ATmega16U2, the microcontroller between the Due's UART and USB.
+
+It passes bytes on to the host, or garbles them at a wrong baud rate.
 
 Its ring buffer is short: bytes that the host does not read in time are lost there and counted.
 """
@@ -14,11 +16,11 @@ BAUD = 250_000
 TOLERANCE = 0.02
 """Largest relative error of the baud rate at which a receiver reads bytes correctly."""
 RING_BYTES = 128
-"""Size of the buffer towards the host (the board's bridge firmware)."""
+"""Size of the bridge's buffer of bytes for the host, as in the firmware of the real bridge."""
 
 
 class Bridge:
-    """Receives the UART's bytes and passes those that reach the host to `deliver`.
+    """Receives the bytes of the UART. Those that reach the host are passed to `deliver`.
 
     `host_baud`: baud rate with which the host has opened the port. If the UART sends at another rate, the
     bytes become garbage, or the run ends if `strict_baud` is set.
@@ -28,12 +30,12 @@ class Bridge:
         self._machine = machine
         self._rng = np.random.default_rng((seed, 0x16))
         self.deliver: Callable[[int], bool] = lambda byte: True
-        """Receives each byte; returns whether the host has room for it."""
+        """Function that receives each byte, and returns whether the host had room for it."""
         self.host_baud: float = BAUD
         self.strict_baud = True
         self.delivered = 0
         self.lost_by_fault = 0
-        """Number of bytes lost by a requested fault."""
+        """Number of bytes lost because a test requested this fault."""
         self.lost_in_bridge = 0
         """Number of bytes lost because the ring buffer was full."""
         self.garbled = 0
@@ -67,7 +69,7 @@ class Bridge:
             self.flush()
 
     def flush(self) -> None:
-        """Pass on the bytes in the ring buffer, as far as the host takes them."""
+        """Pass the bytes in the ring buffer to the host, as many as it takes."""
         if self._machine.now_ps < self._reads_from_ps:
             return
         ring, taken = self._ring, 0
@@ -78,7 +80,7 @@ class Bridge:
             self.delivered += taken
 
     def forget(self) -> None:
-        """Empty the ring buffer, as when the port is opened."""
+        """Discard the bytes in the ring buffer, as the bridge does when the port is opened."""
         self._ring.clear()
 
     def lose_next(self, count: int) -> None:

@@ -14,7 +14,7 @@ class _Port(NamedTuple):
     peripheral: Peripheral
     register: str
     clock: int
-    """Bits of `Machine.clocked` that have to be set; 0 if none."""
+    """Bits of `Machine.clocked` that have to be set for an access; 0 if none is needed."""
 
 
 class Bus:
@@ -23,7 +23,7 @@ class Bus:
     def __init__(self, machine: Machine) -> None:
         self._machine = machine
         self._peripherals: list[Peripheral] = []
-        # Programs poll a lot, so valid accesses are found with a single lookup.
+        # Programs often poll registers, so a single lookup finds a valid access.
         self._readers: dict[int, _Port] = {}
         self._writers: dict[int, _Port] = {}
 
@@ -42,7 +42,7 @@ class Bus:
                 self._writers[address] = port
 
     def read(self, address: int, size: int) -> int:
-        """Return the value that a read of `size` bytes gives."""
+        """Read `size` bytes from a register, and return their value."""
         port = self._readers.get(address)
         if port is None or size != WORD or port.clock & ~self._machine.clocked:
             self._refuse(address, size, "read")

@@ -9,7 +9,9 @@ _POINTER_MASK = 0x7F
 
 
 class Fifo:
-    """Bytes in order. A full FIFO loses the oldest bytes or refuses the newest. All bytes are counted.
+    """A queue of bytes in a chip. A full queue loses its oldest bytes or refuses the newest.
+
+    All bytes are counted.
 
     `size`: capacity in bytes. The FIFO counts bytes, as the chips do: after an overflow the first byte read
     may lie within a sample.
@@ -39,7 +41,10 @@ class Fifo:
         return excess > 0
 
     def pop(self) -> int:
-        """Take the oldest byte; an empty FIFO repeats the last one (RM-MPU-9250A-00, register 116)."""
+        """Remove and return the oldest byte.
+
+        An empty FIFO repeats the last byte (RM-MPU-9250A-00, register 116).
+        """
         if self._bytes:
             self._last = self._bytes.popleft()
             self.read_out += 1
@@ -55,8 +60,9 @@ class Fifo:
 class Chip:
     """One chip on the bus; bytes are transferred by `start`, `write`, `read` and `stop`.
 
-    `address`: address on the bus. `clock_ppm`: how much too fast the chip's clock is. `fifo_register`: the
-    only register after whose access the register pointer does not advance.
+    `address`: address on the bus. `clock_ppm`: error of the chip's clock, positive if it is too fast.
+    `fifo_register`: the register of the FIFO; only after an access to this register, the register pointer
+    does not advance.
     """
 
     fifo_register: int
@@ -73,7 +79,7 @@ class Chip:
         self._anchor_ps = self._updates = 0
         self._period_ps: int | None = None
 
-    # Members that each chip defines
+    # Members that the class of each chip defines
 
     @property
     def output_hz(self) -> float:
@@ -82,7 +88,7 @@ class Chip:
 
     @property
     def _register(self) -> int:
-        """The register that the next byte belongs to."""
+        """Number of the register to which the next byte belongs."""
         return self._pointer
 
     def _load(self, register: int) -> int:
@@ -96,14 +102,17 @@ class Chip:
         raise NotImplementedError
 
     def register(self, register: int) -> int:
-        """Return the contents of a register without the bus. Its number includes 256 times the bank."""
+        """Return the contents of a register without using the bus.
+
+        `register` is its number plus 256 times its bank.
+        """
         raise NotImplementedError
 
     def spoil(self, register: int, value: int) -> None:
         """Change a register without the driver's knowledge."""
         raise NotImplementedError
 
-    # Power
+    # Power supply
 
     def power_off(self) -> None:
         """Remove the supply: the chip no longer acknowledges, and its registers are lost."""
@@ -111,11 +120,17 @@ class Chip:
         self._restore()
 
     def brown_out(self) -> None:
-        """Fall back to reset values while running, and still acknowledge: the worst case."""
+        """Set all registers to their reset values while the chip keeps running and acknowledging.
+
+        This is the worst case of a brown-out for the driver.
+        """
         self._restore()
 
     def _begin(self, quiet_ns: int, ready_ns: int) -> None:
-        """Reset: the chip does not acknowledge for `quiet_ns`, and loses settings for `ready_ns`."""
+        """Reset the chip.
+
+        It does not acknowledge for `quiet_ns`, and loses the values that are written within `ready_ns`.
+        """
         self._restore()
         self._quiet_until_ns = self._now_ns + quiet_ns
         self._ready_at_ns = self._now_ns + ready_ns
@@ -131,7 +146,10 @@ class Chip:
         return self._selected
 
     def write(self, byte: int) -> bool:
-        """Receive a byte: first the register's address, then values for this and the following registers."""
+        """Receive a byte. The first byte is a register's address.
+
+        Later bytes are values for successive registers.
+        """
         if not self._selected or self._reading:
             return False
         if self._pointer_next:
@@ -144,7 +162,8 @@ class Chip:
     def read(self, ack: bool) -> int:
         """Return the next byte.
 
-        Without `ack` it is the last one. Returns 0xFF, the idle level, unless it is being read.
+        If `ack` is false, this byte is the last. If the chip is not being read, the result is 0xFF, the bus's
+        idle level.
         """
         if not self._selected or not self._reading:
             return 0xFF
@@ -160,7 +179,7 @@ class Chip:
         if self._register != self.fifo_register:
             self._pointer = (self._pointer + 1) & _POINTER_MASK
 
-    # Convenience functions over the same bytes
+    # Convenience functions for whole transactions
 
     def read_block(self, register: int, n: int) -> bytes:
         """Read `n` bytes from `register` on in one transaction, as `smbus2` does.
@@ -177,7 +196,7 @@ class Chip:
         return data
 
     def write_register(self, register: int, *values: int) -> None:
-        """Write one value, or several values to consecutive registers.
+        """Write a value to a register; further values go to the registers that follow.
 
         Raises:
             OSError: EREMOTEIO, which Linux reports when no chip acknowledges.

@@ -1,9 +1,11 @@
-"""The Cortex-M3: Unicorn runs the instructions; exceptions, sleep and strictness are implemented here.
+"""The Cortex-M3: Unicorn runs the instructions.
+
+This module implements exceptions, sleep, and the refusal of what the real chip does not tolerate.
 
 Unicorn has no NVIC, so exceptions are entered and left by this code (ARMv7-M, B1.5). The program runs in
 slices (`execution`) that end where an exception is entered or left, or the processor sleeps. Every
-instruction takes one cycle and an access to a peripheral a few: this is a clock for the program, not a claim
-about the speed of a real processor.
+instruction takes one cycle, and an access to a peripheral takes a few cycles. This gives the program a clock;
+it does not claim to be the speed of a real processor.
 """
 
 import ctypes
@@ -23,11 +25,15 @@ from tools.due_emulator.nvic import Nvic, describe_exception
 from tools.due_emulator.system_control import SystemControl
 
 SLICE_INSTRUCTIONS = 50_000
-"""Largest number of instructions between two checks for signals: about a millisecond of the host's time."""
+"""Largest number of instructions between two checks for signals; the host runs them in about a
+millisecond.
+"""
 
 EXCEPTION_EXIT = 8
 RETURN_TO_HANDLER, RETURN_TO_THREAD = 0xFFFF_FFF0, 0xFFFF_FFF8
-"""EXC_RETURN as it appears in PC, bit 0 cleared; the process stack (…FFFD) is not modelled."""
+"""The values of EXC_RETURN as they appear in PC, with bit 0 cleared. The value for the process stack (…FFFD)
+is not modelled.
+"""
 FRAME = Struct("<8I")
 SPACES = {PERIPHERALS_BASE: PERIPHERALS_BYTES, system_control.BASE: system_control.BYTES}
 """Base address and size of each range of peripherals."""
@@ -48,7 +54,7 @@ ENTERED = _numbers("SP LR XPSR")
 PC, SP, LR, PRIMASK, BASEPRI, FAULTMASK, CONTROL = _numbers("PC SP LR PRIMASK BASEPRI FAULTMASK CONTROL")
 
 
-# Over 12 attributes: it joins the emulated processor to every part of the chip that can stop it.
+# Over 12 attributes: it connects the emulated processor to all parts of the chip that can stop it.
 class Cpu:
     """Runs the program in virtual time."""
 
@@ -61,7 +67,7 @@ class Cpu:
         self._control = control
         self._bus = bus
         self.instructions = 0
-        """Number of instructions since the emulator was made, without those of the slice that runs."""
+        """Number of instructions that have run, without those of the present slice."""
         self._execution = Execution(
             memory.flash,
             machine.quick_reads,
@@ -77,7 +83,7 @@ class Cpu:
         self._restart = True
         self._halted_until_ps = 0
         self._handed_over: tuple[int, ...] | None = None
-        """The state that was last given to the slice; None if it no longer holds."""
+        """The machine's state that was last passed to the slice; None if it must be passed again."""
         self._pc = 0
         machine.where = lambda: f"at PC 0x{self._pc:08X}"
 
@@ -97,7 +103,9 @@ class Cpu:
         return len(self._nvic.active)
 
     def watch(self, on_block: Callable[[int, int], None] | None) -> None:
-        """Call `on_block` at each block of code with its address and the number of instructions so far.
+        """Call `on_block` at each block of code.
+
+        Its arguments are the block's address and the number of instructions so far.
 
         None: stop the calls.
         """
@@ -108,24 +116,27 @@ class Cpu:
     def breakpoint(self, address: int | None, action: Callable[[], None] = lambda: None) -> None:
         """Call `action` whenever the instruction at `address` is about to run; None: remove the breakpoint.
 
-        The action may hang the program there (`hang`), set another breakpoint, or write to memory.
+        The action may let the program hang at this instruction (`hang`), set another breakpoint, or write to
+        memory.
         """
         self._execution.breakpoint, self._on_breakpoint = address if address is not None else NOWHERE, action
         self._settle_speed()
 
     def _at_breakpoint(self) -> None:
-        """Call the breakpoint's action, unless the program has just hung at this instruction."""
+        """Call the breakpoint's action, unless the program has just finished hanging at this instruction."""
         if not self._has_hung:
             self._on_breakpoint()
         self._has_hung = not self._has_hung and self._halted_until_ps > self._machine.now_ps
 
     def watch_data(self, address: int, kind: int, on_use: Callable[[int], None]) -> None:
-        """Call `on_use` with the address of the instruction that uses a word of RAM, until the next reset.
+        """Call `on_use` whenever an instruction uses a word of RAM, with that instruction's address.
+
+        The calls end at the next reset.
 
         `kind`: UC_HOOK_MEM_READ or UC_HOOK_MEM_WRITE of Unicorn.
         """
         self._uc.hook_add(kind, lambda *_: on_use(self._execution.address), begin=address, end=address + 3)
-        self.breakpoint(0)  # makes the exact processor run everything
+        self.breakpoint(0)  # With any breakpoint set, the exact processor runs all instructions.
         self._uc.ctl_flush_tb()
 
     @property
@@ -134,17 +145,17 @@ class Cpu:
         return bool(self._execution.register(PRIMASK) & 1)
 
     def restart(self, hold_ps: int = 0) -> None:
-        """Start again from the reset vector, once reset is released after `hold_ps`."""
+        """Hold the processor in reset for `hold_ps`, then start the program from the reset vector."""
         self._restart = True
         self._machine.asleep = False
         self._halted_until_ps = self._machine.now_ps + hold_ps
 
     def hang(self, for_ps: int) -> None:
-        """Run no instruction for a time [ps]; this is not sleep."""
+        """Run no instruction for a time [ps]. Unlike in sleep, interrupts do not end this state."""
         self._halted_until_ps = self._machine.now_ps + for_ps
 
     def run_until(self, at_ps: int) -> None:
-        """Run the program until a moment of virtual time.
+        """Run the program until a point in virtual time.
 
         Raises:
             EmulationFault: the program did what the real chip does not tolerate.
@@ -166,7 +177,8 @@ class Cpu:
             masked = urgent is not None and self._execution.register(PRIMASK) & 1
             if urgent is not None and not masked:
                 self._enter(urgent)
-            # A window without PRIMASK may be two instructions long, so no slice may run past it.
+            # The program may clear PRIMASK for as little as two instructions. While an interrupt waits for
+            # that, a slice is therefore one instruction long.
             self._run_slice(at_ps, 1 if masked else SLICE_INSTRUCTIONS)
 
     def _urgent(self) -> int | None:
@@ -176,7 +188,7 @@ class Cpu:
         return nvic.urgent(self._execution.register(BASEPRI))
 
     def _begin(self) -> None:
-        """Reset: create new processors on the same memory."""
+        """Reset the processor: create new Unicorn instances on the same memory."""
         self._restart = False
         self._raised: BaseException | None = None
         self._event_register = False
@@ -214,7 +226,7 @@ class Cpu:
                 lambda _uc, address, _size, _: on_block(address, self.instructions + self._execution.done),
             )
         self._settle_speed()
-        # Code that was already translated still calls the old hooks.
+        # Code that Unicorn has already translated still calls the old hooks.
         self._uc.ctl_flush_tb()
 
     def _settle_speed(self) -> None:
@@ -260,7 +272,7 @@ class Cpu:
             machine.asleep, self._event_register = not self._event_register, False
 
     def _has_just_done(self, instruction: bytes) -> bool:
-        """Return whether the slice ended right after this instruction."""
+        """Return whether this instruction was the last one before the slice ended."""
         last = self._execution.address
         return self._pc == last + 2 and self._memory.read(last, 2) == instruction
 
@@ -320,7 +332,7 @@ class Cpu:
         self._execution.heed_psr()
         self._pc = pc & ~THUMB
 
-    # Callbacks during a slice; no exception may propagate through them.
+    # Callbacks during a slice. No Python exception may leave them, since native code calls them.
 
     def _on_invalid(
         self, _uc: unicorn.Uc, _access: int, address: int, _size: int, _value: int, _: Any
@@ -347,7 +359,7 @@ class Cpu:
         self._hand_over()
 
     def _drops_access(self, now_ps: int) -> bool:
-        """Advance to the moment of an access; return whether a reset came first and prevents the access."""
+        """Advance time to that of an access; return whether a reset came before and prevents the access."""
         self._pc = self._execution.address
         self._machine.advance_to(now_ps)
         if self._restart:
@@ -363,7 +375,10 @@ class Cpu:
         self._hand_over()
 
     def _on_limit(self, now_ps: int, pc: int) -> None:
-        """Process events that are due before the next instruction; the slice continues if it may."""
+        """Process events that are due before the next instruction.
+
+        The slice then continues, unless they end it.
+        """
         machine, slice_ = self._machine, self._execution
         self._pc = pc
         try:
@@ -385,7 +400,10 @@ class Cpu:
         return 0
 
     def _hand_over(self) -> None:
-        """Give the slice the machine's state; called after everything that may have changed it."""
+        """Pass the machine's state to the slice.
+
+        This is called after everything that may have changed the state.
+        """
         machine, nvic, slice_ = self._machine, self._nvic, self._execution
         slice_.next_event_ps = machine.next_event_ps
         waiting = nvic.pending & nvic.enabled

@@ -1,4 +1,4 @@
-"""A count of clock cycles that is computed when it is read, so that counting costs nothing."""
+"""A count of clock cycles that is computed only when it is read, so that counting takes no time."""
 
 from collections.abc import Callable
 
@@ -7,7 +7,7 @@ from tools.due_emulator.quick_reads import QuickRegister
 
 
 class CycleCounter:
-    """Counts cycles of a clock from a given moment; a change of the clock's rate does not disturb the count.
+    """Counts cycles of a clock from a given time on. The clock's rate may change meanwhile.
 
     `rate_hz`: returns the present rate as numerator and denominator.
     """
@@ -20,28 +20,28 @@ class CycleCounter:
         self._from_cycles = 0
 
     def restart(self, cycles: int = 0) -> None:
-        """Continue from `cycles`, at the present rate."""
+        """Set the count to `cycles`, and continue at the present rate."""
         self._from_ps = self._machine.now_ps
         self._from_cycles = cycles
         self._rate = self._rate_hz()
 
     def rate_changed(self) -> None:
-        """Keep the count when the rate changes."""
+        """Keep the present count, because the rate has just changed."""
         if self._rate_hz() != self._rate:
             self.restart(self.cycles)
 
     @property
     def cycles(self) -> int:
-        """Whole cycles until now."""
+        """Present count in whole cycles."""
         hz, divider = self._rate
         return self._from_cycles + (self._machine.now_ps - self._from_ps) * hz // (PS_PER_S * divider)
 
     def ps_until(self, cycles: int) -> int:
-        """Return the time until the count reaches `cycles` [ps]; 0 if it has."""
+        """Return the time until the count reaches `cycles` [ps]; 0 if it has reached it."""
         hz, divider = self._rate
         at_ps = self._from_ps - (-(cycles - self._from_cycles) * PS_PER_S * divider // hz)
         return max(0, at_ps - self._machine.now_ps)
 
     def lay_out(self, register: QuickRegister, period: int) -> None:
-        """Make a register show this count, which returns to 0 after each period."""
+        """Let a register that C++ reads show this count modulo `period`."""
         register.count(self._from_ps, self._from_cycles, self._rate, period)

@@ -1,10 +1,11 @@
 // The functions that Unicorn calls at each block of code, before each instruction and at each access to a
 // peripheral. They run millions of times a second, so they are not in Python. The code also chooses between
-// two processors that share one memory:
+// two Unicorn instances, called processors, that share one memory:
 //  The exact processor can stop before any instruction, and knows at each access which instruction makes it.
-//  The fast processor counts whole blocks of code, has no peripherals, and stops before what it cannot do.
-// A slice continues on the fast processor while the program computes. The results are the same as those of
-// the exact processor alone.
+//  The fast processor counts whole blocks of code, has no peripherals, and stops before an instruction that
+//  it cannot execute exactly.
+// While the program makes no access to a peripheral, a slice continues on the fast processor. The results are
+// the same as those of the exact processor alone.
 #include "execution.hpp"
 
 #include <cstring>
@@ -18,8 +19,8 @@ constexpr uint64_t kThumb = 1;
 constexpr uint32_t kEpsrThumb = 1 << 24;
 constexpr uint32_t kExceptionExit = 8;
 constexpr uint64_t kNoInterrupt = UINT64_MAX;
-// After this many instructions without an access the fast processor runs; a switch costs as much as about
-// 100.
+// After this many instructions without an access to a peripheral, the fast processor takes over. A switch
+// takes as long as about 100 instructions.
 constexpr uint64_t kCalmInstructions = 100;
 
 // Time
@@ -28,15 +29,16 @@ uint64_t time_after(const Execution& e, uint64_t instructions) {
     return e.slice_ps + instructions * kPsPerS / e.hz + e.charged_ps;
 }
 
-// Moment of the instruction that runs. When Unicorn starts again at a conditional instruction, it may not
-// call before_instruction, so an access can come before the first counted instruction of a slice.
+// Virtual time at which the present instruction began. When Unicorn starts again at a conditional
+// instruction, it may not call before_instruction, so an access can come before the first counted instruction
+// of a slice.
 uint64_t time_of_instruction(const Execution& e) {
     if (e.done) return time_after(e, e.done - 1);
     const uint64_t cycle_ps = (kPsPerS + e.hz - 1) / e.hz;
     return e.charged_ps > cycle_ps ? e.slice_ps + e.charged_ps - cycle_ps : e.slice_ps;
 }
 
-// How many instructions the slice has if nothing happens before the next event that is known.
+// The number of instructions in the slice if nothing happens before the next known event.
 uint64_t instructions_to_end(const Execution& e) {
     uint64_t longest = e.longest;
     if (e.waiting && e.done + e.waiting_instructions < longest) longest = e.done + e.waiting_instructions;
@@ -60,15 +62,15 @@ bool in_flash(const Execution& e, uint64_t address, uint64_t bytes) {
     return address >= e.flash_base && address + bytes <= e.flash_base + e.flash_bytes;
 }
 
-// Whether the halfword is UDF, SVC, BKPT, or a hint such as WFI except NOP: these end a slice, or may end it.
+// Whether the halfword is UDF, SVC, BKPT, or a hint such as WFI except NOP: these instructions end a slice,
+// or may end it.
 bool is_special(uint16_t halfword) {
     const uint16_t high = halfword >> 8;
     const bool is_hint = high == 0xBF && !(halfword & 0xF) && halfword != 0xBF00;
     return high == 0xDE || high == 0xDF || high == 0xBE || is_hint;
 }
 
-// Unicorn does not report instructions whose condition is false; these take a cycle too, so they are counted
-// here.
+// Count instructions. Unicorn does not report those whose condition is false, but they take a cycle, too.
 inline void count_silent_ones(Execution& e, void* processor, uint64_t end) {
     while (e.next < end) {
         uint16_t halfword = 0;
@@ -106,7 +108,7 @@ void describe(const Execution& e, uint64_t address, uint32_t bytes, Block& block
     if (needs.unknown()) block.needs_exact = 1;
 }
 
-// The block at an address, or null if it is not in flash, where code never changes.
+// Return the block of code at an address, or null if it is not in flash. Code in flash never changes.
 inline Block* find_block(const Execution& e, uint64_t address, uint32_t bytes) {
     if (!in_flash(e, address, bytes)) return nullptr;
     Block& block = e.blocks[(address - e.flash_base) / 2];
@@ -131,7 +133,7 @@ bool fits(const Execution& e, void* processor, const Block* block) {
            addresses_are_aligned(e, processor, *block);
 }
 
-// Why a Cortex-M3 refuses the instruction at an address, which is about to run.
+// Return why a Cortex-M3 refuses the instruction at an address that is about to run.
 uint64_t refusal_of(Execution& e, void* processor, uint64_t address) {
     uint16_t code[2] = {0, 0};
     if (in_flash(e, address, sizeof code))
@@ -151,8 +153,8 @@ uint64_t refusal_of(Execution& e, void* processor, uint64_t address) {
 
 // Accesses to peripherals
 
-// Read a register that has no side effect and whose value Python keeps in QuickReads. Returns false for all
-// others.
+// Read a register whose value Python keeps in QuickReads, if the read has no side effect. Return false for
+// all other registers.
 bool read_quickly(const Execution& e, uint64_t address, uint64_t size, uint64_t now_ps, uint64_t* value) {
     if (!e.may_be_quick || size != 4 || e.next_event_ps <= now_ps) return false;
     const QuickReads& quick = *e.quick;
@@ -184,7 +186,8 @@ uint64_t hash_of_registers(const Execution& e) {
     return hash;
 }
 
-// Whether a loop waits and does not count its turns: another read has changed, or no register has.
+// Whether a loop waits without counting its iterations. That is so if the value of another read has changed,
+// or if no processor register has changed.
 bool only_waits(Execution& e, uint64_t i) {
     if (e.recent_changes[i] != e.changes) return true;
     const uint64_t hash = hash_of_registers(e);
@@ -193,7 +196,7 @@ bool only_waits(Execution& e, uint64_t i) {
     return same;
 }
 
-// Advance time at a read that is a poll; see POLL_PCS in execution.py.
+// Advance time if a read is a poll (a read by which the program waits); see POLL_PCS in execution.py.
 void charge_read(Execution& e, uint64_t value, uint64_t now_ps) {
     uint64_t i = 0;
     while (i < e.recent_count && e.recent_pcs[i] != e.address) ++i;
@@ -214,7 +217,7 @@ void charge_read(Execution& e, uint64_t value, uint64_t now_ps) {
     e.recent_changes[i] = e.changes;
 }
 
-// Make an access at its exact moment. The slice ends right after the access if an event is due then.
+// Make an access at its exact time. If an event is due after the access, the slice ends there.
 uint64_t access(Execution& e, uint64_t address, uint64_t size, const uint64_t* written) {
     if (e.dead) return 0;
     e.calm = 0;
@@ -230,13 +233,13 @@ uint64_t access(Execution& e, uint64_t address, uint64_t size, const uint64_t* w
         e.limit = 0;
         return 0;
     }
-    // A read that starts something is no poll: the code that follows may have little time.
+    // A read that starts an action is no poll, because the code after it may have little time.
     if (written || e.next_event_ps != next_event_ps)
         e.recent_count = 0;
     else if (!e.dropped)
         charge_read(e, value, now_ps);
     e.charged_ps += e.access_cycles * kPsPerS / e.hz;
-    // Events during the access need not end the slice: often a poll waits for just these events.
+    // Events during the access need not end the slice, because often a poll waits for just these events.
     const uint64_t end_ps = time_of_instruction(e);
     // A change of BASEPRI, which Unicorn does not report, may have enabled a waiting interrupt.
     if (e.next_event_ps <= end_ps || e.waiting) e.on_events(end_ps);
@@ -244,7 +247,7 @@ uint64_t access(Execution& e, uint64_t address, uint64_t size, const uint64_t* w
     return value;
 }
 
-// Code in RAM runs on the exact processor only, which does not notice when the fast one overwrites it.
+// Note code in RAM. Only the exact processor runs it, and does not notice if the fast one overwrites it.
 void note_code_elsewhere(Execution& e, uint64_t address, uint64_t bytes) {
     if (e.code_begin == e.code_end) e.code_begin = e.code_end = address;
     if (address < e.code_begin) e.code_begin = address;
@@ -252,15 +255,16 @@ void note_code_elsewhere(Execution& e, uint64_t address, uint64_t bytes) {
     if (e.code_end - e.code_begin > kCodeBytes) e.may_be_fast = 0;
 }
 
-// A jump to an address without bit 0 takes a processor out of Thumb state; starting it again would hide that.
+// Refuse a jump to an address without bit 0, which takes a processor out of Thumb state. Starting the
+// processor again would hide that.
 void check_thumb(Execution& e, void* processor) {
     uint32_t epsr = 0;
     e.reg_read(processor, static_cast<int>(e.epsr_register), &epsr);
     if (!(epsr & kEpsrThumb)) e.refusal = kNotThumb;
 }
 
-// Run blocks with the fast processor from the state of the exact one, and then give the exact one the new
-// state.
+// Run blocks with the fast processor, starting from the state of the exact processor, and then copy the new
+// state to the exact processor.
 void run_fast(Execution& e, uint64_t pc) {
     uint8_t code[kCodeBytes], code_now[kCodeBytes];
     const size_t code_bytes = e.code_end - e.code_begin;
@@ -272,7 +276,8 @@ void run_fast(Execution& e, uint64_t pc) {
     check_thumb(e, e.fast);
     const bool is_cut_off = error || (e.interrupt != kNoInterrupt && e.interrupt != kExceptionExit);
     if (is_cut_off && e.refusal != kNotThumb && e.fast_block != kNowhere) {
-        // The exact processor repeats this instruction, to report what it does.
+        // The exact processor repeats the instruction at which the fast one stopped, and reports what it
+        // does.
         Block& block = e.blocks[(e.fast_block - e.flash_base) / 2];
         uint32_t stopped_at = 0;
         e.reg_read(e.fast, static_cast<int>(e.pc_register), &stopped_at);
@@ -285,7 +290,8 @@ void run_fast(Execution& e, uint64_t pc) {
     }
     e.context_save(e.fast, e.context);
     e.context_restore(e.exact, e.context);
-    // A context holds pointers into its processor, so the fast one gets back its own.
+    // A saved context contains pointers into the processor that it came from, so the fast processor gets its
+    // own context back.
     e.context_restore(e.fast, e.fresh);
     if (code_bytes) {
         e.mem_read(e.exact, e.code_begin, code_now, code_bytes);
@@ -366,7 +372,7 @@ void write_peripheral(void*, uint64_t offset, unsigned size, uint64_t value, voi
     access(*space.execution, space.base + offset, size, &value);
 }
 
-// Run from an address until something ends the slice. Returns Unicorn's error, or 0.
+// Run from an address until something ends the slice. Return Unicorn's error, or 0.
 int run(Execution* execution, uint64_t pc) {
     Execution& e = *execution;
     const uint64_t to_end = instructions_to_end(e);

@@ -29,16 +29,18 @@ struct QuickReads {
     QuickRegister registers[16];
 };
 
-// Facts about a block of code in flash; stored by the block's first halfword.
+// Facts about a block of code in flash. They are stored in a table with one entry for each halfword of flash,
+// at the entry of the halfword where the block begins.
 struct Block {
     uint16_t bytes;
     uint16_t instructions;
-    uint16_t aligned;  // bit i: register i must hold a multiple of 4, or the exact processor runs this block
+    // bit i is set: unless register i holds a multiple of 4, the exact processor must run this block
+    uint16_t aligned;
     uint8_t needs_exact;
 };
 
 constexpr size_t kPollPcs = 8;
-constexpr int kRegisters = 13;  // r0 to r12, in which a loop may count its turns
+constexpr int kRegisters = 13;  // r0 to r12, in which a loop may count its iterations
 constexpr int kNumbers = 16;
 constexpr size_t kCodeBytes = 4096;
 

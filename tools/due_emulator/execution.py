@@ -1,4 +1,6 @@
-"""Runs slices of a program in C++; `execution.cpp` explains how.
+"""Runs slices of a program, which are runs of instructions without an exception, in C++.
+
+`execution.cpp` explains how.
 
 The structs match those of `execution.hpp`.
 """
@@ -26,27 +28,28 @@ SOURCE = Path(__file__).with_suffix(".cpp")
 FOLDER = Path(__file__).parents[2] / "build" / "due_emulator"
 COMMAND = ("c++", "-std=c++11", "-O2", "-fPIC", "-shared", "-Wall", "-Wextra", "-Wconversion", "-Werror")
 NOWHERE = 1
-"""An address that no instruction has, since it is odd."""
+"""An address at which no instruction can be, since it is odd."""
 NO_INTERRUPT = (1 << 64) - 1
 ACCESS_CYCLES = 4
-"""Cost of an access to a peripheral over the bridge [cycles]; a round number."""
+"""Duration of an access to a peripheral through the bus bridge [cycles]: a round number."""
 WAITING_INSTRUCTIONS = 200
-"""Longest run [instructions] while an interrupt waits for its priority; 2.4 us at 84 MHz.
+"""Longest slice [instructions] while the priority of an interrupt keeps it waiting; 2.4 us at 84 MHz.
 
 A change of BASEPRI may enable the interrupt at any instruction, and Unicorn does not report the change.
 """
 POLL_PCS = 8
 POLL_NEAR_PS = 25_000_000
 POLL_STEP_PS = 10_000_000
-"""Rules of polls: a read that waits, so that time may be skipped.
+"""Constants of the rules for polls: reads by which the program waits, so that time may be skipped.
 
 A read is a poll if the same instruction was among the last few reads, nothing was written since, and the
 value is the same. After a poll, time jumps to the next event if the event is near, within about the time of a
-byte on a wire. Otherwise time advances by 10 us. So waiting is cheap to emulate, and no event on a wire is
-delayed.
+byte on a wire. Otherwise time advances by 10 us. Waiting is therefore cheap to emulate, and no event on a
+wire is delayed.
 
-A loop that counts its turns is no poll, because its count would then stand for more time. Its registers
-change from turn to turn, although no value that it has read did.
+A read in a loop that counts its iterations is no poll, because each count would then stand for more time.
+Such a loop is recognised because its registers change between iterations, although no value that was read
+changed.
 """
 NUMBERS = 16
 MOST_AT_ONCE = 8
@@ -63,7 +66,7 @@ REASONS = {
     unicorn.UC_ERR_READ_UNALIGNED: "unaligned read",
     unicorn.UC_ERR_WRITE_UNALIGNED: "unaligned write",
 }
-"""Meaning of Unicorn's errors for a program."""
+"""What Unicorn's errors mean for the emulated program."""
 STOPS = {
     2: "SVC instruction: not modelled",
     3: "jump to where no code may be",
@@ -71,7 +74,7 @@ STOPS = {
     7: "BKPT instruction: not modelled",
     17: "instruction of a coprocessor or floating-point unit, which the Cortex-M3 has not",
 }
-"""Meaning of the exceptions for which Unicorn stops, by number."""
+"""Causes of the exceptions at which Unicorn stops, by exception number."""
 
 REFUSALS = (
     "",
@@ -91,7 +94,11 @@ UNICORN = ("mem_read", "emu_start", "emu_stop", "reg_read", "context_save", "con
 
 
 class Block(ctypes.Structure):
-    """Facts about a block of code, stored by the halfword of flash at which the block begins."""
+    """Facts about a block of code.
+
+    They are stored in a table with one entry for each halfword of flash, at the entry of the halfword where
+    the block begins.
+    """
 
     _fields_ = (
         ("bytes", ctypes.c_uint16),
@@ -102,7 +109,7 @@ class Block(ctypes.Structure):
 
 
 class Space(ctypes.Structure):
-    """Destination of the accesses to a range of addresses."""
+    """A range of addresses, and the functions that handle accesses to it."""
 
     _fields_ = (("execution", ctypes.c_void_p), ("base", ctypes.c_uint64))
 
@@ -176,7 +183,7 @@ class Execution(ctypes.Structure):
         on_events: Callable[[int], None],
         on_limit: Callable[[int, int], None],
     ) -> None:
-        """Set the functions that are called during a slice with the moment in virtual time [ps].
+        """Set the functions that are called during a slice; `now_ps` is the virtual time [ps].
 
         `on_read(now_ps, address, bytes)`, `on_write(now_ps, address, bytes, value)`: accesses to peripherals.
         `on_events(now_ps)`: events are due after an access. `on_limit(now_ps, pc)`: the limit is reached
@@ -198,7 +205,7 @@ class Execution(ctypes.Structure):
         self._flush_control = unicorn.UC_CTL_TB_FLUSH | unicorn.UC_CTL_IO_WRITE << 30
         for name in UNICORN:
             setattr(self, f"_{name}", _address_of(getattr(uclib, f"uc_{name}")))
-        # Unicorn's Python functions for registers take ten times as long.
+        # Unicorn's Python functions for registers would take ten times as long as these direct calls.
         self._values = (ctypes.c_uint32 * MOST_AT_ONCE)()
         self._first_at = ctypes.byref(self._values)
         places = (ctypes.addressof(self._values) + 4 * i for i in range(MOST_AT_ONCE))
@@ -207,7 +214,10 @@ class Execution(ctypes.Structure):
         self.breakpoint = NOWHERE
 
     def attach(self, exact: unicorn.Uc, fast: unicorn.Uc, peripherals: dict[int, int]) -> None:
-        """Run on these processors, both new and with the same memory; `peripherals`: base and size."""
+        """Use these Unicorn instances, which are new and have the same memory.
+
+        `peripherals`: size of each range of peripherals, by base address.
+        """
         self.forget_reads()
         self._calm = self._code_begin = self._code_end = self.dead = 0
         self._block_table = (Block * (FLASH_BYTES // 2))()
@@ -245,7 +255,7 @@ class Execution(ctypes.Structure):
         )
 
     def forget_reads(self) -> None:
-        """Forget earlier reads, so that the next read is no poll."""
+        """Forget earlier reads, so that the next read does not count as a poll."""
         self._recent_count = 0
 
     def begin(self, slice_ps: int, hz: int, until_ps: int, longest: int) -> None:
@@ -256,33 +266,33 @@ class Execution(ctypes.Structure):
         self.dropped = self.refusal = 0
 
     def begin_again(self, slice_ps: int) -> None:
-        """Start the next slice before an instruction, without leaving the present one."""
+        """Turn the rest of the present slice into a new slice, without leaving the native code."""
         self.done, self.slice_ps, self.charged_ps = 0, slice_ps, 0
 
     def run(self, pc: int) -> int:
-        """Set several registers, in the order of `numbers`."""
+        """Run from address `pc` until something ends the slice; return Unicorn's error, or 0."""
         return int(self._library.run(ctypes.byref(self), ctypes.c_uint64(pc)))
 
     def register(self, number: int) -> int:
-        """Return a register of the processor, by Unicorn's number."""
+        """Return the value of a register of the processor, given Unicorn's number of it."""
         uclib.uc_reg_read(self._exact, number, self._first_at)
         return self._values[0]
 
     def registers(self, numbers: RegisterNumbers) -> list[int]:
-        """Return several registers."""
+        """Return the values of several registers."""
         uclib.uc_reg_read_batch(self._exact, numbers, self._values_at, len(numbers))
         return self._values[: len(numbers)]
 
     def set_registers(self, numbers: RegisterNumbers, values: Sequence[int]) -> None:
-        """Return why the processor refused the instruction that ended the slice."""
+        """Set several registers, in the order of `numbers`."""
         self._values[: len(values)] = list(values)
         uclib.uc_reg_write_batch(self._exact, numbers, self._values_at, len(numbers))
 
     def heed_psr(self) -> None:
         """Make the processor notice that XPSR was set.
 
-        Unicorn keeps a copy of whether a handler runs, by which it recognises a return from an exception. It
-        updates this copy only when CPSR is set.
+        Unicorn stores separately whether a handler runs, and recognises a return from an exception by that.
+        It updates this state only when CPSR is set.
         """
         uclib.uc_reg_read(self._exact, arm_const.UC_ARM_REG_CPSR, self._first_at)
         uclib.uc_reg_write(self._exact, arm_const.UC_ARM_REG_CPSR, self._first_at)
@@ -292,7 +302,7 @@ class Execution(ctypes.Structure):
         return REFUSALS[self.refusal].format(self.refused_value)
 
     def time_after(self, instructions: int) -> int:
-        """Return the moment after a number of instructions of the slice [ps]."""
+        """Return the virtual time [ps] after the first `instructions` instructions of the slice."""
         return int(self.slice_ps + instructions * PS_PER_S // self.hz + self.charged_ps)
 
 
@@ -303,7 +313,7 @@ def _check(error: int) -> None:
 
 @cache
 def _library() -> ctypes.CDLL:
-    """Another process may do the same at this moment, so the finished file is renamed into place."""
+    """Load the native library; compile it first if its sources or the command have changed."""
     text = b"".join(map(Path.read_bytes, sorted(SOURCE.parent.glob("*.[ch]pp")))) + " ".join(COMMAND).encode()
     version = hashlib.sha256(text).hexdigest()[:16]
     library = FOLDER / f"{SOURCE.stem}-{version}.so"

@@ -1,4 +1,4 @@
-"""Faults of sensor, wires, supply and host: what happens to the board, and when.
+"""Faults of sensor, wires, supply and host: their kinds, and how they are scheduled.
 
 Each fault is given as a text such as `sda_stuck at=2.0 clocks=5`. Times are seconds of virtual time since
 power-up.
@@ -30,13 +30,17 @@ Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
 class _Fault(
     msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", kw_only=True, rename=NAMES
 ):
-    """A fault. `at_s`: when it begins [s of virtual time]."""
+    """Base class of the faults. `at_s`: time at which the fault begins [s of virtual time]."""
 
     at_s: Time = 0.0
 
 
 class SdaStuck(_Fault, frozen=True, tag="sda_stuck"):
-    """The sensor holds SDA low until it sees `clocks` rising edges of SCL; 0: for `for_s`, or forever."""
+    """The sensor holds SDA low.
+
+    If `clocks` is not 0, it releases SDA after that many rising edges of SCL, otherwise after `for_s`, or
+    never if that is 0.
+    """
 
     clocks: Count = 0
     for_s: Time = 0.0
@@ -47,13 +51,13 @@ class SdaStuck(_Fault, frozen=True, tag="sda_stuck"):
 
 
 class SclStuck(_Fault, frozen=True, tag="scl_stuck"):
-    """SCL is held low for `for_s`; 0: forever."""
+    """SCL is held low for `for_s`, or forever if `for_s` is 0."""
 
     for_s: Time = 0.0
 
 
 class NackBurst(_Fault, frozen=True, tag="nack_burst"):
-    """The next `count` bytes, or all bytes for `for_s`, are not acknowledged."""
+    """The sensor does not acknowledge the next `count` bytes, or any byte for `for_s`."""
 
     count: Count = 0
     for_s: Time = 0.0
@@ -66,16 +70,17 @@ class NackBurst(_Fault, frozen=True, tag="nack_burst"):
 class StaleByte(_Fault, frozen=True, tag="stale_byte"):
     """After each of the next `count` complete reads, an extra byte stays in the TWI's RHR.
 
-    The next read that does not drain RHR takes the extra byte as its first byte.
+    If the program does not empty RHR before the next read, it takes the extra byte for the first byte of that
+    read.
     """
 
     count: Annotated[int, msgspec.Meta(ge=1)] = 1
 
 
 class Unplug(_Fault, frozen=True, tag="unplug"):
-    """The sensor is unplugged for `for_s` (0: forever); it comes back with reset values.
+    """The sensor is unplugged for `for_s` (0: forever); when it is plugged in again, it has its reset values.
 
-    `who_am_i`: another sensor is plugged in instead.
+    `who_am_i`: identification of another sensor that is plugged in instead.
     """
 
     for_s: Time = 0.0
@@ -83,23 +88,29 @@ class Unplug(_Fault, frozen=True, tag="unplug"):
 
 
 class Clone(_Fault, frozen=True, tag="clone"):
-    """The sensor is replaced by one with another WHO_AM_I, which powers up; at_s = 0: from the beginning."""
+    """The sensor is replaced by a clone with another WHO_AM_I.
+
+    The clone starts as after power-up. If `at_s` is 0, it is on the board from the beginning.
+    """
 
     who_am_i: Byte
 
 
 class BrownOut(_Fault, frozen=True, tag="brown_out"):
-    """The supply of one part sags.
+    """The supply voltage of one part sags.
 
-    sensor: its registers fall back to reset values while it keeps running. board: it restarts with random
-    contents in RAM.
+    sensor: its registers get their reset values while it keeps running. board: the processor restarts with
+    random contents of RAM.
     """
 
     part: Literal["sensor", "board"] = "sensor"
 
 
 class UartLoss(_Fault, frozen=True, tag="uart_loss"):
-    """The next `count` bytes are lost, or each byte for `for_s` with this `probability`."""
+    """Bytes of the serial port are lost.
+
+    The next `count` bytes are lost, or for `for_s` each byte with this `probability`.
+    """
 
     count: Count = 0
     probability: Share = 0.0
@@ -112,13 +123,16 @@ class UartLoss(_Fault, frozen=True, tag="uart_loss"):
 
 
 class HostStopsReading(_Fault, frozen=True, tag="host_stops_reading"):
-    """The host reads nothing from the port for `for_s`."""
+    """The host reads nothing from the serial port for `for_s`."""
 
     for_s: SomeTime
 
 
 class SensorClock(_Fault, frozen=True, tag="sensor_clock"):
-    """The sensor's clock becomes `percent` (or `ppm`) faster; below 0: slower; 0: correct again."""
+    """The sensor's clock becomes wrong by `percent` (or `ppm`): too fast if positive, too slow if negative.
+
+    0 makes the clock correct again.
+    """
 
     percent: float = 0.0
     ppm: float = 0.0
@@ -136,7 +150,10 @@ class SensorClock(_Fault, frozen=True, tag="sensor_clock"):
 
 
 class WatchdogStarvation(_Fault, frozen=True, tag="watchdog_starvation"):
-    """The program hangs for `for_s` with its interrupts waiting; the watchdog, if on, resets the board."""
+    """The program hangs for `for_s`, and interrupts stay pending.
+
+    The watchdog, if it is on, resets the board.
+    """
 
     for_s: SomeTime
 
@@ -163,7 +180,7 @@ KINDS: dict[str, type[_Fault]] = {str(kind.__struct_config__.tag): kind for kind
 
 
 def never_happened(faults: Sequence[Fault], now_s: float) -> list[str]:
-    """Return a remark on each fault whose moment did not come."""
+    """Return a remark on each fault that did not begin, because the run ended before."""
     return [
         f"{fault.__struct_config__.tag} at {fault.at_s:g} s did not happen: the run ended at {now_s:g} s"
         for fault in faults
@@ -185,7 +202,7 @@ def parse_fault(text: str) -> Fault:
             raise UsageError(f"--fault {text}: '{pair}' is not KEY=VALUE, such as at=2.0.")
         if key in settings:
             raise UsageError(f"--fault {text}: {key} is given twice.")
-        # Only numbers in hex are converted here; msgspec converts everything else.
+        # Only hexadecimal numbers are converted here; msgspec converts all other values.
         settings[key] = int(value, 16) if re.fullmatch("0x[0-9a-fA-F]+", value) else value
     try:
         found: Fault = msgspec.convert(settings, Fault, strict=False)
@@ -206,7 +223,7 @@ def schedule_faults(board: Board, faults: Sequence[Fault]) -> None:
 
 
 def _apply(fault: Fault, board: Board) -> None:
-    """Apply a fault now."""
+    """Begin a fault now."""
     lines, socket, bridge = board.lines, board.socket, board.bridge
 
     def later(for_s: float, action: Callable[[], None]) -> None:

@@ -13,23 +13,26 @@ KEY = 0x5A
 GET_DESCRIPTOR, GET_GPNVM, START_ID, STOP_ID = 0x00, 0x0D, 0x0E, 0x0F
 FRDY, FCMDE = 1, 2
 COMMAND_PS = 10 * PS_PER_US
-"""Duration of a command; a round number."""
+"""Duration of a command of the controller: a round number."""
 FASTEST_HZ = (19_000_000, 34_000_000, 53_000_000, 78_000_000, 90_000_000)
-"""Highest master clock for each number of wait states: the lower value of two sources.
+"""Highest master clock for each number of wait states, from 0 up. Each is the lower value of two sources.
 
 Datasheet 45.9 at VDDCORE 1.8 V has 19, 50, 64, 80 and 90 MHz for 0 to 4 wait states. The vendor's header
 sam3x8e.h (CHIP_FREQ_FWS_0 to 3) has 22.5, 34, 53 and 78 MHz.
 """
 BOOT_FROM_FLASH = 0b010
-"""GPNVM bit 1: without it the ROM would start (datasheet 11.2)."""
+"""GPNVM bit 1. If it is not set, the chip starts the program in ROM (datasheet 11.2)."""
 DESCRIPTOR = (0x000F_0950, BANK_BYTES, 256, 1, BANK_BYTES, 16, *[BANK_BYTES // 16] * 16)
-"""FL_ID (from memory), size, page size, planes, bytes of the plane, locks, bytes of each lock."""
+"""Words of the flash descriptor: FL_ID (not checked in a document), size, page size, number of planes, size
+of the plane, number of lock regions, size of each region [bytes].
+"""
 
 
 class FlashController(Peripheral):
     """One of the two controllers with its bank of flash.
 
-    `uid`: the chip's 16 bytes, which replace the bank's contents between STUI and SPUI.
+    `uid`: the chip's unique identifier of 16 bytes, which replaces the bank's contents between the commands
+    STUI and SPUI.
     """
 
     def __init__(self, machine: Machine, number: int, memory: Memory, uid: bytes) -> None:
@@ -38,13 +41,13 @@ class FlashController(Peripheral):
         self._uid = uid
         self._start = number * BANK_BYTES
         self.pc: Callable[[], int] = lambda: 0
-        """Returns the address of the instruction that runs."""
+        """Function that returns the address of the present instruction."""
         self._results: list[int] = []
         self._event: Alarm | None = None
         self._hidden: bytes | None = None
 
     def reset(self) -> None:
-        """Reset: no wait states, and the flash is readable."""
+        """Reset the controller: there are no wait states, and the flash is readable."""
         if self._event is not None:
             self._event.cancel()
         self._show_flash()
@@ -53,14 +56,14 @@ class FlashController(Peripheral):
 
     @property
     def shows_id(self) -> bool:
-        """Whether reads of the bank give the unique identifier."""
+        """Whether reads of the bank of flash return the unique identifier."""
         return self._hidden is not None
 
     def _holds(self, address: int) -> bool:
         return FLASH_BASE + self._start <= address < FLASH_BASE + self._start + BANK_BYTES
 
     def check(self, mck_hz: int) -> None:
-        """End the run if there are too few wait states for a master clock."""
+        """End the run if the flash has too few wait states for this master clock."""
         fws = self.field("FMR", "FWS")
         fastest = FASTEST_HZ[min(fws, len(FASTEST_HZ) - 1)]
         if mck_hz > fastest:
@@ -70,7 +73,10 @@ class FlashController(Peripheral):
             )
 
     def on_read(self, register: str) -> int:
-        """A read clears FSR's error flags; reads of FRR give the words of the result one after another."""
+        """Read a register. A read of FSR clears its error flags.
+
+        Reads of FRR return the words of the result in order.
+        """
         value = self.registers[register]
         if register == "FSR":
             self.registers["FSR"] &= FRDY
@@ -118,7 +124,8 @@ class FlashController(Peripheral):
             self.machine.fault(f"{self.name}: STUI by code in the flash that it hides: run it from RAM")
         if not self.field("FMR", "SCOD"):
             self.machine.fault(f"{self.name}: STUI without FMR.SCOD: the erratum says that it reads wrongly")
-        # FRDY stays 0 until SPUI: the datasheet (18.4.3.8) says that it falls, and rises after SPUI.
+        # FRDY stays 0 until SPUI. The datasheet (18.4.3.8) says that FRDY falls at STUI, and rises after
+        # SPUI.
         self.flag("FSR", FRDY, False)
         end = self._start + BANK_BYTES
         self._hidden = self._memory.flash[self._start : end]
@@ -134,7 +141,7 @@ class FlashController(Peripheral):
         self._event = self.machine.schedule(delay_ps, lambda: self.flag("FSR", flag, True))
 
     def settle_irq(self) -> None:
-        """Raise the interrupt line while the controller is ready and FMR enables the interrupt."""
+        """Request the interrupt while the controller is ready and FMR enables the interrupt."""
         assert self.table.irq is not None
         ready = self.registers["FSR"] & self.registers["FMR"] & FRDY
         self.machine.set_irq(self.table.irq, bool(ready))

@@ -1,4 +1,7 @@
-"""Counts a program's instructions by function, and by phase with all functions that the phase calls."""
+"""Counts a program's instructions by function, and by phase.
+
+A phase is a function together with all functions that it calls.
+"""
 
 import bisect
 import subprocess
@@ -16,7 +19,7 @@ ELSEWHERE = "(no function)"
 def functions_of(elf: Path) -> dict[int, str]:
     """Return the names of a linked program's functions by address.
 
-    Of several names at one address it takes the one by which compiled code calls the function.
+    If an address has several names, the result has the name by which compiled code calls the function.
 
     Raises:
         FileNotFoundError: arm-none-eabi-nm is not installed (Debian: binutils-arm-none-eabi).
@@ -30,12 +33,12 @@ def functions_of(elf: Path) -> dict[int, str]:
 
 
 class Profile:
-    """Counts instructions by function and by phase within a `with` block, which slows the board down.
+    """Counts instructions by function and by phase within a `with` block. This makes the emulation slower.
 
     `functions`: names by address. A function extends to the next one; if code runs into the next function
     without a jump, its instructions count for the first function until the next jump. `phases`: names of
-    functions. A phase lasts from a call of its function to the return, without other phases that it calls and
-    without interrupts. A function that the compiler has inlined cannot be a phase.
+    functions. A phase lasts from a call of its function to the return. Interrupts and other phases that it
+    calls do not count for it. A function that the compiler has inlined cannot be a phase.
 
     Raises:
         ValueError: the program has no function with a phase's name.
@@ -55,7 +58,9 @@ class Profile:
         self._names = [functions[address] for address in self._begins]
         self._phases = {address: name for address, name in functions.items() if name in phases}
         self._calls: dict[int, list[tuple[str, int]]] = {}
-        """By number of active exceptions: running phases, innermost last, and their return addresses."""
+        """The running phases with their return addresses, the innermost phase last, by number of active
+        exceptions.
+        """
         self._function = ELSEWHERE
         self._phase: str | None = None
         self._counted = 0
@@ -77,15 +82,18 @@ class Profile:
             running.pop()
         if address in self._phases:
             call = (self._phases[address], self._cpu.return_address)
-            # A block that was interrupted before its first instruction begins a second time, and so does a
-            # loop.
+            # The same call can be seen twice: a block that was interrupted before its first instruction
+            # begins again, and so does a loop.
             if running[-1:] != [call]:
                 running.append(call)
                 self.calls[call[0]] += 1
         self._phase = running[-1][0] if running else None
 
     def _attribute(self, instructions: int) -> None:
-        """Add the instructions since the last call to the function and phase that were running."""
+        """Add the latest instructions to the function and phase that were running.
+
+        They are those since the last call of this method.
+        """
         ran = instructions - self._counted
         self._counted = instructions
         if ran:

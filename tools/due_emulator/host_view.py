@@ -1,4 +1,4 @@
-"""What a host makes of the bytes: fltea's own decoder and continuity check, frame by frame."""
+"""Decode the bytes from the board as the host does: with fltea's own decoder and sequence tracker."""
 
 from typing import Any
 
@@ -16,13 +16,13 @@ from tools.due_emulator.machine import PS_PER_S, PS_PER_US
 from tools.due_emulator.reset_controller import ResetType
 
 CHUNK_BYTES = 64
-"""Number of bytes without an end of frame that are passed on together."""
+"""Number of bytes after which they are decoded even if no frame has ended."""
 MAX_GAP = 1 << 30
-"""No gap is too long to be counted as one."""
+"""Limit of a gap, so large that every gap is counted as a gap."""
 
 
 class HostView:
-    """Receives bytes as they arrive and keeps counts, which need no more memory in a longer run."""
+    """Receives bytes as they arrive, and keeps counts. A longer run needs no more memory."""
 
     def __init__(self, board: Board) -> None:
         self.board = board
@@ -34,18 +34,18 @@ class HostView:
         self.hello_count = self.boot_count = 0
         """Number of HELLOs received, and number of boots that sent one."""
         self.statuses: list[wire.Status] = []
-        """The last STATUS of each boot that sent one."""
+        """The last STATUS message of each boot that sent one."""
         self.faults: list[tuple[str, int]] = []
-        """Name of the code and detail of each FAULT."""
+        """Name of the fault code, and detail, of each FAULT message."""
         self.fault_texts: list[str] = []
         self.refused: str | None = None
         self.flags: dict[str, int] = {}
-        """Number of samples with each flag."""
+        """Number of samples that had a flag set, by the flag's name."""
         self.min_step_us: int | None = None
         self.max_step_us: int | None = None
         self._steps = self._steps_us = 0
         self._last: tuple[int, int] | None = None
-        """Number and time of the last sample, unwrapped."""
+        """Sequence number and device time of the last sample, both without wraps."""
         self._block = bytearray()
         self._new_boot = True
         BusWatch(board, self.on_burst)
@@ -57,8 +57,8 @@ class HostView:
         return self.board.machine.now_ps
 
     def take(self, byte: int) -> bool:
-        """Receive one byte; always returns True, since it is always accepted."""
-        # A frame is complete with its last byte, the only byte that is 0.
+        """Receive one byte; return True, since every byte is accepted."""
+        # A frame ends with its only byte that is 0.
         self._block.append(byte)
         if not byte or len(self._block) >= CHUNK_BYTES:
             data, self._block = bytes(self._block), bytearray()
@@ -66,7 +66,10 @@ class HostView:
         return True
 
     def stop(self) -> None:
-        """Note the present time as the end of the running boot, until the boot continues."""
+        """Store the present time as the end of the present boot.
+
+        If the boot continues, a later call replaces it.
+        """
         self.boots[-1].ended_ps = self.now_ps
 
     @property
@@ -76,7 +79,7 @@ class HostView:
 
     @property
     def rate_hz(self) -> float | None:
-        """Samples per second of the device's own clock, including lost ones; None before two samples."""
+        """Samples per second of the device's own clock, including lost samples; None before two samples."""
         return self._steps / self._steps_us * 1e6 if self._steps_us else None
 
     def on_data(self, data: bytes) -> None:
@@ -114,7 +117,7 @@ class HostView:
                 self.fault_texts.append(text)
 
     def on_burst(self, burst: Burst) -> None:
-        """Note that the board begins to read the sensor's data."""
+        """Handle the moment at which the board begins to read the sensor's data."""
         boot = self.boots[-1]
         boot.first_ps = burst.at_ps if boot.first_ps is None else boot.first_ps
 
@@ -145,18 +148,18 @@ class HostView:
 
     @property
     def counts(self) -> SampleStats:
-        """Numbers of samples delivered, lost and so on."""
+        """Counts of delivered, lost and rejected samples."""
         return self._decoder.counts
 
     @property
     def due(self) -> int | None:
-        """Number of instants due by the timer; None if the sensor's clock or another program decides."""
+        """Number of samples that the board's timer demanded; None if no timer on the board sets the times."""
         timer = self.hello is not None and self.hello.sampling_mode == wire.SamplingMode.TIMER
         return sum(boot.due for boot in self.boots) if timer else None
 
 
 def plain(message: wire.Message | None) -> dict[str, Any] | None:
-    """Return a message's fields as JSON can hold them, with bytes in hex."""
+    """Return a message's fields in a form that JSON can hold; bytes become hexadecimal text."""
     if message is None:
         return None
     return {

@@ -1,8 +1,10 @@
-"""SDA and SCL between the Due and the sensor: which side holds which wire low, edge by edge for bit-banging.
+"""The wires SDA and SCL between the Due and the sensor, and which side holds which wire low.
+
+For a program that bit-bangs, every edge is modelled.
 
 For speed the TWI transfers whole bytes; its clock edges are not on the wires. If the TWI is cut off within a
-byte, the sensor stays in the middle of that byte, holds SDA low if its bit is a 0, and lets go only when it
-is clocked further (NXP UM10204, 3.1.16).
+byte, the sensor stays in the middle of that byte, holds SDA low if its present bit is a 0, and releases SDA
+only after further clock edges (NXP UM10204, 3.1.16).
 """
 
 from enum import Enum, auto
@@ -18,7 +20,7 @@ SHORTEST_PERIOD_PS = round(1e12 / (FASTEST_HZ * (1 + TOLERANCE)))
 
 
 class Phase(Enum):
-    """What the sensor expects next."""
+    """What the sensor expects next on the bus."""
 
     IDLE = auto()
     ADDRESS = auto()
@@ -27,9 +29,9 @@ class Phase(Enum):
     IGNORE = auto()
 
 
-# Over 12 attributes: each is one line, or one state of the transfer on the two lines.
+# Over 12 attributes: each is one wire, or one state of the transfer on the two wires.
 class I2cLines:
-    """The two wires with the sensor at one end; without a socket, two wires with pull-ups and nothing else.
+    """The two wires with the sensor at one end. If `socket` is None, there is no sensor, only pull-ups.
 
     SDA is the wire `sda`, SCL the wire `scl`; the PIO drives them like any other wire.
     """
@@ -44,7 +46,8 @@ class I2cLines:
         self.sda.listen(self._on_sda)
         self.scl.listen(self._on_scl)
         self.clocks_without_stop = 0
-        """Number of rising edges of SCL since the last STOP: a program that bit-bangs must end with a STOP.
+        """Number of rising edges of SCL since the last STOP. A program that bit-bangs must end with a
+        STOP.
         """
         self.recovery_clocks = 0
         """Total number of rising edges of SCL."""
@@ -56,10 +59,13 @@ class I2cLines:
         self._stuck_clocks = 0
         self._sensor_moves = False
 
-    # Transfers of the TWI
+    # Transfers by the controller TWI, in whole bytes
 
     def take(self, controller: str) -> None:
-        """Begin a transfer by a controller; ends the run if the program's own clocks lack a STOP."""
+        """Let a controller begin a transfer.
+
+        The run ends with an error if the program clocked the wires itself before, and no STOP followed.
+        """
         if self.clocks_without_stop:
             self.machine.fault(
                 f"{controller} starts after {self.clocks_without_stop} clocks by PIO that no STOP ended: "
@@ -69,24 +75,24 @@ class I2cLines:
         self._hold(False)
 
     def start(self, address: int, read: bool) -> bool:
-        """Send START and address by a controller; return whether the sensor acknowledges."""
+        """Let the controller send START and an address; return whether the sensor acknowledges."""
         return self.socket is not None and self.socket.start(address, read)
 
     def write(self, byte: int) -> bool:
-        """Write a byte by a controller; return whether the sensor acknowledges."""
+        """Let the controller write a byte; return whether the sensor acknowledges."""
         return self.socket is not None and self.socket.write(byte)
 
     def read(self, ack: bool) -> int:
-        """Read a byte by a controller."""
+        """Let the controller read a byte."""
         return self.socket.read(ack) if self.socket is not None else 0xFF
 
     def stop(self) -> None:
-        """Send STOP by a controller."""
+        """Let the controller send STOP."""
         if self.socket is not None:
             self.socket.stop()
 
     def cut_off(self, sending: bool, byte: int, bits: int) -> None:
-        """Handle a controller that vanished with SCL high, after `bits` (0 to 7) whole bits of a byte.
+        """Continue after a controller stopped within a byte, with SCL high, after `bits` (0 to 7) whole bits.
 
         A sensor that was sending holds SDA low as long as its present bit is a 0.
         """
@@ -97,7 +103,7 @@ class I2cLines:
         self._bits = bits + 1
         self._hold(sending and not byte >> (7 - bits) & 1)
 
-    # Faults
+    # Faults of wires and sensor
 
     def hold_sda(self, clocks: int = 0) -> None:
         """Let a stuck sensor hold SDA low for `clocks` rising edges of SCL; 0: until `release_sda`."""
@@ -105,7 +111,7 @@ class I2cLines:
         self._move(self.sda, "a stuck sensor", False)
 
     def release_sda(self) -> None:
-        """Let the stuck sensor release SDA; with SCL high that is a STOP on the wires."""
+        """Let the stuck sensor release SDA; if SCL is high, this edge is a STOP on the wires."""
         self._stuck_clocks = 0
         self.sda.drive("a stuck sensor", None)
 
@@ -114,7 +120,7 @@ class I2cLines:
         self._move(self.scl, "a stuck sensor", False)
 
     def release_scl(self) -> None:
-        """Release SCL."""
+        """Release SCL, which `hold_scl` held low."""
         self._move(self.scl, "a stuck sensor", None)
 
     def unplug(self) -> None:
@@ -126,7 +132,7 @@ class I2cLines:
         if self.socket is not None:
             self.socket.unplug()
 
-    # The sensor's side of the wires
+    # What the sensor does on the wires
 
     def _on_scl(self, high: bool) -> None:
         if self._sensor_moves:
@@ -219,7 +225,10 @@ class I2cLines:
         self._move(self.sda, "the sensor", False if low else None)
 
     def _move(self, wire: Wire, who: str, level: bool | None) -> None:
-        """Move a wire from the sensor's side: this is no clock, no START and no STOP."""
+        """Drive a wire from the sensor's side.
+
+        Such a change is not counted as a clock edge, START or STOP.
+        """
         self._sensor_moves = True
         wire.drive(who, level)
         self._sensor_moves = False

@@ -15,10 +15,10 @@ from tools.due_emulator.noise import World
 QUIET_NS = 11 * MS_NS
 """Time after power-up or reset in which the chip does not acknowledge."""
 READY_NS = 95 * MS_NS
-"""Time after power-up or reset in which settings are lost.
+"""Time after power-up or reset in which written settings are lost.
 
-The register start-up time is 100 ms at most [3.4]. It is a little less here, because a driver may count from
-the moment at which it began to write the reset.
+The register start-up time is 100 ms at most [3.4]. The model's time is a little shorter, because a driver may
+count from the time at which it began to write the reset command.
 """
 
 WHO_AM_I, USER_CTRL, PWR_MGMT_1 = 0x000, 0x003, 0x006
@@ -56,11 +56,11 @@ _WRITABLE = {
 }
 """Writable bits of each register [8, 10]; other registers are read-only, reserved, or not modelled."""
 _SOURCES = ((0x10, 0, 6), (0x02, 6, 8), (0x04, 8, 10), (0x08, 10, 12))
-"""Bit of FIFO_EN_2 and slice of the output bytes."""
+"""For each source of data in the FIFO: its bit in FIFO_EN_2, and its slice of the output bytes."""
 
 
 class Icm20948(Chip):
-    """An ICM-20948, powered since long before time 0.
+    """A model of the ICM-20948 that was powered on long before time 0.
 
     `world`: source of the motion. `fifo_bytes`: capacity of the FIFO.
     """
@@ -96,7 +96,7 @@ class Icm20948(Chip):
         power = self.register(PWR_MGMT_1)
         if not self.powered or self._ready_at_ns is not None or power & 0x40 or power & 7 == 7:
             return 0.0
-        if not self.register(GYRO_CONFIG_1) & 1:  # without GYRO_FCHOICE the divider is not used
+        if not self.register(GYRO_CONFIG_1) & 1:  # If GYRO_FCHOICE is 0, the divider is not used.
             return 9000.0
         return 1125.0 / (1 + self.register(GYRO_SMPLRT_DIV))
 
@@ -105,7 +105,10 @@ class Icm20948(Chip):
         self._begin(QUIET_NS, READY_NS)
 
     def register(self, register: int) -> int:
-        """Return the contents of a register without the bus. Its number includes 256 times the bank."""
+        """Return the contents of a register without using the bus.
+
+        `register` is its number plus 256 times its bank.
+        """
         return self._registers.get(register, 0)
 
     def spoil(self, register: int, value: int) -> None:
@@ -129,7 +132,7 @@ class Icm20948(Chip):
             case 0x01B:
                 status, self._status = self._status, 0
                 return status
-            case 0x070:  # latches both bytes [8.60]
+            case 0x070:  # Reading this register latches both bytes of the count [8.60].
                 self._count = len(self.fifo)
                 return self._count >> 8
             case 0x071:
@@ -148,7 +151,7 @@ class Icm20948(Chip):
             self._registers[register] = value & _WRITABLE.get(register, 0)
             if self.output_hz != before:
                 self._start_clock()
-        if self.register(FIFO_RST):  # while set, it keeps the FIFO empty [8.58]
+        if self.register(FIFO_RST):  # While this register is not 0, the FIFO stays empty [8.58].
             self.fifo.clear()
 
     def _restore(self) -> None:

@@ -1,4 +1,4 @@
-"""Reads an image for the board, and the facts that its build recorded."""
+"""Reads a firmware image for the board, and the facts that its build recorded in a JSON file."""
 
 import hashlib
 import json
@@ -11,9 +11,10 @@ from tools.due_emulator.memory_map import FLASH_BYTES
 
 
 class Image(NamedTuple):
-    """An image.
+    """A firmware image with facts about it.
 
-    `ram_bytes`: from the JSON next to it, else None. `build_id`: from the JSON, else of the contents.
+    `ram_bytes`: RAM that it needs, from the JSON file next to it, or None. `build_id`: from the JSON file,
+    otherwise computed from the contents.
     """
 
     path: Path
@@ -31,7 +32,8 @@ def read_image(path: Path) -> Image:
     """Read a raw binary (objcopy -O binary) that begins with the vector table.
 
     Raises:
-        UsageError: the file cannot be read or is no such image, or the JSON next to it does not describe one.
+        UsageError: the file cannot be read, it is not a firmware image, or the JSON file next to it is not
+            valid.
     """
     try:
         content = path.read_bytes()

@@ -1,4 +1,4 @@
-"""Finds the sampling instants that were due on the board, by watching the sensor's bus and the resets."""
+"""Counts the sampling instants that were due on the board, from the sensor's bus and the resets."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -10,12 +10,12 @@ from tools.due_emulator.machine import PS_PER_S
 from tools.due_emulator.reset_controller import ResetType
 
 DATA = 0x3B
-"""First of the sensor's data registers."""
+"""Number of the first of the sensor's data registers."""
 PERIOD_PS = PS_PER_S // 100
 
 
 class Burst(NamedTuple):
-    """One read of the sensor's data registers, complete or not: its beginning and the bytes."""
+    """One read of the sensor's data registers, complete or not: its start time and its bytes."""
 
     at_ps: int
     data: bytearray
@@ -23,11 +23,11 @@ class Burst(NamedTuple):
 
 @dataclass
 class Boot:
-    """One run of the program from reset to reset, as the emulator sees it.
+    """One run of the program between two resets, with facts that the emulator observed.
 
     `ended_ps`: moment of the next reset, or of the end of the run. `first_ps`: moment of the first read of
-    the sensor. `heard`: numbers of the first and the last sample that the host could use. `bursts`: filled
-    only by users that need them.
+    the sensor. `heard`: numbers of the first and the last sample that the host could use. `bursts`: the reads
+    of the sensor, stored only by users of this class that need them.
     """
 
     cause: ResetType
@@ -39,7 +39,10 @@ class Boot:
 
     @property
     def due(self) -> int:
-        """Number of instants since the first read of the sensor: one every 10 ms, received or not."""
+        """Number of sampling instants since the first read of the sensor.
+
+        There is one every 10 ms, whether its sample was received or not.
+        """
         return 0 if self.first_ps is None else (self.ended_ps - self.first_ps) // PERIOD_PS + 1
 
 

@@ -1,7 +1,7 @@
 """Virtual time, and the connections between the parts of the emulated board.
 
-Parts know only the machine. The machine knows neither processor nor board, and runs without them, also in
-tests.
+The parts refer only to the machine. The machine refers neither to the processor nor to the board, so tests
+can use it without them.
 """
 
 from collections.abc import Callable
@@ -15,7 +15,7 @@ PS_PER_US = 1_000_000
 NEVER_PS = 1 << 62
 
 SLOW_CLOCK_HZ = 32_768
-"""SLCK [Hz]; the internal RC oscillator of the real chip is far from exact."""
+"""Frequency of the slow clock SLCK [Hz]; on the real chip, the internal RC oscillator is far from exact."""
 MCK_AT_RESET_HZ = 4_000_000
 """Frequency of the fast RC oscillator, with which the chip starts [Hz]."""
 
@@ -29,14 +29,17 @@ class EmulationFault(Exception):
 
 
 class Alarm:
-    """A timer for one action. Each setting makes it happen once, and replaces an earlier setting."""
+    """A timer for one action. After `set`, the action happens once.
+
+    A new call of `set` replaces the earlier one.
+    """
 
     __slots__ = ("_machine", "action", "number")
 
     def __init__(self, machine: "Machine", action: Callable[[], None]) -> None:
         self._machine, self.action = machine, action
         self.number = 0
-        """Number of the valid setting among all settings ever made; 0: none."""
+        """Serial number of the call of `set` that is in effect; 0 if none is."""
 
     @property
     def is_set(self) -> bool:
@@ -44,21 +47,21 @@ class Alarm:
         return self.number != 0
 
     def set(self, delay_ps: int, *, quiet: bool = False) -> None:
-        """Let the action happen in `delay_ps`. `quiet`: the program need not be stopped for it."""
+        """Let the action happen in `delay_ps`. `quiet`: the program need not be stopped for the action."""
         self.number = self._machine.note(delay_ps, self, quiet)
 
     def cancel(self) -> None:
-        """Cancel the action; no effect once it has happened."""
+        """Cancel the action. This has no effect after the action has happened."""
         self.number = 0
 
 
 # Over 12 attributes: each is one signal that all parts of the chip share.
 class Machine:
-    """Virtual time in picoseconds, the master clock, interrupt lines and the clocks of peripherals.
+    """Virtual time in picoseconds, the master clock, interrupt requests and the clocks of peripherals.
 
     Events at the same moment happen in the order in which they were scheduled, so two runs are equal. A quiet
-    event happens at its moment too, but the program may already have run further: up to its next access, or
-    to the next event that is not quiet.
+    event also happens at its own time, but the program may have run beyond that time: up to its next access
+    to a peripheral, or to the next event that is not quiet.
     """
 
     def __init__(self) -> None:
@@ -68,17 +71,19 @@ class Machine:
         self.quick_reads = QuickReads()
         """Registers whose values a program reads without calling their peripheral."""
         self.on_irq: Callable[[int, bool], None] = lambda irq, level: None
-        """Receives changes of interrupt lines; the board connects the NVIC here."""
+        """Function that receives changes of interrupt requests; the board connects the NVIC here."""
         self.on_clock_change: list[Callable[[], None]] = []
-        """Called after `mck_hz` has changed, for all parts that count its cycles."""
+        """Functions that are called after `mck_hz` has changed, for all parts that count its cycles."""
         self.asleep = False
         """Whether the processor sleeps."""
         self.idle_ps = 0
-        """Time that the processor has slept, part of `now_ps` [ps]."""
+        """Total time for which the processor has slept [ps]."""
         self.where: Callable[[], str] = lambda: ""
-        """Returns what the processor was doing, for the text of a fault, such as "at PC 0x00080123"."""
+        """Function that returns where the program is, for the text of a fault, such as "at PC 0x00080123"."""
         self.interrupted = False
-        """Whether a signal asks the program to end; all code that waits or runs checks it often."""
+        """Whether a signal has asked the emulator to end. All code that waits or runs for long checks this
+        often.
+        """
         self.now_ps = 0
         """Virtual time since power-up [ps]."""
         self._heap: list[tuple[int, int, Alarm]] = []
@@ -86,7 +91,7 @@ class Machine:
         self._scheduled = 0
 
     def check_interrupted(self) -> None:
-        """Raise KeyboardInterrupt if a signal asks the program to end."""
+        """Raise KeyboardInterrupt if a signal has asked the emulator to end."""
         if self.interrupted:
             raise KeyboardInterrupt
 
@@ -97,7 +102,7 @@ class Machine:
         return alarm
 
     def note(self, delay_ps: int, alarm: Alarm, quiet: bool) -> int:
-        """Schedule an alarm, and return the number of this setting."""
+        """Schedule an alarm; return a serial number that identifies this scheduling."""
         self._scheduled = number = self._scheduled + 1
         at_ps = self.now_ps + delay_ps if delay_ps > 0 else self.now_ps
         heappush(self._quiet if quiet else self._heap, (at_ps, number, alarm))
@@ -105,7 +110,7 @@ class Machine:
 
     @property
     def next_event_ps(self) -> int:
-        """Moment of the next event that is not quiet; NEVER_PS if there is none."""
+        """Time of the next event that is not quiet; NEVER_PS if there is none."""
         heap = self._heap
         while heap:
             at_ps, number, alarm = heap[0]
@@ -115,7 +120,7 @@ class Machine:
         return NEVER_PS
 
     def advance_to(self, to_ps: int) -> None:
-        """Advance time to `to_ps`; each event on the way happens at its own moment."""
+        """Advance time to `to_ps`. Each event until then happens at its own time."""
         heap, quiet = self._heap, self._quiet
         while True:
             first = quiet if quiet and not (heap and heap[0] < quiet[0]) else heap
@@ -147,21 +152,21 @@ class Machine:
                 tell()
 
     def set_irq(self, irq: int, level: bool) -> None:
-        """Set the interrupt line of a peripheral.
+        """Set or clear the interrupt request of a peripheral.
 
-        The line is level-sensitive and may be set to the same level again.
+        The request is level-sensitive, and may be set to the same level again.
         """
         self.on_irq(irq, level)
 
     def clock_on(self, irq: int) -> bool:
-        """Return whether PMC clocks the peripheral with this identifier (its interrupt number)."""
+        """Return whether the clock of the peripheral with this identifier (its interrupt number) is on."""
         return bool(self.clocked >> irq & 1)
 
     def fault(self, reason: str) -> NoReturn:
         """End the run.
 
         Raises:
-            EmulationFault: always; with the reason, the address in the program and the moment.
+            EmulationFault: always; its text has the reason, the address in the program and the virtual time.
         """
         place = self.where()
         raise EmulationFault(f"{reason} ({place + ', ' if place else ''}{self.now_ps / PS_PER_S:.6f} s)")

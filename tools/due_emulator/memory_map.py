@@ -9,7 +9,9 @@ FLASH_BASE = 0x0008_0000
 FLASH_BYTES = 512 * 1024
 BANK_BYTES = FLASH_BYTES // 2
 RAM_BASE = 0x2007_0000
-"""A second address of SRAM0, at which SRAM1 follows it; linker scripts for the board use this address."""
+"""Second address of the memory SRAM0; behind it, SRAM1 follows without a gap. Linker scripts for the board
+use this address.
+"""
 SRAM0_BASE = 0x2000_0000
 SRAM0_BYTES = 64 * 1024
 RAM_BYTES = 96 * 1024
@@ -24,11 +26,11 @@ class Memory:
         self.ram = mmap.mmap(-1, RAM_BYTES)
         self._rubbish = bytes(RAM_BYTES)
         self.is_blank = True
-        """Whether the flash holds no image."""
+        """Whether the flash is erased, with no image in it."""
         self.erase_flash()
 
     def erase_flash(self) -> None:
-        """Erase the flash."""
+        """Set all bytes of the flash to the erased state."""
         self.is_blank = True
         self.flash[:] = bytes([ERASED]) * FLASH_BYTES
 
@@ -50,12 +52,15 @@ class Memory:
         self.ram[:] = self._rubbish
 
     def ram_touched_bytes(self) -> int:
-        """Return the number of bytes of RAM, in whole words, that the program has written since power-up."""
+        """Return how many bytes of RAM, in whole words, the program has written since power-up."""
         now = np.frombuffer(self.ram[:], dtype=np.uint32)
         return int(np.count_nonzero(now != np.frombuffer(self._rubbish, dtype=np.uint32))) * 4
 
     def stack_depth_bytes(self) -> int:
-        """Return the number of bytes from the stack's top down to the lowest one written since power-up."""
+        """Return the largest depth of the stack since power-up, in bytes.
+
+        It reaches from the stack's top down to the lowest byte that was written.
+        """
         top = int.from_bytes(self.flash[:4], "little") - RAM_BASE
         changed = [i for i in range(top) if self.ram[i] != self._rubbish[i]]
         return top - changed[0] if changed else 0

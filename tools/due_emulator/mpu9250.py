@@ -1,7 +1,7 @@
 """The register file of the MPU-9250: what a driver sees over I2C, in virtual time.
 
-A plain object without an emulator, so that the Raspberry Pi's fake bus can use it too. Not modelled: filters
-(the world's signal is used unfiltered), self-test, offset registers, wake on motion, cycle mode, the
+The model needs no emulated board, so that the simulated bus of a Raspberry Pi can use it, too. Not modelled:
+filters (the motion is measured unfiltered), self-test, offset registers, wake on motion, cycle mode, the
 auxiliary I2C bus and the magnetometer on it, and the separate rate of an accelerometer with ACCEL_FCHOICE_B.
 """
 
@@ -13,21 +13,23 @@ from tools.due_emulator.mpu9250_scaling import OUTPUT_BYTES, output_bytes
 from tools.due_emulator.noise import Motion, World
 
 QUIET_NS = 11 * MS_NS
-"""Time after power-up without acknowledge: the typical start-up time (PS-MPU-9250A-01, 3.4.2)."""
+"""Time after power-up in which the chip does not acknowledge: the typical start-up time (PS-MPU-9250A-01,
+3.4.2).
+"""
 READY_NS = 95 * MS_NS
-"""Time after power-up in which settings are lost.
+"""Time after power-up in which written settings are lost.
 
-The limit in 3.4.2 is 100 ms. It is a little less here, because a driver may count its 100 ms from an earlier
-moment.
+The limit in 3.4.2 is 100 ms. The model's time is a little shorter, because a driver may count its 100 ms from
+an earlier time.
 """
 RESET_NS = READY_NS
-"""Time after H_RESET in which settings are lost.
+"""Time after H_RESET in which written settings are lost.
 
-No document gives this time; the vendor's driver waits 100 ms. The chip acknowledges meanwhile, with H_RESET
-set.
+No document gives this time; the vendor's driver waits 100 ms. In this time the chip acknowledges, and the bit
+H_RESET reads as 1.
 """
 PULSE_NS = 50_000
-"""Length of the INT pulse without LATCH_INT_EN (PS-MPU-9250A-01, 3.4.2)."""
+"""Duration of a pulse of the INT pin if LATCH_INT_EN is 0 (PS-MPU-9250A-01, 3.4.2)."""
 
 _CLOCKING = {reg.SMPLRT_DIV, reg.CONFIG, reg.GYRO_CONFIG, reg.PWR_MGMT_1}
 _SCALING = {reg.CONFIG, reg.GYRO_CONFIG, reg.ACCEL_CONFIG, reg.ACCEL_CONFIG_2, reg.PWR_MGMT_1, reg.PWR_MGMT_2}
@@ -35,7 +37,7 @@ _SCALING = {reg.CONFIG, reg.GYRO_CONFIG, reg.ACCEL_CONFIG, reg.ACCEL_CONFIG_2, r
 
 # Over 12 attributes: each is one register, latch or deadline of the modelled sensor.
 class Mpu9250(Chip):
-    """An MPU-9250, or a related chip, powered since long before time 0.
+    """A model of the MPU-9250 or of a related chip that was powered on long before time 0.
 
     `world`: source of the motion. `on_int(level, at_ns)`: called when the INT pin changes.
     """
@@ -78,7 +80,7 @@ class Mpu9250(Chip):
         self._skip_updates()
 
     def next_event_ns(self) -> int | None:
-        """Return the moment of the next change of the INT pin without an access; None if there is none."""
+        """Return when the INT pin will next change without an access to the chip; None if it will not."""
         latched = self._active and bool(self._registers[reg.INT_PIN_CFG] & reg.LATCH_INT_EN)
         update_ns = self._next_update_ns() if self._interrupts() and not latched else None
         return _first(self._pulse_end_ns, update_ns)
@@ -94,7 +96,7 @@ class Mpu9250(Chip):
         phase_ps = self._now_ns * PS_PER_NS - self._anchor_ps - self._updates * old_ps
         self._clock_ppm = ppm
         self._start_clock()
-        if old_ps and self._period_ps:  # the divider keeps its phase
+        if old_ps and self._period_ps:  # The sample-rate divider keeps its phase.
             self._anchor_ps -= phase_ps * self._period_ps // old_ps
 
     @property
@@ -114,14 +116,14 @@ class Mpu9250(Chip):
         return 1000.0 / divider
 
     def register(self, register: int) -> int:
-        """Return the contents of a register without the bus."""
+        """Return the contents of a register without using the bus."""
         return self._registers[register]
 
     def spoil(self, register: int, value: int) -> None:
         """Change a register without the driver's knowledge."""
         self._store(register, value)
 
-    # Power
+    # Power supply
 
     def power_on(self, who_am_i: int | None = None) -> None:
         """Power up the chip, or another chip in its place."""
@@ -131,7 +133,7 @@ class Mpu9250(Chip):
         self._begin(QUIET_NS, READY_NS)
 
     def become(self, who_am_i: int) -> None:
-        """Become another chip from the beginning; call this before anything else."""
+        """Become another chip, as if from the beginning. This must be called before any other method."""
         self.variant = reg.variant_of(who_am_i)
         self._restore()
 
@@ -140,8 +142,8 @@ class Mpu9250(Chip):
     def start(self, address: int, read: bool) -> bool:
         """Receive a START or repeated START with an address; return whether the chip acknowledges.
 
-        From here to the STOP, the output registers show one instant: the user-facing set follows the internal
-        one only while the bus is idle (RM-MPU-6000A-00, 4.17).
+        From the START to the STOP, the output registers show the values of one instant. The registers that
+        can be read follow the internal registers only while the bus is idle (RM-MPU-6000A-00, 4.17).
         """
         self._selected = super().start(address, read) and not (
             self._registers[reg.USER_CTRL] & reg.I2C_IF_DIS
@@ -172,7 +174,8 @@ class Mpu9250(Chip):
         match register:
             case reg.WHO_AM_I:
                 return self.variant.who_am_i
-            case reg.FIFO_COUNTH:  # latches both bytes (registers 114 and 115)
+            # Reading this register latches both bytes of the count (registers 114 and 115).
+            case reg.FIFO_COUNTH:
                 self._count_latch = len(self.fifo)
                 return self._count_latch >> 8
             case reg.FIFO_COUNTL:
@@ -192,7 +195,7 @@ class Mpu9250(Chip):
             self._push_fifo(bytes([value]))
             return
         if register in _SCALING:
-            self._refresh_output()  # data measured so far keeps its scale
+            self._refresh_output()  # Data that are already measured keep their scale.
         before = self.output_hz
         self._registers[register] = value & self.variant.writable.get(register, 0)
         if register == reg.USER_CTRL and value & reg.FIFO_RST:
@@ -224,7 +227,10 @@ class Mpu9250(Chip):
     # Conversions
 
     def _next_internal_ns(self) -> int | None:
-        """Return the next moment to process; updates count only if the FIFO or an interrupt needs them."""
+        """Return the time of the next internal event; None if there is none.
+
+        Updates of the output registers are such events only if the FIFO or an interrupt needs them.
+        """
         is_followed = self._interrupts() or self._fills_fifo()
         update_ns = self._next_update_ns() if is_followed else None
         return _first(_first(self._pulse_end_ns, self._ready_at_ns), update_ns)
@@ -240,7 +246,10 @@ class Mpu9250(Chip):
             self._update(at_ns)
 
     def _skip_updates(self) -> None:
-        """Catch up with updates that neither FIFO nor interrupt needed."""
+        """Perform the last of the updates that were skipped.
+
+        They were skipped because neither FIFO nor interrupt needed them.
+        """
         if self._period_ps is None:
             return
         updates = (self._now_ns * PS_PER_NS - self._anchor_ps) // self._period_ps
@@ -277,13 +286,16 @@ class Mpu9250(Chip):
         return overflow
 
     def _refresh_output(self) -> None:
-        """Bring the internal output registers to the last update."""
+        """Measure the values of the last update into the internal output registers."""
         if self._output_ns != self._last_update_ns:
             self._output_ns = self._last_update_ns
             self._output = self._measure(self.world.at(self._output_ns))
 
     def _measure(self, motion: Motion) -> bytes:
-        """Return the counts of a motion at the configured ranges; axes switched off keep theirs (108)."""
+        """Return the counts of a motion at the configured ranges.
+
+        Axes that are switched off keep their last counts (register 108).
+        """
         gyro_fs = self._registers[reg.GYRO_CONFIG] >> 3 & 3
         accel_fs = self._registers[reg.ACCEL_CONFIG] >> 3 & 3
         off = self._registers[reg.PWR_MGMT_2] & 0x3F
@@ -291,7 +303,8 @@ class Mpu9250(Chip):
         if not off and known is not None and known[0] is motion and known[1:3] == (gyro_fs, accel_fs):
             return known[3]
         data = bytearray(output_bytes(motion, gyro_fs, accel_fs, self.variant.who_am_i))
-        for bit, place in enumerate((12, 10, 8, 4, 2, 0)):  # ZG, YG, XG, ZA, YA, XA
+        # Bits 0 to 5 switch off z, y, x of the gyroscope, then z, y, x of the accelerometer.
+        for bit, place in enumerate((12, 10, 8, 4, 2, 0)):
             if off >> bit & 1:
                 data[place : place + 2] = self._output[place : place + 2]
         self._measured = None if off else (motion, gyro_fs, accel_fs, bytes(data))
@@ -304,7 +317,10 @@ class Mpu9250(Chip):
         self._settle_pin()
 
     def _settle_pin(self) -> None:
-        """Set the pin after a change; a latched pin is active while an enabled status flag is set."""
+        """Set the INT pin after a change of settings or flags.
+
+        A latched pin is active while an enabled status flag is set.
+        """
         if self._registers[reg.INT_PIN_CFG] & reg.LATCH_INT_EN:
             self._pulse_end_ns = None
             self._set_pin(bool(self._status & self._registers[reg.INT_ENABLE]))
@@ -320,7 +336,7 @@ class Mpu9250(Chip):
 
 
 def _first(one_ns: int | None, other_ns: int | None) -> int | None:
-    """Return the earlier of two moments that may be None."""
+    """Return the earlier of two times, either of which may be None."""
     if one_ns is None or (other_ns is not None and other_ns < one_ns):
         return other_ns
     return one_ns

@@ -1,7 +1,7 @@
 """Register map of the MPU-9250 family, as far as the chip model needs it.
 
 Sources: RM-MPU-9250A-00 revision 1.4 (section 3 and the descriptions by register number) and, for the
-MPU-6050, RM-MPU-6000A-00 revision 4.2. Register numbers are decimal there: 0x19 is register 25.
+MPU-6050, RM-MPU-6000A-00 revision 4.2. In these documents register numbers are decimal: 0x19 is register 25.
 """
 
 from typing import NamedTuple
@@ -41,8 +41,8 @@ FIFO_SOURCES = ((0x08, 0, 6), (0x80, 6, 8), (0x40, 8, 10), (0x20, 10, 12), (0x10
 
 # Writable bits of each register. Registers that are absent here are read-only or reserved.
 _WRITABLE = {
-    **dict.fromkeys([0x00, 0x01, 0x02, 0x0D, 0x0E, 0x0F], 0xFF),  # self-test
-    **dict.fromkeys(range(0x13, 0x19), 0xFF),  # gyro offsets
+    **dict.fromkeys([0x00, 0x01, 0x02, 0x0D, 0x0E, 0x0F], 0xFF),  # registers of the self-test
+    **dict.fromkeys(range(0x13, 0x19), 0xFF),  # offsets of the gyroscope
     SMPLRT_DIV: 0xFF,
     CONFIG: 0x7F,
     GYRO_CONFIG: 0xFB,
@@ -51,7 +51,7 @@ _WRITABLE = {
     0x1E: 0x0F,
     0x1F: 0xFF,
     FIFO_EN: 0xFF,
-    **dict.fromkeys(range(0x24, 0x35), 0xFF),  # auxiliary I2C
+    **dict.fromkeys(range(0x24, 0x35), 0xFF),  # registers of the auxiliary I2C bus
     INT_PIN_CFG: 0xFE,
     INT_ENABLE: 0x59,
     **dict.fromkeys(range(0x63, 0x67), 0xFF),
@@ -60,16 +60,17 @@ _WRITABLE = {
     USER_CTRL: 0x70,
     PWR_MGMT_1: 0x7F,
     PWR_MGMT_2: 0x3F,
-    **dict.fromkeys([0x77, 0x78, 0x7A, 0x7B, 0x7D, 0x7E], 0xFF),  # accel offsets
+    **dict.fromkeys([0x77, 0x78, 0x7A, 0x7B, 0x7D, 0x7E], 0xFF),  # offsets of the accelerometer
 }
 
 
 class Variant(NamedTuple):
-    """Differences between the related chips.
+    """Differences between the chips of the family.
 
-    `reset`: registers that are not 0 after a reset. `has_fchoice`: GYRO_CONFIG selects 32 kHz; without it
-    SMPLRT_DIV divides 8 kHz too. `fifo_reset_needs_off`: FIFO_RST works only while FIFO_EN in USER_CTRL is 0.
-    `fifo_bytes`: capacity of the FIFO (PS-MPU-9250A-01, 4.17; PS-MPU-6000A-00, 7.17).
+    `reset`: registers that are not 0 after a reset. `has_fchoice`: bits of GYRO_CONFIG can select 32 kHz; on
+    chips without these bits, SMPLRT_DIV also divides 8 kHz. `fifo_reset_needs_off`: FIFO_RST works only while
+    FIFO_EN in USER_CTRL is 0. `fifo_bytes`: capacity of the FIFO (PS-MPU-9250A-01, 4.17; PS-MPU-6000A-00,
+    7.17).
     """
 
     who_am_i: int
@@ -81,10 +82,10 @@ class Variant(NamedTuple):
 
 
 def variant_of(who_am_i: int) -> Variant:
-    """Return the variant with this WHO_AM_I; an unknown id differs from an MPU-9250 only in that id."""
+    """Return the variant with this WHO_AM_I. For an unknown value it is an MPU-9250 with that value."""
     if who_am_i == 0x68:
-        # Without FIFO_MODE its FIFO always makes room for the newest bytes (RM-MPU-6000A-00, registers 26 and
-        # 116).
+        # This chip lacks the bit FIFO_MODE. When its FIFO is full, the newest bytes always replace the oldest
+        # (RM-MPU-6000A-00, registers 26 and 116).
         writable = _WRITABLE | {CONFIG: 0x3F, GYRO_CONFIG: 0xF8, INT_ENABLE: 0x19, PWR_MGMT_2: 0xFF}
         del writable[ACCEL_CONFIG_2]  # reserved on the MPU-6050
         return Variant(who_am_i, {PWR_MGMT_1: 0x40}, writable, False, True, fifo_bytes=1024)

@@ -1,4 +1,4 @@
-"""Converts a motion to the counts in the sensor's output registers, at the configured ranges."""
+"""Converts a motion of the sensor to the counts in its output registers, at the configured ranges."""
 
 from fltea.wire.sensors import temperature_counts
 

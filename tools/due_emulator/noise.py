@@ -1,8 +1,8 @@
-"""The motion that the sensor measures: rate, acceleration and temperature at a given moment.
+"""The motion that the sensor measures: angular rate, acceleration and temperature at a given time.
 
-The rate is piecewise constant. Value k holds from half a period before k periods to half a period after k
-periods, so that a program that polls once a period, at multiples of the period, reads each value exactly
-once.
+The rate is piecewise constant. Value k begins half a period before the time of k periods, and ends half a
+period after it. A program that reads the sensor at all multiples of the period therefore reads each value
+exactly once.
 """
 
 from pathlib import Path
@@ -25,17 +25,21 @@ ACCEL_STD_G = 0.004
 """Standard deviation of the accelerometer's noise [g]: 300 ug/sqrt(Hz) over 184 Hz (PS-MPU-9250A-01, 3.2)."""
 ACCEL_PERIOD_NS = 1_000_000
 ACCEL_ROWS = 4099
-"""Number of rows of accelerometer noise; a prime, so that their repetition matches no sampling rate."""
+"""Number of rows of accelerometer noise, which repeat. It is a prime, so that the repetition matches no
+sampling rate.
+"""
 CELSIUS = 25.0
 NS_PER_S = 1_000_000_000
 RATES_HZ = (1e-3, 1e5)
-"""Lowest and highest rate at which the motion may change."""
+"""Lowest and highest permitted rate at which the motion changes [Hz]."""
 WITHOUT_MEANING = {
     "n": "the emulated board has no last sample",
     "lsb_per_dps": "the emulated sensor quantises by the range that the program has set",
     "range_dps": "the program sets the emulated sensor's range",
 }
-"""Keys of `fltea.sources.synthetic` that the board decides, and why."""
+"""Keys of `fltea.sources.synthetic` that cannot be used here because the board decides them, with the
+reasons.
+"""
 
 
 class Motion(NamedTuple):
@@ -47,12 +51,12 @@ class Motion(NamedTuple):
 
 
 class World(Protocol):
-    """Source of a chip's motion."""
+    """The surroundings of a sensor chip, which give the motion that it measures."""
 
     def at(self, now_ns: int) -> Motion:
-        """Return the motion at a moment.
+        """Return the motion at a time.
 
-        Moments never run backwards. The same value is returned as the same object.
+        Times of successive calls never decrease. The same value is returned as the same object.
         """
 
 
@@ -68,15 +72,15 @@ class Constant:
         self.motion = Motion(rate_dps, accel_g, celsius)
 
     def at(self, now_ns: int) -> Motion:
-        """Return the same motion at any moment."""
+        """Return the motion, which is the same at any time."""
         return self.motion
 
 
 class Stepped:
     """A resting sensor whose rate takes the values of `next_rate`, one per period.
 
-    The accelerometer measures 1 g along z and white noise, new every ms. Without this noise two conversions
-    would often be equal. Equal seeds give equal motions.
+    The accelerometer measures 1 g along z, plus white noise that changes every ms. Without this noise, two
+    conversions would often give equal values. Equal seeds give equal motions.
     """
 
     def __init__(self, rate_hz: float, seed: int) -> None:
@@ -89,10 +93,10 @@ class Stepped:
         self._motion = Motion((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), CELSIUS)
 
     def at(self, now_ns: int) -> Motion:
-        """Return the motion at a moment.
+        """Return the motion at a time.
 
         Raises:
-            ValueError: the moment lies before the value that was last returned.
+        ValueError: the time is before that of the value that was last returned.
         """
         k = (2 * now_ns + self._period_ns) // (2 * self._period_ns)
         if k < self._k:
@@ -113,23 +117,25 @@ class Stepped:
 
 
 class Fractional(Stepped):
-    """Noise of known order: exactly the values of `fltea.sources.synthetic`, before quantisation."""
+    """Noise of known order: the values are exactly those of `fltea.sources.synthetic` before quantisation."""
 
     def __init__(self, settings: NoiseSettings) -> None:
         super().__init__(settings.rate_hz, settings.seed)
         self._noise = NoiseGenerator(msgspec.structs.replace(settings, lsb_per_dps=0.0))
 
     def next_rate(self, k: int) -> Vector:
-        """Return the next value of the noise. FlteaError: the noise is no longer finite."""
+        """Return the next value of the noise. If it is no longer finite, FlteaError is raised."""
         x, y, z = self._noise.step()
         return x, y, z
 
 
 class Replayed(Stepped):
-    """A recording, replayed at one row per period whatever its own rate; it repeats at its end.
+    """A recording that is replayed at one row per period, whatever its own rate is.
 
-    Missing axes are 0. Its accelerometer is not used, because recordings do not state the accelerometer's
-    scale.
+    It starts again after its end.
+
+    Axes that are missing in the recording are 0. Recorded accelerations are not used, because recordings do
+    not state the accelerometer's scale.
     """
 
     def __init__(self, recording: Recording, rate_hz: float = 100.0, seed: int = 1) -> None:
@@ -167,7 +173,7 @@ def recorded_world(path: Path, rate_hz: float = 100.0, seed: int = 1) -> Replaye
     """Return the motion of a recording that `fltea run --source replay:…` can read (.npz or .csv).
 
     Raises:
-        UsageError: the file is no such recording.
+        UsageError: the file is not a recording of this kind.
     """
     stored = open_npz(path) if path.suffix.lower() == ".npz" else open_csv(path, How(rate_hz=rate_hz))
     return Replayed(stored.whole(), rate_hz, seed)

@@ -5,17 +5,17 @@ from tools.due_emulator.machine import Machine
 SVCALL, PENDSV, SYSTICK = 11, 14, 15
 FIRST_IRQ = 16
 IRQS = 45
-"""Number of interrupt lines of the ATSAM3X8E (datasheet 9.1)."""
+"""Number of interrupts of the ATSAM3X8E (datasheet 9.1)."""
 PRIORITY_MASK = 0xF0
-"""The chip implements four bits of priority."""
+"""Mask of the four priority bits that the chip implements."""
 LOWEST = 0x100
 
 
 class Nvic:
     """Pending, active and enabled exceptions, by exception number (16 + interrupt number).
 
-    A level-sensitive line makes its interrupt pending when it rises, and again if it is still high when the
-    handler returns.
+    The request signal of an interrupt makes the interrupt pending when it rises, and again if it is still
+    high when the handler returns.
     """
 
     def __init__(self, machine: Machine) -> None:
@@ -32,7 +32,7 @@ class Nvic:
         self._lines = 0
 
     def set_line(self, irq: int, level: bool) -> None:
-        """Raise or lower the line of an interrupt."""
+        """Raise or lower the request signal of an interrupt."""
         bit = 1 << FIRST_IRQ + irq
         if level and not self._lines & bit:
             self.pending |= bit
@@ -43,11 +43,11 @@ class Nvic:
         self.pending |= 1 << exception
 
     def unpend(self, exception: int) -> None:
-        """Clear a pending exception; a line that is still high makes it pending again."""
+        """Clear a pending exception. If its request signal is still high, it is pending again at once."""
         self.pending &= ~(1 << exception) | self._lines
 
     def group(self, exception: int) -> int:
-        """Return the part of the priority that decides about preemption; a smaller one is more urgent."""
+        """Return the part of the priority that decides about preemption; a smaller value is more urgent."""
         return self.priority[exception] & -(2 << self.priority_group)
 
     def urgent(self, base_priority: int = 0) -> int | None:
@@ -69,12 +69,12 @@ class Nvic:
         return best if self.group(best) < running else None
 
     def enter(self, exception: int) -> None:
-        """Note that the exception's handler begins."""
+        """Make an exception active, because its handler begins."""
         self.pending &= ~(1 << exception)
         self.active.append(exception)
 
     def leave(self) -> int:
-        """Note that the running handler returns; return its exception number."""
+        """End the active exception whose handler returns; return its number."""
         exception = self.active.pop()
         self.pending |= self._lines & 1 << exception
         return exception

@@ -1,21 +1,25 @@
 """A peripheral with its registers.
 
-It is strict about which registers exist, how they are accessed, and the clock.
+An access to a register that does not exist, a forbidden access or an access without a clock ends the run.
 """
 
 from tools.due_emulator.machine import Machine
 from tools.due_emulator.register_table import Register, bit_registers, peripherals
 
 FIRST_CLOCKED_ID = 8
-"""Smallest peripheral identifier with a clock; lower ones are in the system controller (datasheet 9.1)."""
+"""Smallest peripheral identifier with a clock. Lower identifiers are in the system controller (datasheet
+9.1).
+"""
 
 
 class Peripheral:
-    """A register file according to the SVD; `on_read` and `on_write` define what the registers do.
+    """The registers of a peripheral, as in the vendor's description (SVD).
+
+    `on_read` and `on_write` define what accesses to the registers do.
 
     Programs use `read` and `write` with the register's name. The run ends at a register that does not exist,
     an access that its mode forbids, or an access without the peripheral's clock. `status`: name of the
-    register whose flags raise the interrupt line if IMR enables them; empty if there is none.
+    register whose flags request an interrupt if IMR enables them; empty if there is no such register.
     """
 
     status = ""
@@ -28,20 +32,26 @@ class Peripheral:
         self._bits = bit_registers(name)
         self._by_offset: dict[int, Register] = {}
         for register in self.table.registers.values():
-            # Later registers at the same offset are other views of the first.
+            # If several registers have the same offset, the later ones are other names for the first.
             self._by_offset.setdefault(register.offset, register)
         self._store_reset_values()
 
     def reset(self) -> None:
-        """Return to the state after a reset of the chip; a subclass calls this and resets what it adds."""
+        """Set the state after a reset of the chip. A subclass calls this method, and resets what it adds."""
         self._store_reset_values()
 
     def on_read(self, register: str) -> int:
-        """Return the value that the program reads: the stored value unless overridden."""
+        """Return the value that a read of the program gives.
+
+        It is the stored value, unless a subclass overrides this method.
+        """
         return self.registers[register]
 
     def on_write(self, register: str, value: int) -> None:
-        """Handle a write: store the value, or set or clear bits in another register, unless overridden."""
+        """Handle a write, in a way that a subclass may override.
+
+        The value is stored, or it sets or clears bits of another register.
+        """
         if register in self._bits:
             shown, sets = self._bits[register]
             self.flag(shown, value, sets)
@@ -49,19 +59,22 @@ class Peripheral:
             self.registers[register] = value
 
     def flag(self, register: str, mask: int, on: bool) -> None:
-        """Set or clear bits of a register, and update the interrupt line."""
+        """Set or clear bits of a register, and update the interrupt request."""
         old = self.registers[register]
         self.registers[register] = old | mask if on else old & ~mask
         self.settle_irq()
 
     def settle_irq(self) -> None:
-        """Raise the interrupt line while an enabled flag is set."""
+        """Request the interrupt while an enabled flag is set."""
         if self.status and self.table.irq is not None:
             flags = self.registers[self.status] & self.registers["IMR"]
             self.machine.set_irq(self.table.irq, bool(flags))
 
     def clock_id(self, register: str) -> int | None:
-        """Return the identifier whose clock an access to `register` needs; None if it needs none."""
+        """Return the identifier of the clock that an access to `register` needs.
+
+        None if it needs no clock.
+        """
         irq = self.table.irq
         return irq if irq is not None and irq >= FIRST_CLOCKED_ID else None
 
@@ -85,12 +98,12 @@ class Peripheral:
         return register
 
     def field(self, register: str, field: str) -> int:
-        """Return a field of a stored value."""
+        """Return the value of a field in a register's stored value."""
         lsb, width = self.table.registers[register].fields[field]
         return self.registers[register] >> lsb & ((1 << width) - 1)
 
     def mask(self, register: str, field: str) -> int:
-        """Return the mask of a field, shifted to the field's bits."""
+        """Return the mask of a field at the field's position in the register."""
         lsb, width = self.table.registers[register].fields[field]
         return ((1 << width) - 1) << lsb
 
@@ -98,7 +111,7 @@ class Peripheral:
         self.registers = {name: r.reset or 0 for name, r in self.table.registers.items()}
 
     def check_access(self, register: Register, verb: str) -> None:
-        """End the run if the register cannot be accessed in this way, or has no clock."""
+        """End the run if the register does not permit this kind of access, or if its clock is off."""
         if not (register.readable if verb == "read" else register.writable):
             mode = "write-only" if verb == "read" else "read-only"
             self.machine.fault(f"{verb} of the {mode} register {self.name}_{register.name}")

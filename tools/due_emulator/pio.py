@@ -21,7 +21,7 @@ PROTECTED = {
 """Registers that WPMR protects (31.5.16)."""
 
 NEEDS_CLOCK = {"PDSR", "ISR", "IER"}
-"""Registers of sampled input levels and edges, which need the clock; all others work without it (31.4.3)."""
+"""Registers of sampled input levels and edges. Only these need the controller's clock (31.4.3)."""
 
 
 class Pio(Peripheral):
@@ -32,15 +32,15 @@ class Pio(Peripheral):
     def __init__(self, machine: Machine, name: str) -> None:
         super().__init__(machine, name)
         self.on_mux_change: list[Callable[[], None]] = []
-        """Called when pins are reassigned between this controller and the peripherals."""
+        """Functions that are called when pins are reassigned between this controller and peripherals."""
         self.on_output: Callable[[int, bool], None] = lambda bit, level: None
-        """Called as on_output(bit, level) when the level of an output pin changes."""
+        """Functions that are called with (bit, level) when the level of an output pin changes."""
         self._wires: dict[int, Wire] = {}
         self._shown = 0
         self._power_up()
 
     def reset(self) -> None:
-        """Make all pins inputs with pull-ups under this controller (31.7: PSR, PUSR)."""
+        """Make all pins inputs with pull-ups, assigned to this controller (31.7: PSR, PUSR)."""
         super().reset()
         self._power_up()
 
@@ -56,13 +56,16 @@ class Pio(Peripheral):
         self._follow(1 << bit)
 
     def peripheral(self, bit: int) -> str | None:
-        """Return 'A' or 'B', the peripheral to which the pin is assigned; None if this controller has it."""
+        """Return 'A' or 'B' for the peripheral to which a pin is assigned.
+
+        None if this controller drives the pin.
+        """
         if self.registers["PSR"] >> bit & 1:
             return None
         return "B" if self.registers["ABSR"] >> bit & 1 else "A"
 
     def output(self, bit: int) -> bool | None:
-        """Return the level that the pin drives; None if it does not drive, like an open drain at 1."""
+        """Return the level that the pin drives; None if it drives none, such as an open-drain output at 1."""
         registers = self.registers
         if not (registers["PSR"] & registers["OSR"]) >> bit & 1:
             return None
@@ -78,7 +81,10 @@ class Pio(Peripheral):
         return driven if driven is not None else not self.registers["PUSR"] >> bit & 1
 
     def clock_id(self, register: str) -> int | None:
-        """Return the clock's identifier for registers of sampled inputs only."""
+        """Return the identifier of the clock that a register needs.
+
+        None for a register that needs no clock.
+        """
         return super().clock_id(register) if register in NEEDS_CLOCK else None
 
     def on_read(self, register: str) -> int:
@@ -105,7 +111,7 @@ class Pio(Peripheral):
         if register in self._bits:
             shown, sets = self._bits[register]
             if not value & (~self.registers[shown] if sets else self.registers[shown]):
-                return  # no change
+                return  # The write changes no bit.
         changed = value
         if register == "ODSR":
             changed = self.registers["OWSR"]
@@ -120,7 +126,7 @@ class Pio(Peripheral):
                 tell()
 
     def _follow(self, bits: int) -> None:
-        """Update the wires of these pins and the callbacks of outputs from the registers."""
+        """Set the wires of these pins as the registers demand, and call the functions in `on_output`."""
         for bit, wire in self._wires.items():
             if bits >> bit & 1:
                 who = f"P{self.name[-1]}{bit}"
@@ -141,9 +147,11 @@ class Pio(Peripheral):
             self.settle_irq()
 
     def _is_event(self, bit: int, level: bool) -> bool:
-        """Return whether an edge is an event: any edge, unless the additional modes choose one (31.5.10).
+        """Return whether an edge is an event (31.5.10).
 
-        A chosen level counts as the edge to that level.
+        Any edge is, unless the pin's additional mode selects one direction.
+
+        If the mode selects a level, the edge to that level is the event.
         """
         if not self.registers["AIMMR"] >> bit & 1:
             return True

@@ -11,9 +11,10 @@ from tools.due_emulator.peripheral import Peripheral
 CRYSTAL_HZ = 12_000_000
 RC_HZ = (4_000_000, 8_000_000, 12_000_000)
 CRYSTAL_COUNT, PLLA_COUNT = 8, 0x3F
-"""Start-up times of the board's crystal and of the PLL in the vendor's code (system_sam3xa.c).
+"""Shortest start-up counts of the board's crystal and of the PLL, from the vendor's code (system_sam3xa.c).
 
-They are in 8 periods of the slow clock, and in single periods. The true times differ from board to board.
+The count of the crystal is in units of 8 periods of the slow clock, that of the PLL in single periods. The
+true times differ from board to board.
 """
 MCK_MAX_HZ = 84_000_000
 PLLA_OUTPUT_HZ = (96_000_000, 192_000_000)
@@ -26,15 +27,15 @@ CSS_SLOW, CSS_MAIN, CSS_PLLA, CSS_UPLL = range(4)
 MOSCXTS, LOCKA, MCKRDY, LOCKU, MOSCSELS, MOSCRCS = (1 << bit for bit in (0, 1, 3, 6, 16, 17))
 PCKRDY = 0x700
 SELECT_PS = 2_000_000
-"""Duration of a change of a selector; a round number, since the datasheet gives none."""
+"""Time in which the chip switches to another clock source: a round number, since the datasheet gives none."""
 PLLAR_ONE = 1 << 29
 
 
 class Pmc(Peripheral):
-    """Clocks as the program sets them up, with the times until they are ready.
+    """The clocks of the chip. The program sets them up, and each needs some time until it is ready.
 
-    `check_flash`: called with the new master clock just before the clock changes; ends the run if the flash
-    is too slow.
+    `check_flash`: called with the new master clock before each change; it ends the run if the flash is too
+    slow for that clock.
     """
 
     status = "SR"
@@ -57,7 +58,7 @@ class Pmc(Peripheral):
         self.machine.set_mck(RC_HZ[0])
 
     def on_write(self, register: str, value: int) -> None:
-        """Write a register after a check of keys, order and readiness."""
+        """Write a register, after checks of the key, the order of writes and the state of the clocks."""
         r = self.registers
         match register:
             case "PCER0" | "PCER1" | "PCDR0" | "PCDR1":
@@ -90,7 +91,7 @@ class Pmc(Peripheral):
                 super().on_write(register, value)
 
     def on_read(self, register: str) -> int:
-        """Return stored values; the measured main clock is always ready."""
+        """Read a register: a stored value, or the measured main clock, which is always ready."""
         if register == "CKGR_MCFR":
             return 1 << 16 | self._main_hz() * 16 // SLOW_CLOCK_HZ
         return self.registers[register]

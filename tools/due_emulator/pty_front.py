@@ -1,7 +1,9 @@
-"""The programming port as a pseudo-terminal: the board in real time, reset whenever a program opens the port.
+"""The board in real time, with its programming port as a pseudo-terminal.
 
-The kernel reports whether the port is open, not that it was opened. A port that is closed and opened again
-between two checks, some 5 to 20 ms apart, is not noticed and does not reset the board.
+The board is reset whenever a program opens this port.
+
+The kernel reports whether the port is open, but not the moment of opening. A port that is closed and opened
+again between two checks, some 5 to 20 ms apart, is not noticed and does not reset the board.
 """
 
 import math
@@ -15,15 +17,17 @@ from tools.pty_port import PtyPort
 CHUNK_S = 0.005
 ERASE_BAUD = 1200
 BEHIND_S = 0.5
-"""Smallest lag behind real time that gives a warning; at half the speed it takes a second to grow."""
+"""Smallest lag behind real time that causes a warning [s]. At half the speed, a lag grows to this in a
+second.
+"""
 AGAIN_S = 60.0
-"""Shortest time between two warnings."""
+"""Shortest time between two warnings [s]."""
 WINDOW_S = 1.0
-"""Time over which the speed is measured."""
+"""Time over which the speed of emulation is measured [s]."""
 
 
 class Pace:
-    """Measures how far a run lags behind real time; call `look` with rising times."""
+    """Measures how far a run lags behind real time. `look` must be called with rising times."""
 
     def __init__(self) -> None:
         self.worst_lag_s = 0.0
@@ -42,7 +46,7 @@ class Pace:
         if real_s - before_s >= WINDOW_S:
             self._speed = (board_s - board_before_s) / (real_s - before_s)
             self._mark = (real_s, board_s)
-        # A shrinking lag needs no warning.
+        # No warning is needed while the lag shrinks.
         if lag_s <= BEHIND_S or real_s - self._warned_s < AGAIN_S or self._speed is None or self._speed >= 1:
             return None
         self._warned_s = real_s
@@ -53,7 +57,7 @@ class Pace:
 
 
 class Front:
-    """Runs the board while the port is open; without a client the board stands still.
+    """Runs the board while a client has the port open; otherwise the board stands still.
 
     Warnings are printed to standard error.
     """
@@ -73,7 +77,7 @@ class Front:
         return notes
 
     def serve(self) -> NoReturn:
-        """Serve one client after another, until interrupted.
+        """Serve one client of the port after another, until a signal interrupts the program.
 
         Raises:
             EmulationFault: the program did what the real board does not tolerate.
@@ -101,7 +105,7 @@ class Front:
                 if (warning := pace.look(due_s, done_s)) is not None:
                     print(f"due_emulator: {warning}", file=sys.stderr, flush=True)
                 self.worst_lag_s = max(self.worst_lag_s, pace.worst_lag_s)
-                # Run a piece of limited length, so that a board that lags still checks its port.
+                # Run for a limited time only, so that the port is checked often even if the board lags.
                 board.run_until(board_begin_s + min(due_s, done_s + 4 * CHUNK_S) + CHUNK_S)
             board.bridge.flush()
             port.flush()

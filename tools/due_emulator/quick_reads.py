@@ -1,6 +1,7 @@
 """Registers that programs poll, stored so that `execution.cpp` can read them without Python.
 
-Only reads without side effects are done there. Each peripheral updates its entries whenever they change.
+`execution.cpp` only performs reads without side effects. Each peripheral updates its entries whenever they
+change.
 """
 
 import ctypes
@@ -10,10 +11,11 @@ NONE, WORD, COUNTER = range(3)
 
 
 class QuickRegister(ctypes.Structure):
-    """A register that holds a value, or counts.
+    """A register that either holds a value, or counts.
 
-    Holding: `value`; while it has one of the bits `cleared`, a read has a side effect and is left to Python.
-    Counting: `from_cycles` plus the cycles of hz / divider since `from_ps`, modulo `period`.
+    A register that holds has the value `value`; while one of the bits `cleared` is set in it, a read has a
+    side effect, and Python performs it. A register that counts has `from_cycles` plus the cycles of the
+    frequency hz / divider since `from_ps`, modulo `period`.
     """
 
     _fields_ = tuple(
@@ -25,18 +27,18 @@ class QuickRegister(ctypes.Structure):
     )
 
     def hold(self, value: int, cleared: int) -> None:
-        """Let the register hold a value."""
+        """Let the register hold a value; `cleared`: the bits that a read clears."""
         self._value, self._cleared, self._kind = value, cleared, WORD
 
     def count(self, from_ps: int, from_cycles: int, rate_hz: tuple[int, int], period: int) -> None:
-        """Let the register count."""
+        """Let the register count from `from_cycles` at `from_ps`, modulo `period`."""
         self._from_ps, self._from_cycles, self._period = from_ps, from_cycles, period
         self._hz, self._divider = rate_hz
         self._kind = COUNTER
 
 
 class QuickReads(ctypes.Structure):
-    """All such registers of a machine. `clocked`: as `Machine.clocked`."""
+    """All quick registers of a machine. `clocked` has the meaning of `Machine.clocked`."""
 
     _fields_ = (
         ("clocked", ctypes.c_uint64),
@@ -45,7 +47,7 @@ class QuickReads(ctypes.Structure):
     )
 
     def add(self, address: int, clock: int | None) -> QuickRegister:
-        """Add a register. `clock`: identifier of the peripheral whose clock it needs, or None."""
+        """Add a register. `clock`: identifier of the peripheral whose clock a read needs, or None."""
         register: QuickRegister = self._registers[self._count]
         self._count += 1
         register.address, register._clock = address, 0 if clock is None else 1 << clock

@@ -1,7 +1,7 @@
-// Instructions that a Cortex-M3 refuses and Unicorn does not (ARMv7-M; A5 for the encodings). The exact
-// processor checks each instruction (`need_of`). For the fast one each block is examined once: `AddressNeeds`
-// finds which registers have to hold multiples of 4 at the beginning of the block, or that this cannot be
-// decided.
+// Instructions that a Cortex-M3 refuses and Unicorn does not (ARMv7-M; A5 for the encodings). The emulator
+// has two Unicorn instances. For the exact one, each instruction is checked (`need_of`). For the fast one,
+// each block of code is examined once: `AddressNeeds` finds which registers have to hold multiples of 4 at
+// the beginning of the block, or that this cannot be decided.
 #pragma once
 #include <cstdint>
 #include <cstring>
@@ -20,7 +20,7 @@ enum Refusal : uint64_t {
 constexpr unsigned kSp = 13;
 constexpr unsigned kPc = 15;
 
-// Why an instruction may be refused, depending on the value of a register.
+// A reason why an instruction may be refused, and the register whose value decides whether it is.
 struct Need {
     Refusal refusal;
     unsigned on;  // number of the register
@@ -28,7 +28,7 @@ struct Need {
 
 inline bool is_wide(uint16_t halfword) { return halfword >> 11 >= 0x1D; }  // A5.1
 
-// LDM, STM, PUSH and POP of 16 bits.
+// Examine an instruction of 16 bits; of these, LDM, STM, PUSH and POP need aligned addresses.
 inline Need need_of_narrow(uint16_t h) {
     if (h >> 12 == 0xC) return {kWordsUnaligned, h >> 8 & 7u};
     if ((h & 0xF600) == 0xB400) return {kWordsUnaligned, kSp};
@@ -36,7 +36,8 @@ inline Need need_of_narrow(uint16_t h) {
     return {kNotRefused, 0};
 }
 
-// Loads and stores of several words, and exclusive ones of a single word (A5.3.5, A5.3.6; alignment: A3.2.1).
+// Examine loads and stores of several words, and exclusive loads and stores (A5.3.5, A5.3.6; alignment:
+// A3.2.1).
 inline Need need_of_several(uint16_t h1, uint16_t h2) {
     const unsigned base = h1 & 15u;
     const bool several = !(h1 & 0x40);
@@ -48,7 +49,7 @@ inline Need need_of_several(uint16_t h1, uint16_t h2) {
         case 7:
             return {kNotOfM3, 0};  // LDREXD, STREXD
         default:
-            return {kNotRefused, 0};  // bytes, table branches
+            return {kNotRefused, 0};  // exclusive accesses to bytes, and table branches
     }
 }
 
@@ -57,8 +58,9 @@ inline Need need_of(uint16_t h1, uint16_t h2) {
     if (!is_wide(h1)) return need_of_narrow(h1);
     if (h1 >> 9 == 0x74) return need_of_several(h1, h2);
     const unsigned high = h1 >> 4;
-    // Instructions of processors with the DSP extension: SXTAH to UXTAB, which add; SSAT16, USAT16;
-    // multiplications of halfwords, of several values at once, or with only the upper half of the result.
+    // These instructions exist only in processors with the DSP extension: SXTAH to UXTAB (extensions with an
+    // addition), SSAT16 and USAT16, and multiplications of halfwords, of several values at once, or that
+    // return only the upper half of the product.
     if (high >= 0xFA0 && high <= 0xFA5 && (h2 & 0xF080) == 0xF080 && (h1 & 15) != kPc) return {kNotOfM3, 0};
     if ((high == 0xF32 || high == 0xF3A) && !(h2 & 0xF0C0)) return {kNotOfM3, 0};
     if (high > 0xFB0 && high < 0xFB8) return {kNotOfM3, 0};
@@ -67,8 +69,8 @@ inline Need need_of(uint16_t h1, uint16_t h2) {
     return {kNotRefused, 0};
 }
 
-// Follows through a block which registers hold a multiple of 4, or the value that a register had at the
-// block's beginning, changed by a multiple of 4.
+// Tracks the registers through a block of code. For each register it knows whether the value is a multiple of
+// 4, or differs by a multiple of 4 from the value that some register had at the beginning of the block.
 class AddressNeeds {
   public:
     AddressNeeds(const uint8_t* flash, uint64_t base, uint64_t bytes)
@@ -76,7 +78,7 @@ class AddressNeeds {
         for (unsigned i = 0; i < 16; ++i) from_[i] = i;
     }
 
-    // Follow the next instruction.
+    // Process the next instruction of the block.
     void follow(uint64_t address, uint16_t h1, uint16_t h2) {
         const Need need = need_of(h1, h2);
         if (need.refusal == kNotOfM3) unknown_ = true;
@@ -91,11 +93,13 @@ class AddressNeeds {
 
     // Bit i: register i must hold a multiple of 4 at the beginning of the block.
     uint16_t aligned() const { return aligned_; }
-    // Whether an address may have another origin, or an instruction is unknown to a Cortex-M3.
+    // Whether an address may come from elsewhere, or the block has an instruction that a Cortex-M3 does not
+    // know.
     bool unknown() const { return unknown_; }
 
   private:
-    static constexpr unsigned kMultiple = kPc;  // as a base, PC counts as a multiple of 4
+    // number for "a multiple of 4"; as a base address, PC counts as one
+    static constexpr unsigned kMultiple = kPc;
     static constexpr unsigned kElsewhere = 16;
 
     void require(unsigned origin) {
@@ -116,7 +120,7 @@ class AddressNeeds {
             if (list >> i & 1) lose(i);
     }
 
-    // `to` becomes `other` plus or minus a number of bytes.
+    // Register `to` becomes register `other` plus or minus a number of bytes.
     void add(unsigned to, unsigned other, uint32_t bytes) { set(to, bytes & 3 ? kElsewhere : from_[other]); }
 
     void become(unsigned to, uint32_t value) { set(to, value & 3 ? kElsewhere : kMultiple); }
@@ -128,7 +132,7 @@ class AddressNeeds {
         become(to, value);
     }
 
-    // Moves, shifts, additions, comparisons, loads and stores of 16 bits (A5.2).
+    // Process an instruction of 16 bits: moves, shifts, additions, comparisons, loads and stores (A5.2).
     void follow_narrow(uint64_t address, uint16_t h) {
         const unsigned low = h & 7u, middle = h >> 3 & 7u, high = h >> 8 & 7u, wide = (h >> 4 & 8u) | low;
         const unsigned first = h >> 11;
@@ -191,7 +195,7 @@ class AddressNeeds {
             case 0x7B:
                 if (h2 >> 15) {
                     lose(to);
-                    if (h1 >> 5 == 0x79C) lose(kSp);  // MSR may set SP
+                    if (h1 >> 5 == 0x79C) lose(kSp);  // the instruction MSR may set SP
                 } else
                     follow_immediate(h1, h2, base, to);
                 break;
@@ -200,7 +204,8 @@ class AddressNeeds {
         }
     }
 
-    // A base register that is written back changes by a multiple of 4.
+    // Process a load or store of several words. A base register that is written back changes by a multiple of
+    // 4.
     void follow_several(uint16_t h1, uint16_t h2) {
         const bool loads = h1 & 0x10;
         if (!(h1 & 0x40)) {
@@ -215,7 +220,8 @@ class AddressNeeds {
         if (exclusive) lose(h2 & 15u);
     }
 
-    // Shifts of a register by a constant (A5.3.11): copies, multiples, and addresses in a table.
+    // Process a shift of a register by a constant (A5.3.11). It can copy, make a multiple of 4, or compute an
+    // address in a table.
     void follow_shifted(uint16_t h1, uint16_t h2) {
         const unsigned to = h2 >> 8 & 15u, base = h1 & 15u;
         const unsigned shift = (h2 >> 10 & 0x1Cu) | (h2 >> 6 & 3u);
@@ -241,7 +247,7 @@ class AddressNeeds {
         if (loads) lose(to);
     }
 
-    // ADD, SUB, MOV and the like with a constant (A5.3.1, A5.3.3).
+    // Process ADD, SUB, MOV and similar instructions with a constant (A5.3.1, A5.3.3).
     void follow_immediate(uint16_t h1, uint16_t h2, unsigned base, unsigned to) {
         const bool plain = h1 & 0x200;
         const unsigned what = h1 >> 4 & 31u;
@@ -254,11 +260,12 @@ class AddressNeeds {
             add(to, base, number);
         else if (plain && what == 4)
             become(to, number);
-        else if (!(plain && what == 12))  // MOVT leaves the lower half unchanged
+        else if (!(plain && what == 12))  // MOVT leaves the lower half of the register unchanged.
             lose(to);
     }
 
-    // ThumbExpandImm (A5.3.2), as far as multiples of 4 need it.
+    // Compute the constant of an instruction: ThumbExpandImm (A5.3.2), as far as needed to see multiples of
+    // 4.
     static uint32_t expanded(uint16_t h1, uint16_t h2) {
         const unsigned how = (h1 >> 7 & 8u) | (h2 >> 12 & 7u), byte = h2 & 0xFFu;
         if (how == 2) return byte << 8;

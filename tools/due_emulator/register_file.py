@@ -1,4 +1,4 @@
-"""Peripherals that consist of registers only: enough for the start-up of the Arduino core."""
+"""Peripherals of which only the registers are emulated. This suffices to start the Arduino core."""
 
 from tools.due_emulator.peripheral import Peripheral
 
@@ -6,10 +6,10 @@ PLAIN = (
     *("HSMCI", "SSC", "SPI0", "PWM", "EMAC", "CAN0", "CAN1", "ADC", "DMAC", "DACC", "SMC", "MATRIX"),
     *("SUPC", "RTT", "RTC", "GPBR", "CHIPID", "UOTGHS"),
 )
-"""Peripherals that are only a register file."""
+"""Names of the peripherals that are emulated in this way."""
 
 RESET_VALUES = {
-    ("CHIPID", "CIDR"): 0x285E_0A60,  # SAM3X8E (datasheet 9.2.3 as used by flash tools)
+    ("CHIPID", "CIDR"): 0x285E_0A60,  # SAM3X8E (datasheet 9.2.3; flash tools expect this value)
 }
 REFUSED = {
     ("ADC", "CR"): 0x02,
@@ -23,7 +23,10 @@ USB_CTRL_ENABLED, USB_CTRL_FROZEN, USB_CLOCK_USABLE = 1 << 15, 1 << 14, 1 << 14
 
 
 class RegisterFile(Peripheral):
-    """Stores written values. Set, clear and status registers work; starting a function is a fault."""
+    """A peripheral that only stores written values.
+
+    Registers that set, clear or show bits work. A write that would start a function is a fault.
+    """
 
     def _store_reset_values(self) -> None:
         super()._store_reset_values()

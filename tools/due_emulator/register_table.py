@@ -9,7 +9,7 @@ from typing import NamedTuple
 TABLE = Path(__file__).with_name("sam3x_registers.json")
 
 READ_AS_ZERO = {("TWI0", "CR"), ("TWI1", "CR")}
-"""Write-only registers that may be read all the same: the Arduino core sets STOP by `TWI_CR |= STOP`."""
+"""Write-only registers that may be read nevertheless: the Arduino core sets STOP by `TWI_CR |= STOP`."""
 
 TRIPLES = (
     *(("IER", "IDR", "IMR"), ("CHER", "CHDR", "CHSR"), ("ENA", "DIS", "SR"), ("SCER", "SCDR", "SCSR")),
@@ -23,11 +23,11 @@ TRIPLES = (
     *(("REHLSR", "FELLSR", "FRLHSR"), ("DIFSR", "SCIFSR", "IFDGSR")),
     ("PUDR", "PUER", "PUSR"),  # a 1 in PUSR means that the pull-up is off
 )
-"""Triples of registers that set bits, clear bits, and show the bits."""
+"""Triples of registers: the first sets bits, the second clears them, the third shows them."""
 
 
 class Register(NamedTuple):
-    """One register of a peripheral. `fields`: name to (lowest bit, width)."""
+    """One register of a peripheral. `fields`: (lowest bit, width) of each field, by name."""
 
     name: str
     offset: int
@@ -38,7 +38,7 @@ class Register(NamedTuple):
 
 
 class PeripheralTable(NamedTuple):
-    """One peripheral. `irq`: its identifier in NVIC and PMC; None if it has none."""
+    """One peripheral. `irq`: its identifier in the NVIC and PMC, or None."""
 
     name: str
     base: int
@@ -68,7 +68,10 @@ def peripherals() -> dict[str, PeripheralTable]:
 
 @functools.cache
 def bit_registers(name: str) -> dict[str, tuple[str, bool]]:
-    """Return the registers that set or clear another register's bits: its name, and whether bits are set."""
+    """Return the registers of a peripheral that set or clear bits of another register.
+
+    For each of them, the value is the other register's name, and whether bits are set.
+    """
     registers = peripherals()[name].registers
     found: dict[str, tuple[str, bool]] = {}
     for names in TRIPLES:

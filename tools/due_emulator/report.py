@@ -17,7 +17,7 @@ def make_report(
     error: str | None,
     notes: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """Return the report of a run.
+    """Return the report of a run as a dict.
 
     `wall_s`: real duration of the run; None if it ran in real time. `error`: why the run ended early; None if
     it did not.
@@ -56,7 +56,7 @@ def make_report(
 
 
 def _heard(host: HostView) -> dict[str, Any]:
-    """Return what the host says of the samples."""
+    """Return how the host judges the samples that arrived."""
     counts, due = host.counts, host.due
     heard = sum(last - first + 1 for first, last in (boot.heard for boot in host.boots if boot.heard))
     return {
@@ -74,7 +74,7 @@ def _heard(host: HostView) -> dict[str, Any]:
 
 
 def _messages(host: HostView) -> dict[str, Any]:
-    """Return the other messages that the host got, and what it counted of all bytes."""
+    """Return what the host received besides samples: other messages, and its counts of all bytes."""
     counts = host.reader.counts
     return {
         "hello": plain(host.hello),
@@ -88,7 +88,7 @@ def _messages(host: HostView) -> dict[str, Any]:
 
 
 def describe(report: dict[str, Any]) -> str:
-    """Return the report as lines for a person."""
+    """Return the report as lines of text for people."""
     rate, step = report["rate_hz"], report["step_us"]
     lines = [
         f"{report['image']}, build {report['build_id']}: {report['flash_bytes']} bytes of flash, "

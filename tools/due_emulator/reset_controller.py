@@ -12,7 +12,7 @@ NRSTL = 1 << 16
 
 
 class ResetType(IntEnum):
-    """Values of RSTC_SR.RSTTYP."""
+    """Causes of a reset, as the field RSTC_SR.RSTTYP states them."""
 
     POWER_UP = 0
     BACKUP = 1
@@ -30,7 +30,7 @@ class ResetController(Peripheral):
         self.restarted(ResetType.POWER_UP)
 
     def restarted(self, cause: ResetType) -> None:
-        """Note why the chip starts; a user reset is also noted in URSTS."""
+        """Store why the chip starts. A user reset also sets URSTS."""
         self.reset()
         self.registers["SR"] = cause << 8 | NRSTL | (cause is ResetType.USER)
 
@@ -42,7 +42,7 @@ class ResetController(Peripheral):
         return value
 
     def on_write(self, register: str, value: int) -> None:
-        """Write a register; both registers need the key."""
+        """Write a register; values for both writable registers must contain the key."""
         if value >> 24 != KEY:
             self.machine.fault(f"RSTC_{register} = 0x{value:08X} without its key 0xA5: the chip ignores it")
         if register == "MR":

@@ -1,4 +1,4 @@
-"""The socket of the sensor: its supply, its INT pin, and its clock."""
+"""The socket into which the sensor is plugged: its supply, its INT pin, and its clock."""
 
 from tools.due_emulator.machine import Alarm, Machine
 from tools.due_emulator.mpu9250 import Mpu9250
@@ -8,9 +8,9 @@ PS_PER_NS = 1000
 
 
 class SensorSocket:
-    """A chip in virtual time, with the faults of a loose plug or a bad contact.
+    """A sensor chip in its socket, with the faults of a loose plug or a bad contact.
 
-    Buses call `start`, `write`, `read` and `stop` as they would call the chip's own.
+    The bus calls `start`, `write`, `read` and `stop` as it would call those of the chip.
     """
 
     def __init__(self, machine: Machine, chip: Mpu9250) -> None:
@@ -18,7 +18,7 @@ class SensorSocket:
         self.chip = chip
         self.int_wire = Wire(machine, "the sensor's INT pin")
         self.nacks_left = 0
-        """Number of bytes from now on that are not acknowledged."""
+        """Number of coming bytes that are not acknowledged."""
         self.nack_until_ps = 0
         """Time until which no byte is acknowledged [ps]."""
         self._alarm = Alarm(machine, self._on_event)
@@ -36,7 +36,7 @@ class SensorSocket:
     def write(self, byte: int) -> bool:
         """Write a byte; return whether the sensor acknowledges.
 
-        A byte without acknowledge does not arrive.
+        A byte that is not acknowledged does not reach the sensor.
         """
         self._catch_up()
         ack = not self._refuses() and self.chip.write(byte)
@@ -51,32 +51,32 @@ class SensorSocket:
         return value
 
     def stop(self) -> None:
-        """Send STOP."""
+        """Send STOP to the sensor."""
         self._catch_up()
         self.chip.stop()
         self.settle()
 
     def unplug(self) -> None:
-        """Unplug the sensor."""
+        """Unplug the sensor, which loses its supply."""
         self._catch_up()
         self.chip.power_off()
         self.int_wire.drive("sensor", None)
         self.settle()
 
     def plug(self, who_am_i: int | None = None) -> None:
-        """Plug in the sensor, or another one, which powers up."""
+        """Plug in the sensor, or one with another `who_am_i`; it powers up."""
         self._catch_up()
         self.int_wire.drive("sensor", False)
         self.chip.power_on(who_am_i)
         self.settle()
 
     def become(self, who_am_i: int) -> None:
-        """Make the sensor another one from long before the start."""
+        """Make the sensor one with another `who_am_i`, as if it had always been there."""
         self.chip.become(who_am_i)
         self.settle()
 
     def brown_out(self) -> None:
-        """Let the sensor's registers fall back to their reset values."""
+        """Set the sensor's registers to their reset values, while it keeps running."""
         self._catch_up()
         self.chip.brown_out()
         self.settle()
@@ -88,7 +88,7 @@ class SensorSocket:
         self.settle()
 
     def settle(self) -> None:
-        """Set the alarm for the next moment at which the INT pin can change."""
+        """Set the alarm for the next time at which the INT pin can change."""
         self._alarm.cancel()
         at_ns = self.chip.next_event_ns()
         if at_ns is not None:

@@ -19,7 +19,7 @@ SEVONPEND, SLEEPDEEP, SLEEPONEXIT = 1 << 4, 1 << 2, 1 << 1
 
 
 class Word(NamedTuple):
-    """One register with its functions for reads and writes; None if it cannot be read or written."""
+    """One register with a function for reads and one for writes; None if that access is not permitted."""
 
     name: str
     read: Callable[[], int] | None
@@ -27,7 +27,10 @@ class Word(NamedTuple):
 
 
 class SystemControl:
-    """The system registers. All registers that are not listed here end the run, such as those of the MPU."""
+    """The system registers.
+
+    An access to a register that is not listed here, such as one of the MPU, ends the run.
+    """
 
     def __init__(self, machine: Machine, nvic: Nvic, system_reset: Callable[[], None]) -> None:
         self._machine = machine
@@ -51,7 +54,7 @@ class SystemControl:
         return bool(self._ccr & CCR_DIV_0_TRP)
 
     def read(self, address: int, size: int) -> int:
-        """Read as a program does."""
+        """Read `size` bytes as a program does."""
         if (priority := self._priority_bytes(address, size)) is not None:
             return int.from_bytes(priority, "little")
         word = self._find(address, size, "read")
@@ -60,7 +63,7 @@ class SystemControl:
         return word.read()
 
     def write(self, address: int, size: int, value: int) -> None:
-        """Write as a program does."""
+        """Write `size` bytes as a program does."""
         if self._priority_bytes(address, size) is not None:
             first = self._exception_at(address)
             for i in range(size):
@@ -81,7 +84,10 @@ class SystemControl:
         return address - BASE - 0x400 + FIRST_IRQ if address < BASE + 0xD00 else address - BASE - 0xD18 + 4
 
     def _priority_bytes(self, address: int, size: int) -> bytes | None:
-        """Return bytes of priorities, the only registers accessible by bytes; None for other registers."""
+        """Return the interrupt priorities at an address; None if other registers are at the address.
+
+        Only these registers may be accessed by single bytes.
+        """
         offset = address - BASE
         if 0xD18 <= offset < 0xD24 or 0x400 <= offset < 0x400 + IRQS // 4 * 4 + 4:
             first = self._exception_at(address)
@@ -171,7 +177,9 @@ class SystemControl:
                 act(exception)
 
     def _write_vtor(self, value: int) -> None:
-        if value & 0xFF:  # 61 vectors of 4 bytes, rounded up to a power of two (ARMv7-M, B3.2.5)
+        # The table has 61 vectors of 4 bytes. Its alignment is that size, rounded up to a power of two
+        # (ARMv7-M, B3.2.5).
+        if value & 0xFF:
             self._machine.fault(f"VTOR 0x{value:08X}: the vector table has to be aligned to 256 bytes")
         self.vector_table = value
 

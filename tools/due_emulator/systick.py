@@ -15,7 +15,10 @@ CALIB_10MS_AT_84MHZ = 10_500
 
 
 class SysTick:
-    """Counts down from LOAD to 0, then reloads; `pend` is called at each 0 if TICKINT is set."""
+    """Counts down from LOAD to 0, then starts at LOAD again.
+
+    At each 0, `pend` is called if TICKINT is set.
+    """
 
     def __init__(self, machine: Machine, pend: Callable[[], None]) -> None:
         self._machine = machine
@@ -44,19 +47,19 @@ class SysTick:
         return bool(self._control & ENABLE) and self._load > 0
 
     def read_control(self) -> int:
-        """Read SYST_CSR, which clears COUNTFLAG."""
+        """Read SYST_CSR, the control register. The read clears COUNTFLAG."""
         self._settle()
         flag, self._flag = self._flag, False
         return self._control | COUNTFLAG * flag
 
     def write_control(self, value: int) -> None:
-        """Write SYST_CSR."""
+        """Write SYST_CSR, the control register."""
         count = self.read_value()
         self._control = value & (ENABLE | TICKINT | CLKSOURCE)
         self._go_on_from(count)
 
     def read_load(self) -> int:
-        """Read SYST_RVR."""
+        """Read SYST_RVR, the value from which the counter starts again."""
         return self._load
 
     def write_load(self, value: int) -> None:
@@ -79,7 +82,7 @@ class SysTick:
     def _go_on_from(self, count: int) -> None:
         self._settle()
         self._stopped_at = count
-        # The counter counts up: it is at 0 or a multiple of the period when the count is 0.
+        # `_counter` counts up. Whenever SysTick's count is 0, `_counter` is at a multiple of the period.
         self._counter.restart(-count)
         self._seen_wraps = 0 if count == 0 else -1
         self._alarm.cancel()

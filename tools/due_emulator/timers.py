@@ -1,7 +1,7 @@
 """TC0 to TC2: three 32-bit counters each (datasheet 36).
 
-Modelled: counting up, to the end or to RC; the RC compare and its interrupt. Other modes, inputs, RA and RB
-end the run when a program uses them.
+A counter can count up to its largest value or to the register RC; comparison with RC and its interrupt are
+modelled. If a program uses another mode, an input, RA or RB, the run ends.
 """
 
 from collections.abc import Callable
@@ -24,7 +24,10 @@ FULL = 1 << 32
 
 
 class Channel:
-    """One counter; its registers are in the timer's file, and their names end with the channel's number."""
+    """One counter of a timer. Its registers belong to the timer.
+
+    Their names end with the counter's number.
+    """
 
     def __init__(self, timer: "Timer", number: int) -> None:
         self._timer = timer
@@ -41,7 +44,7 @@ class Channel:
         timer.machine.on_clock_change.append(self._on_clock_change)
 
     def reset(self) -> None:
-        """Stop at 0."""
+        """Stop the counter, and set it to 0."""
         self._alarm.cancel()
         self._running = False
         self._counter.restart()
@@ -51,7 +54,7 @@ class Channel:
 
     @property
     def value(self) -> int:
-        """The register CV."""
+        """Value of the register CV, the present count."""
         cycles = self._counter.cycles if self._running else 0
         return cycles % self._period
 
@@ -74,7 +77,7 @@ class Channel:
         return self._machine.mck_hz, DIVIDERS[source] if source < SLOW_CLOCK else 1
 
     def command(self, value: int) -> None:
-        """Write CCR."""
+        """Write CCR, which starts and stops the counter."""
         if value & CLKDIS:
             self._running = False
             self._alarm.cancel()
@@ -90,7 +93,7 @@ class Channel:
         self._lay_out()
 
     def configure(self, value: int) -> None:
-        """Write CMR."""
+        """Write CMR, the counter's mode."""
         unsupported = value & 0x3F & ~7 or value & 7 > SLOW_CLOCK
         if value & WAVE:
             unsupported = unsupported or value & (CPCSTOP | CPCDIS) or value >> 13 & 3 not in (UP, UP_TO_RC)
@@ -100,15 +103,15 @@ class Channel:
         self.compare_changed()
 
     def compare_changed(self) -> None:
-        """Apply a change of RC or of the mode; the count continues."""
-        if self._counter.cycles >= self._period:  # a restart loses the fraction of a cycle that has passed
+        """Apply a change of RC or of the mode, without resetting the count."""
+        if self._counter.cycles >= self._period:  # This restart loses the elapsed fraction of a cycle.
             self._counter.restart(self._counter.cycles % self._period)
         self._seen = self._counter.cycles
         self._schedule()
         self._lay_out()
 
     def read_status(self) -> int:
-        """Read SR, which clears its events."""
+        """Read SR, the status register. The read clears its events."""
         self._settle()
         value = self._timer.registers[f"SR{self._n}"]
         self._timer.registers[f"SR{self._n}"] = value & ~EVENTS
@@ -116,7 +119,7 @@ class Channel:
         return value
 
     def settle_irq(self) -> None:
-        """Update the interrupt line."""
+        """Update the counter's interrupt request."""
         r = self._timer.registers
         self._machine.set_irq(self.irq, bool(r[f"SR{self._n}"] & r[f"IMR{self._n}"]))
 
@@ -126,7 +129,10 @@ class Channel:
             self._alarm.set(self._counter.ps_until(self._next_mark()))
 
     def _next_mark(self) -> int:
-        """Return the total count (not modulo the period) at which the counter next reaches RC or its end."""
+        """Return the total count at which the counter next reaches RC or the end of its period.
+
+        The total count is not reduced modulo the period.
+        """
         cycles, period = self._counter.cycles, self._period
         lap = cycles // period * period
         rc = self._timer.registers[f"RC{self._n}"]
@@ -158,7 +164,7 @@ class Channel:
         self._lay_out()
 
     def _lay_out(self) -> None:
-        """Keep the value that C++ reads equal to `value`."""
+        """Update the copy of the count that C++ reads, so that it equals `value`."""
         if self._running:
             self._counter.lay_out(self._quick_value, self._period)
         else:
@@ -166,7 +172,7 @@ class Channel:
 
 
 class Timer(Peripheral):
-    """A block of three channels. Each channel has an identifier and a clock of its own."""
+    """A timer of three counters (channels). Each has an identifier and a clock of its own."""
 
     def __init__(self, machine: Machine, name: str) -> None:
         super().__init__(machine, name)
@@ -183,18 +189,22 @@ class Timer(Peripheral):
             }
 
     def reset(self) -> None:
-        """Stop all channels at 0."""
+        """Stop all counters, and set them to 0."""
         super().reset()
         for channel in self.channels:
             channel.reset()
 
     def clock_id(self, register: str) -> int | None:
-        """Return the clock's identifier: the channel's own, or the first channel's for block registers."""
+        """Return the identifier of the clock that a register needs.
+
+        For a register of a channel it is that of the channel, for a register of the whole timer that of the
+        first channel.
+        """
         assert self.table.irq is not None
         return self.table.irq + (int(register[-1]) if register[-1].isdigit() else 0)
 
     def on_read(self, register: str) -> int:
-        """Read a register: CV counts; a read of SR clears its events."""
+        """Read a register. A read of CV returns the present count; a read of SR clears its events."""
         channel = self.channels[int(register[-1])] if register[-1].isdigit() else None
         if channel is not None and register.startswith("CV"):
             return channel.value
@@ -203,7 +213,7 @@ class Timer(Peripheral):
         return self.registers[register]
 
     def on_write(self, register: str, value: int) -> None:
-        """Write commands, modes and compare values."""
+        """Write a register: a command, a mode or the compare value."""
         action = self._actions.get(register)
         if action is not None:
             action(value)

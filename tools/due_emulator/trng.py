@@ -1,4 +1,4 @@
-"""The true random number generator, here a seeded one (datasheet 41)."""
+"""The true random number generator (datasheet, chapter 41). In the emulation it is seeded."""
 
 import numpy as np
 
@@ -7,12 +7,15 @@ from tools.due_emulator.peripheral import Peripheral
 
 KEY = 0x52_4E47
 CYCLES = 84
-"""Number of clock cycles for a new word (datasheet 41.1)."""
+"""Number of clock cycles in which a new random word is made (datasheet 41.1)."""
 DATRDY = 1
 
 
 class Trng(Peripheral):
-    """Gives words of a generator that continues over resets, so that each boot gets other words."""
+    """Returns the words of a seeded generator.
+
+    Resets do not restart the generator, so each boot gets other words.
+    """
 
     status = "ISR"
 
@@ -28,7 +31,10 @@ class Trng(Peripheral):
         self.settle_irq()
 
     def on_read(self, register: str) -> int:
-        """Read a register: a read of ISR clears DATRDY; a word may be read after DATRDY was seen."""
+        """Read a register. A read of ISR clears DATRDY.
+
+        A random word may be read only after DATRDY was seen.
+        """
         value = self.registers[register]
         if register == "ISR":
             self.registers["ISR"] = 0
@@ -42,7 +48,7 @@ class Trng(Peripheral):
         return value
 
     def on_write(self, register: str, value: int) -> None:
-        """Write a register; CR needs the key."""
+        """Write a register. A value for CR must contain the key."""
         if register == "CR":
             if value >> 8 != KEY:
                 self.machine.fault(f"TRNG_CR = 0x{value:08X} without its key 0x524E47: the chip ignores it")
@@ -56,7 +62,7 @@ class Trng(Peripheral):
         self._alarm.set(CYCLES * PS_PER_S // self.machine.mck_hz)
 
     def _ready(self) -> None:
-        # Never 0, so that 0 means "no word yet"; the real generator may give 0.
+        # The word is never 0, because 0 means "no word yet" here; the real generator can return 0.
         self.registers["ODATA"] = int(self._rng.integers(1, 1 << 32))
         self.registers["ISR"] = DATRDY
         self.settle_irq()

@@ -1,10 +1,10 @@
-"""TWI0 and TWI1 as bus masters: whole bytes, with the times that they take on the wires.
+"""The I²C controllers TWI0 and TWI1 as bus masters: whole bytes, with their durations on the wires.
 
 Sources: SAM3X datasheet, chapter 33 (33.8 master mode, 33.11 registers). The SAM4CP datasheet, 34.7.3.5, says
 of the same controller that SCL waits in the last bit until RHR is read. A byte of a write that was not
 acknowledged stays in THR, and the next write sends it first. Later controllers of the family (SAMA5D2) have a
-command that discards it, THRCLR; here only SWRST does. Not modelled, and refused: slave mode, quick command,
-transfers by PDC.
+command THRCLR that discards this byte; on the SAM3X only SWRST discards it. Not modelled, and refused: slave
+mode, quick command, transfers by PDC.
 """
 
 from collections.abc import Generator
@@ -27,16 +27,18 @@ LAST_BIT = 7.5
 BYTE_BITS = 9
 
 Transfer = Generator[float | None, None, None]
-"""Yields the number of bits that the next step takes, or None to wait until the program acts."""
+"""A transfer as a generator. It yields the duration of the next step in bits, or None to wait until the
+program acts.
+"""
 Addressing = Generator[float | None, None, bool]
 
 
-# Over 12 attributes: each is one register, line or deadline of the modelled peripheral.
+# Over 12 attributes: each is one register, wire or deadline of the modelled peripheral.
 class Twi(Peripheral):
-    """One controller on its bus.
+    """One I²C controller on its bus.
 
-    `lines`: the bus to which TWD and TWCK are connected. `pio`, `pins`: the controller and bits of the pins,
-    which have to be assigned to peripheral A.
+    `lines`: the bus to which TWD and TWCK are connected. `pio`, `pins`: the pins' controller and their bits
+    in it; the pins have to be assigned to peripheral A.
     """
 
     status = "SR"
@@ -51,28 +53,30 @@ class Twi(Peripheral):
         """Total time for which transfers have held the bus [ps]."""
         self.transfers = 0
         self.stale_reads = 0
-        """In this number of further reads an extra byte stays in RHR, as if STOP had come too late."""
+        """Number of coming reads after which an extra byte stays in RHR, as if STOP had been set too late."""
         self._quick_status = machine.quick_reads.add(
             self.table.base + self.table.registers["SR"].offset, self.clock_id("SR")
         )
         self._alarm = Alarm(machine, self._resume)
         self._thr: int | None = None
         self._remains: int | None = None
-        """The byte that a write without acknowledge left in THR."""
+        """The byte that stayed in THR because a write was not acknowledged, or None."""
         self._on_line: tuple[bool, int, int] | None = None
-        """The byte on the wires: whether the sensor sends it, its value, its start [ps]; None without one."""
+        """The byte that is on the wires, or None: whether the sensor sends it, its value, and its start
+        [ps].
+        """
         self._transfer: Transfer | None = None
         self._waiting = self._stalled = False
         self._begun_ps = 0
         self._stop_ps = NEVER_PS
-        """Moment at which STOP was requested."""
+        """Time at which the program requested STOP."""
         self._bit_ps = 1.0
         self._idle()
         pio.on_mux_change.append(self._on_mux_change)
         lines.scl.listen(self._on_scl)
 
     def reset(self) -> None:
-        """Reset by the chip, or by SWRST: a transfer is cut off."""
+        """Reset the controller, as a reset of the chip or SWRST does. A transfer is cut off."""
         self._abort()
         super().reset()
         self._idle()
@@ -92,7 +96,7 @@ class Twi(Peripheral):
 
     @property
     def load_ps(self) -> int:
-        """`busy_ps` including the present transfer."""
+        """`busy_ps` plus the time since the present transfer began."""
         running = self.machine.now_ps - self._begun_ps if self._transfer is not None else 0
         return self.busy_ps + running
 
@@ -107,7 +111,7 @@ class Twi(Peripheral):
         return value
 
     def on_write(self, register: str, value: int) -> None:
-        """Write commands, data, and settings, which may change only between transfers."""
+        """Write a register: a command, data or a setting. Settings may change only between transfers."""
         match register:
             case "CR":
                 self._command(value)
@@ -227,7 +231,7 @@ class Twi(Peripheral):
             end_ps = max(end_ps, machine.now_ps + rest_ps)
             self._on_line = (True, byte, end_ps - self._ps(BYTE_BITS))
             yield (end_ps - machine.now_ps) / self._bit_ps
-            while machine.now_ps > end_ps:  # SCL was held meanwhile
+            while machine.now_ps > end_ps:  # A device stretched SCL meanwhile.
                 end_ps = machine.now_ps + rest_ps
                 yield BYTE_BITS - LAST_BIT
             more = self._stop_ps >= end_ps - self._ps(1)
@@ -238,7 +242,10 @@ class Twi(Peripheral):
         yield from self._close()
 
     def _anticipate(self) -> Transfer:
-        """After the last byte is read, receive the idle level as one more byte; Linux drains RHR for this."""
+        """After the program has read the last byte, receive the idle level of the bus as one more byte.
+
+        The Linux driver empties RHR because this can happen.
+        """
         while self.registers["SR"] & RXRDY:
             yield None
         self.stale_reads -= 1
@@ -284,20 +291,22 @@ class Twi(Peripheral):
     # Time
 
     def _resume(self) -> None:
-        """Run the transfer to its next wait."""
+        """Continue the transfer up to its next wait."""
         self._waiting = False
         if self._transfer is None or self._stalled:
             return
         if not self._lines.scl.level:
             return  # SCL is stretched: `_on_scl` continues the transfer
         if not self._lines.sda.level:
-            self._stalled = True  # no START and no data: only SWRST or MSDIS ends this
+            # A device holds SDA low, so neither START nor data can be sent; only SWRST or MSDIS ends this
+            # state.
+            self._stalled = True
             return
         try:
             bits = next(self._transfer)
         except StopIteration:
             return
-        # The program can end these two waits early.
+        # The program can end these two kinds of waits early.
         self._waiting = bits in (None, LAST_BIT)
         if bits is not None:
             self._alarm.set(self._ps(bits))
@@ -320,7 +329,7 @@ class Twi(Peripheral):
         self._on_line = None
 
     def _abort(self) -> None:
-        """Release the bus immediately; a sensor within a byte stays there."""
+        """Release the bus immediately. A sensor that is within a byte stays at that bit."""
         if self._transfer is None:
             return
         self._alarm.cancel()
@@ -345,6 +354,6 @@ class Twi(Peripheral):
         self._on_line = None
 
     def settle_irq(self) -> None:
-        """Update the interrupt line, and the status that C++ reads."""
+        """Update the interrupt request, and the copy of the status register that the C++ code reads."""
         self._quick_status.hold(self.registers["SR"], CLEARED_BY_READ)
         super().settle_irq()

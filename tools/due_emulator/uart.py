@@ -1,6 +1,6 @@
-"""UART and USARTs as transmitters: holding register, shift register, and the PDC that feeds them.
+"""UART and USARTs as transmitters: holding register, shift register, and the DMA controller (PDC).
 
-Sources: datasheet 34 (UART), 35 (USART), 26 (PDC). Nothing is ever received: the wire has one direction.
+Sources: datasheet 34 (UART), 35 (USART), 26 (PDC). Only transmission is modelled.
 """
 
 from typing import Protocol
@@ -14,7 +14,7 @@ TXRDY, ENDTX, TXEMPTY, TXBUFE = 1 << 1, 1 << 4, 1 << 9, 1 << 11
 PDC_TXTEN, PDC_TXTDIS, PDC_RXTEN, PDC_RXTDIS = 1 << 8, 1 << 9, 1 << 0, 1 << 1
 NO_PARITY = 4
 BITS_PER_BYTE = 10
-"""Start bit, eight data bits, stop bit: the only format that is modelled."""
+"""Bits of a byte on the wire: start bit, eight data bits and stop bit. No other format is modelled."""
 OVERSAMPLING = 16
 
 
@@ -22,10 +22,10 @@ class Line(Protocol):
     """Destination of transmitted bytes."""
 
     def send(self, byte: int, at_ps: int, baud: float) -> None:
-        """Receive a byte at the end of its stop bit, with that moment and the true baud rate."""
+        """Receive a byte at the end of its stop bit; `at_ps` is that time, `baud` the true baud rate."""
 
 
-# Over 12 attributes: each is one register, line or deadline of the modelled peripheral.
+# Over 12 attributes: each is one register, wire or deadline of the modelled peripheral.
 class Transmitter(Peripheral):
     """The transmit side of a UART or USART."""
 
@@ -36,7 +36,7 @@ class Transmitter(Peripheral):
         self._line = line
         self.bytes_sent = 0
         self.busy_ps = 0
-        """Time for which the wire was not idle [ps]."""
+        """Total time for which a byte was on the wire [ps]."""
         self._alarm, self._quiet_alarm = Alarm(machine, self._sent), Alarm(machine, self._sent)
         self._timing_of: tuple[int, int, int] | None = None
         self._baud = 0.0
@@ -50,7 +50,7 @@ class Transmitter(Peripheral):
         self.registers[self.status] = ENDTX | TXBUFE
 
     def reset(self) -> None:
-        """Switch off; a byte on the wire is cut off and lost."""
+        """Switch the transmitter off. A byte that is on the wire is cut off and lost."""
         self._cancel()
         super().reset()
         self._clear()
@@ -72,7 +72,7 @@ class Transmitter(Peripheral):
         return self.machine.mck_hz / (oversampling * (divider + self.field("BRGR", "FP") / 8))
 
     def on_write(self, register: str, value: int) -> None:
-        """Write commands, bytes, interrupts, the PDC, and settings."""
+        """Write a register: a command, a byte to send, interrupts, the PDC, or a setting."""
         r = self.registers
         match register:
             case "CR":
@@ -100,7 +100,7 @@ class Transmitter(Peripheral):
             self._holding = self._shifting = None
             self._enabled = False
         if value & TXDIS:
-            # A byte on the wire is completed (34.6.1).
+            # A byte that is on the wire is still sent completely (34.6.1).
             self._enabled = False
         elif value & TXEN:
             self._check_format()
@@ -146,7 +146,7 @@ class Transmitter(Peripheral):
         self._settle()
 
     def _await_end(self) -> None:
-        """Set alarms for the end of this byte, and for the next end of a byte that changes a flag."""
+        """Set alarms for the end of this byte, and for the end of the next byte that changes a flag."""
         left_ps, more = self._end_ps - self.machine.now_ps, 0
         if self._is_amid_a_block():
             self._quiet_alarm.set(left_ps, quiet=True)
@@ -175,7 +175,7 @@ class Transmitter(Peripheral):
                 r[self.status] |= TXBUFE
 
     def _take(self) -> int:
-        """Let the PDC read a byte."""
+        """Let the PDC read the next byte from memory; return it."""
         r = self.registers
         byte = self._memory.read(r["TPR"], 1)
         if byte is None:

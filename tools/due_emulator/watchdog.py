@@ -1,4 +1,7 @@
-"""The watchdog: on after reset, with a time-out of 16 s, and its mode can be written once (datasheet 15)."""
+"""The watchdog timer of the SAM3X (datasheet, chapter 15).
+
+It is on after a reset, with a time-out of 16 s, and its mode register can be written once.
+"""
 
 from collections.abc import Callable
 
@@ -14,7 +17,7 @@ WDUNF, WDERR = 1, 2
 class Watchdog(Peripheral):
     """Calls `bite`, which resets the board, when the program has not fed the watchdog in time.
 
-    It stands still while the processor sleeps if WDIDLEHLT is set, as it is after reset.
+    It stops counting while the processor sleeps if WDIDLEHLT is set, which is so after a reset.
     """
 
     def __init__(self, machine: Machine, bite: Callable[[], None]) -> None:
@@ -70,7 +73,8 @@ class Watchdog(Peripheral):
             self._fail(WDERR)
         else:
             self._fed_ps = self._clock_ps()
-            if not self._alarm.is_set:  # an alarm that comes too early is set again
+            # If the alarm is set already, it comes too early, and is set again then.
+            if not self._alarm.is_set:
                 self._wait()
 
     def _feed(self) -> None:

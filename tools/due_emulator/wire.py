@@ -6,7 +6,10 @@ from tools.due_emulator.machine import Machine
 
 
 class Wire:
-    """One net. A driver holds it low (False), drives it high (True) or releases it (None); pull-ups act then.
+    """One wire that connects several parts.
+
+    A driver holds it low (False), drives it high (True) or releases it (None). If all drivers release it, a
+    pull-up keeps it high.
 
     The run ends at a short circuit: one driver drives high while another holds low.
     """
@@ -18,10 +21,10 @@ class Wire:
         self._pull_ups: set[str] = set()
         self._listeners: list[Callable[[bool], None]] = []
         self.level = False
-        """Whether the wire is high; without any driver or pull-up it reads as low."""
+        """Whether the wire is high. A wire without a driver and without a pull-up is low."""
 
     def listen(self, listener: Callable[[bool], None]) -> None:
-        """Call `listener(level)` at every change from now on."""
+        """Call `listener(level)` at every later change of the level."""
         self._listeners.append(listener)
 
     def drive(self, who: str, level: bool | None) -> None:

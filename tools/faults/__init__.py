@@ -1,1 +1,1 @@
-"""Plays every fault of every part, and reports the results in one table: `make faults`."""
+"""Causes every fault of every part of the system, and reports the results in one table: `make faults`."""

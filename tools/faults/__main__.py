@@ -22,7 +22,7 @@ from tools.faults.program import Skip
 
 
 class Part(NamedTuple):
-    """Faults that are played in the same way. `at_once`: number of faults played at the same time."""
+    """A part of the system with its faults. `at_once`: number of faults that are caused at the same time."""
 
     cases: tuple[Case, ...]
     at_once: int = 2
@@ -78,14 +78,17 @@ def main() -> int:
 def played(
     parts: list[str], words: list[str], *, short: bool, image: Path | None
 ) -> Iterator[tuple[str, str, Outcome]]:
-    """Yield part, name and outcome of the faults whose names contain one of the words; all without words."""
+    """Yield part, name and outcome of each fault whose name contains one of the words.
+
+    If there are no words, all faults are caused.
+    """
     for part in parts:
         cases = [one for one in PARTS[part].cases if not words or any(word in one.name for word in words)]
         playing = play_all(cases, at_once=PARTS[part].at_once, short=short, image=image)
         for case in cases:
             try:
                 yield part, case.name, playing[case.name].result()
-            except Skip as why:  # the other faults may need less
+            except Skip as why:  # The other faults may not need what is missing.
                 yield part, case.name, Outcome([], 0, {}, more=f"{NOT_PLAYED}: {why}")
 
 

@@ -1,4 +1,7 @@
-"""Accounts for every sample: it was delivered, it was counted as lost, or no program can know of it."""
+"""Accounts for every sample.
+
+It was delivered, or it was counted as lost, or no program can know of it.
+"""
 
 from collections import Counter
 from collections.abc import Callable, Collection, Sequence
@@ -8,14 +11,15 @@ from tools.faults.outcome import LOST
 from tools.faults.program import Program
 
 Sample = tuple[Any, int]
-"""Source of a sample, such as a board's name, and the sample's number there."""
+"""A sample: its source, such as a board's name, and its number there."""
 Record = dict[str, Any]
 
 
 class Heard(NamedTuple):
-    """What one program reported: how often it delivered each sample, and how often it counted it as lost.
+    """What one program reported: for each sample, how often it was delivered or counted as lost.
 
-    `dropped`: number of records for which its standard output had no room, by its last counts.
+    `dropped`: number of records that it dropped because its standard output was full, from its last `stats`
+    record.
     """
 
     delivered: Counter[Sample]
@@ -24,7 +28,10 @@ class Heard(NamedTuple):
 
 
 class Account(NamedTuple):
-    """Numbers of samples by what became of them. `wrong`: contradictions."""
+    """Number of samples that were due, and numbers by what became of them.
+
+    `wrong`: texts on contradictions.
+    """
 
     due: int
     where: dict[str, int]
@@ -32,7 +39,7 @@ class Account(NamedTuple):
 
 
 def heard(records: Sequence[Record], sample: Callable[[Record], Sample]) -> Heard:
-    """Evaluate a program's records.
+    """Count the delivered, lost and dropped samples in a program's records.
 
     `sample`: returns the sample of a `sample` record, or the first missing sample of a `gap` record.
     """
@@ -58,7 +65,7 @@ def account(
 ) -> Account:
     """Compare what the programs reported with the samples that were due.
 
-    `excused`: due samples of which no program can know, if they were not delivered. `excuse`: the reason.
+    `excused`: due samples of which no program can know if they were not delivered. `excuse`: reason why not.
     `once`: each sample may be delivered only once, and counted as lost only once.
     """
     delivered, lost = Counter[Sample](), Counter[Sample]()
@@ -84,7 +91,7 @@ def account(
 
 
 def shown(samples: set[Sample]) -> str:
-    """Return the number of samples of each source, and the smallest sample number."""
+    """Return a text with the number of samples of each source, and the smallest sample number."""
     counts = Counter(whose for whose, _ in samples)
     return ", ".join(
         f"{count} of {whose} from {min(number for one, number in samples if one == whose)}"
@@ -93,7 +100,10 @@ def shown(samples: set[Sample]) -> str:
 
 
 def wrong_ends(program: Program) -> list[str]:
-    """Return what is wrong about a program's end and its outputs' last counts; nothing if it was killed."""
+    """Return what is wrong about a program's end and the last counts of its outputs.
+
+    The list is empty if the program was killed.
+    """
     if program.code is None or program.code < 0:
         return []
     found = [f"exit code {program.code}: {program.stderr[-500:]}"] if program.code else []
@@ -102,9 +112,11 @@ def wrong_ends(program: Program) -> list[str]:
 
 
 def wrong_sums(records: Sequence[Record]) -> list[str]:
-    """Return the outputs whose written, dropped and queued records are not the number published before.
+    """Return a text for each output whose counts are wrong.
 
-    An error that another thread reported meanwhile may be counted in addition.
+    Written, dropped and queued records together must be as many as were published.
+
+    An error record that another thread published meanwhile may be counted in addition.
     """
     last = max((k for k, record in enumerate(records) if record["class"] == "stats"), default=None)
     outputs = {} if last is None else records[last].get("outputs", {})
@@ -113,7 +125,7 @@ def wrong_sums(records: Sequence[Record]) -> list[str]:
     published = last + outputs["stdout"]["dropped"]
     errors = sum(record["class"] == "error" for record in records)
     sums = {name: one["written"] + one["dropped"] + one["queued"] for name, one in outputs.items()}
-    # The output `record` also counts the bytes of the wire.
+    # The output `record` also counts the recorded chunks of bytes from the serial port.
     return [
         f"{name} accounts for {count} of {published} records"
         for name, count in sums.items()

@@ -1,6 +1,6 @@
-"""Plays every kind of fault of sensor, bus, wires and board on the emulated Due, one run each.
+"""Causes every kind of fault of sensor, bus, wires and board, in one run of the emulated Due for each.
 
-Times are virtual, so two reports of one image are equal.
+Times are virtual, so two reports on the same firmware image are equal.
 """
 
 from dataclasses import replace
@@ -22,13 +22,14 @@ UNINTERRUPTED_S = 0.015
 
 
 class Measured(NamedTuple):
-    """Results of one run.
+    """Results of one run of the emulated board.
 
     `due`: number of sampling instants of all boots by the emulator's own clock, since the first read of the
-    sensor. `delivered`, `lost`: the host's counts. `unheard`: instants at the end of a boot that a reset
-    ended, so that no later sample could show that they were missing. `recovery_s`: longest interruption at
-    the host, from the last good sample before to the first after [virtual s]. `epochs`: reasons of new
-    epochs. `status`: of the last boot. `wrong`: what does not add up, or None.
+    sensor. `delivered`, `lost`: the host's counts. `unheard`: sampling instants at the end of a boot whose
+    samples did not arrive. Because a reset ended the boot, no later sample shows that they are missing.
+    `recovery_s`: longest interruption at the host, from the last good sample before it to the first one after
+    it [virtual s]. `epochs`: reasons of new epochs. `status`: fields of the last boot's STATUS. `wrong`: a
+    contradiction in the counts, or None.
     """
 
     due: int
@@ -45,7 +46,7 @@ class Measured(NamedTuple):
 
     @property
     def outcome(self) -> Outcome:
-        """The results in the form of the report."""
+        """The results in the form in which the report shows them."""
         counts = [f"{name} {n}" for name, n in self.status.items() if n and name != "reset_cause"]
         if self.resets:
             counts.insert(0, f"reset_cause {self.status['reset_cause']}")
@@ -65,12 +66,13 @@ class Measured(NamedTuple):
 
 
 class DueExpected(NamedTuple):
-    """What a fault has to lead to.
+    """The expected outcome of a fault on the emulated board.
 
-    `lost`, `recovery_s`, `unheard`: smallest and largest value, as in `Measured`. `epochs`, `faults`: their
-    kinds, in order. `i2c_errors`, `bus_recoveries`: fields of the last boot's STATUS. `resets`: their causes.
-    `bad_frames`: number of frames that the host refused. `lost_on_the_way`: whether samples are lost on the
-    wire, so that the board cannot count them.
+    `lost`, `recovery_s`, `unheard`: smallest and largest permitted value of these fields of `Measured`.
+    `epochs`, `faults`: kinds of new epochs and of FAULT messages, in order. `i2c_errors`, `bus_recoveries`:
+    fields of the last boot's STATUS. `resets`: causes of the resets. `bad_frames`: number of frames that the
+    host refused. `lost_on_the_way`: whether samples are lost on the wire, so that the board cannot count
+    them.
     """
 
     lost: tuple[int, int]
@@ -86,7 +88,7 @@ class DueExpected(NamedTuple):
 
     @property
     def of_outcome(self) -> Expected:
-        """The expectation of what stands in the report's table."""
+        """The expected values of the figures in the report's table."""
         return Expected((*self.faults, *self.epochs), lost=self.lost, excused=self.unheard)
 
     def differences(self, one: Measured) -> list[str]:
@@ -101,8 +103,8 @@ class DueExpected(NamedTuple):
             "bus_recoveries": status["bus_recoveries"] == self.bus_recoveries,
             "sensor_reinits": status["sensor_reinits"] == one.epochs.count("sensor_restart"),
             "dropped_frames": status["dropped_frames"] == 0,
-            # The device cannot know what is lost on the wire; it has counted everything else that the host
-            # lacks.
+            # The device cannot know which samples are lost on the wire. It has to count all other samples
+            # that the host lacks.
             "overruns": status["overruns"] == (0 if self.lost_on_the_way else one.lost),
         }
         wrong = [f"{name} is not as expected: {one}" for name, is_right in checks.items() if not is_right]
@@ -112,7 +114,8 @@ class DueExpected(NamedTuple):
 class DueCase(NamedTuple):
     """A fault of sensor, bus, wires or board.
 
-    `faults`: as on the emulator's command line. `until_s`: length of the run [s of virtual time].
+    `faults`: texts of the faults, as on the emulator's command line. `until_s`: length of the run [s of
+    virtual time].
     """
 
     name: str
@@ -123,8 +126,8 @@ class DueCase(NamedTuple):
 
 UNINTERRUPTED = (0.0099, 0.0151)
 RESTART = ("sensor_restart",)
-# A set-up is tried every 0.1 s and takes 0.15 s. This is the most that recovery adds to the fault's own
-# duration.
+# The firmware tries to set up the sensor every 0.1 s, and a set-up takes 0.15 s. Recovery adds at most these
+# times to the duration of a fault.
 DUE_CASES = (
     DueCase(
         "SDA held, 5 clocks free it",
@@ -231,7 +234,7 @@ DUE_CASES = (
 
 
 def measure(image: bytes, case: DueCase) -> tuple[DueRun, Measured]:
-    """Run one case."""
+    """Run the emulated board with the faults of a case; return the run and its results."""
     run = DueRun(image, faults=case.faults).run_until(case.until_s)
     arrivals = [sample.at_ps for sample in run.of(wire.Sample)]
     samples = run.stats.sample_counts

@@ -1,4 +1,4 @@
-"""A fault and what it has to lead to, functions that play faults, and the table of outcomes in Markdown."""
+"""A fault with its expected outcome, functions that cause faults, and the table of outcomes in Markdown."""
 
 import tempfile
 import traceback
@@ -18,9 +18,9 @@ NOT_PLAYED = "not played"
 
 
 class Case(NamedTuple):
-    """A fault: its name in the report, the function that plays it, and what it has to lead to.
+    """A fault: its name in the report, the function that causes it, and its expected outcome.
 
-    `tested`: whether the second tier of tests plays it; the others take too long for that.
+    `tested`: whether the second tier of tests includes this fault; faults that take too long are left out.
     """
 
     name: str
@@ -30,14 +30,14 @@ class Case(NamedTuple):
 
 
 def play(case: Case, **how: Any) -> Outcome:
-    """Play a fault in a folder of its own, and compare its outcome with what is expected.
+    """Cause a fault in a folder of its own, and compare its outcome with the expected outcome.
 
-    What differs is wrong, and so is an exception.
+    A difference counts as wrong, and so does an exception.
 
-    `how`: see `Stage`.
+    `how`: options of `Stage`.
 
     Raises:
-        Skip: something is missing on this machine.
+        Skip: a program or a permission that the fault needs is missing on this machine.
     """
     # The last child of a killed browser may still write into the folder while it is removed.
     with tempfile.TemporaryDirectory(prefix="fault-", ignore_cleanup_errors=True) as folder:
@@ -55,7 +55,10 @@ def play(case: Case, **how: Any) -> Outcome:
 
 
 def play_all(cases: Sequence[Case], *, at_once: int, **how: Any) -> dict[str, "Future[Outcome]"]:
-    """Play several faults, `at_once` at a time, since they mostly wait; return the outcomes by name."""
+    """Cause several faults, `at_once` of them at the same time, since they mostly wait.
+
+    The results are futures of the outcomes, by name.
+    """
     pool = ThreadPoolExecutor(at_once)
     found = {case.name: pool.submit(play, case, **how) for case in cases}
     pool.shutdown(wait=False)
@@ -63,12 +66,12 @@ def play_all(cases: Sequence[Case], *, at_once: int, **how: Any) -> dict[str, "F
 
 
 def line(cells: tuple[str, ...]) -> str:
-    """Return the cells as a row of a table."""
+    """Return the cells as a row of a table in Markdown."""
     return f"| {' | '.join(cell.replace('|', '/').replace(chr(10), ' ') for cell in cells)} |"
 
 
 def cells(name: str, one: Outcome) -> tuple[str, ...]:
-    """Return the cells of a row, without the part."""
+    """Return the cells of a fault's row, without the first one that names the part of the program."""
     parts = " + ".join(f"{count} {where}" for where, count in one.where.items() if count) or "0"
     figures = (f"{what} {_number(value)}" for what, value in one.figures.items())
     wrong = f" **{'; '.join(one.wrong)}**" if one.wrong else ""

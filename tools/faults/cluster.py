@@ -1,4 +1,4 @@
-"""Faults of `fltea identify --dask --out`: a worker or the scheduler is killed within a file."""
+"""Faults of `fltea identify --dask --out`: a worker or the scheduler is killed in the middle of a file."""
 
 import contextlib
 import logging
@@ -49,7 +49,7 @@ with LocalCluster(n_workers=1, **how) as cluster:
 
 
 class Cluster:
-    """A Dask scheduler and a worker with one thread, in a process of their own."""
+    """A process with a Dask scheduler and a worker that has one thread."""
 
     def __init__(self) -> None:
         self._process = subprocess.Popen(
@@ -73,7 +73,7 @@ class Cluster:
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Silence Dask's long log of the kills."""
+    """Suppress the long log that Dask writes when a process is killed."""
     logging.disable(logging.ERROR)
     try:
         yield
@@ -83,7 +83,7 @@ def _quiet() -> Iterator[None]:
 
 @_quiet()
 def worker_killed(stage: Stage) -> Outcome:
-    """Kill one of two workers while a large file is summed in pieces."""
+    """Kill one of two workers while a large file is identified in several pieces."""
     from distributed import LocalCluster
     from fltea.identification.dask_workers import DaskWorkers
 
@@ -110,7 +110,7 @@ def worker_killed(stage: Stage) -> Outcome:
 
 @_quiet()
 def scheduler_killed(stage: Stage) -> Outcome:
-    """Kill the scheduler, and give the same command again with another scheduler."""
+    """Kill the scheduler, then run the same identification again with another scheduler."""
     from fltea.identification.dask_workers import DaskWorkers
 
     files, reported, out = _make(stage.folder), [], stage.folder / "v.parquet"
@@ -135,7 +135,7 @@ def scheduler_killed(stage: Stage) -> Outcome:
 
 
 def _make(folder: Path) -> Path:
-    """Write a file that is summed in pieces, and small files."""
+    """Write a file so large that it is processed in pieces, and small files."""
     files = folder / "in"
     files.mkdir()
     noise = np.random.default_rng(17).normal(0, 0.05, SAMPLES)
@@ -163,7 +163,7 @@ def _verdicts(out: Path) -> dict[str, dict[str, Any]]:
 
 
 def _outcome(folder: Path, reported: list[str], more: str, wrong: list[str]) -> Outcome:
-    """Compare the table with one that was made without a cluster."""
+    """Compare the table of verdicts with one that was made without a cluster; return the outcome."""
     from pyarrow import parquet
 
     _identify(folder / "in", folder / "here.parquet", Here())

@@ -8,10 +8,12 @@ CHUNK = 1 << 16
 
 
 class CutLine:
-    """A port of this machine that forwards to another port.
+    """A TCP port of this machine that forwards connections to another port.
 
-    While the connection is cut, neither end notices: sent data waits, like packets that are sent again and
-    again, and so do ends of connections. A new connection gets no answer. `port`: the forwarding port.
+    While the connection is cut, neither end notices it. Data that one end sends wait, like packets that are
+    sent again and again, and so does the news that one end has closed. A new connection gets no answer.
+
+    `port`: the port that forwards.
     """
 
     def __init__(self, to: int) -> None:
@@ -24,11 +26,11 @@ class CutLine:
         threading.Thread(target=self._accept, daemon=True).start()
 
     def cut(self) -> None:
-        """Let no data pass."""
+        """Cut the connections, so that no data pass."""
         self._whole.clear()
 
     def heal(self) -> None:
-        """Pass the waiting data, and continue."""
+        """Pass on the waiting data, and forward all later data."""
         self._whole.set()
 
     def close(self) -> None:
@@ -40,7 +42,7 @@ class CutLine:
             one.close()
 
     def _accept(self) -> None:
-        with contextlib.suppress(OSError):  # the port was closed
+        with contextlib.suppress(OSError):  # The port was closed meanwhile.
             while True:
                 near, _ = self._listener.accept()
                 threading.Thread(target=self._connect, args=(near,), daemon=True).start()
@@ -50,7 +52,7 @@ class CutLine:
         self._whole.wait()
         try:
             far = socket.create_connection(("127.0.0.1", self._to))
-        except OSError:  # the server does not run
+        except OSError:  # The server is not running.
             near.close()
             return
         self._sockets.append(far)
@@ -58,7 +60,7 @@ class CutLine:
             threading.Thread(target=self._pass_on, args=ends, daemon=True).start()
 
     def _pass_on(self, from_: socket.socket, to: socket.socket) -> None:
-        with contextlib.suppress(OSError):  # the other direction has ended
+        with contextlib.suppress(OSError):  # The other direction of the connection has ended already.
             while data := from_.recv(CHUNK):
                 self._whole.wait()
                 to.sendall(data)

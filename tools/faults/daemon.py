@@ -1,4 +1,7 @@
-"""The daemon on a board's port: compares what the board sent with all that the daemon wrote."""
+"""Runs the daemon on a simulated board's port.
+
+What the daemon wrote is compared with what the board sent.
+"""
 
 import contextlib
 import time
@@ -26,11 +29,10 @@ UNINTERRUPTED_S = 0.45
 
 
 class Scene:
-    """A board on a port, and the daemon that records what the board sends.
+    """A simulated board on a serial port, and the daemon that records what the board sends.
 
-    `settings`: flags of `fltea run`. `board`: an existing board. `source`: flags of the source, if not the
-    board's link.
-    `boot`: see `Board.boot`. `how`: see `Program`.
+    `settings`: flags of `fltea run`. `board`: an existing board. `source`: options that name the source, if
+    it is not the board's port. `boot`: see `Board.boot`. `how`: see `Program`.
     """
 
     def __init__(
@@ -47,19 +49,19 @@ class Scene:
         self.recording = stage.folder / RECORDING
         self._ended_ns = 0
         self.programs: list[Program] = []
-        """Programs that listened to the board, one after another."""
+        """Programs that read the board's port, one after another."""
         if source is None:
             source = ("--source", f"serial:{self.board.link}")
         self.program = self.listen(*source, "--record", self.recording, *settings, **how)
         self.introduce(**(boot or {}))
 
     def listen(self, *arguments: str | Path, **how: Any) -> Program:
-        """Start another daemon."""
+        """Start another daemon on the board."""
         self.programs.append(self.stage.daemon(*arguments, **how))
         return self.programs[-1]
 
     def introduce(self, **how: int) -> None:
-        """Boot the board until the daemon has received its HELLO."""
+        """Boot the board, and let it send HELLO until the daemon has received it."""
         boot_id, program = len(self.board.boots) + 1, self.program
 
         def heard() -> bool:
@@ -73,7 +75,10 @@ class Scene:
 
     @contextlib.contextmanager
     def fault(self, *, before: int = BEFORE) -> Iterator[Board]:
-        """Send `before` quiet samples, let the caller play the fault, and note when the fault ends."""
+        """Send `before` samples, then let the caller cause the fault in the `with` block.
+
+        The time at which the block ends is stored.
+        """
         self.board.send(before)
         yield self.board
         self._ended_ns = time.monotonic_ns()
@@ -83,7 +88,7 @@ class Scene:
         self.board.send_until(lambda: kind in self.programs[-1].errors(), kind)
 
     def finish(self, *, after: int = AFTER) -> None:
-        """Send `after` more samples until the newest program has the last one, and end the program."""
+        """Send `after` more samples, wait until the newest program has the last one, and end the program."""
         self.board.send(after)
         i, k = max(self.board.arrived())
         boot, program = self.board.boots[i], self.programs[-1]
@@ -100,11 +105,10 @@ class Scene:
         line_is_known: bool = True,
         recording_is_whole: bool = True,
     ) -> Outcome:
-        """Finish, if not done yet, and sum up what became of samples, recording and estimates.
+        """Finish, if this is not done yet; return what became of samples, recording and estimates.
 
-        `but`: output that may lose records; it is wrong if any other does. `excuse`, `line_is_known`: see
-        `samples_of`. `recording_is_whole`: whether the recording has to hold all that
-        was sent.
+        `but`: name of the only output that may lose records. `excuse`, `line_is_known`: see `samples_of`.
+        `recording_is_whole`: whether the recording has to contain all bytes that were sent.
         """
         if self.programs[-1].code is None:
             self.finish()
@@ -139,11 +143,11 @@ class Scene:
 def samples_of(
     board: Board, programs: Sequence[Sequence[Record]], *, excuse: str = "", line_is_known: bool = True
 ) -> Account:
-    """Account for each sampling instant of a board; all are due, and each has its number in its boot.
+    """Account for each sampling instant of a board, identified by its boot and its number in that boot.
 
     `programs`: the records of the programs that listened, one after another. `excuse`: why no program can
-    know of samples before the first or after the last one of a boot that it used; if empty, there must be
-    none. `line_is_known`: False if another program took bytes from the port.
+    know of some samples at the beginning or the end of a boot, which it did not use. If this is empty, there
+    must be no such samples. `line_is_known`: False if another program also read bytes from the serial port.
     """
     boots = {boot.boot_id: number for number, boot in enumerate(board.boots)}
     due = {(i, k) for i, boot in enumerate(board.boots) for k in range(boot.due)}
@@ -179,7 +183,7 @@ def samples_of(
 
 
 def check_totals(records: Sequence[Record]) -> list[str]:
-    """Return which counts of a program's last `stats` are not the sums of its records."""
+    """Return which counts in a program's last `stats` record are not the sums over its records."""
     stats = [record for record in records if record["class"] == "stats"][-1]["sample_counts"]
     gaps = [record["missing"] for record in records if record["class"] == "gap"]
     samples = sum(record["class"] == "sample" for record in records)
@@ -192,7 +196,10 @@ def check_totals(records: Sequence[Record]) -> list[str]:
 
 
 def faults_of(programs: Sequence[Program], board: Board) -> list[str]:
-    """Return the kinds of errors that programs reported, without `silent` if the board really was silent."""
+    """Return the kinds of errors that programs reported.
+
+    `silent` is left out if the board really was silent.
+    """
     was_silent = board.longest_silence_s > SILENCE_S - 1
     kinds = (kind for program in programs for kind in program.errors())
     return [kind for kind in kinds if not (kind == "silent" and was_silent)]
@@ -201,8 +208,8 @@ def faults_of(programs: Sequence[Program], board: Board) -> list[str]:
 class Recorded(NamedTuple):
     """Contents of a recording.
 
-    `wire`: all bytes. `gaps`: where the recorder missed something. `steps_ns`: Unix time minus the
-    recording's own time, at the beginning and after each change.
+    `wire`: all recorded bytes of the serial port. `gaps`: places where the recorder missed bytes. `steps_ns`:
+    Unix time minus the recording's own time, at the beginning and after each change.
     """
 
     wire: bytes
@@ -211,7 +218,7 @@ class Recorded(NamedTuple):
 
 
 def read_recording(folder: Path) -> Recorded:
-    """Read the wire of the only recording in a folder."""
+    """Read the recorded bytes of the only recording in a folder."""
     wire = bytearray()
     gaps: list[LinkMessage] = []
     steps_ns: list[int] = []
@@ -229,9 +236,9 @@ def read_recording(folder: Path) -> Recorded:
 
 
 def missing_in_recording(folder: Path, board: Board) -> list[str]:
-    """Return whether the recording lacks bytes that the board sent after an introduction.
+    """Return a text if the recording lacks bytes that the board sent after an accepted HELLO.
 
-    The half frame with which a board may have been unplugged does not count.
+    A half frame at the end does not count, since the board may have been unplugged in the middle of it.
     """
     wire, at = read_recording(folder).wire, 0
     for number, stream in enumerate(board.streams):
@@ -245,7 +252,7 @@ def missing_in_recording(folder: Path, board: Board) -> list[str]:
 
 
 def lost_by_outputs(program: Program, but: str = "") -> list[str]:
-    """Return which outputs, except `but`, lost records, by their last counts."""
+    """Return which outputs, except `but`, lost records according to their last counts."""
     outputs = program.of("stats")[-1]["outputs"]
     return [
         f"the output {name} lost {one['dropped']} records"
@@ -255,7 +262,10 @@ def lost_by_outputs(program: Program, but: str = "") -> list[str]:
 
 
 def time_stamps_off_ms(program: Program, *epochs: int) -> dict[str, float]:
-    """Return the largest spread, over the epochs, of host time about a straight line in device time [ms]."""
+    """Return by how much host times scatter about a straight line in device time [ms].
+
+    It is the difference of the largest and smallest deviation, in the worst of the epochs.
+    """
     spreads = []
     for epoch in epochs:
         samples = [record for record in program.of("sample") if record["epoch"] == epoch]

@@ -1,4 +1,4 @@
-"""Faults of the board and of its port."""
+"""Faults of the board and of its serial port."""
 
 import contextlib
 import json
@@ -21,20 +21,22 @@ from tools.faults.stage import Stage
 
 CUT = "the half frame"
 MOST_OTHERS_DROPPED = 6
-"""HELLO and STATUS frames, four in two seconds, that the board may drop as well as samples."""
+"""Largest number of HELLO and STATUS frames that the board may drop in addition to samples; it sends four in
+two seconds.
+"""
 MODEM = b"AT\r"
 DUE = "USB VID:PID=2341:003D SER=75230303 LOCATION=1-1"
 
 
 def replug(stage: Stage) -> Outcome:
-    """Unplug and plug the board: the link, as made by udev, then points to another port."""
+    """Unplug the board and plug it in again: the link, as udev makes it, then points to another port."""
     scene = Scene(stage)
     _unplug_and_plug(scene)
     return scene.outcome(excuse=CUT)
 
 
 def replug_found_by_usb_id(stage: Stage) -> Outcome:
-    """Do the same without --source: the daemon searches for a Due, whatever its port's name."""
+    """Unplug the board and plug it in again, without --source: the daemon searches for a Due on any port."""
     ports = stage.folder / "ports.json"
 
     def show(*devices: str) -> None:
@@ -52,15 +54,17 @@ def replug_found_by_usb_id(stage: Stage) -> Outcome:
 
 
 def _unplug_and_plug(scene: Scene, show: Callable[..., None] = lambda *devices: None) -> None:
-    """Unplug the board within a frame, and plug it in.
+    """Unplug the board in the middle of a frame, and plug it in again.
 
     `show`: makes ports of these names known to the daemon.
     """
     with scene.fault() as board:
-        # Wait, since the port's buffer may hold more.
+        # Wait, since the buffer of the port may still contain bytes.
         scene.program.wait_for_sample(board.boots[-1].boot_id, board.boots[-1].due - 1)
         board.begin_frame()
-        show()  # before unplugging, since the system gives the name to the next port that any program makes
+        # This comes before the unplugging, since the system gives the free name to the next new port of any
+        # program.
+        show()
         board.unplug()
         scene.program.wait_for(lambda: "no_port" in scene.program.errors(), "the loss")
         board.plug()
@@ -69,7 +73,10 @@ def _unplug_and_plug(scene: Scene, show: Callable[..., None] = lambda *devices: 
 
 
 def reset_in_mid_frame(stage: Stage) -> Outcome:
-    """Send half a frame, then the boot's 0x00 and HELLO."""
+    """Reset the board in the middle of a frame.
+
+    It sends half a frame, then the 0x00 and the HELLO of a new boot.
+    """
     scene = Scene(stage)
     with scene.fault() as board:
         board.begin_frame()
@@ -79,7 +86,7 @@ def reset_in_mid_frame(stage: Stage) -> Outcome:
 
 
 def modem_manager_writes(stage: Stage) -> Outcome:
-    """Another program opens the port and writes; the board does not listen, and the port has no echo."""
+    """Let another program open the port and write to it. The board ignores this, and the port has no echo."""
     scene = Scene(stage)
     with scene.fault() as board:
         for _ in range(3):
@@ -91,7 +98,7 @@ def modem_manager_writes(stage: Stage) -> Outcome:
 
 
 def modem_bytes_in_the_stream(stage: Stage) -> Outcome:
-    """Send the bytes that a board or an adapter with echo would return: between frames, and inside one."""
+    """Send the bytes that an echo of another program's writing would give, between frames and inside one."""
     scene = Scene(stage)
     with scene.fault() as board:
         board.inject(MODEM)
@@ -104,7 +111,10 @@ def modem_bytes_in_the_stream(stage: Stage) -> Outcome:
 
 
 def another_reader(stage: Stage) -> Outcome:
-    """Another program reads the port too, as ModemManager does for some seconds, and takes some bytes."""
+    """Let another program read the port too, as ModemManager does for some seconds.
+
+    It gets some of the bytes.
+    """
     scene = Scene(stage)
     thief = os.open(scene.board.link, os.O_RDONLY | os.O_NOCTTY | os.O_NONBLOCK)
     stop = threading.Event()
@@ -113,14 +123,16 @@ def another_reader(stage: Stage) -> Outcome:
     def steal() -> None:
         nonlocal stolen
         while not stop.is_set():
-            select.select([thief], [], [], 0.01)  # it wakes up at the same time as the daemon
+            select.select([thief], [], [], 0.01)  # This wakes up at the same time as the daemon.
             with contextlib.suppress(BlockingIOError):
                 stolen += len(os.read(thief, 64))
 
     thread = threading.Thread(target=steal)
     with scene.fault() as board:
         thread.start()
-        board.send(80)  # fewer than `link.max_gap`, whichever program gets them
+        # These are fewer samples than `link.max_gap`, so they begin no epoch even if the daemon gets none of
+        # them.
+        board.send(80)
         stop.set()
         thread.join()
         os.close(thief)
@@ -149,7 +161,7 @@ def flipped_bytes(stage: Stage) -> Outcome:
 
 
 def stall_of_the_line(stage: Stage) -> Outcome:
-    """Send the frames of half a second late and together."""
+    """Hold back the frames of half a second, then send them together."""
     return _stalled(stage, lambda scene: scene.board.stall(RATE_HZ // 2))
 
 
@@ -173,7 +185,10 @@ def _stalled(stage: Stage, stall: Callable[[Scene], None]) -> Outcome:
 
 
 def long_stall_of_the_program(stage: Stage) -> Outcome:
-    """Stop the daemon for longer than the port can buffer: the board drops frames, which makes a gap."""
+    """Stop the daemon for so long that the buffer of the port is full.
+
+    The board then drops frames, so there is a gap.
+    """
     scene = Scene(stage)
     with scene.fault() as board:
         scene.program.process.send_signal(signal.SIGSTOP)
@@ -192,7 +207,10 @@ def long_stall_of_the_program(stage: Stage) -> Outcome:
 
 
 def wraps(stage: Stage) -> Outcome:
-    """Let the sequence wrap at 65536 and device time at 2^32 us, with twenty samples lost across each."""
+    """Let the sequence number wrap at 65536 and device time at 2^32 us.
+
+    Twenty samples are lost at each of the two wraps.
+    """
     scene = Scene(stage, boot={"sequence": (1 << 16) - 110, "device_us": (1 << 32) - 2_100_000})
     with scene.fault(before=100) as board:
         board.lose(20)
@@ -206,7 +224,7 @@ def wraps(stage: Stage) -> Outcome:
 
 
 def wrong_version(stage: Stage) -> Outcome:
-    """Boot the board with firmware of another protocol version, then with the right one."""
+    """Boot the board with firmware of another protocol version, then with the right version."""
     scene = Scene(stage)
     with scene.fault() as board:
         board.boot(protocol_major=9)
@@ -219,7 +237,7 @@ def wrong_version(stage: Stage) -> Outcome:
 
 
 def contradicting_rate(stage: Stage) -> Outcome:
-    """Boot the board with firmware whose HELLO states twice its rate, then with the right one."""
+    """Boot the board with firmware whose HELLO states twice the true rate, then with correct firmware."""
     scene = Scene(stage)
     with scene.fault() as board:
         board.boot(stated_hz=2 * RATE_HZ)

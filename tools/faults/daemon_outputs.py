@@ -1,4 +1,7 @@
-"""Faults of the outputs: an output may lose its own records if it counts them; no other output may suffer."""
+"""Faults of the daemon's outputs.
+
+An output may lose its own records if it counts them, but no other output may lose any.
+"""
 
 import math
 import re
@@ -21,7 +24,7 @@ from tools.faults.stage import Stage
 
 PAGES = 3
 MOST_MB = 10.0
-"""Largest growth of memory [MB]: a running program still grows a little after its start."""
+"""Largest permitted growth of memory [MB]. A program still grows a little after its start."""
 PAGE = ("--dashboard", "127.0.0.1:0")
 
 
@@ -50,7 +53,7 @@ def broker_down(stage: Stage) -> Outcome:
 
 
 def browser_killed(stage: Stage) -> Outcome:
-    """Kill a Chromium on the live page while it draws."""
+    """Kill the browser Chromium while it draws the live page."""
     scene = Scene(stage, *PAGE)
     url, port = _page_of(scene.program)
     pid, browser = scene.program.process.pid, Browser(url, stage.folder / "chromium")
@@ -63,7 +66,7 @@ def browser_killed(stage: Stage) -> Outcome:
 
 
 def page_that_does_not_read(stage: Stage) -> Outcome:
-    """Open three pages that read nothing of what they are sent."""
+    """Open the live page from three clients that never read the answers."""
     scene = Scene(stage, *PAGE)
     url, _ = _page_of(scene.program)
     pages: list[socket.socket] = []
@@ -81,7 +84,7 @@ def page_that_does_not_read(stage: Stage) -> Outcome:
 
 
 def disk_full(stage: Stage) -> Outcome:
-    """Fill the recording's file system; later make room again."""
+    """Fill the file system to which the daemon records; later clear it again."""
     disk = stage.disk(RECORDING)
     scene = Scene(stage, *PAGE, "--set", "record.resume_mb=0.5", before=disk.before)
     disk.attach(scene.program.process.pid)
@@ -116,7 +119,7 @@ def _taken_away(stage: Stage, take: Callable[[Scene], None]) -> Outcome:
 
 
 def _recorded_or_counted(scene: Scene, folder: Path) -> Outcome:
-    """Finish; each byte of the wire and each lost item has to be recorded or counted."""
+    """Finish, and check that each byte from the board is recorded or counted as lost."""
     scene.finish()
     recorded, last = read_recording(folder), scene.program.of("stats")[-1]
     of_link, missing = last["link"]["bytes"], sum(gap.bytes for gap in recorded.gaps)

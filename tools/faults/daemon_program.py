@@ -1,4 +1,4 @@
-"""Faults of the program, and of the machine that runs it."""
+"""Faults of the daemon itself, and of the machine that runs it."""
 
 import signal
 import time
@@ -11,11 +11,11 @@ from tools.faults.stage import Stage
 
 HOUR_NS = 3600 * 10**9
 FLUSHED_S = 1.0
-"""Longest time [s] before a kill whose bytes the recording may lack."""
+"""When the daemon is killed, the recording may lack the bytes of at most this time before [s]."""
 
 
 def kill_9(stage: Stage) -> Outcome:
-    """Kill the daemon while it records, and start another; the board sends on meanwhile."""
+    """Kill the daemon while it records, and start another; the board keeps sending meanwhile."""
     state = ("--state", stage.folder / "state", "--set", "state.period_s=0.5")
     scene = Scene(stage, *state)
     scene.board.send_until((stage.folder / "state").exists, "a snapshot")
@@ -42,7 +42,7 @@ def kill_9(stage: Stage) -> Outcome:
 
 
 def two_daemons(stage: Stage) -> Outcome:
-    """Start a second daemon on the port; it waits, and gets the port when the first one ends."""
+    """Start a second daemon on the serial port. It waits, and gets the port when the first daemon ends."""
     scene = Scene(stage)
     with scene.fault() as board:
         second = scene.listen("--source", f"serial:{board.link}")

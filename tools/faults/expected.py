@@ -1,4 +1,4 @@
-"""States what a fault has to lead to, and compares it with what the fault did lead to."""
+"""The expected outcome of a fault, and its comparison with the real outcome."""
 
 import itertools
 import math
@@ -10,25 +10,26 @@ from tools.faults.outcome import LOST, Outcome
 Bounds = float | tuple[float, float] | None
 """A value, or its smallest and largest value, or None if it depends on the machine's speed."""
 SOME = (1, math.inf)
-"""Bounds of a number that depends on the machine's speed, and is not 0."""
+"""Bounds of a number that depends on the machine's speed, but is not 0."""
 
 
 @dataclass(frozen=True)
 class Expected:
-    """What a fault has to lead to.
+    """The expected outcome of a fault.
 
     Attributes:
-        reported: Kinds of errors and alerts, and reasons of new epochs, in this order. A set: in any order,
-            since the order depends on the machine's speed.
-        perhaps: Kinds that may be reported too, since they depend on the machine's speed.
-        instead: Kinds that may be reported in place of others.
+        reported: Kinds of errors and alerts, and reasons of new epochs, in this order. If this is a set, any
+        order is right, since the order depends on the machine's speed.
+        perhaps: Kinds that may be reported in addition, since they depend on the machine's speed.
+        instead: Kinds that may be reported instead of others: the other kind, by the expected kind.
         due: Number of records.
         lost: Number of records that are counted as lost.
-        excused: Number of records that are neither lost nor in the outcome's first row, each of which has a
-            reason.
+        excused: Number of records that neither arrived nor are counted as lost, but for which there is a
+        reason.
         figures: Bounds of the outcome's figures.
 
-    Numbers of records hold for faults that last seconds, and not for those that `--long` prolongs.
+    The expected numbers of records hold for faults that last seconds, but not for those that `--long`
+    prolongs.
     """
 
     reported: tuple[str, ...] | frozenset[str] = ()
@@ -40,9 +41,9 @@ class Expected:
     figures: Mapping[str, Bounds] = field(default_factory=dict)
 
     def differences(self, outcome: Outcome, *, short: bool = True) -> list[str]:
-        """Return a sentence for each difference between the outcome and what is expected.
+        """Return a sentence for each difference between an outcome and this expected outcome.
 
-        `short`: the fault lasted seconds, so the numbers of records are those expected.
+        `short`: whether the fault lasted seconds; only then the numbers of records are compared.
         """
         found = []
         if not self.allows(outcome.reported):
@@ -63,7 +64,7 @@ class Expected:
         return found
 
     def allows(self, reported: Sequence[str]) -> bool:
-        """Return whether these are the expected kinds."""
+        """Return whether the reported kinds are those that are expected."""
         normal = {instead: kind for kind, instead in self.instead.items()}
         kinds = [normal.get(kind, kind) for kind in reported if kind not in self.perhaps]
         return (set(kinds) if isinstance(self.reported, frozenset) else tuple(kinds)) == self.reported
@@ -78,6 +79,6 @@ def within(value: float, bounds: Bounds) -> bool:
 
 
 def shown(kinds: Sequence[str] | frozenset[str]) -> str:
-    """Return the kinds as a cell of a table, in which a kind that follows itself stands once."""
+    """Return the kinds as a cell of a table. A kind that occurs several times in a row is listed once."""
     order = sorted(kinds) if isinstance(kinds, frozenset) else kinds
     return ", ".join(kind for kind, _ in itertools.groupby(order)) or "–"

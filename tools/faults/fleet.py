@@ -1,4 +1,4 @@
-"""Faults of `fltea fleet` and its daemons: broker, network, disk, clock and sensors."""
+"""Faults around `fltea fleet`: of broker, network, disk, clock and sensors."""
 
 import math
 import time
@@ -19,7 +19,7 @@ def broker_killed(stage: Stage) -> Outcome:
     """Kill the broker with SIGKILL, and start it again."""
     scene = FleetScene(stage)
     scene.publish(2)
-    time.sleep(1.5)  # the broker saves once a second
+    time.sleep(1.5)  # The broker saves its messages once a second.
     scene.broker.kill()
     scene.until(lambda: not scene.is_connected(), "the loss")
     scene.broker.start()
@@ -34,9 +34,9 @@ def broker_killed(stage: Stage) -> Outcome:
 
 
 def split(stage: Stage, *, seconds: float, lasts: bool) -> Outcome:
-    """Stop the broker process, and so all its connections.
+    """Suspend the process of the broker, so that no connection passes data.
 
-    `lasts`: at least until the fleet has reported the loss.
+    `seconds`: how long. `lasts`: wait in addition until the fleet has reported the loss of the broker.
     """
     scene = FleetScene(stage)
     scene.publish(1)
@@ -59,7 +59,7 @@ def split(stage: Stage, *, seconds: float, lasts: bool) -> Outcome:
 
 
 def cut_off(stage: Stage) -> Outcome:
-    """Cut off only the fleet from the broker, until it has reported the loss.
+    """Cut only the connection between fleet and broker, until the fleet has reported the loss.
 
     The report comes after one to two keepalive periods of 15 s.
     """
@@ -75,7 +75,10 @@ def cut_off(stage: Stage) -> Outcome:
 
 
 def _after_split(scene: FleetScene, *wrong: tuple[bool, str]) -> Outcome:
-    """Check that the delayed fits arrive, or at least the newest, which the broker retains."""
+    """Check that all delayed fits arrive, or at least the newest fits, which the broker retains.
+
+    Return the outcome.
+    """
     scene.until_up_to_date()
     found = scene.summary()
     replaced, outages = scene.fits - found["fits"], found["outages"]
@@ -94,7 +97,7 @@ def _after_split(scene: FleetScene, *wrong: tuple[bool, str]) -> Outcome:
 
 
 def disk_full(stage: Stage) -> Outcome:
-    """Fill the disk of the history, and make room again."""
+    """Fill the disk on which the fleet's history is, and clear it again."""
     disk = stage.disk("disk")
     scene = FleetScene(stage, history=disk.folder, disk=disk)
     disk.attach(scene.fleet.process.pid)
@@ -135,7 +138,7 @@ def fleet_killed(stage: Stage) -> Outcome:
 
 
 def clock_jumps(stage: Stage) -> Outcome:
-    """Set the wall clock two days forward, and back."""
+    """Set the machine's date two days forward, and back again."""
     scene = FleetScene(stage, "--keep", "1h", history=stage.folder)
     scene.publish(1, arrive=False)
     scene.until(lambda: scene.rows() == SENSORS * AXES, "rows")
@@ -153,7 +156,7 @@ def clock_jumps(stage: Stage) -> Outcome:
 
 
 def twins(stage: Stage) -> Outcome:
-    """Let two programs publish under one name."""
+    """Let two programs publish under the same device name."""
     scene = FleetScene(stage)
     one = scene.sensors[7]
     for turn in range(5):
@@ -198,7 +201,7 @@ def flood(stage: Stage) -> Outcome:
 
 
 def _all_messages(scene: FleetScene) -> int:
-    """Return the number of messages that the fleet has received, once no more arrive."""
+    """Wait until no more messages arrive; return how many the fleet has received."""
     before = -1
     while before != (before := scene.summary()["messages"]):
         time.sleep(0.5)

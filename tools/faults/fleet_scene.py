@@ -23,9 +23,9 @@ EVERY_S = 0.05
 class FleetScene:
     """A broker, a fleet and its sensors.
 
-    `flags`: of `fltea fleet`. `history`: folder of its history, if it keeps one. `disk`: the disk of the
-    history.
-    `behind_line`: the fleet reaches the broker through `line`, which can be cut.
+    `flags`: options of `fltea fleet`. `history`: folder of its history, if it keeps one. `disk`: the disk
+    that has this folder. `behind_line`: whether the fleet reaches the broker through `line`, which can be
+    cut.
 
     Raises:
         Skip: mosquitto is not installed.
@@ -64,7 +64,7 @@ class FleetScene:
         self.until(self.is_connected, "the connection")
 
     def summary(self) -> dict[str, Any]:
-        """Return the fleet's summary."""
+        """Return the summary that the fleet's page shows."""
         found: dict[str, Any] = self._ask("summary")
         return found
 
@@ -73,7 +73,7 @@ class FleetScene:
         return bool(self.summary()["connected"])
 
     def publish(self, rounds: int, *, arrive: bool = True) -> None:
-        """Let each sensor publish `rounds` fits; return when the broker has acknowledged all.
+        """Let each sensor publish `rounds` fits; return after the broker has acknowledged all of them.
 
         `arrive`: wait also until the fleet has the newest fit of every axis.
         """
@@ -95,7 +95,7 @@ class FleetScene:
         wait_until(lambda: self.publisher.acknowledged >= self.publisher.published, "acknowledgements")
 
     def newest(self) -> int:
-        """Return the number of axes whose newest fit the fleet has."""
+        """Return the number of axes whose newest fit the fleet has received."""
         return sum(row["samples"] == self.turn for row in self._ask("table?count=500")["rows"])
 
     def rows(self) -> int:
@@ -105,7 +105,10 @@ class FleetScene:
             return int(database.execute("SELECT count(*) FROM fit").fetchone()[0])
 
     def shown(self) -> int:
-        """Return the number of rows of history that the page shows, even if the file is not visible here."""
+        """Return the number of rows of history that the page shows.
+
+        This works even if this process cannot read the file of the history.
+        """
         return sum(len(self._ask(f"sensor?device={one.device_id}")["history"]) for one in self.sensors)
 
     def until_up_to_date(self) -> None:
@@ -113,12 +116,12 @@ class FleetScene:
         self.until(lambda: self.newest() == SENSORS * AXES, "the newest fits")
 
     def kinds(self) -> list[str]:
-        """Return the kinds that the fleet's program has reported since its start, in order."""
+        """Return the kinds of errors that the fleet's program has reported since its start, in order."""
         lines = [line.partition(": ")[0] for line in self.fleet.stderr.splitlines() if ": " in line]
         return [kind for kind in lines if kind.isidentifier()]
 
     def until(self, condition: Callable[[], bool], what: str) -> None:
-        """Wait for something that a running fleet does; see `Program.wait_for`."""
+        """Wait for a condition, but only as long as the fleet runs; see `Program.wait_for`."""
         self.fleet.wait_for(condition, what, every_s=EVERY_S)
 
     def outcome(
@@ -131,7 +134,8 @@ class FleetScene:
     ) -> Outcome:
         """Return the outcome.
 
-        `wrong`: pairs of a bad condition and its name. `where`: of `due`, else of the fits.
+        `wrong`: pairs of a condition that must not hold and its text. `due`: number of records, by default of
+        fits. `where`: numbers of records by what became of them, by default of the fits that arrived.
         """
         return Outcome(
             self.kinds(),

@@ -1,7 +1,7 @@
-"""Faults of programs that track many boards' samples, and of the server between boards and programs.
+"""Faults of programs that process the samples of many boards, and of the server between them.
 
-A worker of NATS is killed, stopped or cut off, or its clock jumps. The NATS server that two workers share, or
-the MQTT broker of one program, is killed, away or full, or its network is cut.
+A worker of NATS is killed, stopped or cut off, or its clock jumps. The NATS server of two workers, or the
+MQTT broker of one program, is killed, is away or has no space left, or its network is cut.
 """
 
 import os
@@ -24,15 +24,17 @@ from tools.frames_load import RATE_HZ
 PAST_LEASE_S = AWAY_S = 8.0
 DAY_NS = 86_400 * 10**9
 DISK, STORE = "160m", "96MB"
-"""The server's limit is smaller than the disk, and leaves room for what workers request."""
+"""Sizes of the server's disk and of its store. The store's limit is smaller than the disk, and leaves enough
+space for the streams that workers request.
+"""
 
 
 def nats_scene(stage: Stage, **how: Any) -> Scene:
-    """Return a scene with two workers of NATS."""
+    """Return a `Scene` with a NATS server and two workers."""
     return Scene(stage, NatsServer(stage.folder, PARTITIONS), **how)
 
 
-# --- a worker ---
+# --- faults of a worker ---
 
 
 def worker_killed(stage: Stage) -> Outcome:
@@ -41,7 +43,7 @@ def worker_killed(stage: Stage) -> Outcome:
 
 
 def worker_stands_still(stage: Stage) -> Outcome:
-    """Stop a worker for longer than a lease, and let it continue."""
+    """Stop a worker for longer than its lease of partitions, and let it continue."""
     scene = nats_scene(stage)
     first, second = scene.workers
     before, published = len(first.records), scene.boards.samples
@@ -57,7 +59,10 @@ def worker_stands_still(stage: Stage) -> Outcome:
 
 
 def worker_cut_off(stage: Stage) -> Outcome:
-    """Split the network between a worker and the server until the other worker has all boards; heal it."""
+    """Cut the network between a worker and the server, and restore it later.
+
+    It is cut until the other worker has all boards.
+    """
     scene = nats_scene(stage)
     first, second = scene.workers
     scene.line.cut()
@@ -74,14 +79,18 @@ def worker_cut_off(stage: Stage) -> Outcome:
 
 
 def clock_jumps(stage: Stage, *days: int) -> Outcome:
-    """Set a worker's clock ahead by each of these numbers of days in turn; then kill the worker."""
+    """Set a worker's clock ahead several times, then kill the worker.
+
+    `days`: numbers of days by which the clock is ahead, one after the other.
+    """
     scene, wrong = nats_scene(stage), []
     for ahead in days:
         before = _reported(scene.workers)
         stage.set_clock(ahead * DAY_NS)
         time.sleep(PAST_LEASE_S)
         since = _reported(scene.workers) - before
-        if since["partition_taken"] and not since["nats_lost"]:  # losing NATS moves some partitions, too
+        # Partitions may also move because the connection to NATS was lost.
+        if since["partition_taken"] and not since["nats_lost"]:
             wrong.append(f"{since['partition_taken']} partitions were taken when the clock was set")
     return _killed(scene, wrong)
 
@@ -91,7 +100,7 @@ def _reported(workers: list[Program]) -> Counter[str]:
 
 
 def _killed(scene: Scene, wrong: list[str] | None = None) -> Outcome:
-    """Kill the first worker, and let the second one take over all boards. `wrong`: faults found before."""
+    """Kill the first worker, and let the second one take over all boards. `wrong`: errors found before."""
     first, second = scene.workers
     before = boards_of(second)
     epochs = len(second.of("epoch"))
@@ -106,7 +115,10 @@ def _killed(scene: Scene, wrong: list[str] | None = None) -> Outcome:
 
 
 def _processed_without_a_lease(records: list[dict[str, Any]], since: int) -> int:
-    """Count the samples from number `since` on before a partition was taken; earlier ones were under way."""
+    """Count the samples that a worker delivered before it took a partition.
+
+    Samples before number `since` are not counted, because they were under way already.
+    """
     lease = next(i for i, r in enumerate(records) if r["class"] == "error" and r["kind"] == "partition_taken")
     return sum(r["class"] == "sample" and r["seq"] >= since for r in records[:lease])
 
@@ -117,11 +129,11 @@ def _share_again(scene: Scene, worker: Program) -> None:
     scene.until_all_again()
 
 
-# --- the server ---
+# --- faults of the server ---
 
 
 def server_killed(stage: Stage, *, nats: bool, away_s: float, qos: int = 1) -> Outcome:
-    """Kill the server, and start it again after `away_s`. `qos`: 0 if boards do not repeat messages."""
+    """Kill the server, and start it again after `away_s`. `qos`: 0 if boards do not repeat lost messages."""
     scene = nats_scene(stage, qos=qos) if nats else Scene(stage, stage.broker())
     scene.server.kill()
     time.sleep(away_s)
@@ -130,7 +142,10 @@ def server_killed(stage: Stage, *, nats: bool, away_s: float, qos: int = 1) -> O
 
 
 def cut_off(stage: Stage) -> Outcome:
-    """Split the network between program and broker until the program has reported it; boards go on."""
+    """Cut the network between program and broker until the program has reported it.
+
+    The boards keep sending.
+    """
     scene = Scene(stage, stage.broker())
     (program,) = scene.workers
     scene.line.cut()
@@ -143,7 +158,7 @@ def cut_off(stage: Stage) -> Outcome:
 
 
 def store_full(stage: Stage, *, qos: int = 1) -> Outcome:
-    """Let another program's stream fill the server's store up to its limit; then delete the stream."""
+    """Fill the server's store up to its limit by the stream of another program, then delete this stream."""
     server, _ = _server_on_small_disk(stage)
     scene = Scene(stage, server, qos)
     server.fill_store()
@@ -196,19 +211,24 @@ QOS_0 = ", boards send with QoS 0"
 TAKEN = frozenset({"partition_taken"})
 LOST_AND_TAKEN = TAKEN | {"nats_lost", "nats_back"}
 PERHAPS = frozenset({"fits_slowed", "partition_caught_up", "silent", "snapshot_failed"})
-"""Kinds that depend on how busy the machine is, and on which of the workers had a board."""
+"""Kinds of errors that may be reported. They depend on how busy the machine is, and on which worker had a
+board.
+"""
 NATS_PERHAPS = PERHAPS | {"nats_lost", "nats_back"}
 
 
 def _nats(reported: frozenset[str], *, lost: Bounds = 0, perhaps: frozenset[str] = PERHAPS) -> Expected:
-    """Return what a fault of NATS has to lead to. A program's output may drop records, and counts them."""
+    """Return the expected outcome of a fault of NATS.
+
+    The output of a program may drop records, and counts them.
+    """
     return Expected(reported, perhaps=perhaps, lost=lost, excused=None)
 
 
 MQTT = Expected(
     frozenset({"broker_lost", "broker_back"}),
     perhaps=PERHAPS,
-    lost=None,  # samples that were sent before the program was back; how many depends on chance
+    lost=None,  # Samples that are sent before the program is back are lost. Their number depends on chance.
     excused=None,
 )
 

@@ -1,4 +1,7 @@
-"""Boards that publish by MQTT, and the programs that process their samples: workers of NATS, or one alone."""
+"""Boards that publish by MQTT, and the programs that process their samples.
+
+The programs are two workers behind a NATS server, or one program behind an MQTT broker.
+"""
 
 import contextlib
 import threading
@@ -21,7 +24,9 @@ from tools.frames_load import RATE_HZ, Sensors
 
 DEVICES = 8
 EVERY_S = 0.5
-"""Time between messages of a board. Each message holds a second of samples: twice as fast as real boards."""
+"""Time between messages of a board. Each message has the samples of one second, so samples come twice as fast
+as from real boards.
+"""
 PARTITIONS, SNAPSHOT_S, KEPT_MB = 4, 2, 24
 OF_NATS = {
     "ingest.partitions": PARTITIONS,
@@ -32,11 +37,11 @@ OF_NATS = {
 
 
 class Boards:
-    """Boards that publish a second of samples each, repeatedly, from a thread and over one connection.
+    """Boards that repeatedly publish a second of samples, from one thread and over one connection.
 
-    `qos`: with 1, messages without acknowledgement are sent again, one after another; if several were in
-    flight, the library would change their order after an outage. `seconds`: number of seconds that each board
-    has published.
+    `qos`: with 1, messages that were not acknowledged are sent again. They are sent one at a time, because
+    after an outage the library would change the order of several unacknowledged messages. `seconds`: number
+    of seconds that each board has published.
     """
 
     def __init__(self, port: int, qos: int) -> None:
@@ -68,7 +73,10 @@ class Boards:
             self.seconds += 1
 
     def _next(self, *, acknowledged: bool = False) -> None:
-        """Send waiting messages: all with QoS 0, which the library does not keep; else one."""
+        """Send waiting messages: all of them with QoS 0, otherwise one.
+
+        With QoS 0, the library does not keep messages.
+        """
         with self._lock:
             self._sending = self._sending and self._qos > 0 and not acknowledged
             while self._waiting and not self._sending:
@@ -90,9 +98,12 @@ class Boards:
 
 
 class Scene:
-    """A server, boards that send to it, and programs behind it: one of MQTT, or two workers of NATS.
+    """A server, boards that publish to it, and the programs that receive from it.
 
-    `line`: the connection between the server and the first program, which uses the stage's clock.
+    The programs are one program for an MQTT broker, or two workers for a NATS server.
+
+    `line`: the connection between the server and the first program, which can be cut. This program uses the
+    clock of the `Stage`.
     """
 
     def __init__(self, stage: Stage, server: Broker | NatsServer, qos: int = 1) -> None:
@@ -108,7 +119,7 @@ class Scene:
         if self._shared:
             self.workers.append(self._worker("second", server.url))
             wait_until(lambda: bool(boards_of(self.workers[1])), "the second worker's share")
-            time.sleep(2 * SNAPSHOT_S + 1)  # time for snapshots
+            time.sleep(2 * SNAPSHOT_S + 1)  # time for the workers to write snapshots
 
     def _worker(self, name: str, url: str) -> Program:
         chosen = {"name": name, "live.on": "false", **self._shared}
@@ -125,17 +136,17 @@ class Scene:
         )
 
     def until_all_again(self) -> None:
-        """Wait until newly published samples of all boards arrive."""
+        """Wait until the programs together receive new samples of all boards."""
         self.until_all_by(*self.workers, since=self.boards.samples)
 
     def outcome(self, more: str, wrong: Sequence[str] = ()) -> Outcome:
-        """Let all published samples arrive, end the workers, and return the account."""
+        """Let all published samples arrive, end the workers, and return what became of all samples."""
         time.sleep(1.0)
         boards = self.boards
         boards.stop()
         living = [worker for worker in self.workers if worker.code is None]
         self.until_all_by(*living, since=boards.samples - 1)
-        # All at once: otherwise the last worker takes over the boards of the others.
+        # End all workers at the same time. Otherwise the last worker takes over the boards of the others.
         with ThreadPoolExecutor() as pool:
             list(pool.map(lambda worker: worker.end(), living))
         return samples_of(boards.names, boards.samples, self.workers, more, wrong)
@@ -153,7 +164,10 @@ def samples_of(
     more: str = "",
     wrong: Sequence[str] = (),
 ) -> Outcome:
-    """Return what became of the samples 0 to `published` of each board, by the workers' records."""
+    """Return what became of the first `published` samples of each board.
+
+    The workers' records show it.
+    """
 
     def sample(record: dict[str, object]) -> Sample:
         return record["device"], int(str(record["seq"]))

@@ -1,4 +1,4 @@
-"""A nats-server of our own on the loopback interface, for benchmarks and faults."""
+"""Starts a nats-server on the loopback interface, for benchmarks and faults."""
 
 import asyncio
 import json
@@ -47,7 +47,10 @@ class NatsServer(Server):
         super().__init__(command, [port, self.mqtt_port], folder / "nats.log")
 
     def _ask(self, question: Callable[[JetStreamContext], Coroutine[Any, Any, T]]) -> T:
-        """Ask over a separate connection, with a long timeout, because a busy disk delays the answer."""
+        """Ask the server over a new connection.
+
+        The timeout is long, because a busy disk delays the answer.
+        """
 
         async def asked() -> T:
             client = await nats.connect(self.url, allow_reconnect=False, connect_timeout=PATIENCE_S)
@@ -59,7 +62,7 @@ class NatsServer(Server):
         return asyncio.run(asked())
 
     def is_heard(self) -> bool:
-        """Return whether a worker has created the stream; messages published earlier are lost."""
+        """Return whether a worker has created the stream. Messages that are published earlier are lost."""
         try:
             return bool(self._ask(lambda stream: stream.stream_info(STREAM)))
         except NotFoundError:
@@ -93,5 +96,5 @@ class NatsServer(Server):
         self._ask(fill)
 
     def empty_store(self) -> None:
-        """Delete that stream."""
+        """Delete the stream that `fill_store` made."""
         self._ask(lambda stream: stream.delete_stream(BALLAST))

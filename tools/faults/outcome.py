@@ -7,11 +7,12 @@ LOST = "counted as lost"
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a fault led to, and what became of each record.
+    """The outcome of a fault.
 
     `reported`: kinds of errors and alerts, and reasons of new epochs. `due`: number of records. `where`:
-    number of records by what became of them; the first are those that arrived. `of`: name of the records,
-    such as samples. `more`, `figures`: further results as text and as numbers. `wrong`: what must not be.
+    number of records by what became of them; the first entry counts those that arrived. `of`: name of the
+    records, such as samples. `more`, `figures`: further results as text and as numbers. `wrong`: texts on
+    what is not as it has to be.
     """
 
     reported: list[str]
@@ -24,7 +25,7 @@ class Outcome:
 
     @property
     def uncounted(self) -> int:
-        """Number of records that are not accounted for; 0 if all are."""
+        """Number of records that are not accounted for."""
         return self.due - sum(self.where.values())
 
     @property

@@ -1,4 +1,4 @@
-"""Clients of the live page: a browser that can be killed, and a connection that never reads."""
+"""Clients of the live page: a browser that can be killed, and a client that never reads."""
 
 import os
 import shutil
@@ -11,7 +11,7 @@ from tools.faults.program import PATIENCE_S, Skip
 
 
 class Browser:
-    """Chromium on the live page.
+    """The browser Chromium, which shows the live page.
 
     Raises:
         Skip: Chromium is not installed.
@@ -47,6 +47,6 @@ def open_page_and_read_nothing(url: str) -> socket.socket:
 
 
 def connections(pid: int, port: int) -> int:
-    """Return the number of established connections of a process at its port."""
+    """Return how many connections are established at a TCP port of a process."""
     rows = [line.split() for line in Path(f"/proc/{pid}/net/tcp").read_text().splitlines()[1:]]
     return sum(row[1].endswith(f":{port:04X}") and row[3] == "01" for row in rows)

@@ -1,4 +1,7 @@
-"""`fltea` as a process: its records with their times of arrival, its standard error, and its end."""
+"""Runs `fltea` as a process.
+
+Its records are stored with their times of arrival, and also its standard error and its exit code.
+"""
 
 import os
 import signal
@@ -14,11 +17,13 @@ import msgspec
 
 ROOT = Path(__file__).resolve().parents[2]
 PATIENCE_S = 180.0
-"""Longest wait [s] for an event: enough for a busy machine and a first start, which compiles all files."""
+"""Longest wait for an event [s]. It suffices for a busy machine, and for a first start, which compiles all
+files.
+"""
 
 
 class Skip(Exception):
-    """Raised when a fault cannot be played here; the text says what is missing."""
+    """Raised if a fault cannot be caused on this machine; the text says what is missing."""
 
 
 def wait_until(condition: Callable[[], bool], what: str, *, every_s: float = 0.01) -> None:
@@ -76,7 +81,7 @@ class Program:
             thread.start()
 
     def of(self, kind: str) -> list[dict[str, Any]]:
-        """Return the records of a class so far."""
+        """Return all records of a class that the program has written so far."""
         return [record for record in list(self.records) if record["class"] == kind]
 
     def errors(self) -> list[str]:
@@ -84,7 +89,7 @@ class Program:
         return [record["kind"] for record in self.of("error")]
 
     def wait_for(self, condition: Callable[[], bool], what: str, *, every_s: float = 0.01) -> None:
-        """Wait for something that only a running program does.
+        """Wait for a condition, but only as long as the program runs.
 
         Raises:
             RuntimeError: the program ended before.
@@ -103,11 +108,11 @@ class Program:
         return any(record["boot_id"] == boot_id for record in self.of("hello"))
 
     def wait_for_sample(self, boot_id: int, sequence: int) -> None:
-        """Wait until the newest sample is this one."""
+        """Wait until a sample, given by boot and sequence number, is the newest sample of the program."""
         self.wait_for(lambda: self._newest == (boot_id, sequence % (1 << 16)), "the last sample")
 
     def end(self, number: signal.Signals | None = signal.SIGTERM) -> tuple[int, str]:
-        """Send a signal, if one is given, and wait for the end; set and return `code` and `stderr`.
+        """Send a signal, if one is given, and wait for the program's end; set and return `code` and `stderr`.
 
         Raises:
             TimeoutError: the program did not end in time; the text shows where its threads are.
@@ -139,7 +144,7 @@ class Program:
         with self.process.stdout as stream:
             for line in stream:
                 now_ns = time.monotonic_ns()
-                if not line.endswith(b"\n"):  # a kill has cut the line
+                if not line.endswith(b"\n"):  # The program was killed in the middle of this line.
                     break
                 record = msgspec.json.decode(line)
                 self.records.append(record)

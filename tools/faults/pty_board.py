@@ -21,7 +21,7 @@ INTRODUCTION_S = 0.2
 
 Damage = Callable[[bytes], bytes]
 Instants = set[tuple[int, int]]
-"""Number of the boot (from 0), and number of the sampling instant in the boot."""
+"""A set of sampling instants: number of the boot (from 0), and number of the instant in that boot."""
 
 
 class Boot:
@@ -38,17 +38,17 @@ class Boot:
 
     @property
     def due(self) -> int:
-        """Number of sampling instants so far."""
+        """Number of sampling instants of this boot so far."""
         return len(self.counts)
 
 
 class Board:
     """A board that samples at 100 Hz of real time, with HELLO and STATUS once a second.
 
-    Its methods send in the caller's thread, in time with the board's clock. `streams`: bytes sent, for each
-    time that the board was plugged in. `dropped`: number of frames for which the port had no room.
-    `longest_silence_s`: longest time without sending while it was plugged in; on a busy machine this process
-    may stand still.
+    Its methods send in the caller's thread, and wait for the times of the board's clock. `streams`: bytes
+    sent, for each time that the board was plugged in. `dropped`: number of frames that were lost because the
+    port was full. `longest_silence_s`: longest time without sending while it was plugged in; on a busy
+    machine, the system may let this process wait.
     """
 
     def __init__(self, link: Path, seed: int = 1) -> None:
@@ -65,7 +65,7 @@ class Board:
         self._board = MadeUpBoard(hello, status=STATUS, rate_hz=RATE_HZ)
         self.plug()
 
-    # --- the plug ---
+    # --- plugging and unplugging ---
 
     def plug(self) -> None:
         """Appear as a new port, to which `link` points."""
@@ -79,7 +79,7 @@ class Board:
         return self._port.name
 
     def unplug(self) -> None:
-        """Remove the port and the link; the next port will have another name."""
+        """Remove the port and the link. At the next `plug`, the port has another name."""
         before, self._port = self._port, PtyPort(held=True)
         before.close()
 
@@ -87,7 +87,7 @@ class Board:
         """Close the port."""
         self._port.close()
 
-    # --- what it sends ---
+    # --- sending ---
 
     def introduce(self, heard: Callable[[], bool], **how: int) -> None:
         """Boot, and send HELLO until `heard` returns True; see `boot`."""
@@ -106,7 +106,7 @@ class Board:
         self._begin_ns = time.monotonic_ns()
 
     def boot(self, **how: int) -> None:
-        """Boot again, possibly within a frame.
+        """Boot again. The last frame may be incomplete.
 
         `sequence`, `device_us`: number and time of the first sampling instant. `protocol_major`, `stated_hz`:
         what HELLO states.
@@ -137,26 +137,27 @@ class Board:
             doing.result()
 
     def stall(self, instants: int) -> None:
-        """Hold back the frames of a number of instants, and send them all together."""
+        """Hold back the frames of a number of instants, then send all of them together."""
         self._write(b"".join(self._tick() for _ in range(instants)))
 
     def lose(self, instants: int) -> None:
-        """Skip the frames of a number of instants."""
+        """Let a number of instants pass without sending their frames."""
         for _ in range(instants):
             self._tick()
 
     def begin_frame(self) -> None:
-        """Send half of the next sample's frame, and no more."""
+        """Send only the first half of the next sample's frame."""
         self._write(self._tick()[:-14])
 
     def inject(self, data: bytes) -> None:
-        """Send bytes that are not the board's."""
+        """Send bytes that do not come from the board's program."""
         self._write(data)
 
     def fill_the_line(self) -> None:
         """Send idle bytes, which have no meaning, until the port is full, since no program reads."""
         full = 0
-        while full < 5:  # the system moves bytes from one buffer to the next, late if it is busy
+        # The system moves bytes from one buffer to the next; if it is busy, this takes some time.
+        while full < 5:
             full = 0 if self._port.fill() else full + 1
             time.sleep(0.05)
 
@@ -172,7 +173,7 @@ class Board:
         """Return the samples whose frames are complete in these bytes."""
         return {self._blocks[block] for block in wire.split(b"\0")[:-1] if block in self._blocks}
 
-    # --- inside ---
+    # --- private methods ---
 
     def _begin_boot(
         self,
@@ -199,7 +200,7 @@ class Board:
         if left_ns > 0:
             time.sleep(left_ns * 1e-9)
         gyro = x, y, z = tuple(round(self._random.gauss(0, 3)) for _ in range(3))
-        # Two of the accelerations make each frame unique, over all boots.
+        # Two of the accelerations make each frame unique among the frames of all boots.
         accel = boot.boot_id, self._random.randrange(1 << 15), LEVEL[2]
         self._board.status = STATUS._replace(dropped_frames=self.dropped)
         sent = self._board.tick(gyro, accel)
@@ -213,7 +214,7 @@ class Board:
         self.longest_silence_s = max(self.longest_silence_s, self._said_s - before_s)
 
     def _write(self, data: bytes) -> None:
-        """Send bytes, or drop them if the port has no room."""
+        """Send bytes, or drop them if the port is full."""
         self._note_silence()
         if self._port.send(data):
             self.streams[-1] += data

@@ -1,4 +1,4 @@
-"""Servers of other programs, such as an MQTT broker, that listen here and can be stopped and started."""
+"""Starts and stops servers, such as an MQTT broker, on this machine."""
 
 import os
 import re
@@ -17,14 +17,14 @@ RECEIVED = re.compile(r"Received PUBLISH from fltea-\S+ \(.*'fltea/[^/]+/(\w+)'"
 
 
 def free_port() -> int:
-    """Return a port of this machine that no program uses."""
+    """Return a TCP port of this machine that no program uses."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
 
 
 def listens(port: int) -> bool:
-    """Return whether a program listens at a port of this machine."""
+    """Return whether a program listens at a TCP port of this machine."""
     with socket.socket() as probe:
         return probe.connect_ex(("127.0.0.1", port)) == 0
 
@@ -42,7 +42,7 @@ def installed(name: str) -> str:
 
 
 class Server:
-    """A server that listens at all its ports after construction.
+    """A server process. After construction, it listens at all its TCP ports.
 
     `log`: its log file. `how`: options of Popen.
     """
@@ -74,7 +74,7 @@ class Server:
         self.stop(signal.SIGKILL)
 
     def pause(self) -> None:
-        """Stop the process until `go_on`, and with it all its connections."""
+        """Suspend the process until `go_on`. Its connections stay open, but pass no data."""
         self.process.send_signal(signal.SIGSTOP)
         os.waitid(os.P_PID, self.process.pid, os.WSTOPPED | os.WNOWAIT)
 
@@ -88,10 +88,10 @@ class Server:
 
 
 class Broker(Server):
-    """mosquitto on a port of its own.
+    """The MQTT broker mosquitto on a TCP port of its own.
 
-    `persistent`: it saves retained messages once a second. `logs`: it logs everything, which `received`
-    needs. `settings`: more lines for its configuration.
+    `persistent`: it saves retained messages once a second. `logs`: it logs everything, so that `received`
+    works. `settings`: more lines for its configuration.
 
     Raises:
         Skip: mosquitto is not installed.
@@ -111,7 +111,7 @@ class Broker(Server):
 
     @property
     def mqtt_port(self) -> int:
-        """Port at which boards publish."""
+        """TCP port to which boards publish."""
         return self.port
 
     def is_heard(self) -> bool:
@@ -119,5 +119,5 @@ class Broker(Server):
         return "Sending SUBACK to" in self.said()
 
     def received(self) -> Counter[str]:
-        """Return the number of messages so far, by the last part of their topics."""
+        """Return how many messages the broker has received, by the last part of the topic."""
         return Counter(RECEIVED.findall(self.said()))

@@ -1,4 +1,4 @@
-"""Runs `fltea` with a clock that can be set and with made-up USB ports; all else is the real program.
+"""Runs `fltea` with a clock that can be set and with simulated USB ports; all else is the real program.
 
 FLTEA_SHIM_CLOCK=FILE   its eight bytes are added to Unix time [ns]
 FLTEA_SHIM_PORTS=FILE   JSON: a list of [device, description, hardware id]
@@ -22,7 +22,7 @@ SHIFT_S = 0.001
 
 
 def set_clock_by(path: Path) -> None:
-    """Let Unix time, and no other clock, follow the file."""
+    """Shift the program's Unix time by the value in a file; other clocks stay unchanged."""
     with path.open("rb") as file:
         step = mmap.mmap(file.fileno(), 8, access=mmap.ACCESS_READ)
 
@@ -34,7 +34,8 @@ def set_clock_by(path: Path) -> None:
     time.time_ns = lambda: time_ns() + step_ns()
     time.time = lambda: time_s() + step_ns() * 1e-9
 
-    # The native reader of ports gets the time from the system, so its clock is shifted separately.
+    # The native code that reads serial ports gets the time from the system, so its clock is shifted
+    # separately.
     def shift() -> None:
         while True:
             shift_unix_clock(step_ns())
@@ -45,7 +46,7 @@ def set_clock_by(path: Path) -> None:
 
 
 def list_ports_of(path: Path) -> None:
-    """Make the ports in the file the ports of the machine."""
+    """Let the program find the USB ports in a file instead of those of the machine."""
 
     def comports(include_links: bool = False) -> list[ListPortInfo]:
         found = []

@@ -1,4 +1,4 @@
-"""A disk that the caller can fill and free."""
+"""A small disk that the caller can fill and clear again."""
 
 import os
 import resource
@@ -8,15 +8,17 @@ from pathlib import Path
 
 SIZE = "4m"
 WHERE_FULL, WHERE_LIMITED = "disk_full", "record_failed"
-"""Kinds of the error that a program has to report: of a file system, and of a limit on its files."""
+"""Kinds of the error that a program has to report: for a full file system, and for a limit on its files."""
 
 
 class SmallDisk:
-    """A small file system that only the program sees; if that is not allowed, a limit on the program's files.
+    """A small file system that only one program sees.
 
-    `folder`: where the program records to. `size`: in the syntax of `mount`. `is_mounted`: whether it is a
-    file system.
-    `kind`: kind of the error that the program has to report. `before`: command that starts the program.
+    If the system does not permit this, a limit on the size of the program's files replaces it.
+
+    `folder`: folder into which the program records. `size`: size in the syntax of `mount`. `is_mounted`:
+    whether there is a file system, not only a limit. `kind`: kind of the error that the program has to
+    report. `before`: command that starts the program.
     """
 
     def __init__(self, folder: Path, size: str = SIZE) -> None:
@@ -31,26 +33,26 @@ class SmallDisk:
         self._keeper: subprocess.Popen[bytes] | None = None
 
     def attach(self, pid: int) -> None:
-        """See the disk as the program does, until it is closed here."""
+        """Open the disk as the program with this number sees it. It stays open until `close`."""
         self._pid = pid
         self._fd = os.open(f"/proc/{self._pid}/root{self.folder}", os.O_RDONLY | os.O_DIRECTORY)
 
     def hold(self) -> Sequence[str]:
-        """Mount the disk now, until it is closed; return a command that starts programs that see the disk."""
+        """Mount the disk until `close`; return the beginning of a command whose program sees the disk."""
         keep = ("sh", "-c", "echo; exec sleep infinity")
         self._keeper = subprocess.Popen([*self.before, *keep], stdout=subprocess.PIPE)
         assert self._keeper.stdout is not None
-        self._keeper.stdout.readline()  # waits until the disk is mounted
+        self._keeper.stdout.readline()  # This read waits until the disk is mounted.
         self.attach(self._keeper.pid)
         return "nsenter", "-t", str(self._pid), "--user", "--mount", "--preserve-credentials"
 
     @property
     def inside(self) -> Path:
-        """The folder as seen from here, even after the program has ended."""
+        """A path to the folder for this process, which is valid even after the program has ended."""
         return Path(f"/proc/self/fd/{self._fd}")
 
     def fill(self) -> None:
-        """Fill the disk."""
+        """Fill the disk completely, or limit the size of the program's files to a byte."""
         if not self.is_mounted:
             resource.prlimit(self._pid, resource.RLIMIT_FSIZE, (1, resource.RLIM_INFINITY))
             return
@@ -62,7 +64,7 @@ class SmallDisk:
             pass  # the disk is full
 
     def free(self) -> None:
-        """Make room."""
+        """Delete what filled the disk, or remove the limit."""
         if self.is_mounted:
             (self.inside / "ballast").unlink()
         else:
@@ -70,7 +72,7 @@ class SmallDisk:
             resource.prlimit(self._pid, resource.RLIMIT_FSIZE, no_limit)
 
     def close(self) -> None:
-        """Release the disk."""
+        """Close the disk, and end the process that kept it mounted."""
         if self._fd >= 0:
             os.close(self._fd)
         if self._keeper is not None:

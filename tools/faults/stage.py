@@ -1,4 +1,4 @@
-"""Where a fault is played: starts boards, programs, brokers and connections, and ends them all."""
+"""Starts the boards, programs, brokers and connections that a fault needs, and ends all of them."""
 
 import contextlib
 import struct
@@ -23,10 +23,12 @@ E = TypeVar("E", bound=_Ends)
 
 
 class Stage(contextlib.ExitStack):
-    """A folder, and all that runs in it. Everything is ended on exit; register further ends with `callback`.
+    """A folder, and all that runs for a fault. On exit, everything is ended.
 
-    `short`: seconds instead of minutes. `image`: file for the emulated Due; default: the committed one.
-    `clock`: file that shifts the clock of the programs that are started with it.
+    Further functions that are to be called on exit can be registered with `callback`.
+
+    `short`: whether faults last seconds instead of minutes. `image`: firmware image for the emulated Due, by
+    default the committed image. `clock`: file that shifts the clock of the programs that are started with it.
     """
 
     def __init__(self, folder: Path, *, short: bool = True, image: Path | None = None) -> None:
@@ -47,7 +49,7 @@ class Stage(contextlib.ExitStack):
         return program
 
     def daemon(self, *arguments: str | Path, **how: Any) -> Program:
-        """Start `fltea run` so that it reports every sample, and estimates soon."""
+        """Start `fltea run` with settings by which it reports every sample, and begins to estimate early."""
         return self.program("run", "--samples", *QUICK, *arguments, **how)
 
     def board(self, seed: int = 1) -> Board:
@@ -61,7 +63,7 @@ class Stage(contextlib.ExitStack):
         return broker
 
     def line(self, port: int) -> CutLine:
-        """Return a connection to a port that can be cut."""
+        """Return a connection to a TCP port, which can be cut."""
         return self.closing(CutLine(port))
 
     def disk(self, name: str, **how: Any) -> SmallDisk:
@@ -69,6 +71,6 @@ class Stage(contextlib.ExitStack):
         return self.closing(SmallDisk(self.folder / name, **how))
 
     def set_clock(self, ahead_ns: int) -> None:
-        """Set the programs' clock ahead of the machine's by `ahead_ns`."""
+        """Set the clock of the programs ahead of the machine's clock by `ahead_ns`."""
         with self.clock.open("r+b" if self.clock.exists() else "wb") as file:
             file.write(struct.pack("<q", ahead_ns))

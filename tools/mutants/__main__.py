@@ -41,11 +41,11 @@ MOST_SURVIVORS = 2
 MOST_SURVIVORS_OF_HOST = 1 / 3
 
 EVERYWHERE = ("core/engine/", "arduino/")
-"""Files whose judges together are all judges."""
+"""Folders of firmware/. The judges of files in these folders are together all judges."""
 
 
 class Result(NamedTuple):
-    """What the judges said about a mutant. `invalid`: why the mutant cannot be judged, or None."""
+    """The verdicts of the judges about a mutant. `invalid`: why the mutant cannot be judged, or None."""
 
     mutant: Mutant
     verdicts: list[Verdict]
@@ -56,7 +56,7 @@ class Result(NamedTuple):
         return self.invalid is None and not any(verdict.noticed for verdict in self.verdicts)
 
     def describe(self) -> str:
-        """Return one line, and one more for each judge that noticed the bug."""
+        """Return a line about the mutant, and one more line for each judge that noticed the bug."""
         head = f"{self.mutant.name} ({self.mutant.file}): {self.mutant.breaks}"
         if self.invalid is not None:
             return f"INVALID  {head}\n{self.invalid}"
@@ -67,7 +67,7 @@ class Result(NamedTuple):
 
 
 def try_mutant(mutant: Mutant, base: Path, *, everyone: bool = False) -> Result:
-    """Judge one bug in a copy of `base`, with whatever is built there."""
+    """Judge one bug in a copy of the folder `base`, with all files that are built there."""
     with tempfile.TemporaryDirectory(dir=base.parent) as folder:
         root = Path(folder) / "fltea"
         shutil.copytree(base, root)

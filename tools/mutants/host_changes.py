@@ -1,12 +1,12 @@
-"""Random single changes of the host's Python: where a change is possible, and the changed source.
+"""Draws random single changes of the host's Python sources, and applies them.
 
 A change alters what the program does, not its docstrings, texts, messages or type hints.
 
-The rules are our own because no maintained library fits. mutmut 3.8 has to import the package itself, which
-an editable install prevents (it finds no test for any change), and does not draw at random. cosmic-ray 8.7
-spends half of its changes on operators, most of them the `|` of type hints. It does not change statements,
-returned values, min or max, and it runs one test command for all changes, so the nearest tests cannot come
-first.
+This module has its own rules for changes, because no maintained library fits. mutmut 3.8 has to import the
+package itself, which an editable install prevents (mutmut then finds no test for any change), and it does not
+draw changes at random. cosmic-ray 8.7 spends half of its changes on operators, most of them the `|` of type
+hints. It does not change statements, returned values, min or max, and it runs one test command for all
+changes, so it cannot run the tests nearest to a change first.
 """
 
 import ast
@@ -28,9 +28,10 @@ TELLS = {"problem", "report", "say", "tell", "warn", "warning", "info", "debug",
 
 
 class Change(NamedTuple):
-    """One change.
+    """One change of a source file.
 
-    `file`: path in the repository. `line`: from 1. `start`, `end`: character range in the text.
+    `file`: path in the repository. `line`: line number, from 1. `start`, `end`: range of characters in the
+    text that `new` replaces.
     """
 
     file: str
@@ -41,7 +42,7 @@ class Change(NamedTuple):
     new: str
 
     def applied_to(self, text: str) -> str:
-        """Return the source with the change."""
+        """Return a source text with the change in it."""
         return text[: self.start] + self.new + text[self.end :]
 
     def __str__(self) -> str:
@@ -50,7 +51,7 @@ class Change(NamedTuple):
 
 
 def choose(root: Path, count: int, seed: int, below: str = "") -> list[Change]:
-    """Draw `count` changes of the host at `root`, each on another line; all lines are equally likely.
+    """Draw `count` changes of the host's sources at `root`, on different lines; all lines are equally likely.
 
     `below`: use only files whose path below host/fltea begins with this text.
     """
@@ -64,12 +65,12 @@ def choose(root: Path, count: int, seed: int, below: str = "") -> list[Change]:
 
 
 def changes(file: str, text: str) -> Iterator[Change]:
-    """Yield all changes of one source."""
+    """Yield all possible changes of one source file."""
     rows = text.splitlines(keepends=True)
     starts = list(accumulate(map(len, rows), initial=0))
     for node in _acting(ast.parse(text)):
         (line, column), last = (node.lineno, node.col_offset), node.end_lineno or node.lineno
-        # The columns of ast count bytes.
+        # Column numbers of ast count bytes, not characters.
         start = starts[line - 1] + len(rows[line - 1].encode()[:column].decode())
         end = starts[last - 1] + len(rows[last - 1].encode()[: node.end_col_offset].decode())
         for other in _others(node):
@@ -79,7 +80,7 @@ def changes(file: str, text: str) -> Iterator[Change]:
 
 
 def _acting(node: ast.AST) -> Iterator[ast.expr | ast.stmt]:
-    """Yield the expressions and statements that do something, outermost first."""
+    """Yield the expressions and statements that do something, the outermost first."""
     if isinstance(node, ast.expr | ast.stmt):
         yield node
     for name, value in ast.iter_fields(node):
@@ -90,7 +91,7 @@ def _acting(node: ast.AST) -> Iterator[ast.expr | ast.stmt]:
 
 
 def _speaks(node: ast.AST) -> bool:
-    """Return whether the contents of `node` are texts or types."""
+    """Return whether the contents of `node` are texts or types, which are not changed."""
     if isinstance(node, ast.Call):
         name = getattr(node.func, "attr", getattr(node.func, "id", ""))
         return name.strip("_").split("_")[0] in TELLS or name in ("Option", "Argument", "TypeVar")
@@ -100,7 +101,7 @@ def _speaks(node: ast.AST) -> bool:
 
 
 def _others(node: ast.AST) -> Iterator[ast.AST]:
-    """Yield the replacements of `node`."""
+    """Yield all changed versions of `node`."""
     match node:
         case ast.Compare(left, [operator, *more], right):
             if type(operator) in OTHER:

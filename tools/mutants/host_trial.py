@@ -1,4 +1,4 @@
-"""A private copy of the repository in which changes of the host are tried, with the nearest tests first."""
+"""A copy of the repository in which changes of the host are tried. The nearest tests run first."""
 
 import re
 import shutil
@@ -14,9 +14,11 @@ PATIENCE_S = 1800.0
 TEST_S = 120
 """Time limit of one test [s]; a test that hangs counts as failed."""
 MOST_OUTSIDE = 10
-"""Largest number of test files outside the module's own folder: a basic module is imported by all folders."""
+"""Largest number of test files that run from other folders than the module's own. Tests of all folders import
+a basic module.
+"""
 
-# An editable install finds its modules before sys.path does, so its finder is removed.
+# The import finder of an editable install has precedence over sys.path, so it is removed.
 ONLY_THE_COPY = """import sys
 sys.meta_path[:] = [finder for finder in sys.meta_path if "editable" not in type(finder).__module__]
 """
@@ -45,7 +47,9 @@ class HostCopy:
         }
 
     def noticed_by(self, change: Change) -> str | None:
-        """Return the test that fails repeatedly for `change` but not without it; None if there is none.
+        """Return the test that fails twice with `change` but passes without it.
+
+        None if there is no such test.
 
         Raises:
             Invalid: pytest itself fails.
@@ -61,7 +65,8 @@ class HostCopy:
                 failed = self._first_failure(tests, unsteady)
                 again = failed and self._first_failure([failed])
             finally:
-                # copy2 restores the file's time, by which Python knows what it has compiled.
+                # copy2 restores the file's time, by which Python knows whether its compiled file is up to
+                # date.
                 shutil.copy2(kept, source)
             if failed is None or (again and self._first_failure([failed]) is None):
                 return failed
@@ -83,9 +88,9 @@ class HostCopy:
 def nearest_tests(root: Path, file: str) -> list[str]:
     """Return the test files to run for `file`, the nearest first.
 
-    First come test files in the folder of `file`'s package that import `file`, or import a helper in
-    tests/rig that does. Then come such files of other folders, at most MOST_OUTSIDE, and the rest of the
-    package's folder. Each group is ordered by number of imports, the smallest first.
+    First come test files that import `file` directly or through a helper in tests/rig, and are in the tests'
+    folder for the package of `file`. Then come at most MOST_OUTSIDE such files of other folders, and then the
+    other test files of the package's folder. Each group is ordered by number of imports, the smallest first.
     """
     package, name, room = ".".join(Path(file).parts[1:-1]), Path(file).stem, Path(file).parts[2]
     imports = rf"\b{package}\.{name}\b|^ *from {package} import (\([^)]*|.*)\b{name}\b"

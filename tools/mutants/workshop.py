@@ -1,4 +1,4 @@
-"""Applies listed single bugs to private copies of the firmware, and builds and judges the copies."""
+"""Applies single bugs from a list to copies of the firmware, builds the copies and runs tests on them."""
 
 import os
 import shutil
@@ -28,7 +28,9 @@ PARTS = (
     "pyproject.toml",
 )
 PATIENCE_S = 300.0
-"""Time limit of one command [s]: a mutant that never ends must not hold up the other mutants."""
+"""Time limit of one command [s]: a mutant (a copy with a bug) that never ends must not delay the other
+mutants.
+"""
 
 DUE_TESTS = ("tests/e2e/test_due.py", "tests/e2e/test_due_faults.py")
 """Tests of the emulated Due that run on the image of the mutant."""
@@ -36,14 +38,15 @@ EDGE_TESTS = ("tests/e2e/test_due_edges.py", "-o", "timeout=200")
 """Slow tests of the emulated Due that read the program's variables and code."""
 OF_ITS_IMAGE = ("-m", "not slow", "-k", "not data_ready", "-o", "timeout=100")
 DOCTEST, NATIVE = "build/doctest", "build/native"
-# No sanitizers and no optimisation, so that a mutant is built in seconds. make expands $(VECTORS).
+# These flags contain no sanitizers and no optimisation, so that a mutant is built in seconds. make expands
+# $(VECTORS).
 DOCTEST_FLAGS = "FLAGS=-std=gnu++11 -O0 -DVECTORS='\"$(VECTORS)\"'"
 ARDUINO = {"MAKEFLAGS": "SANITIZE="}
 ARDUINO_TESTS = ("tests/firmware/test_arduino.py", "-k", "g++ and not clang")
 
 
 class Mutant(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One bug. `file`: path below firmware/. `old`: text that `new` replaces. `breaks`: what the bug does."""
+    """One bug. `file`: path below firmware/. `old`: text that `new` replaces. `breaks`: effect of the bug."""
 
     name: str
     file: str
@@ -52,7 +55,7 @@ class Mutant(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     breaks: str
 
     def applied_to(self, text: str) -> str:
-        """Return the source with the bug.
+        """Return a source text with the bug in it.
 
         Raises:
             ValueError: `old` does not occur exactly once in `text`, or `new` equals `old`.
@@ -65,7 +68,7 @@ class Mutant(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return text.replace(self.old, self.new)
 
     def apply(self, root: Path) -> None:
-        """Put the bug into the copy of the repository at `root`. Raises ValueError as `applied_to` does."""
+        """Put the bug into the copy of the repository at `root`. ValueError is raised as by `applied_to`."""
         source = root / "firmware" / self.file
         source.write_text(self.applied_to(source.read_text(encoding="utf-8")), encoding="utf-8")
 
@@ -84,14 +87,17 @@ class Invalid(Exception):
 
 
 class Verdict(NamedTuple):
-    """Result of one judge. `noticed`: the first test or check that failed; None if none did."""
+    """Result of one judge, which is a group of tests.
+
+    `noticed`: the first test or check that failed, or None.
+    """
 
     judge: str
     noticed: str | None
 
 
 def copy_parts(to: Path) -> None:
-    """Copy the files that the judges need from the repository."""
+    """Copy the files of the repository that building and testing need."""
     for part in PARTS:
         source, target = REPOSITORY / part, to / part
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -102,16 +108,18 @@ def copy_parts(to: Path) -> None:
 
 
 def forget_build(root: Path) -> None:
-    """Remove from `root` the built files that make would wrongly take as up to date in another copy."""
+    """Remove the built files at `root` that make would wrongly regard as up to date in another copy."""
     (root / DOCTEST / "tests").unlink()
-    shutil.rmtree(root / NATIVE)  # built with absolute paths
-    shutil.rmtree(root / "build/tests-arduino")  # its dependency files hold absolute paths
+    shutil.rmtree(root / NATIVE)  # These files are built with absolute paths.
+    shutil.rmtree(root / "build/tests-arduino")  # The dependency files in this folder contain absolute paths.
 
 
 def judge(root: Path, file: str, *, everyone: bool = False) -> list[Verdict]:
-    """Build the copy at `root` and run the judges of firmware/`file`, the likeliest to notice first.
+    """Build the copy at `root`, and run the judges (groups of tests) of firmware/`file`.
 
-    `everyone`: go on after a judge has noticed the bug.
+    The judge that is most likely to notice a bug comes first.
+
+    `everyone`: run the other judges even if one has noticed the bug.
 
     Raises:
         Invalid: the copy does not build.
@@ -136,7 +144,10 @@ def _judges(file: str) -> list[tuple[str, Callable[[Path], str | None]]]:
 
 
 def on_the_emulator(root: Path) -> str | None:
-    """Build the image and run the tests of the emulated Due on it; return the first failure or None."""
+    """Build the firmware image, and run the tests of the emulated Due on it.
+
+    Return the first failure or None.
+    """
     folder = root / "build/firmware"
     try:
         build(root, "timer", folder)
@@ -148,17 +159,20 @@ def on_the_emulator(root: Path) -> str | None:
 
 
 def _asserted(output: str) -> str:
-    """Return the static assertion that kept a mutant from being built. Raises Invalid if there is none."""
+    """Return the static assertion that kept a mutant from being built.
+
+    If there is none, Invalid is raised.
+    """
     if ASSERTED not in output:
         raise Invalid(output)
     return _first(output, ASSERTED, "")
 
 
 def by_doctest(root: Path) -> str | None:
-    """Build and run the C++ tests of the core; return the first case that fails, or None."""
+    """Build and run the C++ tests of the core; return the first test case that fails, or None."""
     here = root / "tests/firmware"
     program = root / DOCTEST / "tests"
-    # Relative, so that make accepts in one copy what was built in another.
+    # The path is relative, so that make accepts in one copy what was built in another.
     goal = os.path.relpath(program, here)
     command = ["make", f"BUILD={Path(goal).parent}", DOCTEST_FLAGS, goal]
     code, output = run(command, here)
@@ -169,7 +183,7 @@ def by_doctest(root: Path) -> str | None:
 
 
 def by_spectrum(root: Path) -> str | None:
-    """Build and run the C++ tests of the device's spectrum and fit; return the first failing case or None."""
+    """Build and run the C++ tests of the board's spectrum and fit; return the first failing case or None."""
     program = root / NATIVE / "board_tests"
     flags = "FLAGS=-std=gnu++11 -O1 -ffp-contract=off"
     here = root / "tests/native"

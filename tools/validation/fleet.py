@@ -1,9 +1,9 @@
 """Measures how often `fltea fleet` calls a healthy sensor odd: fleets with real fits of simulated noise.
 
 The daemon's live estimator fits each record. Fleets with one axis per sensor are drawn from these fits, and
-compared as the program compares them. If sensors differ, N, B, K and density of each are multiplied by a
-random factor, as by another gain; α and f stay. Records that grow to a day are compared repeatedly while they
-grow.
+compared as the program compares them. If sensors are to differ, N, B, K and density of each are multiplied by
+a random factor, as by another gain. α and f do not change. Records that grow to a day are compared repeatedly
+while they grow.
 """
 
 import math
@@ -24,7 +24,7 @@ from tools.validation.runner import Options, Row, Task
 from tools.validation.tables import Table, number
 
 SEEDS, QUICK_SEEDS = 400, 20
-"""Number of records of each noise."""
+"""Number of records of each noise, and the number with --quick."""
 FLEETS = 100
 """Number of fleets drawn from these records."""
 SAMPLES = 100_000
@@ -32,7 +32,7 @@ DIFFER = (0.0, 0.03)
 SIZES = (20, 100)
 DAY_HZ, DAY = 10.0, 864_000
 FIRST, GROWTH = 600, 1.2
-"""Number of samples at the first comparison of a day, and growth factor of a record between comparisons."""
+"""Number of samples at the first comparison of a day; factor by which a record grows until the next one."""
 AT_ONCE = 10
 Fits = list[AxisFit]
 Place = tuple[Fits, list[dict[str, Figure]], float]
@@ -40,7 +40,10 @@ Place = tuple[Fits, list[dict[str, Figure]], float]
 
 
 def tasks(options: Options) -> list[Task]:
-    """Return tasks that fit records at one length and, unless quick, at all comparisons of a day."""
+    """Return the tasks that fit records of one length.
+
+    Except with --quick, others fit growing records at all comparisons of a day.
+    """
     grown = FIRST * GROWTH ** np.arange(math.ceil(math.log(DAY / FIRST, GROWTH)))
     day = [*np.round(grown).astype(int).tolist(), DAY]
     return [
@@ -53,7 +56,7 @@ def tasks(options: Options) -> list[Task]:
 
 
 def fitted(noise: str, first: int, count: int, at: Sequence[int], rate_hz: float) -> list[Row]:
-    """Return the fits of some sensors, one for each comparison."""
+    """Return the fits of some sensors: for each, one fit for each comparison."""
     rows: list[Row] = []
     for seed in range(first, first + count):
         record = NOISES[noise].draw(at[-1], np.random.default_rng((seed, at[-1])), rate_hz)
@@ -127,7 +130,10 @@ def _all_figures(comparisons: Fits, rate_hz: float) -> list[dict[str, Figure]]:
 
 
 def _odd_at(fleet: list[Place], turns: NDArray[np.int64]) -> set[str]:
-    """Return the figures by which any sensor is called odd, with each sensor at its own number in `turns`."""
+    """Return the figures by which any sensor is called odd.
+
+    `turns`: for each sensor, the index of the fit that is compared.
+    """
     logarithmic = {quantity.name for quantity in QUANTITIES if quantity.log}
     roll = Roll()
     for place, ((comparisons, figures, factor), turn) in enumerate(zip(fleet, turns, strict=True)):

@@ -1,4 +1,4 @@
-"""Measures the forecast's bands and its test of the model: the first half of a series predicts the second.
+"""Measures how good forecasts and their tests are: the first half of a series predicts the second.
 
 The series are ten minutes at 100 Hz of the noises of `states`. Each half is processed as by `fltea identify
 --forecast`.
@@ -16,7 +16,7 @@ from tools.validation.states import NOISES, H, state, white
 from tools.validation.tables import Table, grouped
 
 SEEDS, QUICK_SEEDS = 60, 6
-"""Number of series of each noise."""
+"""Number of series of each noise, and the number with --quick."""
 N = 60_000
 OFFSET = 3.0
 
@@ -27,7 +27,10 @@ def tasks(options: Options) -> list[Task]:
 
 
 def judge(name: str, series: int) -> list[Row]:
-    """Judge series of one noise; return predicted and observed mean squares by series and time."""
+    """Judge the forecasts for series of one noise.
+
+    Returns predicted and observed mean squares for each series and time.
+    """
     rng = np.random.default_rng((20261125, zlib.crc32(name.encode())))
     parts = NOISES[name]
     rows: list[Row] = []
@@ -43,7 +46,7 @@ def judge(name: str, series: int) -> list[Row]:
 
 
 def tables(rows: list[Row]) -> list[Table | str]:
-    """Return the shares inside the bands by time, and the number of series whose model fails."""
+    """Return tables of the shares inside the 95 % bands by time, and of the series whose model fails."""
     times = sorted({row["t_s"] for row in rows})
     cells: list[Any] = []
     for name, those in grouped(rows, lambda row: row["noise"]).items():

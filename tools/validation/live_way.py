@@ -1,4 +1,4 @@
-"""Processes one sensor's samples as the live stage does: samples, accepted fits between them, the tracker."""
+"""Processes the samples of a sensor as the daemon does: the tracker, and fits as the record grows."""
 
 import math
 from collections.abc import Sequence
@@ -15,9 +15,9 @@ from fltea.stream.live import NO_FIT
 from fltea.stream.tracking import SensorTracks
 
 AXES = 3
-"""Number of axes of a sensor. More lanes than this belong to several sensors."""
+"""Number of axes of a sensor. If there are more columns of samples, they belong to several sensors."""
 GROWTH = 10
-"""The record grows by 1/GROWTH from one accepted fit to the next, as in `fltea.stream.fit_times`."""
+"""From one accepted fit to the next, a record grows by 1/GROWTH, as in `fltea.stream.fit_times`."""
 
 
 class StepEvent(NamedTuple):
@@ -26,11 +26,11 @@ class StepEvent(NamedTuple):
     axis: str
     at_s: float
     size: float
-    """In the unit of the samples."""
+    """Size of the step, in the unit of the samples."""
 
 
 class Lived(NamedTuple):
-    """What the live stage publishes for samples, (n, lanes)."""
+    """What the daemon publishes for samples, (n, axes)."""
 
     bias: Array
     bias_std: Array
@@ -39,10 +39,10 @@ class Lived(NamedTuple):
 
 
 class LiveSensor:
-    """The live stage of one sensor, with sampling period `h` [s].
+    """What the daemon does with the samples of one sensor. `h`: sampling period [s].
 
-    A fit is accepted after the first second, and then as the record grows; it takes effect at the next
-    sample.
+    A fit is accepted after the first second, and then again as the record grows. The tracker uses it from the
+    next sample on.
     """
 
     def __init__(self, axes: int, h: float, unit: str = "deg/s") -> None:
@@ -89,7 +89,7 @@ class LiveSensor:
 
     @property
     def restarts(self) -> int:
-        """Number of restarts of the trackers of all axes at an offset that had changed."""
+        """How often the trackers of all axes restarted because the offset had changed."""
         return sum(figures.restarts for _, figures in self._tracks.stats())
 
     def events(self) -> list[StepEvent]:
@@ -98,11 +98,11 @@ class LiveSensor:
 
 
 def live_way(y: Array, h: float) -> Lived:
-    """Return what is published for lanes, (n, lanes); each AXES lanes are a sensor of their own."""
+    """Return what is published for samples (n, axes) of several sensors, each with AXES axes."""
     found = [LiveSensor(part.shape[1], h).run(part) for part in sensors(y)]
     return Lived._make(np.concatenate(column, axis=1) for column in zip(*found, strict=True))
 
 
 def sensors(y: Array) -> Sequence[Array]:
-    """Return the lanes of `y` (n, lanes), sensor by sensor."""
+    """Return the columns of `y` (n, axes), sensor by sensor."""
     return [y[:, first : first + AXES] for first in range(0, y.shape[1], AXES)]

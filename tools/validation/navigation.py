@@ -1,8 +1,9 @@
-"""Measures a plain Kalman filter that is built from the file of `--gauss-markov` alone.
+"""Measures how good a plain Kalman filter is that uses only the file of `--gauss-markov`.
 
-Ten minutes at 100 Hz of sensors' axes are identified for each noise. The filter begins at their end, or
-without knowledge of the bias and rests a minute. Then it predicts the error of the heading in the next five
-minutes. The result is the root mean square of the error over the predicted σ; 1 is right.
+For each noise, axes of sensors are identified from ten minutes at 100 Hz. The filter starts at the end of the
+record, or without knowledge of the bias, followed by a minute at rest. Then it predicts the error of the
+heading in the next five minutes. The result is the root mean square of (error / predicted σ), which should be
+1.
 """
 
 import math
@@ -23,7 +24,7 @@ from tools.validation.states import NOISES, H, state, white
 from tools.validation.tables import Table, grouped
 
 SEEDS, QUICK_SEEDS = 39, 6
-"""Number of axes of each noise."""
+"""Number of axes of each noise, and the number with --quick."""
 N, REST, AHEAD = 60_000, 6_000, 30_000
 OFFSET = 3.0
 TIMES_S = (1.0, 10.0, 60.0, 300.0)
@@ -87,7 +88,10 @@ def tasks(options: Options) -> list[Task]:
 
 
 def measure(name: str, series: int) -> list[Row]:
-    """Return a row for each series and time, with the error over its σ for both starts."""
+    """Return a row for each series and time with error / σ.
+
+    One filter knows the bias at first, and one does not.
+    """
     rng = np.random.default_rng((20261128, zlib.crc32(name.encode())))
     rows: list[Row] = []
     for number in range(series):
@@ -121,7 +125,10 @@ def _noise(name: str, rng: np.random.Generator, n: int) -> Array:
 
 
 def tables(rows: list[Row]) -> list[Table | str]:
-    """Return the error over σ by noise and time, and the filter's σ over the forecast's."""
+    """Return tables by noise and time.
+
+    They show error / σ, and the ratio of the filter's σ to that of the forecast.
+    """
     titles = {
         "end": "Heading error over σ, RMS, from the end of the record on",
         "rest": "The same of a filter that knew nothing and rested a minute",

@@ -1,4 +1,4 @@
-"""Functions that all pictures share: PNG with a palette, rendered by Agg without opening a window."""
+"""Functions for all pictures: PNG with a palette, rendered without opening a window."""
 
 import io
 from typing import TYPE_CHECKING
@@ -10,14 +10,14 @@ COLOURS = 128
 
 
 def new_figure(width: float, height: float) -> "Figure":
-    """Return an empty figure of this size [inches], laid out by its contents."""
+    """Return an empty figure of this size [inches], whose layout adapts to its contents."""
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), dpi=85, layout="constrained")
 
 
 def png(figure: "Figure") -> bytes:
-    """Return the figure with a palette, which takes a quarter of the space."""
+    """Return the figure as PNG with a palette, which needs a quarter of the space."""
     from PIL import Image
 
     drawn, small = io.BytesIO(), io.BytesIO()

@@ -1,9 +1,9 @@
 """Measures how often the null test of `fltea identify` rejects, and how often it finds false peaks.
 
-The series are simulated at 100 Hz: white noise, and fractional noise of several strengths in white noise.
-White noise is tested with the spectrum that is kept of it, as `identify` and the live fit do (`live`), and
-with the periodogram of the whole record (`whole`). The gallery counts false claims and verdicts, `evaluate`
-intervals.
+The series are simulated at 100 Hz: white noise, and fractional noise of several strengths in white noise. For
+white noise, two tests are made: with the spectrum in constant memory, as `identify` and the live fit do
+(`live`), and with the periodogram of the whole record (`whole`). The gallery counts false claims and
+verdicts, `evaluate` intervals.
 """
 
 import zlib
@@ -24,11 +24,14 @@ from tools.validation.runner import Options, Row, Task
 from tools.validation.tables import Table, grouped, share_within
 
 SEEDS, QUICK_SEEDS = 400, 20
-"""Number of series of each white noise; for the power at 10 min a tenth."""
+"""Number of series of each white noise, and the number with --quick.
+
+For the power at 10 min it is a tenth.
+"""
 H = 0.01
 LENGTHS = {"30 s": 3_000, "200 s": 20_000, "10 min": 60_000}
 OF_POWER = ("30 s", "10 min")
-"""The lengths used where there is an order."""
+"""Lengths of the records with an order."""
 WHITE: dict[str, Callable[[int, np.random.Generator], Array]] = {
     "Gaussian": lambda n, rng: rng.standard_normal(n),
     "one LSB per σ": lambda n, rng: np.rint(rng.standard_normal(n)),
@@ -39,7 +42,7 @@ STRENGTHS: dict[str, tuple[float, float, float]] = {
     for alpha, f in ((0.1, 0.0), (0.3, 0.0), (0.3, -1.8), (0.6, -0.3), (0.6, -3.0))
     for share in (0.1, 0.3, 1.0)
 }
-"""Fractional noise in white noise: α, f [s^-α], share of the power in the state."""
+"""Fractional noise in white noise: α, f [s^-α], and share of the power that the fractional state has."""
 
 
 def tasks(options: Options) -> list[Task]:
@@ -56,7 +59,7 @@ def tasks(options: Options) -> list[Task]:
 
 
 def count(name: str, length: str, series: int) -> list[Row]:
-    """Count rejections at 5 and 1 %, and series of white noise with a line or resonance."""
+    """Count rejections at 5 and 1 %, and series of white noise in which a line or resonance is found."""
     rng = np.random.default_rng((20260601, zlib.crc32(f"{name}, {length}".encode())))
     samples, white = LENGTHS[length], name in WHITE
     if not white:
@@ -81,7 +84,7 @@ def _in_white(state: FractionalState, share: float, n: int, rng: np.random.Gener
 
 
 def tables(rows: list[Row]) -> list[Table | str]:
-    """Return false alarms and power."""
+    """Return tables of false alarms and of the test's power."""
     white = [row for row in rows if row["noise"] in WHITE]
     coloured = grouped((row for row in rows if row["noise"] in STRENGTHS), lambda row: row["noise"])
     found: list[Table | str] = []

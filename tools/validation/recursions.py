@@ -1,4 +1,4 @@
-"""Recursions and responses in the time domain, with scipy's filters; they share no code with the fits."""
+"""Recursions and impulse responses by scipy's filters. They share no code with the fits."""
 
 import math
 from typing import Any
@@ -24,7 +24,10 @@ class Stream:
 
 
 def fractional_difference(d: float, n: int) -> Array:
-    """Return the coefficients of (1 - B)^-d, (n,): the response of an order d; d < 0 differences."""
+    """Return the coefficients of (1 - B)^-d, (n,), the impulse response of fractional integration.
+
+    With d < 0 it is a fractional difference.
+    """
     k = np.arange(1.0, n)
     return np.concatenate([[1.0], np.cumprod((k - 1 + d) / k)])
 
@@ -37,7 +40,7 @@ def state_response(alpha: float, g: float, n: int) -> Array:
 
 
 def inverse_series(c: Array) -> Array:
-    """Return 1 / c(z), (n,), of a power series with c[0] = 1, by Newton's doubling."""
+    """Return the coefficients (n,) of 1 / c(z), for a power series with c[0] = 1, by Newton's method."""
     found = np.ones(1)
     while len(found) < len(c):
         m = min(2 * len(found), len(c))

@@ -1,4 +1,4 @@
-"""Runs every part: tasks in parallel that draw records and count; the rows of each task are kept."""
+"""Runs the tasks of a part in parallel, and keeps the rows that each task returns."""
 
 import signal
 from collections.abc import Callable, Sequence
@@ -12,24 +12,26 @@ from fltea.identification.workers import Workers
 from fltea.records.errors import FlteaError, UsageError
 
 Row = dict[str, Any]
-"""One row of a table of figures: name to text, number, truth value or None."""
+"""One row of results: a text, number, truth value or None for each name."""
 
 
 class Options(NamedTuple):
-    """The selection of a part that is run."""
+    """Which of a part's tasks are run."""
 
     seeds: int
     """Number of series, records or axes of each kind, as the part defines."""
     quick: bool = False
     only: tuple[str, ...] = ()
-    """Texts, one of which the name of a noise has to contain; none: all noises."""
+    """Only noises are used whose name contains one of these texts; empty: all noises."""
     first: int = 0
-    """Number of the first record of the gallery; other numbers are other draws of the same noises."""
+    """Number of the first record in the gallery. Records with other numbers are other random samples of the
+    same noises.
+    """
     hours: int = 0
     """Hours of one sensor, in which false steps are counted; 0: the part's default."""
 
     def wanted(self, name: str) -> bool:
-        """Return whether a name contains one of the texts."""
+        """Return whether a noise with this name is used."""
         return not self.only or any(text in name for text in self.only)
 
 
@@ -40,11 +42,11 @@ class Task(NamedTuple):
     work: Callable[..., list[Row]]
     arguments: tuple[Any, ...]
     samples: int = 0
-    """Length of the record, if records differ in length: the longest begin first."""
+    """Length of the record. If lengths differ, tasks with the longest records begin first."""
 
     @property
     def key(self) -> str:
-        """Identifies the task in the file of kept rows."""
+        """Text that identifies the task in the file of its rows."""
         return msgspec.json.encode([self.name, *self.arguments]).decode()
 
 
@@ -72,7 +74,8 @@ def run(tasks: Sequence[Task], workers: Workers, file: Path, *, resume: bool = F
         show("", advance=len(tasks) - len(waiting))
         while waiting or pending:
             try:
-                # No task waits for a free process, since large records would only take up memory.
+                # Only as many tasks are submitted as there are free processes, since waiting tasks would take
+                # up memory.
                 while waiting and len(pending) < max(1, workers.slots - 1):
                     task = waiting.pop()
                     pending[workers.submit(task.work, *task.arguments)] = task
@@ -88,7 +91,8 @@ def run(tasks: Sequence[Task], workers: Workers, file: Path, *, resume: bool = F
                 ) from error
     whole = b"".join(_line(one.key, done[one.key]) for one in tasks)
     write_files(file.parent, {file.name: whole})
-    # As a program reads them from the file: tuples become lists, and values that are not finite become None.
+    # Return the rows as they are read from the file: tuples become lists, and values that are not finite
+    # become None.
     return read_rows(file)
 
 
@@ -108,7 +112,10 @@ def _line(key: str, rows: list[Row]) -> bytes:
 
 
 def _known(file: Path) -> dict[str, list[Row]]:
-    """Return the rows of an earlier run; a last line that was cut off is removed, so that it is repeated."""
+    """Return the rows of an earlier run by task.
+
+    A last line that was cut off is removed, so that its task is repeated.
+    """
     if not file.exists():
         return {}
     *whole, rest = file.read_bytes().split(b"\n")

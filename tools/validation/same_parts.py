@@ -12,7 +12,7 @@ def tag(part: Part) -> str:
 
 
 def in_order(truth: Sequence[Part]) -> list[Part]:
-    """Return the true parts by kind, the fastest relaxation first."""
+    """Return the true parts sorted by kind, with the fastest relaxation first."""
     return sorted(truth, key=lambda part: (tag(part), getattr(part, "tau_s", 0.0)))
 
 

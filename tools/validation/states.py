@@ -1,8 +1,7 @@
 """Compares the tracker's bias on known noises with a filter that knows the noise and the offset.
 
 The series at 100 Hz are white noise of 0.14 deg/s with a state of each kind, by recursions of this tool. Each
-is processed as in the live stage: samples, an accepted fit whenever the record has grown by a tenth, the
-tracker.
+is processed as by the daemon: by the tracker, with a new fit whenever the record has grown by a tenth.
 """
 
 import math
@@ -24,10 +23,10 @@ from tools.validation.runner import Options, Row, Task
 from tools.validation.tables import Table, grouped
 
 SEEDS, QUICK_SEEDS = 60, 6
-"""Number of series of each noise."""
+"""Number of series of each noise, and the number with --quick."""
 H, R, N = 0.01, 0.02, 20_000
 AHEAD = 100
-"""Number of samples in a second."""
+"""Number of samples in the next second, over which the bias is predicted."""
 SPANS = {"6–30 s": (600, 3_000), "60–200 s": (6_000, N)}
 OVERSAMPLED = 8
 """Oversampling factor for a low-pass that acts before a sensor samples."""
@@ -45,7 +44,7 @@ NOISES: dict[str, tuple[Part, ...]] = {
     "1/f^0.9": (Arfima(0.45, 1e-9, 0.2 * R),),
     "low-pass of 20 Hz, relaxation of 1 s": (Relaxation(0.1, 1.0), LowPass(20.0, 2.0)),
 }
-"""Parts in addition to the white noise, and a low-pass through which the white noise passes."""
+"""For each noise, its parts in addition to white noise, and a low-pass that the white noise passes."""
 
 
 def tasks(options: Options) -> list[Task]:
@@ -54,9 +53,12 @@ def tasks(options: Options) -> list[Task]:
 
 
 def track(name: str, series: int) -> list[Row]:
-    """Track series of one noise; return mean squares of errors, and shares within 2 σ, by span.
+    """Track series of one noise.
 
-    The bias is the mean of the next second, so it is compared with this mean of the state.
+    Returns mean squares of errors, and shares of errors within 2 σ, by time span.
+
+    The bias is the expected mean of the next second, so it is compared with the state's mean over this
+    second.
     """
     rng = np.random.default_rng((20261124, zlib.crc32(name.encode())))
     parts = NOISES[name]
@@ -123,7 +125,7 @@ def white(parts: tuple[Part, ...], rng: np.random.Generator, n: int) -> Array:
 
 
 def tables(rows: list[Row]) -> list[Table | str]:
-    """Return errors over the best possible, by span."""
+    """Return a table of the errors, relative to the smallest possible ones, by time span."""
     cells: list[Any] = []
     for name, both in grouped(rows, lambda row: row["noise"]).items():
         errors = [f"{row['bias'] / (row['best'] if row['best'] > 1e-6 else row['y']):.3f}" for row in both]

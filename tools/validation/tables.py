@@ -69,7 +69,7 @@ def share_within(count: int, total: int) -> str:
 
 
 def grouped(rows: Iterable[T], key: Callable[[T], K]) -> dict[K, list[T]]:
-    """Return the rows by key, in the order in which each key first appears."""
+    """Return the rows grouped by key, in the order in which the keys first appear."""
     groups: dict[K, list[T]] = {}
     for row in rows:
         groups.setdefault(key(row), []).append(row)

@@ -1,1 +1,4 @@
-"""Use fltea from Python: arrays in, frozen records out, no daemon. All names are also in `fltea` itself."""
+"""Use fltea from Python, without the daemon: from arrays to immutable results.
+
+All names can also be imported from `fltea` itself.
+"""

@@ -1,4 +1,4 @@
-"""Check what a caller passes; errors name the Python parameters, and say what to pass instead."""
+"""Check arguments of a caller. Errors name the Python parameters, and say what to pass instead."""
 
 import contextlib
 import math
@@ -38,13 +38,16 @@ PARAMETERS = {
     "--from-hz": "from_hz",
     "--notch": "notch_hz",
 }
-"""Names of the Python parameters for the flags of `fltea identify`."""
+"""The Python parameter for each flag of `fltea identify`."""
 
 _FLAG = re.compile(
     rf"(?<![\w/.-])({'|'.join(PARAMETERS)})(?![-\w]|\.\w)"
     r"(?:[ =](?:('[^']*')|(?=[^\s'])(\S*?)(?=[.,:;)]*(?:\s|$)))( (?=--))?)?"
 )
-"""Match a flag with what follows: a value, or the next word of a sentence, without punctuation after it."""
+"""Match a flag and the word after it, which is its value or the next word of a sentence.
+
+Punctuation after that word is not matched.
+"""
 
 _SIGNS_OF_VALUES = re.compile(r"[\d/=:?,_]")
 _COMMAND = re.compile(r"fltea identify ([^\n]+)")
@@ -71,7 +74,10 @@ def in_python(text: str) -> str:
 
 
 def _call(command: str) -> str | None:
-    """Return a command with a file and flags as a Python call; None if it is a sentence that goes on."""
+    """Return a command with a file and flags as a Python call.
+
+    None if the text is no complete command, but a sentence that goes on.
+    """
     try:
         path, *words = shlex.split(command)
     except ValueError:
@@ -107,7 +113,7 @@ def _argument(flag: str, value: str) -> str:
 
 
 class Scale(NamedTuple):
-    """How samples become figures in `unit`, deg/s or m/s²: one of theirs is `factor` of it.
+    """How samples are converted to `unit`, deg/s or m/s²: they are multiplied by `factor`.
 
     `counts`: whether the samples are counts of a sensor.
     """
@@ -123,7 +129,7 @@ def scale(unit: str | None, y: Array | None = None, rate_hz: float | None = None
     If no unit is stated, the error shows the mean and noise of `y` at `rate_hz` in each unit.
 
     Raises:
-        ValueError: no unit is stated, or an unknown unit.
+        ValueError: no unit is stated, or the unit is not known.
     """
     if unit is None:
         table = "" if y is None else units_table(y[:, np.newaxis], rate_hz)
@@ -137,7 +143,8 @@ def scale(unit: str | None, y: Array | None = None, rate_hz: float | None = None
     try:
         factor, lsb = parse_units(str(unit))
     except UsageError as error:
-        accel = ACCEL_UNITS_HELP.partition(", or")[0]  # N counts would be 1 deg/s, not 1 g
+        # without the text on counts, as N counts are 1 deg/s here and not 1 g
+        accel = ACCEL_UNITS_HELP.partition(", or")[0]
         raise ValueError(
             f"unit is that of the samples, of a gyroscope {UNITS_HELP}; of an accelerometer {accel}; "
             f"got {unit!r}"

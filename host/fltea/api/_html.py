@@ -9,7 +9,7 @@ from fltea.records.quantity import Quantity, quantity_of, texts
 
 UNDEFINED = "undefined"
 SMALLEST = 1e-16
-"""Smallest probability that is shown as a number; a smaller one is shown as "below" this."""
+"""Smallest probability that is shown as a number; smaller ones are shown as "below" this number."""
 
 
 def page(body: str) -> str:
@@ -20,7 +20,7 @@ def page(body: str) -> str:
 def axis_html(axis: str, fitted: FittedAxis, heading: str, more: str = "") -> str:
     """Return the HTML of one axis; all text that comes from a file is escaped.
 
-    `more`: further sentences.
+    `more`: further sentences that are shown at the end.
     """
     unit = fitted.unit
     parameters = [

@@ -22,7 +22,7 @@ T_co = TypeVar("T_co", bound=FittedAxis, covariant=True)
 
 
 class ByAxis(Mapping[str, T_co]):
-    """The results of each axis, by its name. A notebook shows all axes."""
+    """The results by the names of the axes. A notebook shows all axes."""
 
     def __init__(self, axes: Mapping[str, T_co]) -> None:
         self._axes = dict(axes)
@@ -37,7 +37,9 @@ class ByAxis(Mapping[str, T_co]):
         return len(self._axes)
 
     def to_pandas(self) -> "pd.DataFrame":
-        """Return a table with one row per axis: the verdict, and each figure with the ends of its interval.
+        """Return a table with one row for each axis.
+
+        Its columns are the verdict, and each figure with the ends of its interval.
 
         Raises:
             UsageError: pandas is not installed.
@@ -48,7 +50,7 @@ class ByAxis(Mapping[str, T_co]):
 def row(axis: str, fitted: FittedAxis) -> dict[str, Any]:
     """Return the row of one axis: each parameter with the ends of its interval, `_low` and `_high`.
 
-    N, B and K of a recording also have `_at_most`: the upper bound where the value is not known.
+    N, B and K of a recording also have `_at_most`: the upper bound if the value is not known.
     """
     found: dict[str, Any] = {
         "axis": axis,
@@ -96,13 +98,13 @@ def table(rows: Iterable[Sequence[Any]], names: Sequence[str]) -> "pd.DataFrame"
 
 
 def columns(found: Mapping[str, Any], time_s: Any) -> "pd.DataFrame":
-    """Return a table of columns, with the time in s as its index."""
+    """Return a table of given columns, with the time in s as its index."""
     pandas = _pandas()
     return pandas.DataFrame(dict(found), index=pandas.Index(time_s, name="time_s"))
 
 
 def parquet(path: Path, found: Mapping[str, Any]) -> None:
-    """Write columns to a Parquet file; the file appears whole or not at all."""
+    """Write columns to a Parquet file; it is written completely or not at all."""
     arrow = load("pyarrow", "pyarrow", "notebook", "to_parquet() needs")
     writer = load("pyarrow.parquet", "pyarrow", "notebook", "to_parquet() needs")
     with whole_file(path) as file:

@@ -18,7 +18,7 @@ class Drawing:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the drawing to an SVG file, which browsers and drawing programs open.
 
-        The file appears whole or not at all.
+        The file is written completely or not at all.
 
         Raises:
             ValueError: the name does not end in .svg.

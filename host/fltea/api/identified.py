@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 class Identified(FittedAxis, frozen=True, kw_only=True):
     """The results for one axis. A notebook shows them with spectrum and Allan deviation.
 
-    Intervals have 95 % confidence; their ends are None where the data do not define the parameter.
+    Intervals have 95 % confidence. An end is None if the data do not determine it.
     """
 
     axis: str
@@ -46,26 +46,29 @@ class Identified(FittedAxis, frozen=True, kw_only=True):
     spectrum: FitSpectrum
     """The noise density, and that of the fitted model."""
     allan_curve: Allan | None
-    """The Allan deviation with degrees of freedom, and N, B and K with intervals, sources and reasons.
+    """The Allan deviation, and N, B and K read from it, with intervals and reasons.
 
-    `allan` has the same points and values without these. None where the record is too short.
+    `allan` has the same points without intervals. None if the record is too short.
     """
     now: Now | None
     """Bias(T) at the end of the record, and the error of the heading after a minute."""
     forecast: Forecast | None
     """The forecast of the heading; None unless `forecast` asked for it."""
     walk: OffsetWalkFound | None
-    """Whether the offset follows a random walk."""
+    """The answer to the question whether the offset follows a random walk."""
     filter: NavigationFilter | None
     """Parameters of a plain Kalman filter, as in the file of `--gauss-markov`."""
     bias_steps: tuple[BiasStep, ...]
     """Steps of the bias. The spectrum is not computed across them."""
     motion: tuple[MotionSpan, ...]
-    """When the sensor moved. Samples in motion enter no figure."""
+    """Time spans in which the sensor moved. No figure uses their samples."""
     data_checks: tuple[DataCheck, ...]
-    """Findings of the data checks: what in the data can mislead."""
+    """Findings of the data checks: properties of the samples that can mislead the analysis."""
     withheld: str
-    """Why `now`, `forecast`, `walk` and `filter` are None: the fault in the data and its remedy, or ""."""
+    """Why `now`, `forecast`, `walk` and `filter` are None.
+
+    It names the fault in the data and its remedy; "" if the data are good.
+    """
     details: AxisResult
     """All figures of `fltea identify`: parts, N, K, models that were not chosen, peaks, FLTEA."""
 
@@ -79,17 +82,17 @@ class Identified(FittedAxis, frozen=True, kw_only=True):
 
     @property
     def N(self) -> Quantity:
-        """White noise (angle random walk) in deg/√h, for an accelerometer in m/s²/√Hz; `.to` converts it."""
+        """White noise (angle random walk) in deg/√h, or m/s²/√Hz for an accelerometer; `.to` converts it."""
         return self._figures.N.to(shown_units(self.unit).N)
 
     @property
     def B(self) -> Quantity:
-        """Bias instability (Allan deviation) in deg/h, for an accelerometer in m/s²; `.to` converts it."""
+        """Bias instability (Allan deviation) in deg/h, or m/s² for an accelerometer; `.to` converts it."""
         return self._figures.B.to(shown_units(self.unit).B)
 
     @property
     def K(self) -> Quantity:
-        """Random walk of the bias in deg/h/√h, for an accelerometer in m/s²/√s; `.to` converts it."""
+        """Random walk of the bias in deg/h/√h, or m/s²/√s for an accelerometer; `.to` converts it."""
         return self._figures.K.to(shown_units(self.unit).K)
 
     @property
@@ -106,7 +109,7 @@ class Identified(FittedAxis, frozen=True, kw_only=True):
         return Drawing(self)
 
     def to_pandas(self) -> "pd.DataFrame":
-        """Return a table with one row: the verdict, and each figure with the ends of its interval.
+        """Return a table with one row: the verdict, and each figure with both ends of its interval.
 
         Raises:
             UsageError: pandas is not installed.
@@ -119,7 +122,7 @@ class Identified(FittedAxis, frozen=True, kw_only=True):
         return page(withheld + axis_html(self.axis, self, of, self._bias()))
 
     def _bias(self) -> str:
-        """Return sentences on the bias at the end, and on steps and motion."""
+        """Return sentences on the bias at the end of the record, and on steps and motion."""
         found = []
         if self.now is not None:
             value = plus_minus(self.now.bias, self.now.bias_std)
@@ -129,7 +132,7 @@ class Identified(FittedAxis, frozen=True, kw_only=True):
 
 
 class Report(ByAxis[Identified]):
-    """The results of each axis, by its name. A notebook shows all axes."""
+    """The results by the names of the axes. A notebook shows all axes."""
 
     def __repr__(self) -> str:
         return f"Report({', '.join(f'{name}: {found.verdict}' for name, found in self.items())})"
@@ -145,7 +148,9 @@ class Report(ByAxis[Identified]):
         return table(rows(self._curves()), tuple(COLUMNS))
 
     def write_allan_csv(self, path: str | os.PathLike[str]) -> None:
-        """Write the Allan deviations to a CSV file, as `--allan-csv` does; it appears whole or not at all.
+        """Write the Allan deviations to a CSV file, as `--allan-csv` does.
+
+        It is written completely or not at all.
 
         Raises:
             FlteaError: the file cannot be written.

@@ -1,4 +1,7 @@
-"""Do the daemon's work in Python: samples in as they come, rates less their bias out, fits on demand."""
+"""Do the daemon's work in Python, sample by sample.
+
+Pass samples as they come, and get rates less their bias. The noise is fitted on demand.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -23,11 +26,10 @@ from fltea.stream.tracking import SensorTracks
 
 
 class Corrected(NamedTuple):
-    """Bias and rate for given samples, by these and all earlier samples.
+    """Bias and rate for given samples, estimated from these and all earlier samples.
 
-    Arrays have the shape of the samples, with NaN where nothing is known yet. They are in deg/s, or m/s² for
-    an
-    accelerometer.
+    Arrays have the shape of the samples, with NaN as long as nothing is known. They are in deg/s, or m/s² for
+    an accelerometer.
     """
 
     rate: Array
@@ -37,7 +39,7 @@ class Corrected(NamedTuple):
     bias_std: Array
     """Standard deviation of the bias, which grows while the sensor moves."""
     moving: NDArray[np.bool_]
-    """Whether the sensor is moving; the bias of all axes is then predicted."""
+    """Whether the sensor is moving. The bias of all axes is only predicted then, and not corrected."""
 
 
 class BiasStep(NamedTuple):
@@ -54,7 +56,7 @@ class BiasStep(NamedTuple):
 
 
 class LiveReport(ByAxis[AxisFit]):
-    """The fits of all axes by name, all over the same samples. A notebook shows all axes."""
+    """The fits by the names of the axes, all to the same samples. A notebook shows all axes."""
 
     def __init__(self, axes: Mapping[str, AxisFit], samples: int, rate_hz: float) -> None:
         super().__init__(axes)
@@ -81,11 +83,12 @@ class Live:
         rate_hz: sampling rate in Hz.
         axes: names of the axes.
         unit: unit of the samples, required; any unit that `fltea.identify` takes.
-        memory: time constant with which older samples are forgotten, such as "10min"; None: none is
+        memory: time constant with which older samples are forgotten, such as "10min"; None: no sample is
             forgotten.
 
     Raises:
-        ValueError: an impossible rate or memory; no unit, or an unknown one; no axes, or two with one name.
+        ValueError: the rate or the memory is impossible; the unit is missing or not known; there are no axes,
+            or two with the same name.
     """
 
     def __init__(
@@ -114,12 +117,12 @@ class Live:
         )
         self._taken = 0
         self.steps: list[BiasStep] = []
-        """Steps of the biases so far, in the order of their detection."""
+        """Steps of the biases up to now, in the order of their detection."""
         self._settled = dict.fromkeys(names, NO_FIT)
 
     @property
     def samples(self) -> int:
-        """Number of samples of each axis so far."""
+        """Number of samples of each axis up to now."""
         return self._live.samples
 
     def add(
@@ -127,7 +130,8 @@ class Live:
     ) -> Corrected:
         """Take the next samples, (n, axes), or (n,) for a single axis, and return their rates and biases.
 
-        The bias uses the noise model of the newest `fit`; before the first fit, a bank of random walks.
+        The bias is estimated with the noise model of the newest `fit`. Before the first fit, several random
+        walks and relaxations take the model's place.
 
         Args:
             y: samples, in the unit of this object.
@@ -137,11 +141,10 @@ class Live:
                     however
                 far away. None: rest and motion are detected.
             accel_ms2: samples of the accelerometer at the same times, (n, 1 to 3) in m/s². It shows motion
-                that a
-                gyroscope does not.
+                that a gyroscope does not show.
 
         Raises:
-            ValueError: another shape, or values that are not finite; no sample is then taken.
+            ValueError: the shape is wrong, or values are not finite. No sample is used then.
         """
         found = finite(y, "y", "report lost samples by skip(count).")
         if found.ndim == 1 and len(self.axes) == 1:
@@ -174,7 +177,7 @@ class Live:
         return Corrected(rate, bias, std, tracked.moving.reshape(np.shape(y)))
 
     def skip(self, count: int) -> None:
-        """Report `count` lost samples of all axes; nothing is computed across a longer gap.
+        """Report that `count` samples of all axes were lost. Nothing is computed across a long gap.
 
         Raises:
             ValueError: count is below 1.
@@ -186,13 +189,12 @@ class Live:
         self._taken += count
 
     def fit(self, *, curves: bool = True, last: bool = False) -> LiveReport:
-        """Fit the noise over all samples so far.
+        """Fit the noise of all samples up to now.
 
         Args:
-            curves: whether to add spectrum and Allan deviation.
-            last: whether the record has ended and this is its only fit. Fits of a growing record are judged
-                more
-                strictly, so that all of them together give few false alarms.
+            curves: whether the result includes spectrum and Allan deviation.
+            last: whether the record has ended and this is its only fit. The verdicts on fits of a growing
+                record are stricter, so that all of them together give few false alarms.
         """
         found: dict[str, AxisFit] = {}
         for axis, model_search in self._live.refits(curves=curves, last=last).items():
@@ -203,10 +205,12 @@ class Live:
         return LiveReport(found, self.samples, self.rate_hz)
 
     def heading_std(self, t_s: float) -> dict[str, float]:
-        """Return, by axis, the standard deviation of the integral of `Corrected.rate` over `t_s` after rest.
+        """Return the error of a heading that starts after rest, by the name of the axis.
 
-        The rest is as long as the record of the newest fit. NaN before the first fit that names a noise
-        model.
+        It is the standard deviation of the integral of `Corrected.rate` over `t_s` seconds.
+
+        The sensor rests for as long as the record of the newest fit lasts. The result is NaN before the first
+        fit that finds a noise model.
 
         Raises:
             ValueError: t_s is not positive.

@@ -1,4 +1,4 @@
-"""Read a recording of any kind that the command reads, as arrays."""
+"""Read a recording of any format that the command reads, as arrays."""
 
 import contextlib
 import os
@@ -37,11 +37,11 @@ if TYPE_CHECKING:
 
 
 IN_NAMES = {kind.text_unit: kind.column_unit for kind in SENSOR_KINDS}
-"""Spelling of each unit in the names of columns."""
+"""How each unit is written in the names of columns."""
 
 
 class Recording(Mapping[str, Array]):
-    """The axes by name, each an array (n,) of float64: `recording["gyro_x"]`."""
+    """The samples of each axis by name, as arrays (n,) of float64: `recording["gyro_x"]`."""
 
     def __init__(self, name: str, loaded: Loaded) -> None:
         self.name = name
@@ -53,7 +53,7 @@ class Recording(Mapping[str, Array]):
         self.reading: tuple[Answer, ...] = tuple(
             replace(one, why=in_python(one.why)) for one in loaded.reading
         )
-        """How the file was read; each answer comes with its evidence."""
+        """How the file was read: answers on unit, rate and the like, each with its evidence."""
         self._loaded = loaded
 
     def __getitem__(self, axis: str) -> Array:
@@ -79,9 +79,9 @@ class Recording(Mapping[str, Array]):
 
     @property
     def time_s(self) -> Array:
-        """Time of each sample since the first one [s], (n,). Lost samples take their time.
+        """Time of each sample since the first one [s], (n,). The time of lost samples is included.
 
-        Where the number of lost samples is not known, as at a restart, no time passes.
+        If the number of lost samples is not known, as at a restart, no time is added.
         """
         gaps = next(iter(self._loaded.axes.values())).gaps
         number = np.arange(self.counts.used)
@@ -122,7 +122,7 @@ class Recording(Mapping[str, Array]):
 
     @contextlib.contextmanager
     def _of_axis(self, name: str) -> Iterator[None]:
-        """Add the name of the axis to errors."""
+        """Add the name of the axis to the texts of errors."""
         try:
             with python_words():
                 yield
@@ -130,7 +130,7 @@ class Recording(Mapping[str, Array]):
             raise ValueError(f"{self.name}, {name}: {error}") from error
 
     def to_pandas(self) -> "pd.DataFrame":
-        """Return a table with one column for each axis, over `time_s`.
+        """Return a table with one column for each axis, and `time_s` as its index.
 
         Raises:
             UsageError: pandas is not installed.
@@ -140,7 +140,7 @@ class Recording(Mapping[str, Array]):
     def to_parquet(self, path: str | os.PathLike[str]) -> None:
         """Write `time_s` and the axes, as `gyro_x_dps` or `accel_x_ms2`, to a Parquet file.
 
-        The file appears whole or not at all.
+        The file is written completely or not at all.
 
         Raises:
             UsageError: pyarrow is not installed.
@@ -183,7 +183,9 @@ def open(
     accel_units: str | None = None,
     overrule: bool = False,
 ) -> Recording:
-    """Read a recording of any kind that `fltea identify` reads. Pass here what the file does not say.
+    """Read a recording of any format that `fltea identify` reads.
+
+    Pass as arguments what the file does not state.
 
     Args:
         path: a file, a folder with parts of one session, or the session's name.
@@ -193,15 +195,15 @@ def open(
         rate_hz: sampling rate in Hz, if the file has no times.
         time_column: column of the times, by name or position from 1.
         time_unit: unit of the times: s, ms, us or ns.
-        topic: sensor, for a file with several: a topic of a bag or of a PX4 log (sensor_gyro:1), the value in
-            the
-            column that tells sensors apart (1), or 1/2 for the first of two in turns.
+        topic: the sensor to read if a file has several: a topic of a bag or of a PX4 log (sensor_gyro:1), the
+            value in the column that tells sensors apart (1), or 1/2 for the first of two sensors with
+            alternating rows.
         accel_units: unit of the accelerometer: m/s^2, g, mg … or lsb:N (N counts are 1 g).
-        overrule: whether these arguments count even where the file itself states another unit or rate.
+        overrule: whether these arguments are used even if the file itself states another unit or rate.
 
     Raises:
         UsageError: the file cannot be read, holds several recordings, or lacks these axes; the text says why.
-        ValueError: an impossible rate.
+        ValueError: the rate is impossible.
     """
     if rate_hz is not None:
         period_s(rate_hz)

@@ -57,18 +57,16 @@ def identify(
         unit: unit of y, required: deg/s, rad/s, dps, mdps … or lsb:N (N counts are 1 deg/s) for a gyroscope;
             m/s^2, g, mg … for an accelerometer. All figures are in deg/s or in m/s².
         axis: a name for the axis.
-        lsb: one count in the unit of y, if known.
+        lsb: size of one count in the unit of y, if known.
         from_hz: lowest frequency in use, in Hz.
         notch_hz: bands (low, high) in Hz that are left out.
         forecast: True: forecast the error of the heading, and judge the forecast by the second half. A `Goal`
-            also
-            asks how long to rest, a `Drive` how long the heading is good after a rest; or give a list of
-                both.
+            also asks how long the sensor has to rest, a `Drive` how long the heading is good after a rest. A
+            list may hold several of both.
 
     Raises:
-        ValueError: y is not finite, not (n,), constant or too short; no unit, or an unknown one; an
-            impossible
-            rate or band.
+        ValueError: y is not finite, not (n,), constant or too short; the unit is missing or not known; the
+            rate or a band is impossible.
     """
     h = period_s(rate_hz)
     options = IdentifyOptions(from_hz=from_hz, notch_hz=tuple((low, high) for low, high in notch_hz))
@@ -85,7 +83,7 @@ def identify(
 
 
 class Examined(NamedTuple):
-    """An analysed axis, still without conclusions from its tracked system."""
+    """An analysed axis, still without bias, forecast and filter."""
 
     series: Series
     analysis: AxisAnalysis
@@ -98,7 +96,7 @@ class Examined(NamedTuple):
 
 
 class Watched(NamedTuple):
-    """An analysed axis without its steps and motion, and these events."""
+    """An analysed axis, and the steps and motion that the analysis left out."""
 
     examined: Examined
     events: AxisEvents
@@ -111,7 +109,10 @@ def watched_looks(
     h: float,
     options: IdentifyOptions,
 ) -> dict[str, Watched]:
-    """Return the axes with their events, analysed without steps and motion, and with FLTEA's estimates."""
+    """Return axes with their steps and motion, and with FLTEA's estimates.
+
+    Steps and motion are left out of the analysis.
+    """
     last = dict(examined)
     for _ in range(1, MOST_ANALYSES):
         events = watch(axes, accel, agreed(last, h), h, LiveConfig())
@@ -119,7 +120,8 @@ def watched_looks(
         if not again:
             break
         for name in again:
-            with contextlib.suppress(ValueError):  # too few samples are left: keep the result
+            # too few samples are left, so the result with all samples is kept
+            with contextlib.suppress(ValueError):
                 last[name] = examine(axes[name], h, options, last[name].known, events[name].left_out)
     fits = fltea_fits([fltea_axis(one.analysis, one.series.lsb, options) for one in last.values()], h)
     for (name, one), its in zip(last.items(), fits, strict=True):
@@ -128,7 +130,7 @@ def watched_looks(
 
 
 def agreed(examined: Mapping[str, Examined], h: float) -> dict[str, FittedSystem]:
-    """Return the tracked systems of a recording's axes by name, as far as they have one."""
+    """Return the tracked systems (models for the tracker) of a recording's axes by name, as far as known."""
     return in_agreement({name: one.tracked for name, one in examined.items()}, h)
 
 
@@ -146,7 +148,7 @@ def examine(
         h: sampling period [s].
         options: how to identify.
         known: data checks of the recording as a whole that concern the axis.
-        left_out: steps and motion to leave out; None: what seems to be motion, as no model is known yet.
+        left_out: steps and motion to leave out. None: no model is known yet, so apparent motion is left out.
     """
     analysis, series, out, telegraph = analyse_series(series, h, options, left_out)
     fltea_axis(analysis, series.lsb, options).why_not(h)
@@ -165,7 +167,10 @@ def of_series(
     *,
     forecast: Asked = False,
 ) -> Identified:
-    """Return the results for an axis with its events. `tracked`: its tracked system."""
+    """Return the results for an axis with its steps and motion.
+
+    `tracked`: its tracked system, the model for the tracker.
+    """
     (series, analysis, found, data_checks, _, _, _, out), events = watched
     is_left_out = out.is_like(events.left_out)
     data_checks = (*event_checks(events, series.unit, is_left_out=is_left_out), *data_checks)

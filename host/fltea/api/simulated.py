@@ -1,4 +1,4 @@
-"""Simulate noise of known order, for trying things out."""
+"""Simulate noise of known order, to try the program with."""
 
 from typing import TYPE_CHECKING
 
@@ -30,7 +30,7 @@ class Simulated(msgspec.Struct, frozen=True):
     f: float
     """The parameter f, in s^-α."""
     Q: float
-    """Strength of the noise that drives the state, in unit² s^-2α."""
+    """Variance of the noise that drives the state, in unit² s^-2α."""
     R: float
     """Variance of the white noise, in unit²."""
     unit: str
@@ -69,15 +69,15 @@ def simulate(
         rate_hz: sampling rate in Hz.
         alpha: order, below 2.
         f: parameter, in s^-α, 0 or below.
-        Q: strength of the noise that drives the state, in unit² s^-2α; 0: white noise alone.
+        Q: variance of the noise that drives the state, in unit² s^-2α; 0: white noise alone.
         R: variance of the white noise, in unit².
         unit: unit of the samples and of Q and R, such as deg/s.
         window: length of the memory in samples.
-        warmup: number of samples that are drawn and dropped first.
+        warmup: number of samples that are drawn first and dropped.
         seed: seed of the random generator; the same seed gives the same samples.
 
     Raises:
-        ValueError: impossible parameters, an unknown unit, or noise that diverges.
+        ValueError: parameters are impossible, the unit is not known, or the noise diverges.
     """
     scale(unit)
     if n < 1:

@@ -1,4 +1,4 @@
-"""Returns the gyroscope's rates minus their biases, from a pipeline run over a recording."""
+"""Computes the gyroscope's rates minus their biases for a recording, as the daemon does."""
 
 from collections.abc import Iterator
 

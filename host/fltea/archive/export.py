@@ -1,8 +1,8 @@
 """Exports a recording as a table: CSV, or arrays in an .npz file, with units in the names.
 
-Samples, and rates minus their biases, are computed again from the raw bytes, which are always complete.
-Other records are exported from their JSON channels as they were published, with the settings of that run. For
-other settings, run `fltea run` on the recording.
+Samples, and rates minus their biases, are computed again from the recorded raw bytes, which are always
+complete. All else is exported as it was published during the recording (from its JSON channels), with the
+settings of that run. For other settings, run `fltea run` on the recording.
 """
 
 import csv
@@ -64,7 +64,7 @@ def export(
     suffix = out.suffix.lower()
     if suffix not in (".csv", ".npz"):
         raise UsageError(f"--to {out}: give a name that ends in .csv or .npz.")
-    if not force and os.path.lexists(out):  # a broken link exists, too
+    if not force and os.path.lexists(out):  # true also for a broken link
         raise UsageError(f"--to {out}: exists already; give another name, or --force to replace it.")
     with whole_file(out) as file:
         # files of other programs hold no published records
@@ -107,7 +107,7 @@ def _source(paths: Sequence[Path], limits: Limits, how: How) -> Any:
 
 
 class DeviceTime:
-    """Seconds since the first sample by the device's clock; the host's clock bridges its restarts."""
+    """Seconds since the first sample by the device's clock. At its restarts, the host's clock is used."""
 
     def __init__(self) -> None:
         self._origin_us: int | None = None

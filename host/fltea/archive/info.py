@@ -26,29 +26,27 @@ if TYPE_CHECKING:
 
 
 OF_A_FILE = "recording"
-"""Sampling mode in the summary of another program's file, which describes no device."""
+"""Sampling mode in the summary of a file that another program wrote, since such a file describes no
+device.
+"""
 
 
 # Over 12 attributes: each is one fact that `fltea info --json` prints.
 class Summary(msgspec.Struct, frozen=True, tag_field="class", tag="recording"):
     """The summary of one recording.
 
-    `whole`: all files were finished properly and were read completely.
-    `breaks`: gaps that the recorder itself caused.
-    `unrecorded_items`, `unrecorded_bytes`: items and bytes that the recorder counted in these gaps.
-    `damaged_bytes`: unreadable bytes in the files.
-    `missing`: text that says which files before the first one are missing.
-    `being_written`: whether a program is still writing the recording.
+    `whole`: all files were finished properly and were read completely. `breaks`: number of gaps that the
+    recorder itself caused. `unrecorded_items`, `unrecorded_bytes`: items and bytes that the recorder counted
+    in these gaps. `damaged_bytes`: unreadable bytes in the files. `missing`: text that says which files
+    before the first one are missing. `being_written`: whether a program is still writing the recording.
     `epochs`: number of epochs (stretches of samples without a restart) by the reason for their beginning.
     `samples`, `lost`, `gaps`, `duplicates`, `before_hello`, `rate_differs`: the counts of these names in the
-    `stats` record.
-    `steps`, `motions`: number of bias steps and of motions in the records; None if there are no such records.
-    `resets`: number of times that the device booted again after its first boot.
-    `rate_hz`, `clock_ppm`: sampling rate [Hz] and clock deviation [ppm] in the longest epoch.
-    `notes`: texts of the `error` records that reading caused.
-    `unread`: why files were not, or not completely, read.
-    `about`: further description in the file.
-    `reading`: the answers (units, columns, rate) by which another program's file was read.
+    `stats` record. `steps`, `motions`: number of bias steps and of motions in the records; None if there are
+    no such records. `resets`: number of times that the device booted again after its first boot. `rate_hz`,
+    `clock_ppm`: sampling rate [Hz] and clock deviation [ppm] in the longest epoch. `notes`: texts of the
+    `error` records that reading caused. `unread`: why files were not, or not completely, read. `about`:
+    further description that the file contains. `reading`: the answers (units, columns, rate) by which another
+    program's file was read.
     """
 
     name: str
@@ -278,7 +276,7 @@ def _state(s: Summary) -> str:
 
 
 def _missed(s: Summary) -> str:
-    """Return a text that says what is missing in the recording, as far as the loss was counted."""
+    """Return a text on what is missing in the recording, as far as the loss was counted."""
     found = ""
     if s.unrecorded_items:
         found += f"; {s.unrecorded_items} items with {s.unrecorded_bytes} bytes of the wire were not recorded"

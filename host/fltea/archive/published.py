@@ -1,4 +1,7 @@
-"""Turns the published records of a recording into table rows: estimates, fits, steps and motions."""
+"""Turns records that were published during a recording into table rows.
+
+They are estimates, fits, steps and motions.
+"""
 
 from collections.abc import Iterator, Sequence
 from itertools import chain
@@ -145,7 +148,7 @@ def published_table(paths: Sequence[Path], source: Any, what: What, max_gap: Dur
 def _changes_table(paths: Sequence[Path], source: "McapRecording | None", what: What) -> Table:
     """Return a table with one row for each bias step, or for each beginning and end of a motion.
 
-    The column `host_ns` holds the time of the row.
+    The column `host_ns` holds the time of the step, or of the beginning or end of the motion.
     """
     records = _published(source, what.removesuffix("s"))
     first = next(records, None)
@@ -186,7 +189,7 @@ def _fit_values(one: AxisFit | None) -> list[float | None]:
 
 
 class _Published(msgspec.Struct, frozen=True):
-    """Fields that every record about a sample has; null fields are left out."""
+    """Fields that every record about a sample has. Fields that are null in the record are left out."""
 
     host_ns: Whole
     device_us: Whole

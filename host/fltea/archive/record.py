@@ -25,7 +25,10 @@ from fltea.stream.decode import Decoder
 
 STATUS_NS = 10**9
 STATUS_QUIET_NS = 60 * 10**9
-"""Time between two status lines elsewhere than on a terminal [ns]; there, each line replaces the last."""
+"""Time between two status lines if stderr is no terminal [ns].
+
+On a terminal, each line replaces the last one.
+"""
 
 
 def record(config: Config, seconds: float | None) -> str:
@@ -132,7 +135,7 @@ class _Recorder:
         self._say(f"{kind}: {message}")
 
     def _say(self, text: str, passing: bool = False) -> None:
-        """Write a line to stderr; on a terminal, the next line replaces this one if it is `passing`."""
+        """Write a line to stderr. On a terminal, the next line replaces it if it is `passing`."""
         text = visible_lines(text)
         if self._live:
             sys.stderr.write(f"\r\x1b[K{text}" + ("" if passing or not text else "\n"))

@@ -1,6 +1,8 @@
-"""Limits the length of web servers' answers that are read completely: a list of links, or a range of a file.
+"""Limits the length of web servers' answers.
 
-This module loads aiohttp, which fsspec needs for the web.
+This concerns answers that are read completely: a list of links, or a range of a file.
+
+This module imports aiohttp, which fsspec needs for the web.
 """
 
 from aiohttp import ClientResponse

@@ -1,4 +1,6 @@
-"""Reads a file exactly as it was listed; a later change is an error, so that no row mixes two contents.
+"""Reads a file exactly as it was listed.
+
+If it changed afterwards, that is an error, so that no result mixes two contents.
 
 Requests to a web server name the listed content (`If-Match`, `If-Unmodified-Since`). The headers of each
 answer are compared too, since not all servers honour such requests. Other files are compared before and after
@@ -27,7 +29,7 @@ CONTENT_RANGE = re.compile(r"bytes (\d+)-\d+/(\d+|\*)")
 def open_bytes(file: File, *, whole: bool = False) -> Iterator[BinaryIO]:
     """Open a file for reading ranges of bytes, without reading ahead.
 
-    `whole`: the file is read once, from its beginning to its end.
+    `whole`: whether the file is read once, from its beginning to its end.
 
     Raises:
         FlteaError: the file changed since it was listed, or a range arrives incomplete.
@@ -35,8 +37,8 @@ def open_bytes(file: File, *, whole: bool = False) -> Iterator[BinaryIO]:
     """
     system = file_system(file.protocol)
     if file.protocol in WEB:
-        # All bytes of one answer belong to one content. With a given size, fsspec does not ask the server for
-        # the size.
+        # All bytes of one answer belong to the same content. If fsspec is given the size, it does not ask the
+        # server for it.
         blocks = {"block_size": 0} if whole else {}
         asked = {"headers": _conditions(file), "raise_for_status": _check_of(file)}
         with system.open(
@@ -70,10 +72,10 @@ def _check(file: File, about: Mapping[str, Any]) -> None:
     size = about.get("size")
     has_grown = (
         file.protocol == "file" and size is not None and size > file.size >= 0
-    )  # the listed bytes remain
+    )  # a local file that only grew still has the listed bytes
     known = {
         _bare(str(about[key])) for key in STAMPS if about.get(key)
-    }  # a listing may have fewer stamps than `info`
+    }  # a listing may hold fewer of the facts that change with a file than `info`
     is_other = bool(file.stamp and known) and _bare(file.stamp) not in known
     if (is_other and not has_grown) or (size is not None and 0 <= size < file.size):
         raise changed(file)
@@ -84,8 +86,11 @@ def _is_tag(stamp: str) -> bool:
 
 
 def _conditions(file: File) -> dict[str, str]:
-    """Return the request headers that name the listed content. `If-Match` does not accept a weak tag."""
-    found = {"Accept-Encoding": "identity"}  # in compressed answers, ranges and tags differ
+    """Return the request headers that name the listed content.
+
+    A weak entity tag is not used, since `If-Match` does not accept it.
+    """
+    found = {"Accept-Encoding": "identity"}  # compressed answers would have other ranges and tags
     if file.stamp.startswith('"') and _is_tag(file.stamp):
         found["If-Match"] = file.stamp
     elif file.stamp.endswith("GMT"):
@@ -103,7 +108,7 @@ def _check_of(file: File) -> Callable[[Any], Awaitable[None]]:
         if answer.status in CHANGED_STATUS:
             raise changed(file)
         if answer.status >= 300:
-            return  # fsspec reports this HTTP error
+            return  # fsspec itself reports this HTTP error
         for name in ("ETag", "Last-Modified"):
             value = answer.headers.get(name)
             if value and _bare(seen.setdefault(name, value)) != _bare(value):

@@ -1,6 +1,7 @@
 """Describes the pieces of a large file, and reads byte ranges to find where the file can be cut.
 
-A piece is a head, a range of the file's bytes and a tail, or some row groups of a Parquet file.
+A piece is a range of the file's bytes, with a header before it and an end after it, so that it can be read
+like a file. A piece of a Parquet file is some of its row groups.
 """
 
 import math
@@ -31,7 +32,7 @@ class Ranges:
         self.file, self.size, self._stream = file, file.size, stream
 
     def read(self, begin: int, end: int) -> bytes:
-        """Return the bytes `begin` to `end` - 1, as far as they exist."""
+        """Return the bytes from `begin` to `end` - 1, as far as the file has them."""
         self._stream.seek(begin)
         return self._stream.read(max(0, min(end, self.size) - begin))
 
@@ -44,10 +45,10 @@ class Ranges:
 
 
 def even_pieces(places: Sequence[int], end: int, block_bytes: int) -> list[tuple[int, int]]:
-    """Join parts of a file to pieces of nearly equal size, each of at most `block_bytes`.
+    """Join neighbouring parts of a file into pieces of nearly equal size, each of at most `block_bytes`.
 
-    `places`: offsets at which the parts begin, rising. `end`: offset at which the last part ends.
-    A part larger than `block_bytes` is not cut, so its piece is larger too.
+    `places`: offsets at which the parts begin, in rising order. `end`: offset at which the last part ends. A
+    part larger than `block_bytes` is not cut, so its piece is larger too.
     """
     if not places:
         return []

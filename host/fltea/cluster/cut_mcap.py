@@ -1,4 +1,7 @@
-"""Cuts MCAP files of fltea and ROS into pieces: the file's schemas and channels, followed by some chunks."""
+"""Cuts MCAP files of fltea and ROS into pieces.
+
+A piece is the file's schemas and channels, followed by some of its chunks.
+"""
 
 import struct
 from io import BytesIO
@@ -35,7 +38,10 @@ class _Summary(NamedTuple):
 
 
 def cuts(source: Ranges, block_bytes: int) -> list[Cut]:
-    """Return the pieces of a file; an empty list if the file has no index, for instance after a kill."""
+    """Return the pieces of a file.
+
+    The list is empty if the file has no index, for instance because its writer was killed.
+    """
     try:
         summary = _summary(source)
         if summary is None:
@@ -46,8 +52,8 @@ def cuts(source: Ranges, block_bytes: int) -> list[Cut]:
             Cut(begin, end, _head(source, summary, session, number, begin), _TAIL)
             for number, (begin, end) in enumerate(pieces)
         ]
-    # The library raises various errors for damaged bytes. The file is then read whole, which reports the
-    # damage.
+    # The library raises various errors for damaged bytes. The file is then read whole, so that the damage is
+    # reported.
     except (McapError, ValueError, struct.error, EOFError, IndexError):
         return []
 
@@ -117,7 +123,7 @@ def _metadata(source: Ranges, begin: int) -> dict[str, str]:
 def _head(source: Ranges, summary: _Summary, session: PartInfo | None, number: int, begin: int) -> bytes:
     out = RecordBuilder()
     if session is not None:
-        if number:  # the metadata are as if the recorder had begun a new file at this piece
+        if number:  # write the metadata as if the recorder had begun a new file with this piece
             heard = [one for one in summary.metadata if one.name == HELLO and one.offset < begin]
             hello = session.hello
             if heard:

@@ -1,4 +1,7 @@
-"""Cuts text, .npy files and bags of ROS 1 into pieces. A file with errors is read whole to report them."""
+"""Cuts text, .npy files and bags of ROS 1 into pieces.
+
+A file with errors is not cut but read whole, so that the errors are reported.
+"""
 
 import io
 import math
@@ -17,7 +20,7 @@ from fltea.records.errors import UsageError
 from fltea.settings.how import How
 
 NEAR_BYTES = 1 << 12
-"""Number of bytes in which the end of a line is searched first."""
+"""Number of bytes in which the end of a line of text is searched for at first."""
 NPY_HEAD_BYTES = 1 << 16
 BAG_HEADER_BYTES = 4096 + 256
 MOST_INDEX_BYTES = 256 << 20
@@ -27,7 +30,7 @@ PLACE = struct.Struct("<Q")
 def of_text(source: Ranges, block_bytes: int, how: How) -> list[Cut]:
     """Cut text at line ends.
 
-    Each piece begins with the header lines. There are no cuts if the columns are not found.
+    Each piece begins with the header lines. The file is not cut if its columns are not recognised.
     """
     begin = source.read(0, HEAD_BYTES)
     reader = TextReader(source.file.url, how)
@@ -49,7 +52,7 @@ def of_text(source: Ranges, block_bytes: int, how: How) -> list[Cut]:
 
 
 def _line_from(source: Ranges, place: int) -> int | None:
-    """Return the offset of the next line; None if there is no line."""
+    """Return the offset at which the next line of text begins; None if there is none."""
     for length in (NEAR_BYTES, LONGEST_LINE):
         found = source.read(place, place + length).find(b"\n")
         if found >= 0:
@@ -58,7 +61,10 @@ def _line_from(source: Ranges, place: int) -> int | None:
 
 
 def of_npy(source: Ranges, block_bytes: int) -> list[Cut]:
-    """Cut an array between rows; each piece gets its own header. Return no cuts for column-major storage."""
+    """Cut an array between rows; each piece gets its own header.
+
+    An array that is stored column by column is not cut.
+    """
     try:
         found = read_header(io.BytesIO(source.read(0, NPY_HEAD_BYTES)), source.file.url)
     except (ValueError, struct.error):
@@ -82,7 +88,7 @@ def of_npy(source: Ranges, block_bytes: int) -> list[Cut]:
 def of_bag(source: Ranges, block_bytes: int) -> list[Cut]:
     """Cut a bag between chunks.
 
-    Each piece begins with the descriptions of the topics. There are no cuts if the bag has no index.
+    Each piece begins with the descriptions of the topics. A bag without an index is not cut.
     """
     begin = io.BytesIO(source.read(len(VERSION), len(VERSION) + BAG_HEADER_BYTES))
     header = next_record(begin, source.size)

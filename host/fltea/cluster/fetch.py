@@ -17,7 +17,9 @@ LEAST_FREE = 256_000_000
 
 
 def local_copy(file: File, folder: Path, limits: Limits = DEFAULT_LIMITS) -> Path:
-    """Return the path of a local file, or of a copy in `folder`, whose name the remote file cannot choose.
+    """Return the path of a local file, or of a copy of a remote file in `folder`.
+
+    The name of the copy cannot be chosen by the remote file.
 
     A server may send more than the stated size, or state none, so the size is checked while the file is
     copied.
@@ -30,8 +32,8 @@ def local_copy(file: File, folder: Path, limits: Limits = DEFAULT_LIMITS) -> Pat
         OSError: the file system failed; it may raise other errors, too.
     """
     if file.protocol == "file":
-        # A missing file may mean an unmounted disk, or a worker without permission, so the file is not
-        # blamed.
+        # If a file is missing, the disk may not be mounted, or the worker may lack permission. So this is not
+        # reported as the file's fault.
         if not os.access(file.path, os.R_OK):
             raise FlteaError(
                 f"{file.url}: is not there, or may not be read, on {platform.node()}. With --dask every "
@@ -55,7 +57,7 @@ def local_copy(file: File, folder: Path, limits: Limits = DEFAULT_LIMITS) -> Pat
                     f"{file.url}: has more than {file.size} bytes now, and had {file.size} when listed."
                 )
             size_text = _mb(file.size) if known else f"of unknown size, and after {_mb(copied)}"
-            # again for each block, since other programs use the same disk
+            # checked again for each block, since other programs use the same disk
             check_room(file, len(data), folder, size_text)
             out.write(data)
     if known and copied < file.size:

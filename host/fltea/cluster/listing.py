@@ -1,4 +1,7 @@
-"""Lists recordings on any file system that fsspec supports: their address, size and stamp."""
+"""Lists recordings on any file system that fsspec supports.
+
+For each, it finds address, size and stamp (a text that changes with the file).
+"""
 
 import hashlib
 import os
@@ -23,18 +26,20 @@ MAGIC, MAGIC_OF_WEB = re.compile(r"[*?\[]"), re.compile(r"[*\[]")
 LONGEST_NAME = 60
 """Longest name of a copied file, without its ending [characters]."""
 STAMPS = ("ETag", "etag", "mtime", "LastModified", "last_modified", "Last-Modified", "updated", "created")
-"""Names of the stamp that changes with the file, in fsspec's facts on a file; the most reliable name
-first."""
+"""Facts of fsspec on a file that can serve as its stamp; the most reliable one first."""
 MOST_LEVELS = 64
-"""Deepest level of folders that is listed, since a server may invent folders or link back to the first."""
+"""Deepest level of folders that is listed, since a server may invent folders or link back to the top."""
 SILENT_S = 60.0
-"""Longest silence of a web server [s]."""
+"""Longest time without data from a web server [s]."""
 PACKAGES = {"gs": "gcsfs", "gcs": "gcsfs", "abfs": "adlfs", "az": "adlfs"}
 """Packages that the user must install for these file systems, since no extra of fltea includes them."""
 DESCRIBE = (".json", ".yaml", ".yml")
 """Endings of files that usually only describe recordings; such a file is read only if the user names it."""
 JOURNAL = "_journal.ndjson"
-"""Name of the journal in a table of results; readers of Parquet ignore names that begin with `_`."""
+"""Name of the journal's file in a table of results.
+
+Readers of Parquet ignore files whose names begin with `_`.
+"""
 
 
 class File(NamedTuple):
@@ -81,7 +86,7 @@ class Unlisted(NamedTuple):
 
 
 def file_system(protocol: str) -> Any:
-    """Return the file system for a protocol; it keeps no lists of folders, which would be outdated.
+    """Return the file system for a protocol. It does not cache lists of folders, which could be outdated.
 
     Raises:
         UsageError: the package for the protocol is not installed, or the protocol is not supported.
@@ -103,7 +108,7 @@ def file_system(protocol: str) -> Any:
 
 
 def _patience() -> dict[str, Any]:
-    """Return time and size limits for aiohttp; its defaults allow 5 min of silence and any size."""
+    """Return time and size limits for aiohttp, whose defaults allow 5 min without data and any size."""
     from aiohttp import ClientTimeout
 
     from fltea.cluster.bounded import BoundedResponse
@@ -224,7 +229,7 @@ def _below(system: Any, protocol: str, folder: str, depth: int | None) -> Iterat
 
 
 def _of_its_target(system: Any, about: dict[str, Any]) -> dict[str, Any]:
-    """Return the facts on the file that a link leads to; for other files, the listed facts."""
+    """Return facts on a file. For a link, they are those of the file to which it leads."""
     if not about.get("islink"):
         return about
     try:

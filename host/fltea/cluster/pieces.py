@@ -1,6 +1,6 @@
 """Cuts a large file of any format into pieces; a worker reads each piece like a recording.
 
-Files that cannot be cut are read whole: .npz, .db3, compressed files, NDJSON, and incomplete files.
+Some files cannot be cut and are read whole: .npz, .db3, compressed files, NDJSON, and incomplete files.
 """
 
 import contextlib
@@ -26,7 +26,7 @@ def cuts_of(file: File, ask: Ask) -> list[Cut]:
         OSError: the file is not readable now; its file system may raise other errors.
     """
     if file.size <= ask.block_bytes or (file.protocol in WEB and not file.stamp):
-        return []  # without a stamp, only one single answer is sure to hold one content
+        return []  # without a stamp, two answers may come from different contents of the file
     with open_bytes(file) as stream:
         source = Ranges(file, stream)
         if file.protocol in WEB and not source.are_there():
@@ -42,8 +42,7 @@ def cuts_of(file: File, ask: Ask) -> list[Cut]:
             case "bag":
                 found = cuts.of_bag(source, ask.block_bytes)
             case "parquet":
-                # Without pyarrow there are no cuts. The file is then read whole, which reports the missing
-                # package.
+                # Without pyarrow, the file is read whole, so that the missing package is reported.
                 with contextlib.suppress(ModuleNotFoundError):
                     from fltea.cluster import cut_parquet
 

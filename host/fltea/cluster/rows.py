@@ -1,4 +1,7 @@
-"""Rows of the table of results: one for each axis of a recording, or one with the reason for a failure."""
+"""Rows of the table of results.
+
+A recording has one for each axis, or one with the reason for its failure.
+"""
 
 from collections.abc import Iterable
 from typing import Any
@@ -19,13 +22,12 @@ VALUE_COLUMNS = [name + end for name in (*VALUES, *COEFFICIENTS) for end in ("",
 class Row(msgspec.Struct, kw_only=True, omit_defaults=True):
     """A row for an axis. A file that failed has one row, with `error` and without `axis`.
 
-    `size`, `stamp`: size [bytes] and change stamp of the file when it was listed.
-    `settings`: digest of all settings.
-    `again`: the failure is not the file's fault, so the next run tries the file again.
-    `parts`: number of pieces whose sums were added; 1 if the file was read whole.
-    Values are None where they are undefined. Columns named *_low and *_high hold the ends of 95 % intervals.
-    α has no unit, f is in s^-α; N, B and K are in `unit`/√Hz, `unit`, and `unit`/√s.
-    `longest_s`: longest duration without a gap [s]; processes slower than a tenth of it are not detected.
+    `size`, `stamp`: size [bytes] and change stamp of the file when it was listed. `settings`: digest of all
+    settings. `again`: whether the next run tries the file again, since the failure is not the file's fault.
+    `parts`: number of pieces whose sums were added; 1 if the file was read whole. Values are None where they
+    are undefined. Columns named *_low and *_high hold the ends of 95 % intervals. α has no unit, f is in
+    s^-α; N, B and K are in `unit`/√Hz, `unit`, and `unit`/√s. `longest_s`: longest duration without a gap
+    [s]; processes slower than a tenth of it are not detected.
     """
 
     file: str
@@ -34,7 +36,7 @@ class Row(msgspec.Struct, kw_only=True, omit_defaults=True):
     settings: str
     parts: int = 1
     seconds: float | None = None
-    """Time that workers took for the file [s]."""
+    """Time that workers spent on the file [s]."""
     error: str | None = None
     again: bool = False
     device_id: str | None = None
@@ -49,7 +51,7 @@ class Row(msgspec.Struct, kw_only=True, omit_defaults=True):
     kind: str | None = None
     text: str | None = None
     p_white: float | None = None
-    """p-value of the test for white noise only, on the ordinates of the spectrum without peaks."""
+    """p-value of the test whether the noise is only white, on the ordinates of the spectrum without peaks."""
     mean: float | None = None
     std: float | None = None
     lsb: float | None = None
@@ -139,12 +141,12 @@ def of_recording(recording: Loaded) -> dict[str, Any]:
 
 
 def data_check_kinds(data_checks: Iterable[DataCheck]) -> list[str]:
-    """Return the kinds of data checks, each once."""
+    """Return the kinds of the data checks without repetition."""
     return sorted({data_check.kind for data_check in data_checks})
 
 
 def with_ends(of: Any, names: Iterable[str]) -> dict[str, float | None]:
-    """Return the named values of a fit or a curve, with the ends of their intervals."""
+    """Return values of a fit or a curve by their names, with the ends of their intervals."""
     found: dict[str, float | None] = {}
     for name in names:
         one = getattr(of, name)

@@ -1,4 +1,6 @@
-"""Identifies the noise of a recording in pieces: spectra can be added, so workers send only sums.
+"""Identifies the noise of a recording that was cut into pieces.
+
+Spectra can be added, so workers send only sums.
 
 A cut counts as a gap: nothing is computed across a cut, and processes slower than a piece are not detected.
 The FLTEA filter needs all samples in order, so its results are missing.
@@ -64,7 +66,7 @@ class AxisSums(msgspec.Struct, frozen=True):
 
 
 class PieceSums(msgspec.Struct, frozen=True):
-    """Sums over one piece. `about`: facts for the row. `empty`: why the piece has no samples, else ""."""
+    """Sums over one piece. `about`: facts for the row of results. `empty`: why it has no samples, else ""."""
 
     rate_hz: float
     about: dict[str, object]

@@ -1,8 +1,8 @@
 """The table of results: a folder of Parquet files, as Spark and Dask write it, with a journal of new rows.
 
-The rows of a finished recording become one line of the journal at once. When the journal is long, its rows
-become a Parquet file, which gets its final name only when it is complete. So a kill -9 loses only the
-recordings that are being read.
+The rows of a finished recording are written at once, as one line of the journal. When the journal is long,
+its rows are moved to a Parquet file, which gets its final name only when it is complete. So kill -9 loses
+only the results of recordings that are being read.
 """
 
 import fcntl
@@ -77,7 +77,7 @@ class VerdictTable:
         except BlockingIOError as error:
             os.close(self._journal)
             raise UsageError(f"{folder}: another program writes to it.") from error
-        except OSError:  # a file system without locks
+        except OSError:  # the file system has no locks
             pass
         self._done: set[bytes] = set()
         self._failures: dict[bytes, str] = {}
@@ -141,8 +141,8 @@ class VerdictTable:
                 )
             self._numbers.append(int(path.stem.removeprefix("part-")))
             self._read_part(path)
-        # Skipped are incomplete lines, and rows that a Parquet file holds already because of a kill after it
-        # was written.
+        # Incomplete lines are skipped, and so are rows that a Parquet file already holds (the program was
+        # killed after writing it).
         found = {_key(rows[0]): rows for rows in self._lines() if not any(row.again for row in rows)}
         self._write_part([row for key, rows in found.items() if key not in self._done for row in rows])
         for key, rows in found.items():

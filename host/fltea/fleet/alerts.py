@@ -14,10 +14,13 @@ from fltea.fleet.summary import Comparison
 
 LOOKS = 3
 MOST = 10_000
-"""Most alerts that may be raised at the same time; further alerts are counted in `dropped`."""
+"""Largest number of current alerts; further alerts are only counted (`dropped`)."""
 
 LISTED = 1000
-"""Most alerts in the published list (200 kB), since brokers may refuse messages of a megabyte."""
+"""Largest number of alerts in the published list (200 kB).
+
+Brokers may refuse messages of a megabyte.
+"""
 
 Kind = Literal["outlier", "silent", "offline", "flood", "twins"]
 
@@ -25,7 +28,7 @@ Kind = Literal["outlier", "silent", "offline", "flood", "twins"]
 class Alert(msgspec.Struct, frozen=True, tag_field="class", tag="alert"):
     """One alert as it is published: `<prefix>/fleet/alert`, not retained.
 
-    `axis`, `quantity`: axis and quantity of a value that differs from other sensors; empty for other kinds.
+    `axis`, `quantity`: axis and quantity of a value that differs from other sensors; empty for other alerts.
     `unix_s`: Unix time at which the alert began or ended [s].
     """
 
@@ -110,7 +113,7 @@ class Alerts:
         for key in [key for key in self._seen if key not in causes]:
             seen = self._seen[key]
             if not seen.raised:
-                del self._seen[key]  # the cause ended before the alert was raised
+                del self._seen[key]  # the cause ended before the alert began
             elif seen.unseen + 1 >= LOOKS:
                 del self._seen[key]
                 changed.append(Alert("cleared", *key, seen.text, unix_s))

@@ -12,7 +12,9 @@ LONG_JUMP_S = 86_400.0
 
 
 class Clock:
-    """Unix time that runs steadily, follows the wall clock when that is set, and counts how often it was set.
+    """Unix time that runs steadily.
+
+    When the wall clock is set anew, this clock follows it and counts the event.
 
     `hearing` is a steady time [s] that stops while the broker is away. So no sensor counts as silent because
     of an outage of the broker.

@@ -24,13 +24,13 @@ MEMORY_ROWS = 200_000
 
 CONNECT_S = 5
 AGAIN_S = 5.0
-"""Pause after a failed connection before the server is tried again [s]."""
+"""Pause after a failed connection, before the next attempt [s]."""
 
 OPTIONS = "-c statement_timeout=10s -c lock_timeout=5s"
 """Options for the server's session."""
 
 SILENT_MS = 10_000
-"""Time after which packets that the server does not acknowledge end the connection [ms]."""
+"""Time without acknowledgement from the server after which the connection is closed [ms]."""
 
 MAKING = 0x464C5445
 """Number of the server's advisory lock: two programs that create the tables at once would hinder each
@@ -44,7 +44,7 @@ SAYS = {
     "55P03": ("history_lost", "does another program hold the tables?"),
     "57014": ("history_lost", "is the server too busy, or does another program hold the tables?"),
 }
-"""Kind of an error and a question for the user, by PostgreSQL's error code or by its first two characters."""
+"""Kind of an error and a question for the user, by PostgreSQL's error code or its first two characters."""
 
 Row = tuple[Any, ...]
 
@@ -143,7 +143,7 @@ class Sqlite:
         ).rowcount
 
     def interrupt(self) -> None:
-        """Abort the running command, from another thread; it raises one of `failures`."""
+        """Abort the command that another thread is running. The command then raises one of `failures`."""
         self.connection.interrupt()
 
     def close(self) -> None:
@@ -284,7 +284,7 @@ class Postgres:
                 connect_timeout=CONNECT_S,
                 tcp_user_timeout=SILENT_MS,
                 options=self._options,
-                # the server then reports the characters that its database cannot store
+                # with this setting the server reports characters that its database cannot store
                 client_encoding="utf8",
             )
         except self.failures as error:

@@ -9,7 +9,7 @@ from fltea.records.plus_minus import NORMAL_95
 from fltea.records.units import FLICKER
 
 WITH_ORDER = ("fractional", "fractional or relaxations", "undecided")
-"""Results of the noise identification with which the noise may have a fractional order α."""
+"""Verdicts with which the noise may have a fractional order α."""
 
 HIGHEST_FITTED = HIGHEST_ORDER - 1e-3
 """α above this limit counts as lying at the upper end of the range that is fitted."""
@@ -23,8 +23,10 @@ MOST_POINTS = 200
 
 
 LINES = {"N": (-0.5, 0.0), "B": (0.0, math.log(FLICKER)), "K": (0.5, -0.5 * math.log(3))}
-"""Straight lines of N, B and K in a log-log Allan plot: slope, and ln of the deviation at 1 s for the value
-1."""
+"""Straight lines of N, B and K in a log-log Allan plot.
+
+Each has a slope, and the logarithm of the deviation at 1 s if N, B or K is 1.
+"""
 
 
 class Quantity(NamedTuple):
@@ -146,8 +148,9 @@ def _sound(value: float, low: float, high: float) -> Figure | None:
 def _of_allan(allan: Allan) -> dict[str, Figure]:
     """Return N, B and K, each with the relative interval of a point on the Allan curve.
 
-    N averages all points near the line of N, so it gets the narrowest interval of these points. B and K get
-    the interval of the point nearest to their line, since points at long averaging times are correlated.
+    N is an average over all points near its straight line, so it gets the narrowest interval of these points.
+    B and K get the interval of the point nearest to their lines, since points at long averaging times are
+    correlated.
     """
     curve = zip(allan.tau_s[:MOST_POINTS], allan.adev, allan.low, allan.high, strict=False)
     points = [Point(*values) for values in curve if min(values) > 0 and max(values) < math.inf]

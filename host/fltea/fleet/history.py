@@ -21,7 +21,7 @@ FIGURES = [f"{quantity.name}{end}" for quantity in SHOWN for end in ("", "_low",
 COLUMNS = ["unix_s", "device_id", "axis", "verdict", "samples", *FIGURES]
 ALERT_COLUMNS = ("unix_s", "state", "kind", "device_id", "text")
 AT_ONCE = 5_000
-"""Most rows that one transaction writes or deletes."""
+"""Largest number of rows that one transaction writes or deletes."""
 
 CHANGE_S = 60.0
 """Least time between two stored changes of an axis's result [s], so that a flickering result fills no
@@ -34,7 +34,7 @@ STUCK_S = 30.0
 """Time after which a command to the database is interrupted [s]; a busy server needs less time."""
 
 LAST_S = 5.0
-"""Longest time that the end of the program waits for the last rows to be written [s]."""
+"""Longest time for which the program, at its end, waits until the last rows are written [s]."""
 
 TABLES = (
     "CREATE TABLE IF NOT EXISTS fit (unix_s REAL NOT NULL, device_id TEXT NOT NULL, axis TEXT NOT NULL, "
@@ -105,7 +105,7 @@ class History:
             if not is_new and not _is_past(kept.unix_s, unix_s, self.every_s):
                 continue
             if name not in last and len(last) >= MOST_AXES:
-                self.lost += 1  # no real device has so many axes, or renames them
+                self.lost += 1  # no real device has so many axes, or so many new names for them
                 continue
             last[name] = _Kept(unix_s, axis.verdict, unix_s if is_new else kept.changed_s)
             figures = [axis.figure(quantity.name) or (None, None, None) for quantity in SHOWN]
@@ -118,7 +118,7 @@ class History:
         self._put([(INSERT_ALERT, (unix_s, state, kind, device_id, text))])
 
     def forget(self, device_ids: Iterable[str]) -> None:
-        """Release the memory for sensors that were dropped; their rows stay in the database."""
+        """Release the memory for sensors that were dropped. Their rows stay in the database."""
         for name in device_ids:
             self._last.pop(name, None)
 
@@ -213,7 +213,10 @@ class History:
                 self.lost += 1
 
     def _is_of_the_database(self, error: Exception) -> bool:
-        """Return whether the database, not a row, caused the error; the rows may then be written later."""
+        """Return whether the error was caused by the database, and not by a row.
+
+        The rows may then be written later.
+        """
         return isinstance(error, self._database.failures) and not isinstance(error, self._database.of_a_row)
 
     def _answers(self, names: Iterable[str], query: str, parameters: tuple[Any, ...]) -> list[dict[str, Any]]:

@@ -25,7 +25,10 @@ SCHEMA = pa.schema(
 
 
 def write(database: Database, out: Path) -> int:
-    """Write all rows of fits to `out` and return their number. The file appears whole or not at all."""
+    """Write all rows of fits to `out`, and return their number.
+
+    The file is written completely or not at all.
+    """
     count = 0
     try:
         with whole_file(out) as file, pq.ParquetWriter(file, SCHEMA) as writer:

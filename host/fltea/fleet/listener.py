@@ -11,7 +11,10 @@ from fltea.settings.mqtt import MqttConfig
 RETAINED = ("hello", "fit")
 LONGEST_WAIT_S = 5.0
 IN_FLIGHT = 65_535
-"""Most messages that the broker may send before they are acknowledged; an outage ends with many at once."""
+"""Largest number of messages that the broker may send before they are acknowledged.
+
+After an outage, many messages arrive at once.
+"""
 
 
 class Listener:

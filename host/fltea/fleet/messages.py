@@ -20,12 +20,11 @@ LARGEST = 1 << 20
 MOST_AXES = 6
 LONGEST_TEXT = 2000
 LONGEST_WORD = 100
-"""Longest name, state or reason [characters]; a longer text is cut."""
+"""Longest name, state or reason [characters]; longer texts are shortened."""
 
 VERDICTS = frozenset(get_args(VerdictKind))
 OTHER = "other"
-"""Replaces an identification result that this version does not know, so that metrics have few label
-values."""
+"""Stands for a verdict that this version does not know, so that metrics have few label values."""
 
 Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
 """A count that fits into a database's 64-bit integer."""
@@ -96,7 +95,7 @@ class Fit(msgspec.Struct, frozen=True):
 
 
 class Samples(msgspec.Struct, frozen=True):
-    """Counts of samples in a `stats` message."""
+    """Numbers of samples in a `stats` message."""
 
     delivered: Count = 0
     lost: Count = 0

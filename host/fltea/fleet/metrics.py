@@ -24,7 +24,10 @@ METRICS = (
     counter("history_lost", "rows of history that could not be written", lambda found: found.history["lost"]),
     counter("bad_messages", "messages that fltea does not send", key="reason"),
 )
-"""Metrics made from a summary. All are counts over the whole fleet, so a larger fleet adds no series."""
+"""Metrics that are computed from a summary.
+
+All are counts over the whole fleet, so a larger fleet does not need more time series.
+"""
 
 
 class _Collector:

@@ -1,4 +1,4 @@
-"""Finds sensors that differ from the others of their kind, with regard to the errors of the estimates.
+"""Finds sensors that differ from others of their kind by more than the errors of the estimates explain.
 
 The model is a meta-analysis with random effects. The true values of sensors of a kind differ by a spread τ,
 and estimate i has an error s_i, known from its interval. So estimate i is normally distributed about the
@@ -25,7 +25,7 @@ FEWEST = 8
 """Fewest sensors of a kind that are compared; with fewer sensors, μ and τ are not known well enough."""
 
 LEVEL = 0.001
-"""Share of fleets without true outliers in which one comparison reports an outlier.
+"""Share of fleets without true outliers in which a comparison of all sensors reports an outlier.
 
 Fits change as samples are added, so the comparisons of one day are worth some tens of independent
 comparisons. With a level of 1 %, one tenth of healthy fleets of 60 sensors raised an alert on the first day;
@@ -125,7 +125,7 @@ def _spread(away: Floats, std: Floats) -> float:
 
 def _weighted_median(value: Floats, weight: Floats) -> float:
     """Return the value with half of the total weight on either side; between two such values, their mean."""
-    weight = np.minimum(weight, 3 * np.median(weight))  # so that no single precise sensor decides
+    weight = np.minimum(weight, 3 * np.median(weight))  # so that a single precise sensor does not decide
     order = np.argsort(value)
     value, below = value[order], np.cumsum(weight[order])
     half = below[-1] / 2

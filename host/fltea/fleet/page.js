@@ -30,7 +30,8 @@ function showSummary() {
     tiles.push([axes ? `${verdict}, ${axes.toLocaleString("en")} axes` : verdict, count, `verdict:"${verdict}"`])
   }
   tiles.push(["odd figures", summary.odd_count, "odd"])
-  if (byId("tiles").dataset.shown !== JSON.stringify(tiles)) {  // a tile that has the focus keeps it
+  // unchanged tiles are not replaced, so that the focus stays where it is
+  if (byId("tiles").dataset.shown !== JSON.stringify(tiles)) {
     byId("tiles").dataset.shown = JSON.stringify(tiles)
     byId("tiles").replaceChildren(...tiles.map(([name, count, words]) => {
       const tile = button("", () => { byId("words").value = words; search(words) }, {class: "tile"})

@@ -24,11 +24,14 @@ from fltea.fleet.summary import Comparison, compare, counts
 from fltea.settings.mqtt import MqttConfig
 
 ASK_AT_ONCE, ASK_TIMES, ASK_EVERY_S = 200, 3, 30.0
-"""Requests for retained messages: number of sensors per turn, most requests for a sensor whose messages do
-not come, and time between these requests [s]."""
+"""Limits for requests for retained messages.
+
+They are the number of sensors in one call of `turn`, the number of requests for a sensor whose messages do
+not come, and the time between such requests [s].
+"""
 
 MOST_UNSENT = 10_000
-"""Most alerts that wait while the broker is away; further alerts are only counted."""
+"""Largest number of alerts that wait while the broker is away; further alerts are only counted."""
 
 TURN_S = 0.2
 

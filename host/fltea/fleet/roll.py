@@ -27,7 +27,7 @@ SILENT_S = 90.0
 """A sensor is silent if no message came for this time [s]; a daemon publishes its status every 30 s."""
 
 CANDIDATE_S = 120.0
-"""Time after which a candidate that has not become a sensor is dropped [s]."""
+"""Time after which a name that has not become a sensor is dropped [s]."""
 
 WITHOUT_FIT_S = 3600.0
 """Silence after which a sensor that never sent a fit is dropped [s]."""
@@ -167,8 +167,8 @@ class Sensor:
 class Roll:
     """The list of all sensors from which messages came.
 
-    A name is a candidate until it has sent two kinds of messages, or two fits. Then it becomes a sensor. A
-    candidate never replaces a sensor. There are at most `most` sensors and `most` candidates.
+    A device is a candidate until two kinds of messages, or two fits, came under its name. Then it becomes a
+    sensor. A candidate never replaces a sensor. There are at most `most` sensors and `most` candidates.
 
     `refused`: number of messages of candidates that were dropped; `refused_names`: some names of these
     candidates.
@@ -236,7 +236,7 @@ class Roll:
                 yield sensor, name, axis
 
     def everybody(self) -> Iterator[Sensor]:
-        """Yield all sensors, then all candidates."""
+        """Yield all sensors, and then all candidates (names that are not yet sensors)."""
         return chain(self.sensors.values(), self.candidates.values())
 
     def flooding(self) -> list[str]:

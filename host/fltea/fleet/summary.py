@@ -14,7 +14,7 @@ from fltea.fleet.roll import SILENT_S, Axis, Roll, Sensor
 from fltea.records.plus_minus import NORMAL_95
 
 SOME = 20
-"""Most names that a summary lists."""
+"""Largest number of names that a summary lists."""
 
 Group = tuple[str, str, str]
 """Kind of sensor, axis, and quantity. The values of all sensors with the same group are compared."""
@@ -23,10 +23,9 @@ Group = tuple[str, str, str]
 class Oddity(msgspec.Struct, frozen=True):
     """A value of an axis that differs from the values of the other sensors of its kind.
 
-    `middle`: usual value of the kind.
-    `spread`: standard deviation between sensors, or a factor for quantities that are compared by ratios.
-    `times`: distance from `middle` in standard deviations.
-    `p`: p-value of this one comparison.
+    `middle`: usual value of the kind. `spread`: standard deviation between sensors, or a factor for
+    quantities that are compared by ratios. `times`: distance from `middle`, in standard deviations. `p`:
+    p-value of this one comparison.
     """
 
     device_id: str
@@ -164,7 +163,7 @@ Row = dict[str, Any]
 
 
 def rows(roll: Roll, seen: Comparison, now: float, silent_s: float = SILENT_S) -> list[Row]:
-    """Return one row for each axis, and one for each sensor without a fit."""
+    """Return the rows of the table: one for each axis, and one for each sensor without a fit."""
     odd: dict[tuple[str, str], list[str]] = {}
     for one in seen.odd:
         odd.setdefault((one.device_id, one.axis), []).append(one.quantity)

@@ -25,7 +25,7 @@ from fltea.sinks.web.handler import Handler, Site
 MOST_ROWS = 500
 
 REQUESTS_A_SECOND = 50.0
-"""Most requests per second; an open page sends five requests every five seconds."""
+"""Largest number of requests per second; an open page sends five requests every five seconds."""
 
 FULL = "More requests than the fleet's page answers: 50 a second. It is tried again in a moment."
 
@@ -33,7 +33,7 @@ HISTORY_S = 2.0
 """Longest wait of a request for the history [s]."""
 
 ROWS_S = 2.0
-"""Least time between two computations of the table's rows [s], however many pages are open."""
+"""Least time between two computations of the table's rows [s], for any number of open pages."""
 
 
 class FleetSite(Site):

@@ -1,4 +1,4 @@
-"""Analyse one axis with its levels and its motion taken out first.
+"""Analyse one axis after its motion, and the levels between which it jumps, were taken out.
 
 Some sensors step between a few fixed levels (telegraph noise). These levels are subtracted before the
 spectrum is analysed.
@@ -18,8 +18,9 @@ from fltea.records.fit import VerdictKind
 from fltea.spectrum.verdict import Verdict
 
 NO_MEMORY: tuple[VerdictKind, ...] = "white", "undecided", "line", "line or resonance", "resonance"
-"""Verdicts that levels replace by "relaxations", since steps between levels have the spectrum of a
-relaxation.
+"""Verdicts that are replaced by "relaxations" on an axis that steps between levels.
+
+Such steps have the spectrum of a relaxation.
 """
 
 
@@ -27,9 +28,9 @@ class SeriesAnalysis(NamedTuple):
     """The spectral analysis of one axis, and the samples behind it."""
 
     analysis: AxisAnalysis
-    """The analysis of the samples without their levels."""
+    """The analysis of the samples after the levels of the telegraph noise were subtracted."""
     series: Series
-    """The same samples with their levels."""
+    """The same samples before the levels were subtracted."""
     left_out: LeftOut
     telegraph: Telegraph | None
 
@@ -43,8 +44,8 @@ def analyse_series(
         series: the samples of the axis.
         h: sampling period [s].
         options: how to identify.
-        left_out: steps and motion to leave out. None: leave out what seems to be motion, as no model is known
-            yet.
+        left_out: steps and motion to leave out. None: no model is known yet, so what seems to be motion is
+            left out.
 
     Raises:
         ValueError: the axis is too short, is constant, or has only a few distinct values.
@@ -73,9 +74,10 @@ def samples_analysed(series: Series, h: float, left_out: LeftOut) -> Series:
 
 
 def _analysed_part(rest: Series, whole: Series, telegraph: Telegraph | None, out: LeftOut) -> Series:
-    """Return the samples without their levels and without what `out` leaves out.
+    """Return the samples without telegraph levels, and without the motion and the steps in `out`.
 
-    `rest`: the samples without levels. `whole`: the samples with levels, already without `out`.
+    `rest`: all samples after the levels were subtracted. `whole`: the samples with their levels, from which
+    the samples in `out` were already removed.
     """
     if telegraph is None:
         return whole
@@ -83,7 +85,7 @@ def _analysed_part(rest: Series, whole: Series, telegraph: Telegraph | None, out
 
 
 def _with_levels(verdict: Verdict, telegraph: Telegraph, unit: str) -> Verdict:
-    """Return `verdict`, which is on samples without their levels, with the levels added to it."""
+    """Return a verdict on samples without their levels, after the levels were added to its text."""
     what = f"{telegraph_words(telegraph, unit)} About the levels: {verdict.what}"
     then = (
         f"In a navigation filter the levels are a Gauss–Markov process of σ {telegraph.sigma:.2g} {unit} and "

@@ -1,4 +1,4 @@
-"""Replace the advice of a verdict where more is known than the spectrum shows."""
+"""Replace the advice in a verdict where bad data or steps of the bias make the usual advice wrong."""
 
 from collections.abc import Sequence
 
@@ -13,12 +13,15 @@ EXPECT_STEPS = "A filter needs its density N, and has to expect further steps of
 
 
 def doubted(result: AxisResult) -> AxisResult:
-    """Return the result with a verdict whose advice does not rely on the figures, since the data are bad."""
+    """Return the result of an axis with bad data, with advice that does not rely on its figures."""
     return replace(result, verdict=result.verdict.saying(next=CURE_FIRST))
 
 
 def expecting_steps(result: AxisResult, steps: Sequence[BiasStep]) -> AxisResult:
-    """Return the result for an axis whose bias has stepped, since N alone is then not enough for a filter."""
+    """Return the result for an axis whose bias has stepped, with advice for that case.
+
+    A filter that knows N alone would not follow such steps.
+    """
     if not steps or result.verdict.kind != "white":
         return result
     return replace(result, verdict=result.verdict.saying(next=EXPECT_STEPS))

@@ -1,8 +1,8 @@
 """Compute the overlapping Allan deviation of one axis of a recording, and read N, B and K from it.
 
 Intervals and coefficients are computed as for the live curve (`fltea.spectrum.allan_curve`,
-`fltea.spectrum.allan_coefficients`). Here the averaging times are closer together, and blocks begin at every
-sample.
+`fltea.spectrum.allan_coefficients`). The differences are that averaging times are closer together here, and
+that means are taken from every sample on (they overlap).
 """
 
 import math
@@ -19,13 +19,15 @@ from fltea.spectrum.allan_dof import FULL_PARTS, degrees_of_freedom, full_overla
 PER_DECADE = 10
 """Number of averaging times in each decade."""
 LONGEST_SHARE = 0.25
-"""Longest averaging time as a share of the record."""
+"""Ratio of the longest averaging time to the length of the record."""
 BLOCK = 1 << 13
-"""Number of samples that are processed at a time."""
+"""Number of samples that are processed together, so that they fit into the cache."""
 
 
 def allan(stretches: Sequence[Array], h: float, unit: str = "deg/s") -> Allan:
-    """Return the Allan deviation of `stretches`, averaged over them; no difference crosses a break.
+    """Return the Allan deviation of a record with breaks, averaged over its stretches.
+
+    No difference of means is taken across a break.
 
     The longest averaging time is a quarter of the longest stretch.
 
@@ -67,7 +69,10 @@ def allan_of(analysis: AxisAnalysis, unit: str) -> Allan:
 
 
 def _degrees(power: ArrayLike, factors: NDArray[np.int64], lengths: Sequence[int]) -> Array:
-    """Return the degrees of freedom of the average over all stretches, weighted by their numbers of terms."""
+    """Return the degrees of freedom of the Allan variance that is averaged over all stretches.
+
+    Each stretch is weighted by its number of differences.
+    """
     if len(lengths) == 1:
         return full_overlap(power, factors, lengths[0])
     m = np.asarray(factors, dtype=np.float64)
@@ -79,23 +84,28 @@ def _degrees(power: ArrayLike, factors: NDArray[np.int64], lengths: Sequence[int
 
 
 def differences(factors: NDArray[np.int64], lengths: Sequence[int]) -> Array:
-    """Return the number of differences of neighbouring means for each factor, in stretches of `lengths`."""
+    """Return the number of differences of neighbouring means for each averaging factor.
+
+    `lengths`: number of samples of each stretch.
+    """
     each = np.asarray(lengths)[:, np.newaxis] - 2 * factors + 1
     return np.asarray(np.maximum(each, 0).sum(axis=0), dtype=np.float64)
 
 
 def averaging_factors(samples: int) -> NDArray[np.int64]:
-    """Return the numbers of samples to average, about PER_DECADE in each decade."""
+    """Return the averaging times in samples, about PER_DECADE in each decade."""
     longest = max(int(samples * LONGEST_SHARE), 1)
     count = 1 + math.ceil(PER_DECADE * math.log10(longest))
     return np.unique(np.rint(np.geomspace(1, longest, count)).astype(np.int64))
 
 
 def overlapping(stretches: Sequence[Array], factors: NDArray[np.int64]) -> Array:
-    """Return the overlapping Allan deviation for each factor, equal to `oadev` of allantools.
+    """Return the overlapping Allan deviation, computed as `oadev` of allantools does.
 
-    Stretches are weighted by their numbers of terms. The work is done in blocks that fit the cache, so that
-    memory holds one more array only, also for a day at 100 Hz.
+    `factors`: averaging times in samples.
+
+    Each stretch is weighted by its number of differences. Samples are processed in blocks that fit the cache.
+    So only one array of the record's length is needed in addition, also for a day at 100 Hz.
     """
     squares, terms = np.zeros(len(factors)), np.zeros(len(factors))
     for y in stretches:

@@ -25,7 +25,10 @@ Row = tuple[str, str, float, float, float, float, float, int, float]
 
 
 def rows(curves: Mapping[str, tuple[str, Allan]]) -> Iterator[Row]:
-    """Yield a row for each averaging time of each axis. `curves`: unit and curve of each axis, by name."""
+    """Yield a row for each averaging time of each axis.
+
+    `curves`: unit and Allan deviation of each axis, by the axis's name.
+    """
     for axis, (unit, a) in curves.items():
         counts = map(int, a.differences)
         figures = zip(a.tau_s, a.deviation, a.low, a.high, a.degrees_of_freedom, counts, a.model, strict=True)
@@ -34,11 +37,11 @@ def rows(curves: Mapping[str, tuple[str, Allan]]) -> Iterator[Row]:
 
 
 def write_allan(path: Path, curves: Mapping[str, tuple[str, Allan]]) -> None:
-    """Write `curves` as CSV; the file appears whole or not at all.
+    """Write Allan deviations as CSV; it is written completely or not at all.
 
     Raises:
         FlteaError: the file cannot be written.
-        ValueError: there is no curve.
+        ValueError: `curves` is empty.
     """
     if not curves:
         raise ValueError("there is no Allan deviation: the record is too short, or all its axes are constant")

@@ -31,16 +31,16 @@ NOT_RUN = "nobody asked for it"
 class IdentifyOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """How to identify an axis.
 
-    Where `bias` and `R` of `estimator` are numbers, they hold for this axis alone.
+    If `bias` and `R` in `estimator` are numbers, they are those of this axis.
     """
 
     estimator: EstimatorConfig = EstimatorConfig()
     from_hz: float = 0.0
     """Lowest frequency in use [Hz]; ordinates of the periodogram below it are left out."""
     notch_hz: tuple[tuple[float, float], ...] = ()
-    """Bands (low, high) that are left out [Hz]."""
+    """Frequency bands (low, high) that the fit leaves out [Hz]."""
     shuffles: int = 200
-    """Number of shuffled copies; 0 for none."""
+    """Number of shuffled copies of the samples over which FLTEA is run; 0 for none."""
     seed: int = 0
     """Seed of the random generator that shuffles the copies."""
 
@@ -55,34 +55,37 @@ class IdentifyOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class NullResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The null test on all ordinates that the user left in, and the shuffled copies."""
+    """The test whether white noise describes the samples as well, and FLTEA's estimates for shuffled copies.
+
+    The test uses all ordinates of the periodogram that the user did not leave out.
+    """
 
     p_value: float
     likelihood_ratio: float
     critical_5_percent: float
     critical_1_percent: float
     p_without_peaks: float
-    """The p-value without the lines and resonances that were found."""
+    """The p-value if the spectral lines and resonances that were found are left out."""
     p_clean: float
-    """The p-value of the ordinates of `band` without the lines and resonances."""
+    """The p-value of the ordinates in `band` if the lines and resonances are left out."""
     level: float
-    """The p-value below which the test rejects white noise."""
+    """The p-value below which white noise is rejected."""
     shuffled: ShuffledBand | None
-    """FLTEA's estimates for the shuffled copies, by the same variant as `AxisResult.fltea`."""
+    """FLTEA's estimates for the shuffled copies, by the variant of FLTEA that `AxisResult.fltea` uses."""
 
 
 # Over 12 attributes: each is one finding about an axis, and they are made together.
 class AxisResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The identification of one axis.
 
-    Variances and standard deviations are in the unit of y: deg/s for a gyroscope.
+    Standard deviations are in the unit of the samples (deg/s for a gyroscope), variances in its square.
     """
 
     samples: int
     longest_stretch: int
     """Number of samples of the longest stretch, in which narrow lines and the drift rate are searched for.
 
-    A stretch has no break; short gaps in it are bridged.
+    A stretch is a run of samples without a break; its short gaps are filled.
     """
     rate_hz: float
     duration_s: float
@@ -91,7 +94,7 @@ class AxisResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     verdict: Verdict
     null: NullResult
     order: OrderFit
-    """The estimated order; all values are null where the verdict has no order."""
+    """The estimated order; all its values are null if the noise has no order by the verdict."""
     parts: tuple[Estimated, ...]
     """The parts of the chosen noise model, fitted to the ordinates of `band`."""
     level: Level
@@ -102,14 +105,17 @@ class AxisResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     models: dict[str, ModelSummary]
     """All candidate models (`fltea.spectrum.candidate_models`), also those that were not chosen."""
     stands: Literal["plain", "order"]
-    """The key in `sentences` of the chosen model, whose parts are `parts`."""
+    """The chosen model: the best one without an order ("plain"), or the best one with an order."""
     peaks: tuple[Peak, ...]
     fltea: FlteaFit | None
-    """FLTEA's estimates by the variant that the options ask for; None where `fltea_reason` says why."""
+    """FLTEA's estimates by the variant that the options ask for.
+
+    None if FLTEA cannot be run; `fltea_reason` then says why.
+    """
     fltea_other: FlteaFit | None
     """FLTEA's estimates by the variant that the options do not ask for."""
     innovations: dict[str, Innovations | None]
-    """Tests of FLTEA's innovations, by variant."""
+    """Tests whether FLTEA's innovations are white, by the variant of FLTEA."""
     fltea_reason: str = ""
 
     @property
@@ -119,13 +125,16 @@ class AxisResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class AxisAnalysis(NamedTuple):
-    """One axis, and what its spectrum shows."""
+    """The samples of one axis, and the analysis of their spectrum."""
 
     y: Array
     h: float
     gaps: Gaps
     stretches: Sequence[Stretch]
-    """The stretches of samples between breaks, without a comb of lines if there was one."""
+    """The stretches of samples between breaks.
+
+    If the spectrum showed a comb of lines, the pattern behind it was removed.
+    """
     summed: Summed
     verdict: Verdict
     figures: NoiseFigures
@@ -198,17 +207,20 @@ def described(analysis: AxisAnalysis) -> AxisResult:
 
 
 def fltea_axis(analysis: AxisAnalysis, lsb: float | None, options: IdentifyOptions) -> FlteaAxis:
-    """Return the input for FLTEA. `lsb`: one count in the unit of y, if known."""
+    """Return the input for a run of FLTEA over this axis.
+
+    `lsb`: one count in the unit of the samples, if known.
+    """
     return FlteaAxis(analysis.y, analysis.gaps, options.estimator, lsb, analysis.verdict.order.alpha)
 
 
 def identified(
     analysis: AxisAnalysis, lsb: float | None, options: IdentifyOptions | None = None
 ) -> AxisResult:
-    """Identify an analysed axis with these options; FLTEA runs over its longest part without a restart.
+    """Identify an analysed axis, and run FLTEA over its longest part without a restart.
 
-    The shuffled copies are left to `with_copies`. They take most of the time, so another process may compute
-    them.
+    The result is still without the shuffled copies, which `with_copies` adds. They take most of the time, so
+    other processes may compute them.
 
     Args:
         analysis: the analysed axis.
@@ -234,7 +246,10 @@ def with_fltea(result: AxisResult, found: FlteaFits) -> AxisResult:
 
 
 def with_copies(result: AxisResult, parts: Sequence[Copies]) -> AxisResult:
-    """Add the estimates of the shuffled copies to the result; `parts`: the copies in groups of any size."""
+    """Add FLTEA's estimates for the shuffled copies to the result.
+
+    `parts`: the estimates in groups of any size, as different processes computed them.
+    """
     own = result.fltea
     alpha, f = (None, None) if own is None else (own.alpha, own.f)
     found = shuffled_band(parts, alpha, f) if parts else None

@@ -1,4 +1,4 @@
-"""Collect the data checks of an axis after its spectrum was analysed."""
+"""Collect the data checks that need the result of an axis's spectral analysis."""
 
 from collections.abc import Iterator
 
@@ -12,7 +12,7 @@ from fltea.identification.telegraph import Telegraph, telegraph_words
 from fltea.identification.values import value_data_checks
 
 TELEGRAPH = "telegraph"
-"""The kind of this data check."""
+"""The kind of the data check on noise that jumps between levels."""
 
 
 def checks_of(
@@ -24,7 +24,8 @@ def checks_of(
     """
     y, gaps = analysis.y, analysis.gaps
     if any(peak.repeats is not None for peak in result.peaks):
-        # Glitches of a comb are reported as a comb, and not as outliers in addition.
+        # Glitches that recur in each period are reported as a comb of lines, so they are not reported as
+        # outliers, too.
         ends = np.cumsum([len(one.y) for one in analysis.stretches])
         missing = [one.missing for one in analysis.stretches]
         y = np.concatenate([one.y for one in analysis.stretches])
@@ -40,7 +41,8 @@ def checks_of(
     )
     values = tuple(value_data_checks(series.y, series.unit))
     if any(data_check.kind == "dead band" for data_check in values):
-        # Samples outside the dead band stand out from the one value inside.
+        # A sensor with a dead band repeats one value while its samples are inside the band, so that any
+        # sample outside would seem to be an outlier.
         of_samples = tuple(data_check for data_check in of_samples if data_check.kind != "outliers")
     return (*values, *_steps_between(telegraph, series.unit), *of_samples)
 

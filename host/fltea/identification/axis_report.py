@@ -1,4 +1,4 @@
-"""Hold the results of the axes of a recording, or the reason why there are none."""
+"""The results of a recording's axes, or the reason why there are none."""
 
 from dataclasses import dataclass, field
 
@@ -29,9 +29,11 @@ class Failure(msgspec.Struct, frozen=True):
 
 # Over 12 attributes: each is one field of the published report.
 class AxisReport(msgspec.Struct, frozen=True):
-    """The results of one axis. `allan_reason` says why `allan` or `reproduction` is None.
+    """The results of one axis.
 
-    `curves` is None unless figures are wanted.
+    If `allan` or `reproduction` is None, `allan_reason` says why.
+
+    `curves` is None unless pictures are wanted.
     """
 
     unit: str
@@ -49,32 +51,33 @@ class AxisReport(msgspec.Struct, frozen=True):
     sheet: SheetComparison | None = None
     """The comparison with a data sheet; None unless a data sheet was named."""
     walk: OffsetWalkFound | None = None
-    """Whether the offset follows a random walk."""
+    """The answer to the question whether the offset follows a random walk."""
     filter: NavigationFilter | None = None
     """The parameters of a plain Kalman filter for this axis."""
     tracked: FittedSystem | None = None
-    """The state-space system behind bias, forecast, filter and simulation; None if no filter works with the
-    noise.
+    """The state-space system from which bias, forecast, filter and simulation are computed.
+
+    None if no Kalman filter works with the noise.
     """
     bias_steps: tuple[BiasStep, ...] = ()
     motion: tuple[MotionSpan, ...] = ()
-    """Motion of the whole sensor. Samples in motion enter no other figure."""
+    """Time spans in which the whole sensor moved. No other figure uses their samples."""
     course: BiasCourse | None = None
     """The bias over time."""
     left_out: LeftOut = NOTHING
-    """Samples and steps that the figures leave out."""
+    """Samples in motion and steps of the bias that the figures leave out."""
     withheld: str = ""
 
 
-"""Why `now`, the forecast, the comparison and files for other programs are missing.
+"""Why `now`, `forecast`, `sheet` and files for other programs are withheld.
 
-    It names the fault and its remedy; empty if the data are good.
-    """
+    The text names the fault in the data and its remedy; it is empty if the data are good.
+"""
 
 
 @dataclass
 class FileReport:
-    """The results of one recording, or the failure why it could not be read."""
+    """The results of one recording, or the reason why it could not be read."""
 
     name: str
     recording: Loaded | None = None

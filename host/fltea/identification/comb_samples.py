@@ -1,9 +1,10 @@
-"""Find the pattern behind a comb of lines, which each period repeats, and remove it from the samples.
+"""Find the pattern that makes a comb of spectral lines, and remove it from the samples.
 
-The record is folded at the period. The pattern is the mean at each phase. If the pattern is a short glitch,
-its samples tell nothing about the noise. They are drawn anew, as lost samples are (`gaps`), so that the
-glitches need not be alike. If the pattern fills much of the period, it is a wave, whose harmonics are
-subtracted.
+A comb comes from a pattern that recurs in each period. The record is folded: all its periods are laid over
+each other. The pattern is the mean at each phase. If the pattern is a short glitch, the samples in it tell
+nothing about the noise. They are replaced by random ones, as lost samples are (`gaps`). So the glitches of
+different periods need not be alike. If the pattern fills much of the period, it is a wave, and its harmonics
+are subtracted.
 """
 
 import math
@@ -18,56 +19,56 @@ from fltea.records.arrays import Array, Mask
 from fltea.spectrum.comb import FEWEST_PERIODS, Comb
 
 MOST_OF_A_PERIOD = 0.25
-"""Longest glitch as a share of the period; what takes a larger share is a wave."""
+"""Longest glitch as a share of the period; a longer pattern is a wave."""
 STANDS_OUT = 4.0
 """Number of standard errors above which the mean at a phase belongs to the glitch."""
 MARGIN = 1
-"""Phases left out in addition on each side of a glitch, since it may begin between two samples."""
+"""Number of phases that are added to a glitch on each side, since it may begin between two samples."""
 LEAST_SIGN, NEARLY_ALL = 3.3, 0.85
 """Thresholds for the number of periods that show the average pattern.
 
-More than half of the periods must show it, by LEAST_SIGN standard deviations. With few periods, this share of
-the deviation that all periods would give is enough.
+The number of periods that show it must be above one half by at least LEAST_SIGN standard deviations. With few
+periods, it is enough to reach the share NEARLY_ALL of what all periods together would give.
 """
 SEEN = 12.0
-"""Ratio of a harmonic's power to that of noise above which the harmonic belongs to a wave.
+"""Ratio of a harmonic's power to that of the noise, above which the harmonic is counted to a wave.
 
-Noise exceeds it once in 160,000.
+Noise alone exceeds it once in 160,000 cases.
 """
 
 
 class WithoutComb(NamedTuple):
-    """A record without its comb."""
+    """A record from which the pattern behind a comb of lines was removed."""
 
     stretches: list[Stretch]
     shape: Literal["glitch", "wave"]
     share: float
-    """The share of all power that the comb had."""
+    """Share of the record's power that was in the comb."""
     samples: int
     """Length of the glitch in samples; 0 for a wave."""
     size: float
-    """The largest deviation of the pattern over the standard deviation of the noise."""
+    """Ratio of the pattern's largest deviation from its mean to the standard deviation of the noise."""
 
 
 class _Folded(NamedTuple):
-    """A stretch folded at the period."""
+    """A stretch of samples, each with its phase in the period of the pattern."""
 
     phase: NDArray[np.intp]
     """Phase of each sample, (n,), a whole number below the number of phases."""
     period: NDArray[np.intp]
-    """Number of the period that holds each sample, (n,)."""
+    """Index of the period that contains each sample, (n,)."""
     values: Array
     """Each sample less the mean level of its period, (n,)."""
     profile: Array
     """Mean of `values` at each phase, (phases,)."""
     spread: float
-    """Standard deviation of the values about the profile."""
+    """Standard deviation of `values` about `profile`."""
 
 
 def without_comb(stretches: Sequence[Stretch], comb: Comb) -> WithoutComb | None:
     """Return the stretches without the pattern that each period repeats.
 
-    Returns None if the average pattern comes from a few periods only.
+    Returns None if only a few periods have the pattern.
     """
     longest = max(range(len(stretches)), key=lambda i: len(stretches[i].y))
     y, found = stretches[longest].y, _folded(stretches[longest].y, comb.period)
@@ -128,8 +129,11 @@ def _widened(core: Mask) -> Mask:
 
 
 def _in_most_periods(found: _Folded, window: Mask) -> bool:
-    """Return whether most periods show the pattern, each compared with the mean of the other periods."""
-    periods = int(found.period[-1])  # the last period is not whole
+    """Return whether most periods show the pattern.
+
+    Each period is compared with the mean of all other periods.
+    """
+    periods = int(found.period[-1])  # the last period is incomplete, so it is not counted
     inside = window[found.phase]
     values = np.where(inside, found.values, 0.0)
     alike = np.bincount(found.period, values * (found.profile[found.phase] - values / max(periods, 1)))
@@ -144,7 +148,7 @@ def _longest_run(mask: Mask) -> int:
 
 
 def _without_profile(one: Stretch, mask: Mask, period: float) -> Stretch:
-    """Return a stretch less the mean at each phase, at the samples where `mask` is true."""
+    """Return a stretch from which the pattern was subtracted at the samples where `mask` is true."""
     if not mask.any():
         return one
     own = _folded(one.y, period)
@@ -152,7 +156,10 @@ def _without_profile(one: Stretch, mask: Mask, period: float) -> Stretch:
 
 
 def _without_wave(one: Stretch, period: float, found: _Folded) -> Stretch:
-    """Return a stretch without the harmonics that the wave has in the longest stretch."""
+    """Return a stretch from which a wave was subtracted.
+
+    The harmonics of the wave are those of the longest stretch.
+    """
     amplitudes = np.fft.rfft(found.profile)
     noise = found.spread**2 * len(found.profile) ** 2 / len(found.values)
     orders = np.flatnonzero(np.abs(amplitudes[1:]) ** 2 > SEEN * noise) + 1

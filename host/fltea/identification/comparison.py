@@ -1,4 +1,4 @@
-"""Compare several recordings: the figures of each axis, and which of them differ by more than chance."""
+"""Compare several recordings, and find which figures of their axes differ by more than chance."""
 
 import math
 from collections import Counter
@@ -19,13 +19,13 @@ from fltea.records.quantity import number, quantity_of, shown_units, without_uni
 from fltea.records.units import HEADING_AFTER_S
 
 CHANCE = 0.05
-"""Probability that any figure is said to differ although the sensors are alike."""
+"""Probability that at least one figure is said to differ although the sensors are alike."""
 
 
 class Figure(NamedTuple):
     """A figure of one axis.
 
-    Where its value is not known, the figure is below `at_most` with 95 % probability.
+    If its value is not known, it is below `at_most` with a probability of 95 %.
     """
 
     name: str
@@ -45,12 +45,14 @@ class Compared(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     ratio: Interval
     """The figure divided by that of `against`, with the 95 % interval.
 
-    All null for a bias, and where one of the two is not known.
+    All its values are null for a bias, and if one of the two figures is not known.
     """
     difference: Interval
     """Difference of two biases, in `unit`; null for other figures."""
     differs: bool | None
-    """Whether the figures differ by more than chance in view of all comparisons made; null where not known.
+    """Whether the figures differ by more than chance; null if that is not known.
+
+    The threshold takes into account how many comparisons are made.
     """
 
 
@@ -101,7 +103,8 @@ def _of_pair(axis: str, file: str, against: str, first: Figure, its: Figure, rea
             above = math.hypot(_log(_high(b), b.value), _log(a.value, _low(a)))
             high = times * math.exp(above) if above < math.inf else None
             ratio = Interval(times, times * math.exp(-below), high)
-            # The interval may be longer on one side: use the side on which the other figure lies.
+            # The interval may be longer on one side of the value. Use the side on which the other figure
+            # lies.
             differs = abs(math.log(times)) > reach / NORMAL_95 * (below if times > 1 else above)
     return Compared(axis, first.name, first.unit, file, against, ratio, difference, differs)
 
@@ -110,11 +113,11 @@ Cells = list[tuple[Figure, Compared | None]]
 
 
 def rows(reports: Sequence[FileReport]) -> Iterator[tuple[str, list[str], list[list[str]]]]:
-    """Yield the name, the headings and the rows of each axis.
+    """Yield a table for each axis: name, headings, and rows.
 
-    For two recordings, a row holds one figure of both recordings with its intervals, and the second relative
-    to the first. For more recordings, a row holds all figures of one recording, with a star where a figure
-    differs from that of the first recording.
+    For two recordings, a row shows one figure: its values in both recordings with their intervals, and the
+    second value relative to the first. For more recordings, a row shows all figures of one recording. A star
+    marks each figure that differs from that of the first recording.
     """
     pairs = {(one.axis, one.file, one.figure): one for one in compared(reports)}
     labels = _labels(reports)
@@ -134,7 +137,7 @@ def _of_two(
     for cells in zip(*of_files, strict=True):
         pairs = [_beside(pair) for _, pair in cells if pair is not None]
         lines.append([_named(cells[0][0]), *(_shown(one) for one, _ in cells), *pairs])
-    is_compared = len(lines[0]) > 1 + len(files)  # not if the two have different units
+    is_compared = len(lines[0]) > 1 + len(files)  # figures in different units are not compared
     lines.append(["verdict", *kinds, *[""] * is_compared])
     return ["", *files, *["second beside first"] * is_compared], lines
 
@@ -150,7 +153,10 @@ def _of_more(
 
 
 def _axes(reports: Sequence[FileReport]) -> Iterator[tuple[str, dict[str, AxisReport]]]:
-    """Yield each axis that is in at least two recordings; a recording that is given twice counts once."""
+    """Yield each axis that at least two recordings have.
+
+    A recording that the user named twice counts once.
+    """
     for name in dict.fromkeys(name for report in reports for name in report.axes):
         axes = {report.name: report.axes.get(name) for report in reports}
         found = {file: axis for file, axis in axes.items() if isinstance(axis, AxisReport)}
@@ -168,7 +174,10 @@ def _labels(reports: Sequence[FileReport]) -> dict[str, str]:
 
 
 def said(reports: Sequence[FileReport]) -> list[str]:
-    """Return sentences on what differs by more than chance, one for all axes of a figure and recording."""
+    """Return sentences on the figures that differ by more than chance.
+
+    One sentence names all axes on which a figure of a recording differs.
+    """
     pairs = compared(reports)
     known = [one for one in pairs if one.differs is not None]
     labels = _labels(reports)
@@ -219,7 +228,7 @@ def _brief(one: Figure) -> str:
 
 
 def _to_three(value: float | None) -> str:
-    """Return a number to three digits, with no power of ten below a million."""
+    """Return a number to three digits. Numbers below a million are written without a power of ten."""
     return "∞" if value is None else number(value)
 
 

@@ -1,6 +1,7 @@
-"""Draw conclusions from the tracked system of an axis: bias, forecast, and a plain Kalman filter.
+"""Compute bias, forecast and a plain Kalman filter from the model that the tracker uses for an axis.
 
-This runs after all axes of a recording are analysed, since the axes may share one random walk of the offset.
+This is done once all axes of a recording are analysed, since the axes of a sensor may share one figure for
+the random walk of the offset.
 """
 
 import contextlib
@@ -39,13 +40,15 @@ class Conclusions(NamedTuple):
     now: Now | None
     forecast: Forecast | None
     drift_rate: Interval
-    """Drift rate of the longest stretch, per second."""
+    """Slope of the straight line through the longest stretch, per second."""
 
 
 def tracked_of(analysis: AxisAnalysis, telegraph: Telegraph | None = None) -> FittedSystem | None:
-    """Return the tracked system of one axis alone; None if no filter works with its noise.
+    """Return the state-space system that the tracker uses for one axis.
 
-    `telegraph`: levels that were subtracted before the analysis; the system includes them.
+    None if no filter works with its noise.
+
+    `telegraph`: levels that were subtracted before the analysis; the system describes them, too.
     """
     y = max((one.y for one in analysis.stretches), key=len)
     parts = analysis.figures.model.parts(analysis.h)
@@ -60,9 +63,11 @@ def _with_levels(tracked: FittedSystem, telegraph: Telegraph, h: float) -> Fitte
 
 
 def in_agreement(tracked: Mapping[str, FittedSystem | None], h: float) -> dict[str, FittedSystem]:
-    """Return the tracked systems of a recording's axes by name, with one random walk per sensor if possible.
+    """Return the tracked systems of a recording's axes by name, with the same random walk if possible.
 
-    Axes without a system are left out.
+    The axes of the gyroscope may share one figure for it, and so may those of the accelerometer.
+
+    Axes for which no filter works are left out.
     """
     known = {name: one for name, one in tracked.items() if one is not None}
     gyro, accel = by_sensor(known)
@@ -80,7 +85,7 @@ def conclude(
     at_end: BiasAtEnd | None = None,
     steps: Sequence[BiasStep] = (),
 ) -> Conclusions:
-    """Return the conclusions for an axis, with its forecast if that is wanted.
+    """Return bias and filter of an axis, and its forecast if that is wanted.
 
     Args:
         series: the samples that were analysed.
@@ -89,8 +94,8 @@ def conclude(
         tracked: the tracked system of the axis.
         K: K of the model's parts; null if no part is a random walk.
         forecast: the forecast that is asked for.
-        at_end: the bias at the end of the recording, if the last stretch alone tells it.
-        steps: steps of the bias; more of them are to be expected.
+        at_end: the bias at the end of the recording, if it was computed from the last stretch alone.
+        steps: steps of the bias that were found; the model expects more of them.
     """
     rest, telegraph = without_levels(series, h)
     if telegraph is None:
@@ -108,9 +113,10 @@ def conclude(
     bias, ahead = found(tracked, y, h, series.unit, first if forecast else None, forecast, at_end)
     plain = None
     with contextlib.suppress(ValueError, ArithmeticError):  # no filter works with this system
-        # The filter starts with the bias after the last step, however short the stretch after that step is.
+        # The filter starts with the bias after the last step, even if only a few samples follow that step.
         newest = stretches[-1] if at_end is not None and at_end.has_stepped else y
-        if telegraph is not None:  # the levels are a state of the filter; its bias is their mean
+        # the filter has a state for the levels, so its bias is the mean of the levels
+        if telegraph is not None:
             newest = max((one.y for one in bridged(rest.y, rest.gaps)), key=len)
         plain = navigation_filter(tracked, np.ascontiguousarray(newest), h)
     drift_rate = tracked_drift_rate(tracked, y, h)
@@ -118,7 +124,10 @@ def conclude(
 
 
 def _on_a_level(rest: Series, telegraph: Telegraph, tracked: FittedSystem) -> BiasAtEnd:
-    """Return the bias after a record that ends on a level. `rest`: its samples without the levels."""
+    """Return the bias at the end of a record of telegraph noise, which ends on one of its levels.
+
+    `rest`: the samples of the record without the levels.
+    """
     bias_s, samples = LiveConfig().bias_s, len(rest.y)
     std = bias_std(tracked.system, rested(tracked.system, samples))
     return BiasAtEnd(float(rest.y.mean()) + telegraph.ahead(bias_s), std, bias_s, samples)

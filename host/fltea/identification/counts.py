@@ -1,4 +1,4 @@
-"""Count the samples of a recording, and what became of them."""
+"""Numbers of the samples of a recording: how many arrived, were used, or were lost."""
 
 import msgspec
 
@@ -9,12 +9,12 @@ class Counts(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     Attributes:
         samples: all samples that arrived.
-        used: samples that have the rate and the scale of most samples.
+        used: samples that are analysed, since they have the rate and the scale that most samples have.
         used_from: index of the first used sample among all samples.
-        stretches: number of parts without a break, among all samples.
-        bridged: lost samples, within the used ones, that drawn samples stand in for.
+        stretches: number of parts without a break into which all samples fall.
+        bridged: lost samples between used ones that were replaced by random samples.
         lost, gaps, duplicates, before_hello, rate_differs: as in `stats`.
-        late, retried, saturated: used samples that the device flagged so.
+        late, retried, saturated: used samples that the device marked with this word.
     """
 
     samples: int

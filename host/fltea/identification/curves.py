@@ -1,4 +1,4 @@
-"""Compute the curves that the report's figures show, beyond the numbers in `fltea.identification.axis`."""
+"""Compute the curves for the pictures of the report."""
 
 from typing import NamedTuple
 
@@ -22,22 +22,25 @@ from fltea.spectrum.periodogram import binned
 
 COPIES = 60
 POINTS = 400
-"""Largest number of points of a trajectory."""
+"""Largest number of points that show FLTEA's estimates over time."""
 LAGS = 100
 ORDERS = np.linspace(0.0, 1.5, 61)
 
 
 class Spectrum(NamedTuple):
-    """The periodogram in bins, over all ordinates that the user did not leave out."""
+    """The periodogram in bins, from all ordinates that the user did not leave out."""
 
     hz: Array
     power: Array
     counts: Array
-    """Number of ordinates in each bin."""
+    """Number of ordinates that were averaged in each bin."""
 
 
 class Path(NamedTuple):
-    """FLTEA's estimates over time, with quantiles (points, 3) of the estimates that white noise gives."""
+    """FLTEA's estimates over time, and how far its estimates for white noise scatter.
+
+    `white_alpha` and `white_f` are quantiles over copies of the data with white noise, (points, 3).
+    """
 
     t_s: Array
     alpha: Array
@@ -55,7 +58,7 @@ class Curves(NamedTuple):
     spectrum: Spectrum
     orders: Array
     deviance: Array
-    """2 log L of the best fit minus that of the best fit with each of `orders`."""
+    """2 log L of the best fit, minus 2 log L of the fit in which the order is held at each of `orders`."""
     path: Path | None
     """None where FLTEA was not run."""
     autocorrelation: Array
@@ -68,7 +71,8 @@ def curves(
 ) -> Curves:
     """Return the curves of an axis that has been identified with these options.
 
-    `lsb`: one count in the unit of y, if known. `with_path`: whether FLTEA can run over the axis.
+    `lsb`: one count in the unit of the samples, if known. `with_path`: whether FLTEA can be run over the
+    axis.
     """
     whole = binned(left_in(analysis.summed.lines, options.from_hz, options.notch_hz))
     path, tested = None, np.empty(0)
@@ -86,9 +90,10 @@ def curves(
 
 
 def profile(f: CandidateModels, orders: Array) -> Array:
-    """Return the loss of 2 log L against the best fit when the order is held at each of `orders`, (k,).
+    """Return by how much 2 log L falls if the order is held at each of `orders`, (k,).
 
-    From the order nearest to the best fit, each fit towards either side starts at the fit before.
+    The fits begin at the order nearest to the best one and go up and down from it. Each fit starts from the
+    parameters of its neighbour.
     """
     best = f.order or f.null
     at = best.place(Order, Arfima)
@@ -104,9 +109,11 @@ def profile(f: CandidateModels, orders: Array) -> Array:
 
 
 def _path(y: Array, gaps: Gaps, h: float, lsb: float | None, options: IdentifyOptions) -> tuple[Path, Array]:
-    """Run FLTEA over the data in lane 0, and over white noise drawn from the data in the other lanes.
+    """Run FLTEA over the data, and over copies of the data that are white noise.
 
-    Returns the path of the estimates and the innovations of the data.
+    The engine runs them in parallel: the data are its lane 0. The copies are drawn at random from the data.
+
+    Returns the estimates over time, and the innovations of the data.
     """
     config, startup = options.estimator, options.estimator.startup_needed
     begin, end = longest_epoch(len(y), gaps)
@@ -142,17 +149,17 @@ def _path(y: Array, gaps: Gaps, h: float, lsb: float | None, options: IdentifyOp
 def _baselines(
     window: Array, bias: float, R: float, config: EstimatorConfig, lsb: float | None
 ) -> tuple[Array, Array]:
-    """Return bias and R of all lanes; each copy takes them from its own start-up window."""
+    """Return bias and R for the data and for each copy, all from their own start-up windows."""
     if not window.shape[1]:
         return np.array([bias]), np.array([R])
     biases, Rs = lane_baselines(window, config, lsb)
-    # A copy can happen to be constant if the data hardly ever change.
+    # If the data hardly ever change, a copy may happen to be constant.
     Rs = np.maximum(Rs, 1e-6 * R) if config.R == "auto" else Rs
     return np.append(bias, biases), np.append(R, Rs)
 
 
 def _quantiles(values: Array) -> Array:
-    """Return quantiles over the copies, (points, 3), with NaN where no value is finite."""
+    """Return three quantiles over the copies at each point, (points, 3); NaN where no value is finite."""
     found = np.full((len(values), 3), np.nan)
     for row, these in zip(found, values, strict=True):
         finite = these[np.isfinite(these)]

@@ -1,4 +1,7 @@
-"""Check the address of a Dask scheduler, and warn whom its user has to trust. This module loads no Dask."""
+"""Check the address of a Dask scheduler, and warn about machines that its user has to trust.
+
+This module does not import Dask.
+"""
 
 import ipaddress
 import re
@@ -14,7 +17,9 @@ MOST_PORT = 65_535
 
 
 def check_address(address: str) -> None:
-    """Refuse an address at which no scheduler can listen. Without a scheme it means tcp://, as in Dask.
+    """Refuse an address at which no scheduler can listen.
+
+    An address without a scheme stands for tcp://, as in Dask.
 
     Raises:
         UsageError: the address is refused.
@@ -46,15 +51,15 @@ def _wrong_with(address: str) -> str:
 
 
 def trust_warning(address: str) -> str | None:
-    """Return the warning to print before a cluster at `address` is used.
+    """Return the warning to print before a cluster is used, or None.
 
-    None if the connection is encrypted, or stays on this machine.
+    There is nothing to warn about if the connection is encrypted, or stays on this machine.
     """
     try:
         url = urlsplit(address if "://" in address else f"tcp://{address}")
         if url.scheme in ENCRYPTED or _is_loopback(url.hostname or ""):
             return None
-    except ValueError:  # the text is no address: Dask's own error says so
+    except ValueError:  # the text is not an address; leave it to Dask to say so
         return None
     return (
         f"--dask {address}: not encrypted, and nothing says who answers there. What Dask sends are pickles, "

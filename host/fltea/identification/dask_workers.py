@@ -1,7 +1,7 @@
-"""Use an existing Dask cluster as `workers.Workers`.
+"""Let an existing Dask cluster do the tasks (as `workers.Workers`).
 
-If a worker dies, Dask runs its task again. Each task carries its samples, so that a worker needs neither the
-files nor another worker. A result counts when it arrives, which happens once.
+If a worker dies, Dask runs its task again. Each task is sent with its samples, so that a worker needs neither
+the files nor another worker. Even if a task was run twice, its result arrives once.
 """
 
 import platform
@@ -24,11 +24,16 @@ T = TypeVar("T")
 
 CONNECT_S = 10.0
 LONELY_S = 60.0
-"""Longest time without any worker before the run fails [s]."""
+"""Time without any worker after which the run fails [s]."""
 SILENT_S = 60.0
-"""Longest time that a scheduler may leave a question unanswered [s]. A stopped one keeps its port open."""
+"""Time without an answer after which the scheduler counts as gone [s].
+
+A stopped process keeps its port open, so the connection alone proves nothing.
+"""
 RETRIES = 3
-"""Number of retries of a task that raises an error. The scheduler counts those of a task whose worker died.
+"""Number of retries of a task that raises an error.
+
+Retries because a worker died are counted by the scheduler.
 """
 SETTINGS = "DASK_DISTRIBUTED__COMM__TLS__CA_FILE, …__CLIENT__CERT and …__CLIENT__KEY"
 
@@ -38,7 +43,7 @@ class DaskWorkers(Workers):
 
     Raises:
         UsageError: there is no scheduler or no worker, certificates are missing or wrong, or the workers have
-            another version of fltea, or none.
+            no fltea or another version of it.
     """
 
     def __init__(self, address: str) -> None:
@@ -74,13 +79,14 @@ class DaskWorkers(Workers):
 
     @property
     def slots(self) -> int:
-        """Number of tasks to hand over at once: two for each thread, so that no thread waits for its next."""
+        """Number of tasks to hand over at once: two for each thread, so that no thread waits."""
         return max(2, 2 * self._threads())
 
     def submit(self, task: Callable[..., T], *arguments: Any) -> "Future[T]":
         """Hand a task to the scheduler."""
         with warnings.catch_warnings():
-            # Dask advises to scatter large data, but scattered data are lost with their worker.
+            # Dask advises to place large data on a worker first (`scatter`). But these data are lost if that
+            # worker dies.
             warnings.filterwarnings("ignore", "Sending large graph", UserWarning)
             try:
                 future: Future[T] = self._executor.submit(_of_version, __version__, task, *arguments)
@@ -127,18 +133,18 @@ class DaskWorkers(Workers):
         ) from cause
 
     def close(self) -> None:
-        """Disconnect; the scheduler drops the tasks of this client."""
+        """Disconnect from the scheduler, which then drops the tasks of this client."""
         self._client.close()
 
 
 def _connected(address: str) -> Any:
     """Return a client of the scheduler at `address`.
 
-    When Dask's client fails during construction, it may take 20 s and print a traceback. So everything that
-    can be checked before is checked here.
+    If the construction of Dask's client fails, it may take 20 s and print a traceback. So everything that can
+    be checked in advance is checked here.
 
     Raises:
-        UsageError: no scheduler answers there, or certificates are missing or wrong.
+        UsageError: no scheduler answers at `address`, or certificates are missing or wrong.
     """
     encrypted = address.startswith(tuple(f"{scheme}://" for scheme in ENCRYPTED))
     if encrypted:
@@ -169,7 +175,7 @@ def _check_certificate(address: str) -> None:
     security: Any = Security
     try:
         found = security().get_connection_args("client")["ssl_context"]
-    except (OSError, ValueError) as error:  # an SSLError is an OSError
+    except (OSError, ValueError) as error:  # OSError includes SSLError
         raise UsageError(
             f"--dask {address}: the certificates cannot be used ({error}). Do {SETTINGS} name files that are "
             "there, and is the key that of the certificate (host/docs/guide/verdict.md, A Dask cluster)?"
@@ -186,7 +192,9 @@ def _version() -> str:
 
 
 def _of_version(version: str, task: Callable[..., T], *arguments: Any) -> T:
-    """Do a task on a worker, after a check of its version: it may have joined after the first check.
+    """Do a task on a worker after a check of the worker's version of fltea.
+
+    A worker may join after the versions of all workers were checked.
 
     Raises:
         UnfitWorker: this worker's version is not `version`; its results must not be mixed with others.

@@ -25,19 +25,27 @@ Severity = Literal["note", "warning", "bad"]
 SHORT_S = 580.0
 """Length below which a record counts as short [s]; about ten minutes."""
 BLOCKS = 20
-"""Number of blocks of the record whose means show offset and drift."""
+"""Number of blocks into which the record is divided; their means show offset and drift."""
 SIGNIFICANT = 5.0
-"""Student's t with about BLOCKS degrees of freedom that chance exceeds once in ten thousand."""
+"""Threshold for Student's t with about BLOCKS degrees of freedom; chance exceeds it once in ten thousand."""
 OFFSET_SHARE, DRIFT_SHARE = 0.1, 0.1
-"""Shares of the standard deviation below which an offset or a drift does no harm."""
+"""Ratios to the noise's standard deviation below which an offset or a drift does no harm."""
 OUTLIER = 6.0
-"""Robust standard deviations of an outlier; in Gaussian noise one sample in 500 million exceeds it."""
+"""Distance from which a sample is an outlier, in robust standard deviations.
+
+In Gaussian noise one sample in 500 million is further away.
+"""
 TORN_COUNTS = 256.0
-"""Size of a jump in counts if the high byte of one sample is mixed with the low byte of another."""
+"""Size in counts of the jump that occurs if the bytes of two samples are mixed."""
 TORN_WITHIN = 0.5
-"""Share of TORN_COUNTS below which four deviations of the noise have to be, to recognise such a jump."""
+"""Largest ratio of four standard deviations of the noise to TORN_COUNTS at which such a jump is
+recognised.
+"""
 COARSE_LSB, TOO_COARSE_LSB = 2.0, 0.5
-"""σ in LSB. From 2 on, rounding is at most 2 % of the variance; below 0.5 rounding noise is not white."""
+"""Standard deviations in LSB below which the counts are coarse, or too coarse.
+
+From 2 LSB on, rounding is at most 2 % of the variance. Below 0.5 LSB, rounding noise is not white.
+"""
 FULL_SCALE_COUNTS = 32767.0
 RATE_PPM = 1000.0
 SHORTEST_RUN = 5
@@ -46,13 +54,16 @@ FINER = {
     "m/s²": "±2 g has eight times the resolution of ±16 g",
 }
 LINE_SHARE = 0.01
-"""Share of the power above which a spectral line is a warning."""
+"""Share of the power above which a spectral line is reported as a warning."""
 
 
 class DataCheck(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A finding of a data check. If its severity is "bad", no figure is valid before the cause is removed.
+    """What a check of the data has found.
 
-    `axes`: the axes of the recording that it concerns. Empty: all axes, or the axis whose report holds it.
+    If its severity is "bad", no figure of the noise is valid before the cause is removed.
+
+    `axes`: the axes of the recording that the finding concerns. If empty, it concerns all axes, or the one
+    axis in whose report it stands.
     """
 
     kind: str
@@ -68,10 +79,10 @@ def of_axis(data_checks: Iterable[DataCheck], axis: str) -> tuple[DataCheck, ...
 
 
 def withheld(data_checks: Iterable[DataCheck]) -> str:
-    """Return why nothing may be built on these figures, and what to do; "" if the data are good.
+    """Return why the data are too bad for these figures to be used, and what to do; "" if they are good.
 
-    Models, files for other programs, comparisons with a data sheet and forecasts would carry wrong figures to
-    where nobody sees this finding.
+    Models, files for other programs, comparisons with a data sheet and forecasts would pass wrong figures on
+    to people who do not see this finding.
     """
     bad = (
         f"{data_check.text} {data_check.remedy}" for data_check in data_checks if data_check.severity == "bad"
@@ -98,7 +109,7 @@ def axis_data_checks(
         peaks: peaks found in the spectrum of y.
         unit: unit of y.
         gaps: where samples are missing.
-        longer: words for the length that a record should have.
+        longer: the length that a record should have, in words.
     """
     gaps = gaps or no_gaps()
     samples = np.ascontiguousarray(y, dtype=np.float64)
@@ -117,7 +128,10 @@ def axis_data_checks(
 
 
 def source_data_check(kind: str, text: str) -> DataCheck:
-    """Return a fault that the recording itself reported; `kind` is one of the kinds of `error` records."""
+    """Return a data check for a fault that the recording itself reported.
+
+    `kind`: the kind of the `error` record.
+    """
     remedy = ERROR_KINDS[kind].remedy if kind in ERROR_KINDS else ""
     return DataCheck(kind, "note", text, remedy)
 
@@ -164,7 +178,10 @@ def _too_short(n: int, h: float, longer: str) -> Iterator[DataCheck]:
 
 
 def _unbroken(y: Array, gaps: Gaps) -> Array:
-    """Return the longest part between steps of the bias and restarts, since a mean may jump there."""
+    """Return the longest part of y without a step of the bias or a restart.
+
+    The mean may jump at these.
+    """
     begin, end, _ = max(cut(len(y), gaps, sys.maxsize), key=lambda part: part[1] - part[0])
     return y[begin:end] if end - begin >= 2 * BLOCKS else y
 
@@ -185,7 +202,8 @@ def _offset_and_drift(y: Array, h: float, unit: str) -> Iterator[DataCheck]:
     k = np.arange(BLOCKS) - (BLOCKS - 1) / 2
     slope = float(k @ means / (k @ k))
     left = means - means.mean() - slope * k
-    # The error is at least that of white noise, since twenty means may lie on a line by chance.
+    # The error is assumed to be at least that of white noise, since twenty means may lie on a straight line
+    # by chance.
     residual = max(math.sqrt(float(left @ left) / (BLOCKS - 2)), noise / math.sqrt(block))
     t = slope * math.sqrt(float(k @ k)) / residual
     change = slope * BLOCKS
@@ -218,14 +236,14 @@ def _quantisation(y: Array, lsb: float | None, unit: str) -> Iterator[DataCheck]
 
 
 def _outliers(y: Array, h: float, lsb: float | None, unit: str, gaps: Gaps) -> Iterator[DataCheck]:
-    # Compare with the mean of both neighbours, which moves along with drift and slow noise.
+    # Compare each sample with the mean of its two neighbours, which have the same drift and slow noise.
     r = y[:-2] + y[2:]
     r /= 2
     np.subtract(y[1:-1], r, out=r)
-    # With coarse counts r has steps of half an LSB, and its median is not known any better.
+    # With coarse counts r is a multiple of half an LSB, so its median is no more exact than that.
     scale = _scale(thin(r)) + 1.4826 / 4 * (lsb or step(y) or 0.0) or float(r.std())
     size = np.abs(r, out=r)
-    # Across a gap, slow noise and the offset have moved on.
+    # During a gap, slow noise and the offset change.
     neighbours = np.concatenate([gaps.at - 2, gaps.at - 1])
     size[neighbours[(neighbours >= 0) & (neighbours < len(size))]] = 0.0
     is_top = size > OUTLIER * scale
@@ -238,7 +256,7 @@ def _outliers(y: Array, h: float, lsb: float | None, unit: str, gaps: Gaps) -> I
     torn = 0
     if lsb is not None and 4 * scale < TORN_WITHIN * TORN_COUNTS * lsb:
         off = np.abs(size[at - 1] - TORN_COUNTS * lsb)
-        # Heavy tails have jumps of any size; with torn reads nearly all jumps have this size.
+        # Noise with heavy tails has jumps of any size. With torn reads nearly all jumps have this size.
         torn = int((off < 4 * scale).sum()) if 2 * int((off < 2 * scale).sum()) >= at.size else 0
     if torn:
         yield DataCheck(
@@ -263,7 +281,8 @@ def _median_or_outliers(y: Array, h: float, lsb: float | None, unit: str, gaps: 
     found = find_median_filter(y)
     if found is None or found.replaces_outliers:
         yield from _outliers(y, h, lsb, unit, gaps)
-    # A median filter passes no outlier, and repeats so many values that the usual difference is small.
+    # A median filter lets no outlier pass. It also repeats so many values that the usual difference of
+    # neighbours is small.
     if found is not None:
         yield DataCheck(
             "median filter",
@@ -286,7 +305,7 @@ def _saturation(y: Array, lsb: float | None) -> Iterator[DataCheck]:
 
 
 def _stuck(y: Array) -> Iterator[DataCheck]:
-    """Yield the data check on a value that is repeated for longer than by chance."""
+    """Yield the data check on a value that is repeated longer than by chance."""
     n = len(y)
     same = np.concatenate([[False], y[1:] == y[:-1], [False]])
     edges = np.flatnonzero(same[1:] != same[:-1]).reshape(-1, 2)
@@ -294,7 +313,7 @@ def _stuck(y: Array) -> Iterator[DataCheck]:
         return
     lengths = edges[:, 1] - edges[:, 0]
     longest, first = int(lengths.max()), int(edges[lengths.argmax(), 0])
-    # The longest run itself tells nothing on how often chance repeats a value.
+    # Leave out the longest run of equal values itself, to see how often chance repeats a value.
     others = thin(y) if n > LONG else np.delete(y, slice(first, first + longest + 1))
     commonest = np.unique(others, return_counts=True)[1].max(initial=1) / (len(others) if n > LONG else n)
     share = min(max((lengths.sum() - longest) / n, commonest), 0.999)

@@ -4,8 +4,8 @@ A data sheet's rate noise density is one-sided (positive frequencies only), so i
 sheet
 gives both: 0.34 deg/√h are 0.00567 (deg/s)/√Hz, and √2 times this is its density, 0.008.
 
-The figures of MPU-9250, MPU-6050, ICM-42688-P and BMI270 were read in a copy of the sheet. Those of the other
-parts were compared with what other projects quote from the same table.
+The figures of MPU-9250, MPU-6050, ICM-42688-P and BMI270 were read in a copy of the sheet. The figures of the
+other parts were compared with what other projects quote from the same sheet.
 """
 
 import math
@@ -27,7 +27,7 @@ class DataSheet(NamedTuple):
     density: float
     """Typical rate noise density [(deg/s)/√Hz]."""
     measured_at: str
-    """The condition of measurement that the sheet names, or nothing."""
+    """The condition of measurement, as far as the sheet states it."""
     source: str
 
 
@@ -47,17 +47,20 @@ SHEETS = {
     "ISM330DHCX": DataSheet(0.005, "high-performance mode", "DS13012 rev. 7, table 2"),
     "ADIS16470": DataSheet(0.008, "10 to 40 Hz", "ADIS16470 rev. C, table 1"),
 }
-"""The data sheets, by the name of the part."""
+"""The data sheets, by the name of the gyroscope."""
 
 SCATTER = 1.2
-"""Largest ratio to a typical figure at which a part is still as good, as sheets rarely give a maximum."""
+"""Ratio to the sheet's typical figure up to which an axis counts as equally good.
+
+Data sheets rarely state a maximum.
+"""
 MUCH = 2.0
 SEEN = 0.1
-"""Share of the noise's power above which a cause is worth mentioning."""
+"""Share of the noise's power above which a cause of additional noise is mentioned."""
 BEST, WORST = 1e-7, 1.0
-"""Range of densities of gyroscopes [(deg/s)/√Hz]; a number outside it is something else."""
+"""Range in which the densities of all gyroscopes lie [(deg/s)/√Hz]."""
 GIVEN = "given by --sheet"
-"""The source of a density that the user gave in place of a part."""
+"""Stands for the data sheet if the user gave a density in place of a gyroscope's name."""
 
 _NUMBER = re.compile(r"\s*(?P<number>(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)\s*(?P<unit>.*)", re.IGNORECASE)
 _PER_ROOT_HZ = re.compile(r"hz\W*$", re.IGNORECASE)
@@ -66,28 +69,28 @@ SheetKind = Literal["better", "as good", "noisier", "not known"]
 
 
 class SheetComparison(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The density of an axis and that of a data sheet, both in (deg/s)/√Hz."""
+    """The measured noise density of an axis and that of a data sheet, both in (deg/s)/√Hz."""
 
     part: str
-    """Name of the part; empty where the user gave a density instead."""
+    """Name of the gyroscope; empty if the user gave a density instead."""
     source: str
     typical: float
     density: Interval
     """√2 N of the axis, with its 95 % interval."""
     ratio: float | None
-    """Ratio of the measured density to the typical one."""
+    """Ratio of the measured density to that of the data sheet."""
     kind: SheetKind
     text: str
 
 
 def sheet_name(text: str) -> str:
-    """Return the name of a part as in `SHEETS`, or a density in (deg/s)/√Hz as a number.
+    """Return a gyroscope's name as it stands in `SHEETS`, or a density in (deg/s)/√Hz as text of a number.
 
     Dashes and capitals in a name do not matter. A density is written as `0.007`, `0.007dps/rtHz` or `7
     mdps/√Hz`.
 
     Raises:
-        UsageError: the part is not known, or no gyroscope has this density.
+        UsageError: the gyroscope is not known, or no gyroscope has this density.
     """
     plain = re.sub(r"[^A-Z0-9]", "", text.upper())
     names = {name.replace("-", ""): name for name in SHEETS}
@@ -109,7 +112,10 @@ def sheet_name(text: str) -> str:
 
 
 def _density(text: str) -> float | None:
-    """Return the density in (deg/s)/√Hz that `text` gives, or None. A bare number is in that unit."""
+    """Return the density in (deg/s)/√Hz that a text states, or None.
+
+    A number without a unit is in (deg/s)/√Hz.
+    """
     found = _NUMBER.fullmatch(text)
     if found is None:
         return None
@@ -125,7 +131,10 @@ def _density(text: str) -> float | None:
 
 
 def on_their_sides(values: Sequence[float], limits: Sequence[float]) -> list[str]:
-    """Format numbers with three digits, or with more where rounding would move one across a limit."""
+    """Format numbers with three digits.
+
+    More digits are used if rounding would move a number across a limit.
+    """
     for digits in range(3, 17):
         found = [f"{value:.{digits}g}" for value in values]
         shown = (_sides(float(text), limits) for text in found)
@@ -135,7 +144,7 @@ def on_their_sides(values: Sequence[float], limits: Sequence[float]) -> list[str
 
 
 def _sides(value: float, limits: Sequence[float]) -> list[tuple[bool, bool]]:
-    """Return for each limit whether the value is above it, and whether it is below."""
+    """Return two truth values for each limit: whether the value is above it, and whether it is below it."""
     return [(value > one, value < one) for one in limits]
 
 
@@ -159,12 +168,12 @@ def compare(
         why = f"not compared. {level.reason}"
         return SheetComparison(name, sheet.source, typical, Interval(), None, "not known", why)
     value, low, high = (math.sqrt(2) * one for one in (N.value, N.low, N.high))
-    # A fast relaxation that N may exclude is in the sheet's density, and in `value`. So the lower end of N
-    # may be too low: the interval reaches no further down than up.
+    # N may exclude a fast relaxation, which the sheet's density and `value` include. The lower end of N's
+    # interval may then be too low. So the interval is not allowed to reach further down than up.
     density = Interval(value, min(value, max(low, value**2 / high)), high)
     half = rate_hz / 2
     folded = max((low_pass_hz or half) / half, 1.0) ** 0.5
-    # Compare with the limits as they are printed, with three digits.
+    # Compare with the limits after rounding to three digits, as they are printed.
     most, least = (float(f"{one:.3g}") for one in (SCATTER * folded, 1 / SCATTER))
     ratio, lowest, highest = (one / typical for one in (value, density.low or 0.0, high))
     kind: SheetKind = "as good"
@@ -196,7 +205,10 @@ def compare(
 
 
 def _shown(density: Interval, per: float, limits: Sequence[float]) -> str:
-    """Format a density and its interval divided by `per`, with no number rounded across a limit."""
+    """Format a density and its interval, both divided by `per`.
+
+    Rounding moves no number across a limit.
+    """
     rounded = [float(f"{one:.12g}") for one in limits]
     ends = (density.value or 0.0, density.low or 0.0, density.high or 0.0)
     value, low, high = on_their_sides([one / per for one in ends], rounded)

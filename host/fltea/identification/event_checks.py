@@ -14,21 +14,22 @@ EVENT_CHECKS = MOTION, STEPS = "motion", "bias steps"
 """The kinds of data checks that this module makes."""
 MOST_TOLD = 3
 POPCORN = 6
-"""Number of steps from which on popcorn noise is considered: a bias that jumps between two levels."""
+"""Least number of steps for which a test for popcorn noise is made (a bias that jumps between two levels)."""
 ALTERNATE = 0.9
-"""Least share of neighbouring steps with opposite signs in popcorn noise."""
+"""Least share of successive steps in opposite directions for popcorn noise."""
 AGREE = 5.0
-"""Largest ratio of the mean square deviation of step sizes from their median to its expected value.
+"""Largest scatter of the step sizes in popcorn noise.
 
-It is above 1, since the stated deviations of steps that follow each other quickly are too small.
+It is the mean square difference of the sizes from their median, divided by the expected one.
+
+The limit is above 1, since the σ of steps that follow each other quickly is understated.
 """
 
 
 def event_checks(events: AxisEvents, unit: str, *, is_left_out: bool = True) -> tuple[DataCheck, ...]:
-    """Return the data checks for the events of an axis, with sizes in `unit`.
+    """Return the data checks for the steps and the motion of an axis, with sizes in `unit`.
 
-    `is_left_out`: whether the spectrum leaves the events out; False where too few samples are left between
-        them.
+    `is_left_out`: whether the spectrum leaves these samples out. False if too few samples would be left.
     """
     found = []
     if events.motion:
@@ -63,9 +64,11 @@ def _stepped(steps: Sequence[BiasStep], unit: str) -> str:
 
 
 def popcorn_noise(steps: Sequence[BiasStep]) -> tuple[float, float] | None:
-    """Return the distance between two levels and the mean time between steps [s]; None without popcorn noise.
+    """Return two figures of popcorn noise; None if the steps are not popcorn noise.
 
-    Steps of popcorn noise alternate in sign, and their sizes agree within their deviations.
+    The figures are the distance between its two levels and the mean time between steps [s].
+
+    Steps of popcorn noise go up and down alternately, and their sizes agree within their σ.
     """
     if len(steps) < POPCORN:
         return None
@@ -86,7 +89,7 @@ def _moved(motion: Sequence[MotionSpan]) -> str:
 
 
 def _shown(one: MotionSpan) -> str:
-    # Show no size for the accelerometer: it does not measure how far the sensor turned.
+    # No size is shown for the accelerometer, which does not measure how far the sensor turned.
     if one.largest is None or one.by == "accel":
         return f"shown by {one.by}"
     return f"shown by {one.by}, at most {figure(one.largest, 3, significant=True)} {one.unit}"

@@ -1,4 +1,4 @@
-"""Draw the figures of one axis as SVG."""
+"""Draw the pictures of one axis as SVG."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -21,19 +21,19 @@ from fltea.spectrum.intervals import CRITICAL
 
 HIGHEST_DEVIANCE = 20.0
 MODELS = {"order": "model", "plain": "rival", "white": "white"}
-"""The style of each model.
+"""The line style in which each model's spectrum is drawn.
 
-Broken styles are drawn above solid ones, so that they stay visible where models agree.
+Dashed curves are drawn over solid ones, so that both are visible where models agree.
 """
 MODEL_POINTS = 300
 SETTLED = 3.0
-"""Largest ratio of the bias's σ to its median at which the bias belongs to the range shown."""
+"""Largest ratio of the bias's σ to the median σ at which a point counts for the range of the axis."""
 
 Ends = tuple[float, float]
 
 
 def draw(name: str, axis: AxisReport) -> dict[str, str]:
-    """Return the figures of the axis `name` by their keys in `TITLES`, as far as the axis has them."""
+    """Return the pictures of the axis `name` by their keys in `TITLES`, as far as they can be drawn."""
     assert axis.curves is not None
     drawn = {
         kind: paint(f"{name}: {TITLES[kind][0]}", axis, axis.curves) for kind, paint in _PAINTERS.items()
@@ -42,7 +42,7 @@ def draw(name: str, axis: AxisReport) -> dict[str, str]:
 
 
 def meaning(kind: str, axis: AxisReport) -> str:
-    """Return how to read a figure of this axis."""
+    """Return a text on how to read a picture of this axis."""
     text = TITLES[kind][1]
     if kind == "forecast" and axis.forecast is not None:
         rest_s = axis.forecast.after_s
@@ -51,7 +51,7 @@ def meaning(kind: str, axis: AxisReport) -> str:
 
 
 def _rest(seconds: float) -> str:
-    """Format a time of rest with three digits, so that it can be told from its half."""
+    """Format a duration with three digits, so that it differs visibly from half of it."""
     limits = ((600, 1, "s"), (7200, 60, "min"), (math.inf, 3600, "h"))
     size, unit = next((size, unit) for limit, size, unit in limits if seconds < limit)
     return f"{seconds / size:.3g} {unit}"
@@ -59,7 +59,7 @@ def _rest(seconds: float) -> str:
 
 def _spectrum(title: str, axis: AxisReport, curves: Curves) -> str:
     s, r = curves.spectrum, axis.result
-    density = 2 / r.rate_hz  # density of white noise of variance 1, one-sided
+    density = 2 / r.rate_hz  # one-sided density of white noise of variance 1
     hz = np.geomspace(s.hz[0], s.hz[-1], MODEL_POINTS)
     lam = 2 * np.pi * hz / r.rate_hz
     shown = [Curve(s.hz, np.sqrt(density * s.power), "points", label="periodogram, in bins")]
@@ -130,7 +130,7 @@ def _over_time(
         axis: the report of the axis.
         p: the path of the estimates.
         y_label: what is estimated.
-        found: the estimate, its σ, and its quantiles for white noise.
+        found: the estimate, its σ, and the quantiles of the estimates for white noise.
         at_end: the quantiles of the shuffled copies at the end of the record.
     """
     fit, shuffled = axis.result.fltea, axis.result.null.shuffled
@@ -152,7 +152,10 @@ def _over_time(
 
 
 def _limits(value: Array, white: Array) -> Ends:
-    """Return the limits of the y axis; the first tenth is ignored, as estimates still move much there."""
+    """Return the limits of the y axis.
+
+    The first tenth of the record is ignored, since the estimates still change much during it.
+    """
     late = slice(len(value) // 10, None)
     known = np.concatenate([value[late], white[late].ravel()])
     known = known[np.isfinite(known)]
@@ -197,7 +200,8 @@ def _forecast(title: str, axis: AxisReport, curves: Curves) -> str:
         # 95 % limits of a root mean square over `count` values, by Wilson & Hilferty (1931).
         middle, spread = 1 - 2 / (9 * count), NORMAL_95 * np.sqrt(2 / (9 * count))
         low, high = (said * np.maximum(middle + way * spread, 0) ** 1.5 for way in (-1, 1))
-        # With one or two pieces the lower end may be 0, which a logarithmic scale cannot show.
+        # The lower end may be 0 if the root mean square is over one or two values. A logarithmic scale cannot
+        # show 0.
         low = np.maximum(low, 1e-3 * said)
         shown += [
             Curve(t, said, "rival", label="predicted by the first half"),
@@ -219,7 +223,8 @@ def _bias(title: str, axis: AxisReport, curves: Curves) -> str:
     known = np.isfinite(high - low)
     if known.any():
         usual = float(np.median(c.bias_std[known]))
-        accepted = c.bias[known & (c.bias_std <= SETTLED * usual)]  # neither at first nor just after a step
+        # excludes the beginning and the time just after a step
+        accepted = c.bias[known & (c.bias_std <= SETTLED * usual)]
         bottom, top = float(accepted.min()), float(accepted.max())
         margin = 4 * usual + 0.1 * (top - bottom)
         ends = bottom - margin, top + margin
@@ -229,7 +234,7 @@ def _bias(title: str, axis: AxisReport, curves: Curves) -> str:
 
 
 def _marks(at: Sequence[float], ends: Ends, label: str) -> Iterator[Curve]:
-    """Yield vertical lines from the bottom to the top, with one entry in the legend."""
+    """Yield vertical lines over the full height of the picture, with one common entry in the legend."""
     for number, where in enumerate(at):
         yield Curve([where] * 2, ends, "step", label="" if number else label)
 
@@ -310,11 +315,11 @@ TITLES = {
         "model does not describe this noise.",
     ),
 }
-"""Title of each figure, and how to read it."""
+"""Title of each picture, and how to read it."""
 
 SEEN = ("spectrum", "allan", "bias", "forecast")
-"""The figures of the noise, which come first in the report."""
+"""The pictures of the noise itself, which come first in the report."""
 WHY = ("profile",)
-"""The figures behind the verdict."""
+"""The pictures of the reasons for the verdict."""
 FLTEA = ("alpha", "f", "innovations")
-"""The figures of the online algorithm."""
+"""The pictures of FLTEA's estimates, the online algorithm."""

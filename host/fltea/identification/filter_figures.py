@@ -1,10 +1,12 @@
-"""Convert an axis to figures for a filter with white noise and either a random walk or a Gauss–Markov state.
+"""Convert the noise of an axis to figures for simple filters.
 
-The figures never promise too little error. A relaxation with deviation σ and correlation time τ has the
-density
-2 σ² τ / (1 + ω² τ²). White noise of density 2 σ² τ is nowhere below it, and neither is a random walk with
-K² = 2 σ² / τ. So a filter that replaces the relaxation by either of them predicts a heading error no smaller
-than the true one. After a time T, white noise is the closer replacement where τ < T / √3.
+Such a filter has white noise, and either a random walk or one Gauss–Markov state.
+
+A filter with these figures never predicts too small an error. A relaxation with deviation σ and correlation
+time τ has the density 2 σ² τ / (1 + ω² τ²). White noise of density 2 σ² τ is nowhere below it, and neither is
+a random walk with K² = 2 σ² / τ. So a filter that replaces the relaxation by either of them predicts a
+heading error no smaller than the true one. After a time T, white noise is the closer replacement where τ < T
+/ √3.
 """
 
 import math
@@ -19,17 +21,25 @@ from fltea.spectrum.allan_coefficients import Coefficient
 from fltea.spectrum.wording import duration, listed
 
 LONG_S = 4 * 3600.0
-"""The correlation time of a state that stands for a random walk [s]; far above the time of its use."""
+"""The correlation time of a Gauss–Markov state that replaces a random walk [s].
+
+It is much longer than the filter runs without new samples at rest.
+"""
 NEGLIGIBLE = 0.1
-"""Largest ratio of K to the slow states taken as a walk at which K is negligible."""
+"""Largest ratio of K to the walk that replaces the slow states, at which K is negligible."""
 WITHOUT_SLOW = ("white", "line", "resonance", "line or resonance", "comb")
-"""Verdicts on noise that has no slow part."""
+"""Verdicts on noise that has no slow component."""
 UP_TO_S = 60.0
-"""Default time up to which the heading's error is bounded [s]."""
+"""Time up to which the predicted error of the heading is at least the true one, if the user names none
+[s].
+"""
 
 
 def filter_figures(axis: AxisReport, up_to_s: float = UP_TO_S) -> FilterFigures:
-    """Return the figures of the axis for a filter whose heading error has to be bounded up to `up_to_s`."""
+    """Return the figures of the axis for a filter that does not underestimate its heading error.
+
+    `up_to_s`: time up to which this holds [s].
+    """
     base, plain = axis_noise(axis), axis.filter
     N, K, said, tau_s = base.N._replace(slower=()), base.K, "", LONG_S
     if plain is not None and plain.gauss_markov and not _is_unlearnt(axis, base.K):
@@ -49,7 +59,10 @@ def filter_figures(axis: AxisReport, up_to_s: float = UP_TO_S) -> FilterFigures:
 
 
 def _is_unlearnt(axis: AxisReport, K: Shown) -> bool:
-    """Whether slow states stand for a random walk that was not observed; then its upper bound is shown."""
+    """Whether the slow states replace a random walk that was not observed.
+
+    The upper bound of K is shown then.
+    """
     return K.value is None and axis.result.verdict.kind in WITHOUT_SLOW
 
 
@@ -73,11 +86,15 @@ def _said(
     as_written: tuple[float, float],
     t_s: float,
 ) -> str:
-    """Return a sentence on the relaxations that are written in another form. `as_written`: N and K."""
+    """Return a sentence on the relaxations that are included in N or K.
+
+    `as_written`: the figures N and K that include them.
+    """
     (N, K), own = as_written, plain.N**2 * t_s + plain.K**2 * t_s**3 / 3
     for state in (*fast, *slow):
         over = t_s / state.tau_s
-        grown = 2 * over - 3 + 4 * math.exp(-over) - math.exp(-2 * over)  # growth from a known state on
+        # growth of the heading's variance if the state is known at first
+        grown = 2 * over - 3 + 4 * math.exp(-over) - math.exp(-2 * over)
         own += (state.sigma * state.tau_s) ** 2 * grown
     ratio = math.sqrt((N**2 * t_s + K**2 * t_s**3 / 3) / own)
     forms = [

@@ -1,4 +1,4 @@
-"""Arrange the findings: rows for people (terminal and report), and one JSON object for programs."""
+"""Arrange the results: as rows for people (terminal and report), and as one JSON object for programs."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
@@ -38,7 +38,7 @@ Row = tuple[str, str]
 
 
 def document(reports: Sequence[FileReport]) -> dict[str, Any]:
-    """Return all findings of all recordings as one object for JSON."""
+    """Return all results of all recordings as one object for JSON."""
     found: dict[str, Any] = {"files": [_file(report) for report in reports]}
     return found | ({"compared": msgspec.to_builtins(compared(reports))} if len(reports) > 1 else {})
 
@@ -71,7 +71,10 @@ def _axis(axis: AxisReport | Failure) -> dict[str, Any]:
 
 
 def sheets(axes: Mapping[str, AxisReport]) -> list[str]:
-    """Return how each axis compares with the data sheet that was named, and the source of the sheet."""
+    """Return sentences that compare each axis with the data sheet that the user named.
+
+    They name the source of the sheet, too.
+    """
     found = [(name, axis.sheet) for name, axis in axes.items() if axis.sheet is not None]
     sources = dict.fromkeys(f"Data sheet of the {one.part}: {one.source}." for _, one in found if one.part)
     return [f"{name}: {one.text}" for name, one in found] + list(sources)
@@ -89,7 +92,10 @@ def heading(report: FileReport) -> str:
 
 
 def reading(report: FileReport) -> list[Row]:
-    """Return how another program's file was read: each question with its answer and the evidence."""
+    """Return how another program's file was read.
+
+    Each row is a question (such as the unit), its answer and the evidence for it.
+    """
     return [] if report.recording is None else [(one.question, str(one)) for one in report.recording.reading]
 
 
@@ -112,7 +118,7 @@ def doubts(report: FileReport) -> list[str]:
 def data_checks(report: FileReport) -> list[tuple[str, DataCheck]]:
     """Return all data checks of a recording with their axes, the worst first.
 
-    A check that several axes share comes once.
+    A finding that several axes share is returned once, with all of them.
     """
     found: dict[tuple[str, str], tuple[list[str], DataCheck]] = {}
     of_axes = [(name, axis.data_checks) for name, axis in report.axes.items() if isinstance(axis, AxisReport)]
@@ -205,10 +211,10 @@ def part_rows(axis: AxisReport) -> list[Row]:
     counted: dict[str, int] = {}
     for part in r.parts:
         counted[part.part] = number = counted.get(part.part, 0) + 1
-        if part.part in ("white", "walk"):  # their figures are N and K
+        if part.part in ("white", "walk"):  # its figure is N or K, which has a row already
             continue
         for name, value in part.values.items():
-            if part.part == "order" and name in ("alpha", "f"):  # these have rows of their own
+            if part.part == "order" and name in ("alpha", "f"):  # α and f have rows of their own
                 continue
             symbol, its = SYMBOLS.get(name, (name.removesuffix("_hz"), "Hz" if name.endswith("_hz") else ""))
             its = its.format(unit=unit)
@@ -227,7 +233,7 @@ def _estimate(one: Quantity) -> str:
 
 
 def _walk(K: Quantity, tells_s: float | None) -> str:
-    """Return K, or its upper bound and the record length that would be enough to estimate K."""
+    """Return K as text, or its upper bound and the length of a record that would be enough to estimate K."""
     more = "" if K.value is not None or tells_s is None else f"; {duration(tells_s)} would tell"
     return _estimate(K) + more
 
@@ -247,7 +253,10 @@ def settings(axis: AxisReport) -> str:
 
 
 def remarks(axes: Mapping[str, AxisReport]) -> list[str]:
-    """Return sentences on figures that are missing, or that do not describe the noise, with their axes."""
+    """Return sentences on figures that are missing or do not describe the noise.
+
+    They name the axes concerned.
+    """
     names: dict[str, list[str]] = {}
     for name, axis in axes.items():
         for fit in (axis.result.fltea, axis.result.fltea_other):
@@ -265,7 +274,7 @@ def remarks(axes: Mapping[str, AxisReport]) -> list[str]:
 
 
 def method(r: AxisResult) -> str:
-    """Return FLTEA's settings and the share of the samples that it was run over."""
+    """Return FLTEA's settings, and over how many of the samples it was run."""
     f = r.fltea
     if f is None:
         return f"FLTEA was not run: {r.fltea_reason}"
@@ -288,7 +297,7 @@ def _span(band: tuple[float, float, float] | None) -> str:
 
 
 def by_sensor(axes: Mapping[str, AxisReport]) -> list[dict[str, AxisReport]]:
-    """Return one dictionary of axes for each sensor, since sensors have different units."""
+    """Return one dictionary of axes for each sensor, gyroscope and accelerometer, as their units differ."""
     units = dict.fromkeys(axis.unit for axis in axes.values())
     return [{name: axis for name, axis in axes.items() if axis.unit == unit} for unit in units]
 
@@ -296,9 +305,9 @@ def by_sensor(axes: Mapping[str, AxisReport]) -> list[dict[str, AxisReport]]:
 def side_by_side(
     axes: Mapping[str, AxisReport], rows_of: Callable[[AxisReport], list[Row]] = rows
 ) -> list[tuple[str, list[str]]]:
-    """Return the rows of several axes as a label and one value for each axis.
+    """Return a table of several axes: each row has a label and one value for each axis.
 
-    `rows_of` makes the rows of an axis. The value is empty where an axis has no such row.
+    `rows_of` makes the rows of an axis. The value is empty if `rows_of` gives no such row for an axis.
     """
     columns = [_keyed(rows_of(axis)) for axis in axes.values()]
     labels: list[tuple[str, str]] = []
@@ -314,7 +323,10 @@ def side_by_side(
 
 
 def _keyed(found: list[Row]) -> dict[tuple[str, str], str]:
-    """Return the rows keyed by their label and the unindented label above, as indented labels may recur."""
+    """Return the values by a pair of labels: the row's own, and that of the last row without indentation.
+
+    Indented labels may occur more than once.
+    """
     keyed, above = {}, ""
     for label, value in found:
         above = above if label.startswith(" ") else label

@@ -1,4 +1,7 @@
-"""Find peaks and combs at the full resolution of a record, which only a stored recording allows."""
+"""Find spectral lines, resonances and combs of lines at the full resolution of a record.
+
+Only a stored recording allows this.
+"""
 
 import math
 from collections.abc import Sequence
@@ -13,14 +16,16 @@ from fltea.spectrum.periodogram import Periodogram, periodogram
 from fltea.spectrum.spectral_lines import Peak, Repeats, find_peaks
 
 CHUNK, MOST_DEVIATIONS = 128, 12.0
-"""These equal the constants in firmware/core/engine/gate.hpp."""
+"""Samples per chunk, and limit for outliers in standard deviations, as in firmware/core/engine/gate.hpp."""
 Bands = tuple[tuple[float, float], ...]
 
 
 def fine_peaks(
     p: Periodogram, stretches: Sequence[Stretch], from_hz: float, notch: Bands
 ) -> tuple[tuple[Peak, ...], Sequence[Stretch] | None]:
-    """Return the peaks of `p`, and the stretches without a comb (None if there is no comb).
+    """Return the peaks of a periodogram, and the stretches after a comb of lines was removed.
+
+    The second is None if there is no comb.
 
     Args:
         p: periodogram of the longest stretch, above `from_hz` and outside `notch`.
@@ -58,9 +63,11 @@ def _peak(comb: Comb, found: WithoutComb, p: Periodogram) -> Peak:
 
 
 def limited(y: Array) -> Array:
-    """Limit the outliers of y (n,) as live fits do: move samples far from the mean of their chunk nearer.
+    """Limit the outliers of y (n,) as live fits do.
 
-    Otherwise a few large samples close together would add a spectrum of their own.
+    Samples far from the mean of their chunk are moved nearer to it.
+
+    Otherwise a few large outliers close together would add a spectrum of their own to that of the noise.
     """
     chunks = len(y) // CHUNK
     if not chunks:

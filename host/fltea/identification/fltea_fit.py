@@ -1,6 +1,6 @@
 """Run FLTEA over a recording as the daemon does: start-up window, bias, R, guard, supervisor.
 
-Axes with the same settings run as lanes of one engine.
+Axes with the same settings are run in parallel, as lanes of one engine.
 """
 
 import math
@@ -26,9 +26,9 @@ Variant = Literal["triple", "joint"]
 OTHER: dict[Variant, Variant] = {"joint": "triple", "triple": "joint"}
 
 CHUNK = 4096
-"""Number of samples that the lanes process at a time."""
+"""Number of samples of each axis that the engine processes at a time."""
 LEAST = 100
-"""Least number of samples after the start-up window."""
+"""Least number of samples after the start-up window for FLTEA to be run."""
 
 
 # Over 12 attributes: each is one field of the published fit.
@@ -39,7 +39,10 @@ class FlteaFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     guard: str
     alpha: float | None
     alpha_std: float | None
-    """The filter's own standard deviation, which says how steady the figure is, not how true."""
+    """The filter's own standard deviation of α.
+
+    It says how much the estimate moves, but not how far it is from the truth.
+    """
     f: float | None
     """The parameter f of s^-α."""
     f_std: float | None
@@ -51,33 +54,36 @@ class FlteaFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     R_from: Literal["start-up window", "setting"]
     startup_samples: int
     samples: int
-    """Number of samples that FLTEA was run over: the longest part without a restart, with its start-up."""
+    """Number of samples in the longest part without a restart, over which FLTEA was run.
+
+    The start-up window is included.
+    """
     predicted: int
-    """Number of lost samples within this part, at which FLTEA only predicted."""
+    """Number of lost samples within this part. FLTEA predicts at these, but cannot correct."""
     restarts: int
     interventions: dict[str, int]
-    """Number of interventions of the guard since the last start, for each cause that occurred."""
+    """Number of interventions of the guard since FLTEA's last start, by their cause."""
     alpha_drift: float | None
     """Change of α over the last third of the record: the mean of its second half less that of its first."""
     f_drift: float | None
     converged: bool
-    """Whether the drift of α is less than its standard deviation or 0.02."""
+    """Whether `alpha_drift` is less than `alpha_std`, or less than 0.02."""
     describes_noise: bool | None
     """Whether α and f describe the noise.
 
-    False: the innovations of the last two thirds are not white, or the noise has no order, or has another
-        order.
-    Then α, f and their deviations say nothing about the noise. None: too few innovations, or no verdict.
+    False: the innovations of the last two thirds are not white, or the noise has no order or another one.
+    Then α, f and their standard deviations say nothing about the noise. None: too few innovations, or no
+    verdict.
     """
     settings: EstimatorConfig
-    """All settings: window, start-up, tuning."""
+    """All settings of FLTEA: length of the memory, start-up, tuning."""
 
 
 class FlteaAxis(NamedTuple):
     """An axis over which FLTEA is to be run.
 
-    As in live use, lost samples are predicted, and everything restarts after a long gap. So FLTEA runs over
-    the longest part between two such gaps.
+    As in live use, FLTEA predicts lost samples, and restarts after a long gap. So FLTEA runs over the longest
+    part between two such gaps.
     """
 
     y: Array
@@ -85,19 +91,21 @@ class FlteaAxis(NamedTuple):
     gaps: Gaps
     """The gaps between the samples."""
     config: EstimatorConfig
-    """Settings; where `bias` and `R` are numbers, they are those of this axis."""
+    """Settings of FLTEA. If `bias` and `R` are numbers, they are those of this axis."""
     lsb: float | None
     """One count in the unit of y, if known. The variance of rounding to counts is the smallest R."""
     alpha: Interval | None
-    """Order of the noise by the verdict, without ends if the noise has none; None without a verdict."""
+    """Order of the noise by the verdict; None without a verdict.
+
+    Its ends are null if the noise has no order.
+    """
 
     def why_not(self, h: float) -> str:
         """Return why FLTEA cannot be run, or an empty text if it can. `h`: sampling period [s].
 
         Raises:
-            ValueError: the settings give no filter that works, or there are fewer samples than the start-up
-                window and
-                a hundred more.
+            ValueError: no filter works with the settings, or fewer than a hundred samples follow the start-up
+                window.
         """
         lane = _lane(self)
         if not isinstance(lane, str):
@@ -110,15 +118,17 @@ class FlteaFits(NamedTuple):
     """FLTEA's estimates for one axis."""
 
     own: FlteaFit | None
-    """The estimates of the variant in the settings; None where `reason` says why."""
+    """The estimates of the variant in the settings. If None, `reason` says why."""
     other: FlteaFit | None
     innovations: dict[str, Innovations | None]
-    """The test of the innovations in the last two thirds, by variant."""
+    """The test whether the innovations of the last two thirds are white, by variant."""
     reason: str = ""
 
 
 def fltea_fits(axes: Sequence[FlteaAxis], h: float) -> list[FlteaFits]:
-    """Run both variants over all axes; each result is the same as for the axis alone.
+    """Run both variants of FLTEA over all axes.
+
+    The result for each axis is the same as if it were run alone.
 
     `h`: sampling period [s].
 
@@ -145,7 +155,7 @@ def fltea_fits(axes: Sequence[FlteaAxis], h: float) -> list[FlteaFits]:
 
 
 class _Lane(NamedTuple):
-    """The input of the engine for one axis."""
+    """The input for one lane of the engine, which is one axis."""
 
     rest: Array
     """The samples after the start-up window, with a 0 for each lost sample."""
@@ -153,11 +163,14 @@ class _Lane(NamedTuple):
     bias: float
     R: float
     samples: int
-    """Number of samples with the start-up window, without lost ones."""
+    """Number of samples, including the start-up window but not the lost samples."""
 
 
 def _lane(axis: FlteaAxis) -> _Lane | str:
-    """Return the lane of an axis, or why there can be none. Raises ValueError as `FlteaAxis.why_not` does."""
+    """Return the input of the engine for an axis, or a text that says why FLTEA cannot be run over it.
+
+    Raises ValueError as `FlteaAxis.why_not` does.
+    """
     begin, end = longest_epoch(len(axis.y), axis.gaps)
     y, gaps, config = axis.y[begin:end], axis.gaps.within(begin, end), axis.config
     if len(y) < config.startup_needed + LEAST:
@@ -175,9 +188,9 @@ def _lane(axis: FlteaAxis) -> _Lane | str:
 def _alike(
     axes: Sequence[FlteaAxis], lanes: Sequence[_Lane | str], variant: Variant
 ) -> Iterator[tuple[EstimatorConfig, list[int]]]:
-    """Yield each set of settings of this variant, and the indices of the axes that have it.
+    """Yield each distinct set of settings of this variant, and the indices of the axes that share it.
 
-    Bias and R may differ.
+    Axes with the same set may differ in bias and R.
     """
     groups: list[tuple[EstimatorConfig, list[int]]] = []
     for index, (axis, lane) in enumerate(zip(axes, lanes, strict=True)):
@@ -228,17 +241,20 @@ def _fit(lane: _Lane, ran: "_Ran", config: EstimatorConfig, order: Interval | No
 
 
 def after_startup(y: Array, gaps: Gaps, config: EstimatorConfig) -> tuple[Array, Mask | None]:
-    """Return the samples after the start-up window of an unbroken part, and a mask of the lost samples."""
+    """Return the samples after the start-up window, and a mask of the lost samples.
+
+    `y`: a part of the record without a restart.
+    """
     return spread(y[config.startup_needed :], gaps.within(config.startup_needed, len(y)))
 
 
 class _Ran:
-    """The results of a lane of n samples, collected block by block.
+    """The results for one lane (one axis) of n samples, collected block by block.
 
     Attributes:
-        last: α, its deviation, f and its deviation after the last sample.
-        alpha, f: their drift over the last third.
-        tested: the test of the innovations in the last two thirds.
+        last: α, its standard deviation, f, and its standard deviation after the last sample.
+        alpha, f: the drift of α and of f over the last third.
+        tested: the test whether the innovations of the last two thirds are white.
     """
 
     def __init__(self, n: int) -> None:
@@ -251,9 +267,10 @@ class _Ran:
         self.interventions: dict[str, int] = {}
 
     def add(self, start: int, columns: Array, *, valid: bool) -> None:
-        """Add the next rows, from sample `start` on.
+        """Add the results for the next samples, from sample `start` on.
 
-        `columns`: the columns of `LaneBlock`. `valid`: whether the estimates at the last row are valid.
+        `columns`: the columns of `LaneBlock`. `valid`: whether the estimates at the last of these samples are
+        valid.
         """
         alpha, alpha_std, f, f_std, _, innovation, innovation_std = columns
         self.alpha.add(start, alpha)
@@ -265,7 +282,7 @@ class _Ran:
         self.valid = valid
 
     def end(self, lanes: Lanes, lane: int) -> None:
-        """Store what the supervisor has done so far; called right after the last sample of the lane."""
+        """Store how often the supervisor has intervened. Called right after the last sample of the lane."""
         self.restarts = int(lanes.restarts[lane])
         counts = zip(CAUSES, lanes.interventions()[lane].tolist(), strict=True)
         self.interventions = {cause: n for cause, n in counts if n}
@@ -276,7 +293,10 @@ class _Ran:
 
 
 def _run(own: Sequence[_Lane], h: float, config: EstimatorConfig) -> list[_Ran]:
-    """Run lanes in parallel, each to its own end; what a lane predicts after its end is dropped."""
+    """Run lanes of different lengths in parallel, and return the results of each.
+
+    After a lane's last sample the engine only predicts; these predictions are dropped.
+    """
     lanes = Lanes(len(own), _settings(config, h, [one.R for one in own]))
     ran = [_Ran(len(one.rest)) for one in own]
     ends = sorted({one.n for one in ran})
@@ -300,7 +320,7 @@ def _run(own: Sequence[_Lane], h: float, config: EstimatorConfig) -> list[_Ran]:
 
 
 def _rows(own: Sequence[_Lane], begin: int, end: int) -> tuple[Array, Mask | None]:
-    """Return samples begin … end - 1 of all lanes less their biases, and a mask of the missing samples."""
+    """Return samples begin … end - 1 of all lanes less their biases, and a mask of missing samples."""
     y, gone = np.zeros((end - begin, len(own))), np.zeros((end - begin, len(own)), dtype=bool)
     for lane, one in enumerate(own):
         rest = one.rest[begin:end]
@@ -312,7 +332,10 @@ def _rows(own: Sequence[_Lane], begin: int, end: int) -> tuple[Array, Mask | Non
 
 
 class _Drift:
-    """Mean of the finite values in the second half of samples begin … end - 1, less that of the first."""
+    """How far a value drifts over samples begin … end - 1.
+
+    It is the mean of the finite values in the second half less that in the first half.
+    """
 
     def __init__(self, begin: int, end: int) -> None:
         middle = begin + (end - begin) // 2

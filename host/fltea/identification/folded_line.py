@@ -1,9 +1,9 @@
-"""Find a line that wanders about a multiple of the sample rate, and is therefore seen near frequency 0.
+"""Find a spectral line near a multiple of the sample rate, which aliasing moves to near frequency 0.
 
-Mains of 50 Hz sampled at 50 Hz or 25 Hz is an example. Its spectrum looks like noise behind a low-pass far
-below half the sample rate, plus white noise of the sensor. But the line oscillates with one amplitude.
-Averaged over far less than a period, its samples have a fourth moment of 1.5 times the squared second moment;
-noise has 3.
+An example is mains of 50 Hz, whose frequency wanders a little, sampled at 50 Hz or 25 Hz. The spectrum looks
+like noise behind a low-pass far below half the sample rate, plus white noise of the sensor. But the amplitude
+of a line is constant. If its samples are averaged over much less than a period, the ratio of their fourth
+moment to the squared second moment is 1.5. For noise this ratio is 3.
 """
 
 import math
@@ -17,31 +17,37 @@ from fltea.spectrum.spectral_lines import Peak
 LEAST_HEIGHT = 30.0
 """Least ratio of the density near frequency 0 to that at the highest frequencies.
 
-With a smaller ratio, N would include both.
+With a smaller ratio, the hump near 0 cannot be told from the white noise.
 """
 EDGE = 1.1
-"""Ratio of the density to that of the floor at which the hump ends."""
+"""Ratio of the spectral density to the white noise's at which the hump near frequency 0 ends."""
 WIDEST = 0.3
-"""Largest share of the band that the hump may cover."""
+"""Largest share of all frequencies that the hump may cover."""
 ON_ITS_SHOULDER = 0.1
-"""Share of the density near 0 that the fastest oscillations still have; averaging must keep these."""
-AVERAGED = 6
-"""Number of averages in a period of these fastest oscillations."""
-PARTS = 16
-"""Number of parts of the record; their spread gives the error of the ratio of moments."""
-FEWEST_PERIODS = 100
-"""Least number of periods of the fastest oscillations; a random walk has its power in fewer periods."""
-BETWEEN, SURE = (1.2, 2.3), 5.0
-"""Range of the ratio of moments, and the number of standard errors by which it must be below that of noise.
+"""Share of the density near 0 at the highest frequency of the hump.
 
-A ratio of 1 is excluded, since noise that jumps between two values has it.
+Averaging must not suppress oscillations of this frequency.
+"""
+AVERAGED = 6
+"""Number of averages in one period of the hump's fastest oscillations."""
+PARTS = 16
+"""Number of parts into which the record is divided, to find the error of the ratio of moments."""
+FEWEST_PERIODS = 100
+"""Least number of periods of the hump's fastest oscillations in the record.
+
+The power of a random walk is in oscillations with fewer periods.
+"""
+BETWEEN, SURE = (1.2, 2.3), 5.0
+"""Range of the ratio of moments for a line, and by how many standard errors it must be below 3.
+
+The range excludes 1, which is the ratio for noise that jumps between two values.
 """
 
 
 def folded_line(y: Array, h: float, candidates: CandidateModels) -> Peak | None:
-    """Return the hump of such a line in y (n,), or None.
+    """Return the hump that such a line makes in the spectrum of y (n,), or None.
 
-    `h`: sampling period [s]. `frontier`: the candidate models of the spectrum of y.
+    `h`: sampling period [s]. `candidates`: the candidate models of the spectrum of y.
     """
     lam = candidates.data.lam
     density = candidates.plain.spectrum(lam, h)
@@ -70,10 +76,14 @@ def folded_line(y: Array, h: float, candidates: CandidateModels) -> Peak | None:
 
 
 def _moments(y: Array, averaged: int) -> tuple[float, float]:
-    """Return the fourth moment of averaged samples over their squared second moment, and its error."""
+    """Return the ratio of moments of the averaged samples, and its error.
+
+    The ratio is that of the fourth moment to the squared second moment.
+    """
     count = len(y) // averaged
     means = y[: count * averaged].reshape(count, averaged).mean(axis=1)
-    # Remove what is slower than a part: it is drift, which has only a few independent values.
+    # Remove oscillations that are slower than a part of the record. They are drift, of which there are too
+    # few independent values.
     parts = [one - one.mean() for one in np.array_split(means, PARTS)]
     second = np.array([np.mean(one**2) for one in parts])
     fourth = np.array([np.mean(one**4) for one in parts])

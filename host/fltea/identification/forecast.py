@@ -1,4 +1,7 @@
-"""Forecast the heading, and judge the forecast: the model of the first half predicts the second half."""
+"""Forecast the heading, and check the forecast.
+
+The check lets the model of the record's first half predict the second half.
+"""
 
 import math
 from collections.abc import Callable, Sequence
@@ -37,16 +40,15 @@ from fltea.spectrum.wording import duration, names
 P = TypeVar("P", Piece, BiasPiece)
 
 BIAS_S = 10.0
-"""Longest time T of the Bias(T) that the text names [s]."""
+"""Longest time T for which the text shows Bias(T) [s]."""
 AS_FILTERED = "It holds for the samples as they are, behind the high-pass: the sensor itself drifts more."
 
 
 class BiasAtEnd(NamedTuple):
     """Bias(T) after the last sample of a recording.
 
-    `samples`: number of samples since the last step, which the bias is known from. `has_stepped`: whether
-        there was a
-    step.
+    `samples`: number of samples since the last step of the bias, from which the bias was computed.
+    `has_stepped`: whether there was a step.
     """
 
     bias: float
@@ -64,7 +66,7 @@ class Now(msgspec.Struct, frozen=True):
     heading_std: float
     """Standard deviation after 60 s: in deg for a rate in deg/s."""
     bias_s: float
-    """T, the time that the bias is meant for [s]."""
+    """T, the time during which the bias is to be subtracted [s]."""
 
 
 class Goal(msgspec.Struct, frozen=True):
@@ -75,18 +77,20 @@ class Goal(msgspec.Struct, frozen=True):
 
 
 class Drive(msgspec.Struct, frozen=True):
-    """The inverse of a goal: how long is a heading good to ± `within` deg (95 %) after a rest of `rest_s`?"""
+    """The question how long a heading is good to ± `within` deg (95 %) after `rest_s` seconds at rest."""
 
     within: float
     rest_s: float
 
 
 Asked = bool | Goal | Drive | Sequence[Goal | Drive]
-"""Whether a forecast is wanted, and the questions that it has to answer."""
+"""Whether a forecast is wanted, and which questions it has to answer."""
 
 
 def asked_by(forecast: bool, rest_for: str | None, drive_for: str | None) -> Asked:
-    """Return what the options ask for: --forecast, and DEG@SECONDS of --rest-for and --drive-for.
+    """Return what the options ask for.
+
+    They are --forecast, --rest-for DEG@SECONDS and --drive-for DEG@SECONDS.
 
     Raises:
         UsageError: the text of an option is not DEG@SECONDS.
@@ -118,7 +122,7 @@ def goal_of(text: str) -> Goal:
 
 
 def drive_of(text: str) -> Drive:
-    """Return the drive that `DEG@SECONDS` stands for; the seconds are those at rest.
+    """Return the drive that `DEG@SECONDS` stands for, where the seconds are the time at rest before it.
 
     Raises:
         UsageError: the text is not a drive.
@@ -133,7 +137,7 @@ def drive_of(text: str) -> Drive:
 
 
 def _degrees_at_seconds(text: str) -> tuple[float, float]:
-    """Return the two numbers of `DEG@SECONDS`; NaN for both if the text is not of this form."""
+    """Return the two numbers of `DEG@SECONDS`; NaN for both if the text has another form."""
     degrees, _, seconds = text.partition("@")
     try:
         return float(degrees), float(seconds)
@@ -142,22 +146,27 @@ def _degrees_at_seconds(text: str) -> tuple[float, float]:
 
 
 class Forecast(msgspec.Struct, frozen=True):
-    """The forecast by the whole recording's model, and how the second half judges the first half's model."""
+    """The forecast by the model of the whole recording, and a check of it.
+
+    The check compares the forecast by the first half's model with the second half.
+    """
 
     t_s: tuple[float, ...]
     heading_std: tuple[float, ...]
     judged: tuple[Piece, ...]
-    """The judgement of the heading."""
+    """How well the heading of the second half was predicted, for each time span."""
     bias: tuple[BiasPiece, ...]
-    """The judgement of Bias(T), the constant to subtract during the next T seconds."""
+    """How well Bias(T), the constant to subtract during the next T seconds, was predicted."""
     made_of: str
-    """What the forecast is made of: the parts of the whole recording's noise, and the model of its offset."""
+    """The parts of the noise on which the forecast is based, and the model of its offset, in words."""
     judged_made_of: str
-    """What the first half's model is made of, which the second half judges; empty without such a model."""
+    """The same for the first half's model, which the second half judges; empty without such a model."""
     text: str
     goal: Goal | None = None
     rest_s: float | None = None
-    """Rest that the goal needs [s]; null if there is no goal, or no rest is enough."""
+    """Time at rest that the goal needs [s]; null if no goal was asked for, or if no time at rest is
+    enough.
+    """
     drive: Drive | None = None
     drive_s: float | None = None
     """Time for which the heading is good after the drive's rest [s].
@@ -165,9 +174,10 @@ class Forecast(msgspec.Struct, frozen=True):
     Null if no drive is asked for, or if the heading is good for more than an hour.
     """
     after_s: float = 0.0
-    """Rest of the sensor before the forecast begins [s].
+    """Time at rest before the forecast begins [s].
 
-    It is the longest part of the recording without a gap, whose first half is judged by its second half.
+    It is the length of the recording's longest part without a gap. The second half of this part judges the
+    first half.
     """
 
 
@@ -180,7 +190,7 @@ def found(
     asked: Asked = (),
     at_end: BiasAtEnd | None = None,
 ) -> tuple[Now | None, Forecast | None]:
-    """Return the bias now and, if `first` is given, the forecast.
+    """Return the bias at the end of the recording and, if `first` is given, the forecast.
 
     Each of the two is None if no filter works with the noise.
 
@@ -189,9 +199,9 @@ def found(
         y: samples without a gap, (n,).
         h: sampling period [s].
         unit: unit of y.
-        first: fits the tracked system to given samples alone.
+        first: a function that fits the tracked system to the samples it is called with.
         asked: the questions that the forecast has to answer.
-        at_end: the bias after the last sample of the recording; None: the mean of y.
+        at_end: the bias after the last sample of the recording. None: the mean of y is used.
     """
     model = tracked.system
     try:
@@ -213,7 +223,7 @@ def found(
 
 
 def _answering(found: Forecast, model: System, h: float, asked: Goal | Drive, unit: str) -> Forecast:
-    """Return the forecast with the answer to `asked`, or with the reason why there is none."""
+    """Return the forecast with the answer to a question, or with the reason why there is no answer."""
     try:
         if isinstance(asked, Goal):
             return with_goal(found, model, h, asked, unit)
@@ -244,9 +254,9 @@ def forecast(whole: FittedSystem, first: FittedSystem, y: Array, h: float, unit:
 
 
 def made_of(tracked: FittedSystem) -> str:
-    """Return in a few words what a tracked system is made of: its parts, and the model of its offset."""
+    """Return the parts of a tracked system and the model of its offset in a few words."""
     walk = tracked.walk
-    # The tracker's random walk replaces that of the parts, if there is one.
+    # If one of the parts is a random walk, the tracker's random walk replaces it.
     own = [part for part in tracked.parts if not (walk.is_found and isinstance(part, Walk))]
     found = [names(map(type, own))]
     if walk.endless > 0:
@@ -261,7 +271,7 @@ def made_of(tracked: FittedSystem) -> str:
 
 
 def with_goal(found: Forecast, model: System, h: float, goal: Goal, unit: str) -> Forecast:
-    """Return the forecast with the rest that the goal needs."""
+    """Return the forecast with the time at rest that the goal needs."""
     rest = rest_for(model, h, goal.t_s, goal.within / NORMAL_95, integral(unit))
     if rest.rest_s is None:
         text = rest.reason
@@ -272,7 +282,7 @@ def with_goal(found: Forecast, model: System, h: float, goal: Goal, unit: str) -
 
 
 def with_drive(found: Forecast, model: System, h: float, drive: Drive, unit: str) -> Forecast:
-    """Return the forecast with the time for which the heading is good after the drive's rest."""
+    """Return the forecast with the time for which the heading is good enough for this drive."""
     drive_s = drive_for(model, h, drive.rest_s, drive.within / NORMAL_95)
     if drive_s is None:
         time = "for more than an hour"
@@ -291,7 +301,7 @@ def _good(within: float, unit: str) -> str:
 
 
 def is_any_heading(std: float, unit: str) -> bool:
-    """Whether a heading with this standard deviation is unknown; only for a rate in deg/s."""
+    """Whether this standard deviation is so large that any heading is possible; only for a rate in deg/s."""
     return unit == "deg/s" and std > MOST_DEG
 
 
@@ -301,19 +311,22 @@ def angle(std: float, unit: str) -> str:
 
 
 def integral(unit: str) -> str:
-    """Return the unit of a heading, or of the integral of another rate, to stand after a number."""
+    """Return the unit of a heading, or of the integral of another rate, as it is written after a number."""
     return "°" if unit == "deg/s" else f" {unit.removesuffix('²') if unit == 'm/s²' else unit + '·s'}"
 
 
 def said(found: Judgement, unit: str) -> str:
-    """Return the judgement in sentences."""
+    """Return in sentences how good the forecast was."""
     if not found.heading:
         return f"The second half is too short to check a forecast: a check needs {FEWEST} pieces of a second."
     return f"{_of_heading(found.heading, unit)} {_of_bias(found.bias, unit)}"
 
 
 def _of_heading(pieces: Sequence[Piece], unit: str) -> str:
-    """Return a sentence on the heading; if several times fail, on the one with the largest deviation."""
+    """Return a sentence on the forecast of the heading.
+
+    If it fails at several times, the sentence is on the time with the largest deviation.
+    """
     failed = _worst(pieces)
     if failed is None:
         longest = pieces[-1]
@@ -331,7 +344,10 @@ def _of_heading(pieces: Sequence[Piece], unit: str) -> str:
 
 
 def _of_bias(pieces: Sequence[BiasPiece], unit: str) -> str:
-    """Return a sentence on the bias at the time that fails worst, else at the longest up to `BIAS_S`."""
+    """Return a sentence on the forecast of the bias.
+
+    It is for the time that fails worst or, if none fails, for the longest time up to `BIAS_S`.
+    """
     failed = _worst(pieces)
     one = failed or max((one for one in pieces if one.t_s <= BIAS_S), key=lambda one: one.t_s)
     figures = (
@@ -342,5 +358,5 @@ def _of_bias(pieces: Sequence[BiasPiece], unit: str) -> str:
 
 
 def _worst(pieces: Sequence[P]) -> P | None:
-    """Return the failing piece with the largest deviation, or None."""
+    """Return the failed judgement with the largest deviation, or None."""
     return max((one for one in pieces if one.fails), key=lambda one: abs(one.deviations), default=None)

@@ -1,8 +1,9 @@
-"""Judge a forecast by the recording itself: the first half's model predicts time spans of the second half.
+"""Judge a forecast by the recording itself: the first half's model predicts the second half.
 
-Two things are predicted for the next T seconds. The first is the heading, the integral of the rate less its
-prediction. The second is Bias(T), the constant to subtract meanwhile. The mean of the rate less Bias(T) has
-the variance σ² + N²/T, where σ is that of the bias and N²/T is what the noise leaves in a mean.
+The second half is divided into pieces, which are time spans of T seconds. Two things are predicted for each
+piece. The first is the heading, the integral of the rate less its prediction. The second is Bias(T), the
+constant to subtract during these T seconds. The mean of the rate less Bias(T) has the variance σ² + N²/T,
+where σ is that of the bias and N²/T is what the noise leaves in a mean.
 """
 
 import math
@@ -25,29 +26,32 @@ from fltea.records.plus_minus import NORMAL_95
 
 TIMES_S = (1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1200.0, 1800.0, 3600.0)
 FEWEST = 5
-"""Least number of pieces (time spans of the forecast's length) with which a time is judged."""
+"""Least number of pieces (time spans of T seconds) from which forecasts for T seconds are judged."""
 WRONG = 0.01
-"""Probability that a right model fails at any of the times."""
+"""Probability that a right model fails for at least one T."""
 UNLIKELY = 0.005
-"""Behaviours of the offset that are less likely than this do not widen the doubt about a forecast."""
+"""Probability below which a model of the offset is left out of the uncertainty of a forecast."""
 NODES_AT, NODES_WEIGH = np.polynomial.hermite_e.hermegauss(9)
 NODES_WEIGH = NODES_WEIGH / NODES_WEIGH.sum()
-"""Points that stand for a normal distribution (Gauss–Hermite), and their weights."""
+"""Points and weights for averages over a normal distribution (Gauss–Hermite quadrature)."""
 GROWTH = 1.1
-"""Ratio by which the rest has to grow before the covariance of x is computed anew."""
+"""Ratio by which the time at rest has to grow before the covariance of x is computed anew."""
 LEARNT = 4
-"""The first half judges itself from this fraction (1 / LEARNT) of its length on."""
+"""The tails of the errors are read from the first half, after 1 / LEARNT of its length."""
 HELD = 0.95
-"""Share of pieces that a 95 % band has to hold."""
+"""Share of the pieces' errors that have to be inside a 95 % band."""
 MANY = 20
-"""With fewer pieces than this at a time, its tails are taken from the time before."""
+"""Least number of pieces from which the tails of the errors are computed.
+
+With fewer pieces, the tails of the next shorter time are used.
+"""
 NORMAL_TAILS = 3.0
-"""Fourth moment of a normal distribution over its squared second moment."""
+"""Ratio of a normal distribution's fourth moment to its squared second moment."""
 TINY = 1e-300
 
 
 class Piece(msgspec.Struct, frozen=True):
-    """The judgement of heading forecasts over pieces (time spans) of one length."""
+    """How well the heading was predicted, over pieces (time spans) of `t_s` seconds."""
 
     t_s: float
     pieces: int
@@ -62,21 +66,24 @@ class Piece(msgspec.Struct, frozen=True):
     """Number of deviations by which the ratio of the observed to the predicted mean square is off."""
     fails: bool
     needed: float
-    """Factor by which the band has to be wider to hold 95 % of the pieces."""
+    """Factor by which the 95 % band has to be widened to contain 95 % of the pieces."""
 
 
 class BiasPiece(msgspec.Struct, frozen=True):
-    """The judgement of Bias(t_s), the constant to subtract meanwhile, over pieces of one length."""
+    """How well Bias(t_s) was predicted, over pieces (time spans) of `t_s` seconds.
+
+    It is the constant to subtract during these seconds.
+    """
 
     t_s: float
     pieces: int
     """Number of pieces; none overlaps another."""
     bias_std: float
-    """Standard deviation of the mean of the bias about Bias(t_s): σ."""
+    """σ: standard deviation of the bias's mean over `t_s` from Bias(t_s)."""
     noise_std: float
-    """Standard deviation that noise leaves in a mean over `t_s`: N/√t_s."""
+    """N/√t_s: standard deviation that white noise leaves in a mean over `t_s`."""
     said: float
-    """Predicted standard deviation of the mean of the rate about Bias(t_s): both contributions together."""
+    """Predicted standard deviation of the rate's mean from Bias(t_s): `bias_std` and `noise_std` together."""
     seen: float
     within: float
     """Share of the pieces inside the 95 % band."""
@@ -86,14 +93,14 @@ class BiasPiece(msgspec.Struct, frozen=True):
 
 
 class Judgement(NamedTuple):
-    """The judgement of heading and bias, one entry for each time."""
+    """How well heading and bias were predicted, with one entry for each length of the pieces."""
 
     heading: tuple[Piece, ...]
     bias: tuple[BiasPiece, ...]
 
 
 class FittedSystem(NamedTuple):
-    """The system of a noise that was fitted to `samples` samples, with the model of its offset."""
+    """A state-space system of the noise, fitted to `samples` samples, with the model of the offset."""
 
     parts: Sequence[Part]
     samples: int
@@ -104,7 +111,7 @@ class FittedSystem(NamedTuple):
 
 
 def fitted_system(parts: Sequence[Part], y: Array, h: float) -> FittedSystem:
-    """Return the system of the noise that was found in y. `h`: sampling period [s]."""
+    """Return the state-space system for samples y whose noise has these parts. `h`: sampling period [s]."""
     tracker = Tracker([None])
     tracker.take(y)
     followed = system_of(parts, h, len(y), tracker.remembered(0))
@@ -112,16 +119,16 @@ def fitted_system(parts: Sequence[Part], y: Array, h: float) -> FittedSystem:
 
 
 class Forecasts(NamedTuple):
-    """Predictions of the next n samples, from x and its covariance at their beginning."""
+    """Predictions for the next n samples, computed from the state x and its covariance before them."""
 
     n: int
     heading: Ahead
     bias: Ahead
 
     def mean_std(self, system: System, P: Array, h: float) -> float:
-        """Return the expected standard deviation of the samples' mean about Bias(T).
+        """Return the predicted standard deviation of the samples' mean from Bias(T).
 
-        Noise that is not part of the bias has no share in Bias(T), whatever the filter knows of that noise.
+        Bias(T) does not include noise outside the bias, even if the filter could predict some of that noise.
         """
         of_all, of_bias = self.heading.row / (self.n * h), self.bias.row
         of_noise = of_all - of_bias
@@ -131,14 +138,17 @@ class Forecasts(NamedTuple):
 
 
 class Errors(NamedTuple):
-    """Errors of the forecasts for the pieces of one time, and their predicted deviations; (pieces,)."""
+    """Errors of the forecasts for pieces of one length, and their predicted standard deviations.
+
+    (pieces,).
+    """
 
     seen: Array
     said: Array
 
     @property
     def squares(self) -> Array:
-        """Squares of the errors, each over the predicted variance."""
+        """Squares of the errors, divided by their predicted variances."""
         return np.asarray((self.seen / self.said) ** 2)
 
     @property
@@ -148,22 +158,24 @@ class Errors(NamedTuple):
 
     @property
     def needed(self) -> float:
-        """Least factor by which the 95 % band has to be wider to hold 95 % of the pieces."""
+        """Least factor by which the 95 % band has to be widened to contain 95 % of the pieces."""
         ranked = np.sort(np.sqrt(self.squares))
         return float(ranked[math.ceil(len(ranked) * HELD) - 1]) / NORMAL_95
 
     @property
     def rms(self) -> tuple[float, float]:
-        """Root mean squares: predicted and observed."""
+        """Root mean squares of the predicted standard deviations and of the observed errors."""
         return math.sqrt(float((self.said**2).mean())), math.sqrt(float((self.seen**2).mean()))
 
 
 def judged(model: FittedSystem, y: Array, begin: int, h: float) -> Judgement:
-    """Judge a system's forecasts from sample `begin` of y on; its filter first runs over all earlier samples.
+    """Judge a system's forecasts for the samples from `begin` of y on.
 
-    A filter's errors of successive pieces are independent, but one model predicts all pieces. So their mean
-    square may be off by chance, by the uncertainty of the model, and by heavy tails as seen in the first
-    half.
+    The filter first runs over all earlier samples.
+
+    A filter's errors in successive pieces are independent, but one model predicts all pieces. So their mean
+    square may differ from the predicted one by chance, by the model's uncertainty, and by heavy tails, which
+    are estimated in the first half.
     """
     m = max(round(1 / h), 1)
     begin -= begin % m
@@ -196,7 +208,10 @@ def judged(model: FittedSystem, y: Array, begin: int, h: float) -> Judgement:
 
 
 def _tails(errors: Errors) -> float:
-    """Return the errors' fourth moment over their squared second moment; at least that of normal errors."""
+    """Return the ratio of the errors' fourth moment to their squared second moment.
+
+    It is at least that of normal errors.
+    """
     squares = errors.squares
     return max(float((squares**2).mean() / squares.mean() ** 2), NORMAL_TAILS)
 
@@ -204,7 +219,7 @@ def _tails(errors: Errors) -> float:
 def _errors(
     system: System, y: Array, begin: int, m: int, h: float, told: Sequence[Forecasts]
 ) -> list[tuple[Errors, Errors]]:
-    """Return the errors of heading and bias from sample `begin` of y on, for each forecast."""
+    """Return for each forecast the errors of heading and bias, from sample `begin` of y on."""
     off = y - y[:begin].mean()
     sums = np.append(0.0, np.cumsum(off))
     origins, xs, Ps = _estimates(system, off, begin, m)
@@ -243,17 +258,22 @@ def _estimates(model: System, y: Array, begin: int, m: int) -> tuple[Array, Arra
 
 
 class Doubt(NamedTuple):
-    """The uncertainty of a forecast's variance: factors of the variance, and how likely each factor is."""
+    """The uncertainty of a forecast's variance.
+
+    The variance may be wrong by each of `factors`, with the probabilities `weights`.
+    """
 
     factors: Array
     weights: Array
     spread: float
-    """Standard deviation of the logarithm of the variance, in addition to `factors`."""
+    """Standard deviation of the variance's logarithm, an uncertainty in addition to `factors`."""
 
     def deviations(self, squares: Array, tails: float) -> float:
-        """Return by how many normal deviations the mean of `squares` is off; a positive number is too much.
+        """Return how far the mean of squared errors is from 1, in standard deviations.
 
-        Heavier tails make the mean as uncertain as that of fewer squares. They make the model's variance more
+        It is positive if the errors are larger than predicted.
+
+        Heavy tails make the mean as uncertain as a mean of fewer squares. They make the model's variance more
         uncertain by the same factor.
         """
         heavy = (tails - 1) / (NORMAL_TAILS - 1)
@@ -272,10 +292,12 @@ class Doubt(NamedTuple):
 
 
 def left_open(model: FittedSystem, h: float, times_s: Sequence[float]) -> list[Doubt]:
-    """Return the uncertainty of the heading's variance at each time, as the record of the model leaves it.
+    """Return the uncertainty of the heading's predicted variance at each time.
 
-    Errors in the parts' figures change the logarithm of the variance, which is taken as normal. The offset
-    follows one of several models, each with its probability.
+    It is what the record, to which the model was fitted, leaves uncertain.
+
+    Errors in the parts' figures change the logarithm of the variance, which is assumed to be normally
+    distributed. The offset follows one of several models, each with its probability.
     """
     n = model.samples
 

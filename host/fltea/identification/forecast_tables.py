@@ -1,4 +1,4 @@
-"""Make tables of how a forecast was judged: predicted and observed deviations of heading and bias."""
+"""Make tables of the predicted and the observed standard deviations of heading and bias."""
 
 from fltea.identification.axis_report import AxisReport
 from fltea.identification.forecast import angle
@@ -8,7 +8,10 @@ BIAS_HEADINGS = ("σ", "N/√T", "predicted", "seen", "within 95 %", "pieces", "
 
 
 def forecast_rows(axis: AxisReport) -> list[tuple[str, ...]]:
-    """Return the predicted and the observed heading for each time, under `FORECAST_HEADINGS`."""
+    """Return the predicted and the observed error of the heading for each time, as rows of a table.
+
+    Its column headings are `FORECAST_HEADINGS`.
+    """
     if axis.forecast is None:
         return []
     return [
@@ -25,7 +28,10 @@ def forecast_rows(axis: AxisReport) -> list[tuple[str, ...]]:
 
 
 def bias_rows(axis: AxisReport) -> list[tuple[str, ...]]:
-    """Return the predicted and the observed Bias(T) by time in the axis' unit, under `BIAS_HEADINGS`."""
+    """Return the predicted and the observed error of Bias(T) for each time, as rows of a table.
+
+    Its column headings are `BIAS_HEADINGS`; the unit is that of the axis.
+    """
     if axis.forecast is None:
         return []
     return [
@@ -41,7 +47,7 @@ def bias_rows(axis: AxisReport) -> list[tuple[str, ...]]:
 
 
 def forecast_tables(axis: AxisReport) -> list[tuple[tuple[str, ...], list[tuple[str, ...]]]]:
-    """Return the tables of the judgement that have rows: headings and rows."""
+    """Return headings and rows of those of these tables that are not empty."""
     of_bias = (f"Bias in {axis.unit}, for", *BIAS_HEADINGS)
     tables = (FORECAST_HEADINGS, forecast_rows(axis)), (of_bias, bias_rows(axis))
     return [(headings, rows) for headings, rows in tables if rows]

@@ -1,10 +1,10 @@
-"""Describe the gaps of a record, and bridge short gaps with samples that are drawn.
+"""Describe the gaps of a record, and fill short gaps with random samples.
 
-The samples lost in a short gap are drawn with the mean and the variance that follow from their neighbours and
-from the autocovariance of the record, so that the spectrum stays what it is. A straight line between the
-neighbours is not good enough: with 1 % of the samples of white noise lost it tilts the spectrum by 4 %, which
-a null test sees after ten minutes. Nothing is drawn for a longer gap: the samples after it are another
-stretch.
+Short gaps are filled ("bridged"): the lost samples are drawn at random, with the mean and the variance that
+follow from their neighbours and from the autocovariance of the record. So the spectrum does not change. A
+straight line between the neighbours is not good enough: with 1 % of the samples of white noise lost it tilts
+the spectrum by 4 %, which a null test sees after ten minutes. A longer gap is not filled: the samples after
+it belong to another stretch.
 """
 
 from collections.abc import Sequence
@@ -18,21 +18,27 @@ from fltea.records.arrays import Array, Mask
 LONGEST_BRIDGE = 8
 """Longest gap that is bridged, in lost samples, as for the live sums (firmware/core/engine/gate.hpp)."""
 MOST_BRIDGED = 0.1
-"""Largest share of samples that are drawn.
+"""Largest share of lost samples with which gaps are filled.
 
-If more are missing, the rate may be wrong, and no gap is bridged.
+If more are missing, the rate may be wrong, and no gap is filled.
 """
 LONGEST_PREDICTION = 100
-"""Longest gap in lost samples that FLTEA predicts across, as `link.max_gap`; after more it restarts."""
+"""Longest gap, in lost samples, across which FLTEA predicts, as `link.max_gap`.
+
+It restarts after a longer gap.
+"""
 AROUND = 16
-"""Number of neighbours on either side that a drawn sample depends on."""
+"""Number of neighbours on either side on which a filled-in sample depends."""
 LEAST_VARIANCE = 1e-9
-"""Least ratio of an eigenvalue of a covariance to the largest; with few pairs one may come out negative."""
+"""Least ratio of each eigenvalue of a covariance matrix to the largest one.
+
+With few pairs of samples, an estimated eigenvalue may be negative.
+"""
 SEED = 16
 ROUNDED = 5
-"""Number of samples per distinct value above which the record holds rounded counts.
+"""Number of samples per distinct value above which the samples count as rounded.
 
-Drawn samples are then rounded to values of the record.
+Filled-in samples are then rounded to values of the record.
 """
 
 
@@ -40,17 +46,17 @@ class Gaps(NamedTuple):
     """The gaps of a series: before sample `at[i]`, `missing[i]` samples are missing."""
 
     at: NDArray[np.int64]
-    """Index of the first sample after each gap, (k,), rising and above 0."""
+    """Index of the first sample after each gap, (k,); above 0 and in rising order."""
     missing: NDArray[np.int64]
     """Number of samples lost in each gap, (k,); 0 where time was lost and the number is not known."""
 
     def within(self, begin: int, end: int) -> "Gaps":
-        """Return the gaps between samples begin … end - 1, with `begin` as the new sample 0."""
+        """Return the gaps between samples begin … end - 1, with indices counted from `begin`."""
         first, last = np.searchsorted(self.at, (begin + 1, end)).tolist()
         return Gaps(self.at[first:last] - begin, self.missing[first:last])
 
     def lost_up_to(self, longest: int) -> int:
-        """Return the number of samples lost in gaps of at most `longest` samples."""
+        """Return how many samples were lost in gaps of at most `longest` samples."""
         return int(self.missing[self.missing <= longest].sum())
 
     def place(self, number: int) -> int:
@@ -67,7 +73,7 @@ def no_gaps() -> Gaps:
 class Stretch(NamedTuple):
     """A part of a series without a long gap; short gaps are filled.
 
-    `missing`: number of samples lost before it, 0 if not known.
+    `missing`: number of samples lost before this part, 0 if not known.
     """
 
     y: Array
@@ -75,12 +81,15 @@ class Stretch(NamedTuple):
 
 
 def bridge(n: int, gaps: Gaps) -> int:
-    """Return the length of the longest gap between n samples that is bridged; 0 if none is."""
+    """Return the length of the longest gap that is filled in a record of n samples; 0 if no gap is filled."""
     return LONGEST_BRIDGE if gaps.lost_up_to(LONGEST_BRIDGE) <= MOST_BRIDGED * n else 0
 
 
 def cut(n: int, gaps: Gaps, longest: int) -> list[tuple[int, int, int]]:
-    """Return the parts between gaps of more than `longest`: begin, end, and number missing before each."""
+    """Return the parts of a record between gaps of more than `longest` samples.
+
+    Each part is its begin, its end, and the number of samples missing before it.
+    """
     broken = (gaps.missing == 0) | (gaps.missing > longest)
     edges = [0, *gaps.at[broken].tolist(), n]
     return list(zip(edges[:-1], edges[1:], [0, *gaps.missing[broken].tolist()], strict=True))
@@ -110,7 +119,10 @@ def spread(y: Array, gaps: Gaps) -> tuple[Array, Mask | None]:
 
 
 def bridged(y: Array, gaps: Gaps) -> list[Stretch]:
-    """Return the stretches of y (n,), finite numbers. Without gaps the stretch holds y itself, not a copy."""
+    """Return the stretches of y (n,), whose numbers have to be finite.
+
+    Without gaps, there is one stretch, which holds y itself and not a copy.
+    """
     if not len(gaps.at):
         return [Stretch(y, 0)]
     parts = cut(len(y), gaps, bridge(len(y), gaps))
@@ -128,7 +140,10 @@ def bridged(y: Array, gaps: Gaps) -> list[Stretch]:
 
 
 def redrawn(stretches: Sequence[Stretch], masks: Sequence[Mask]) -> list[Stretch]:
-    """Return stretches in which the samples marked by `masks` (n,) are drawn anew, as lost samples are."""
+    """Return stretches in which the samples marked by `masks` (n,) are replaced by random ones.
+
+    They are drawn as if they were lost.
+    """
     spaced: list[tuple[Array, Mask | None]] = [
         (np.where(mask, 0.0, one.y), mask) for one, mask in zip(stretches, masks, strict=True)
     ]
@@ -139,13 +154,13 @@ def redrawn(stretches: Sequence[Stretch], masks: Sequence[Mask]) -> list[Stretch
 
 
 def _values(y: Array) -> Array | None:
-    """Return the distinct values of y in order, if y was rounded; else None."""
+    """Return the distinct values of y in rising order if y was rounded; else None."""
     values = np.unique(y)
     return values if len(values) * ROUNDED <= len(y) else None
 
 
 class _Drawn:
-    """Draw lost samples between their neighbours, with the autocovariance of the record."""
+    """Draw lost samples at random, to match their neighbours and the autocovariance of the record."""
 
     def __init__(self, parts: Sequence[tuple[Array, Mask | None]], values: Array | None) -> None:
         self._covariance = _covariance(parts)
@@ -154,7 +169,7 @@ class _Drawn:
         self._known: dict[bytes, tuple[Array, Array]] = {}
 
     def fill(self, y: Array, missing: Mask) -> None:
-        """Fill the lost samples of y (n,) with drawn ones."""
+        """Fill the places of the lost samples of y (n,) with random samples."""
         mean = float(y.sum()) / int((~missing).sum())
         open_ = missing.copy()
         for begin, end in _runs(missing):
@@ -167,7 +182,11 @@ class _Drawn:
             open_[begin:end] = False
 
     def _rule(self, seen: Mask, at: int, count: int) -> tuple[Array, Array]:
-        """Return the neighbours' weights (count, seen), and a root (count, count) of what they leave open."""
+        """Return what the neighbours say about `count` lost samples.
+
+        That is the weights of the neighbours in the mean, (count, seen), and a matrix root of the covariance
+        about this mean, (count, count).
+        """
         key = bytes([at, count]) + seen.tobytes()
         if key not in self._known:
             whole = self._covariance[: len(seen), : len(seen)]
@@ -188,7 +207,10 @@ def _runs(missing: Mask) -> list[tuple[int, int]]:
 
 
 def _covariance(parts: Sequence[tuple[Array, Mask | None]]) -> Array:
-    """Return the autocovariance matrix for the lags that `_rule` needs, each from the pairs that exist."""
+    """Return the autocovariance matrix for the lags that `_rule` needs.
+
+    Each lag is averaged over all pairs of samples that are not lost.
+    """
     lags = 2 * AROUND + LONGEST_BRIDGE
     sums, pairs = np.zeros(lags), np.zeros(lags)
     for values, missing in parts:

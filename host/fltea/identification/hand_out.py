@@ -1,8 +1,7 @@
-"""Hand tasks to workers and collect their results, even if worker processes die.
+"""Hand tasks to workers, and collect their results even if worker processes die.
 
-When a process dies, it is not known which task caused it. So all tasks under way are tried again, one at a
-time:
-the task during which a process dies then is the cause.
+When a process dies, it is not known which task caused it. So all tasks that were running are tried again, one
+at a time. If a process dies again, the task that it was running is the cause.
 """
 
 from collections import deque
@@ -24,7 +23,7 @@ class Task:
     do: Any
     arguments: tuple[Any, ...]
     again: bool = field(default=False, kw_only=True)
-    """Whether a process has died while this task was under way."""
+    """Whether a process has died while this task was running."""
 
 
 T = TypeVar("T", bound=Task)
@@ -65,7 +64,7 @@ class HandOut(Generic[T]):
                 self._after_death()
 
     def _fill(self) -> bool:
-        """Submit tasks until the workers' room is used; False if there are no more tasks."""
+        """Submit tasks until the workers have enough of them. Returns False if there are no more tasks."""
         while len(self._pending) < self._room():
             task = self.next_task()
             if task is None:
@@ -82,7 +81,7 @@ class HandOut(Generic[T]):
         return 1 if alone else self._workers.slots
 
     def _take(self, future: "Future[Any]") -> bool:
-        """Handle the result of a task; False if there is none because a process died."""
+        """Handle the result of a task. Returns False if there is no result because a process died."""
         try:
             result = future.result()
         except BrokenExecutor:

@@ -1,10 +1,11 @@
-"""Compute the factor by which the figures of an axis must grow to cover what its recording shows.
+"""Compute a factor for the figures of an axis if its heading drifts further than they predict.
 
-The model of the first half predicts how far the heading drifts in the second half (`forecast_judge`). Where
-the heading drifts further, by more than chance, the figures of the whole recording get a factor. A factor on
-white noise and random walks alike is the same factor on the heading's standard deviation. So it is the least
-factor with which a 95 % band holds what was observed, read from the pieces of the second half at each time
-that has enough of them.
+The model of the first half predicts how far the heading drifts in the second half (`forecast_judge`). If the
+heading drifts further than predicted, by more than chance, the figures of the whole recording are multiplied
+by a factor. A factor on white noise and random walks alike is the same factor on the heading's standard
+deviation. So the least factor is taken with which 95 % of the observed errors are inside the predicted 95 %
+band. The errors are those of the second half, which is divided into pieces (time spans) of each length;
+lengths with too few pieces are left out.
 """
 
 import math
@@ -19,7 +20,7 @@ from fltea.records.errors import UsageError
 from fltea.spectrum.wording import duration
 
 LEAST_S = 10.0
-"""Shortest time that counts [s]: before it, nearly all of the heading's error is white noise."""
+"""Shortest time span that counts [s]: over shorter ones, nearly all of the heading's error is white noise."""
 
 
 class Foretold(Protocol):
@@ -35,7 +36,7 @@ class Foretold(Protocol):
 
 
 def own_inflation(axes: Mapping[str, Foretold], up_to_s: float) -> Inflation:
-    """Return the factor of each axis, with sentences on what the factor is for.
+    """Return the factor for each axis, with sentences that explain it.
 
     Args:
         axes: axes with their forecasts.
@@ -67,7 +68,7 @@ def _forecast(name: str, axis: Foretold) -> Forecast:
 
 
 def _counted(name: str, found: Forecast, up_to_s: float) -> tuple[list[Piece], list[Piece]]:
-    """Return the times that count, and the longer times, which have too few pieces."""
+    """Return the time spans that count, and longer ones, for which the recording has too few pieces."""
     asked = [one for one in found.judged if one.t_s <= max(up_to_s, LEAST_S)]
     counted = [one for one in asked if one.pieces >= MANY]
     if not counted or counted[-1].t_s < LEAST_S:
@@ -80,7 +81,7 @@ def _counted(name: str, found: Forecast, up_to_s: float) -> tuple[list[Piece], l
 
 
 def _takes_s(t_s: float) -> float:
-    """Return the length of a recording in which this time counts [s]."""
+    """Return how long a recording has to be so that it has enough pieces of this time span [s]."""
     return 2 * MANY * t_s
 
 
@@ -90,7 +91,10 @@ def _is_exceeded(one: Piece) -> bool:
 
 
 def _factor(one: Piece, found: Forecast) -> float:
-    """Return the factor for the figures of the whole recording, which cover part of the excess already."""
+    """Return the factor for the figures of the whole recording.
+
+    These figures may already be larger than those of the first half, by which the excess was found.
+    """
     return one.needed * one.said / found.heading_std[found.t_s.index(one.t_s)]
 
 

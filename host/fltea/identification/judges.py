@@ -1,8 +1,8 @@
-"""Check the physics of a reading over all its axes before any figure: can the data be what they claim?
+"""Check whether the data of a recording can be what they are read as, before any figure is computed.
 
-A file may hold other data than its reading assumes: rows of two sensors in turns, old values repeated in
-place of new ones, bytes that were never a measurement, another unit. Each check has a threshold that clean
-noise, white or coloured, hardly ever exceeds.
+A file may hold something else: alternating rows of two sensors, old values in place of new ones, bytes that
+are no measurement, or another unit. Each check has a threshold that clean noise, white or coloured, hardly
+ever exceeds.
 """
 
 import math
@@ -25,45 +25,72 @@ from fltea.records.units import STANDARD_GRAVITY_MS2
 from fltea.spectrum.median_filter import find_median_filter
 
 TURNS, TURN = 32, 12
-"""Number of parts of a record, whose spread gives the error of a pattern; length that 2, 3 and 4 divide."""
+"""Number of parts of a record, from which the error of a pattern is found; divisor of their length.
+
+Patterns of 2, 3 and 4 samples fit a part without remainder, as its length is a multiple of TURN.
+"""
 ALTERNATES = {2: 50.0, 3: 25.0, 4: 25.0}
-"""Squared ratio of a mean to its error, by number of sensors; chance exceeds it once in ten million."""
+"""Threshold for the squared ratio of a pattern's mean to its error, by the number of sensors.
+
+Chance exceeds it once in ten million.
+"""
 ALTERNATES_SHARE, SCATTER_SHARE = 0.01, 0.1
-"""Shares of the noise's power, and of its mean size, below which an alternating pattern does little harm."""
+"""Below these shares an alternating pattern does little harm.
+
+The first is of the noise's power, for a pattern in the level. The second is of the noise's mean size, for a
+pattern in the scatter.
+"""
 GLITCH, GLITCHES = 4.5, 0.05
-"""Ratio of a glitch to the median size (three standard deviations); largest share of such samples."""
+"""Ratio to the median size from which a sample is a glitch, and largest share of glitches.
+
+The ratio amounts to three standard deviations.
+"""
 ALTERNATES_S = 20.0
-"""Least length of a record [s]; in shorter ones mains at nearly half the rate looks like two sensors."""
+"""Least length of a record in which alternating sensors are searched for [s].
+
+In a shorter one, mains hum near half the sample rate looks like two sensors.
+"""
 GROUP_SHARE, GROUP_WIDTH = 0.005, 0.2
-"""Least share of samples on either side of a gap in the values, and least share of their range it spans."""
+"""Least share of samples on either side of a gap between values, and least ratio of the gap to their
+range.
+"""
 SELDOM = 0.1
-"""Least number of jumps between groups over that expected by chance; fewer are rotations of the sensor."""
+"""Least ratio of the number of jumps between two groups of values to the number expected by chance.
+
+If there are fewer jumps, the sensor was turned.
+"""
 FAR_COUNTS, FAR_STEPS = 32.0, 8.0
-"""Least distance between groups, in counts, or in smallest steps within the groups.
+"""Least distance between two groups of values, in counts or in smallest steps within the groups.
 
 Coarse rounding leaves smaller gaps.
 """
 FAR = {"deg/s": 20.0, "m/s²": 5.0}
-"""Least distance between groups where the count is not known; no sensor has so large a count."""
+"""Least distance between two groups of values if the size of a count is not known.
+
+No sensor has counts that large.
+"""
 HELD_SHARE = 0.05
-"""Share of repeated samples above which N is that of another rate."""
+"""Share of repeated samples above which N is wrong, since the true rate is lower."""
 GRAVITY = 0.1
 """Largest relative error of gravity that an accelerometer at rest may show."""
 QUIET, SHAKES = 8, 0.05
-"""Number of parts of a record, the quietest of which is taken as rest.
+"""Number of parts of a record, of which the quietest counts as rest; and its largest scatter.
 
-SHAKES is a share of gravity: no accelerometer at rest scatters by more.
+The scatter (SHAKES) is a share of gravity: no accelerometer at rest scatters more.
 """
 ROOT_HOUR = 60.0
 LEAST_MS2 = 0.5
-"""Least length of gravity that is judged [m/s²], since some loggers subtract gravity or write zeros."""
+"""Least magnitude of gravity that is checked [m/s²], since some loggers subtract gravity or write zeros."""
 UNITS_OF_GRAVITY = (
     ("That is 1 g.", STANDARD_GRAVITY_MS2, "--accel-units g"),
     ("That is 1 g in mg.", STANDARD_GRAVITY_MS2 / 1000, "--accel-units mg"),
     ("That is 9.81 m/s² read as g.", 1 / STANDARD_GRAVITY_MS2, "--accel-units m/s^2"),
     ("That is 9.81 m/s² in mm/s², or 1 g in mg.", 1 / 1000, "--accel-units mm/s^2, or mg"),
 )
-"""For a length that is not 9.81 m/s²: what it is, the factor that makes it m/s², and the option to give."""
+"""For magnitudes of gravity other than 9.81 m/s²: what they mean, and how to correct them.
+
+Each row has a sentence, the factor that converts to m/s², and the option to give.
+"""
 ORDINALS = {2: "second", 3: "third", 4: "fourth"}
 BROKEN_REMEDY = (
     "The reads are broken: look at the bus, the wires and the order of bytes, or at whether these columns "
@@ -81,7 +108,7 @@ class Turns(NamedTuple):
 
 
 class Axis(NamedTuple):
-    """What the checks use of the samples of one axis."""
+    """Facts on the samples of one axis that the checks use."""
 
     samples: int
     mean: float
@@ -90,7 +117,7 @@ class Axis(NamedTuple):
     turns: Turns | None
     broken: str
     rest: tuple[float, float]
-    """Mean and noise of the quietest part."""
+    """Mean and standard deviation of the noise in the quietest part of the record."""
 
 
 def judge(
@@ -103,7 +130,7 @@ def judge(
     """Yield the data checks for all axes of a recording.
 
     Args:
-        read: returns the samples (n,) of an axis; so only one axis at a time is in memory.
+        read: function that returns the samples (n,) of an axis, so that only one axis at a time is in memory.
         lsb: one count of each axis in its unit; None if not known.
         h: sampling period [s].
         gaps: where samples are missing.
@@ -112,7 +139,8 @@ def judge(
     seen = {name: _look(read(name), one, kind_of(name).text_unit, gaps) for name, one in lsb.items()}
     kept = [data_check for kind in SENSOR_KINDS for data_check in _held(read, lsb, h, kind.axes)]
     yield from kept
-    # Where values are held regularly, some samples always equal their neighbours, which looks like turns.
+    # If each value is repeated a fixed number of times, some samples always equal their neighbours. That
+    # looks like alternating sensors.
     by_turns = [] if any(data_check.severity == "bad" for data_check in kept) else list(_alternating(seen, h))
     yield from by_turns
     for name, axis in seen.items():
@@ -126,7 +154,7 @@ def judge(
 
 
 def judge_one(y: Array, unit: str, lsb: float | None, h: float) -> Iterator[DataCheck]:
-    """Yield the data checks for one axis (n,) that comes from no recording."""
+    """Yield the data checks for the samples (n,) of one axis that was not read from a recording."""
     seen = _look(y, lsb, unit, no_gaps())
     if not any(data_check.kind in HIDE for data_check in value_data_checks(y, unit)):
         yield from held([y], [lsb], h)
@@ -193,7 +221,7 @@ def _look(y: Array, lsb: float | None, unit: str, gaps: Gaps) -> Axis:
 
 
 def _turns(against: Array, noise: float, unit: str) -> Turns | None:
-    """Return the pattern that recurs every 2, 3 or 4 samples: in the level, or in the scatter.
+    """Return the pattern that recurs every 2, 3 or 4 samples, in their level or in their scatter.
 
     `against`: samples (n,) less the mean of both neighbours. `noise`: the standard deviation of the samples.
     """
@@ -212,7 +240,7 @@ def _turns(against: Array, noise: float, unit: str) -> Turns | None:
             mean = found.mean()
             error = float((np.abs(found - mean) ** 2).sum()) / (TURNS - 1) / TURNS
             power = float(abs(mean)) ** 2 * (1 if sensors == 2 else 2)
-            if values is against:  # remove the gain of subtracting the neighbours
+            if values is against:  # undo the factor by which subtracting the neighbours increases noise
                 power /= (1 - math.cos(2 * math.pi / sensors)) ** 2
             if abs(mean) ** 2 <= ALTERNATES[sensors] * error or power < most * share / 10:
                 continue
@@ -226,9 +254,10 @@ def _turns(against: Array, noise: float, unit: str) -> Turns | None:
 
 
 def _without_glitches(against: Array) -> Array:
-    """Replace a few samples that stand out, and their neighbours, by 0.
+    """Replace a few outliers and their neighbours by 0.
 
-    A glitch each second recurs at the same turn each time. With sensors in turns, more samples stand out.
+    A glitch each second always falls on the same sample of the pattern. With alternating sensors, more
+    samples are outliers.
     """
     size = np.abs(against)
     far = size > GLITCH * median(size)
@@ -241,7 +270,10 @@ def _without_glitches(against: Array) -> Array:
 
 
 def _alternating(seen: Mapping[str, Axis], h: float) -> Iterator[DataCheck]:
-    """Yield one data check for rows in turns; it concerns all axes, since rows are mixed, not axes."""
+    """Yield the data check on alternating rows of several sensors.
+
+    There is one for all axes, since whole rows are mixed.
+    """
     found = {name: axis.turns for name, axis in seen.items() if axis.turns is not None}
     if not found:
         return
@@ -259,7 +291,7 @@ def _alternating(seen: Mapping[str, Axis], h: float) -> Iterator[DataCheck]:
 
 
 def _broken(y: Array, lsb: float | None, unit: str) -> str:
-    """Return a sentence if the values form groups far apart between which samples jump; else ""."""
+    """Return a sentence if samples jump between groups of values that are far from each other; else ""."""
     some = thin(y)
     ordered = np.sort(some)
     edge = max(int(GROUP_SHARE * len(ordered)), 5)
@@ -291,7 +323,7 @@ def _broken(y: Array, lsb: float | None, unit: str) -> str:
 
 
 def _gravity(means: Sequence[float]) -> Iterator[DataCheck]:
-    """Yield the data check on the length of gravity.
+    """Yield the data check on the magnitude of gravity.
 
     `means`: means of all axes of an accelerometer [m/s²].
     """

@@ -1,4 +1,4 @@
-"""Compose the leading text line on an axis: what its noise is, and the figures most people want."""
+"""Compose the first line of text on an axis: what its noise is, and the figures that most people want."""
 
 from fltea.identification.axis_report import AxisReport
 from fltea.identification.forecast import Now, integral, is_any_heading
@@ -13,7 +13,7 @@ UNDEFINED = "undefined"
 
 
 def lead(axis: AxisReport) -> str:
-    """Return verdict, order if there is one, N, K, B, bias at the end, and heading in one text line.
+    """Return a line of text with verdict, order if there is one, N, K, B, bias at the end, and heading.
 
     A figure that has neither a value nor a bound is left out.
     """
@@ -42,7 +42,7 @@ def _level(axis: AxisReport) -> list[str]:
 def _bias(now: Now, unit: str, *, walks: bool) -> list[str]:
     """Return the bias and the heading error that follows from it.
 
-    If the offset walks, the bias is marked as that of the end of the recording.
+    If the offset walks, the text says that the bias is that of the end of the recording.
     """
     end = f"({now.bias_s:g} s)" + (" at the end" if walks else "")
     if is_any_heading(now.heading_std, unit):
@@ -54,7 +54,7 @@ def _bias(now: Now, unit: str, *, walks: bool) -> list[str]:
 
 
 def interval(one: Interval) -> str:
-    """Format a value with the ends of its interval, or as undefined."""
+    """Format a value with the ends of its interval; a value that is not known is called undefined."""
     if one.value is None or one.low is None or one.high is None:
         return UNDEFINED
     return f"{_number(one.value)} ({_number(one.low)}…{_number(one.high)})"

@@ -13,11 +13,17 @@ from fltea.identification.gaps import Gaps
 from fltea.identification.load import Series
 
 SAME = 256
-"""Number of samples by which steps and motion may move without a refit; they are not known any better."""
+"""Number of samples by which steps and motion may move before the axis is analysed anew.
+
+Their times are not known any better.
+"""
 
 
 class LeftOut(NamedTuple):
-    """Spans begin … end - 1 of samples in motion, and the first sample after each step, in order of time."""
+    """What an analysis leaves out: samples in motion, and steps of the bias, in order of time.
+
+    Motion is given as spans of samples begin … end - 1, steps as the first sample after each step.
+    """
 
     moved: tuple[tuple[int, int], ...] = ()
     steps: tuple[int, ...] = ()
@@ -33,14 +39,14 @@ NOTHING = LeftOut()
 
 
 def without(series: Series, out: LeftOut) -> Series:
-    """Return the samples to analyse, with gaps where samples are left out and at steps."""
+    """Return the samples to analyse. They have gaps where samples were left out, and at steps."""
     if out == NOTHING:
         return series
     rest = np.ones(len(series.y), dtype=bool)
     for begin, end in out.moved:
         rest[begin:end] = False
     y, kept = series.y[rest], np.cumsum(rest)
-    # Number of samples lost or left out before each kept sample; 0 where it is not known, and at a step.
+    # Number of samples lost or left out before each remaining sample; 0 if it is not known, and at a step.
     lost: dict[int, int] = {}
     breaks = {_place(kept, at) for at in out.steps}
     for at, missing in zip(series.gaps.at.tolist(), series.gaps.missing.tolist(), strict=True):
@@ -57,12 +63,12 @@ def without(series: Series, out: LeftOut) -> Series:
 
 
 def _place(kept: NDArray[np.int64], at: int) -> int:
-    """Return the number of samples that are kept before sample `at`."""
+    """Return how many of the samples before sample `at` remain."""
     return int(kept[at - 1]) if at else 0
 
 
 def _joined(spans: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Return the spans in order, without overlaps."""
+    """Return the spans in rising order; overlapping ones are merged."""
     found: list[tuple[int, int]] = []
     for begin, end in sorted(spans):
         low = max(begin, found[-1][1]) if found else begin

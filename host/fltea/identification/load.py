@@ -32,19 +32,22 @@ from fltea.stream.decode import Decoded, Decoder
 from fltea.wire.layout import SampleFlags
 
 MAX_GAP = 100
-"""Longest gap, in samples, as `link.max_gap`; here it only decides how a break is counted."""
+"""Longest gap within an epoch, in samples, as `link.max_gap`; it only affects how gaps are counted."""
 
 MOST_REPORTED = 5
-"""Largest number of faults of a recording that are reported one by one."""
+"""Largest number of faults of a recording that are reported."""
 
 MOST_GROUPS = 8
-"""Largest number of rates and scales kept at the same time, as each has its own files."""
+"""Largest number of different rates and scales in a recording whose samples are kept.
+
+Each has its own temporary files.
+"""
 
 GYRO_UNIT, ACCEL_UNIT = GYROSCOPE.text_unit, ACCELEROMETER.text_unit
 
 
 class Request(msgspec.Struct, frozen=True):
-    """What to read: the files of one recording, and how.
+    """The files of one recording, and how to read them.
 
     Attributes:
         paths: the files of the recording.
@@ -68,7 +71,10 @@ class Request(msgspec.Struct, frozen=True):
 
 
 class Series(NamedTuple):
-    """The samples y (n,) of one axis and one LSB (None if not known), both in `unit`, and the gaps in y."""
+    """The samples of one axis, with their unit and gaps.
+
+    `y`: samples (n,). `lsb`: one count, None if not known. Both are in `unit`.
+    """
 
     y: Array
     unit: str
@@ -84,9 +90,9 @@ class Loaded(NamedTuple):
         counts: what became of the samples.
         axes: the axes by name.
         clock_ppm: how much faster the device's clock runs than the host's; None if not known.
-        data checks: data checks of the recording as a whole.
+        data checks: findings on the recording as a whole.
         topic: topic of a bag; empty for other files.
-        reading: how another program's file was read, each answer with its evidence.
+        reading: how another program's file was read: answers on unit, rate and the like, with the evidence.
     """
 
     hello: Hello
@@ -97,7 +103,9 @@ class Loaded(NamedTuple):
     topic: str = ""
     reading: tuple[Answer, ...] = ()
     accel: tuple[Array, ...] = ()
-    """Samples of each accelerometer axis in m/s², loaded whether asked for or not, since they show motion.
+    """Samples of each accelerometer axis in m/s².
+
+    They are loaded even if the user did not ask for them, since they show motion.
 
     Empty if there is no accelerometer, or if all its samples are constant.
     """
@@ -129,7 +137,10 @@ def recordings(paths: Sequence[Path]) -> list[tuple[Path, ...] | Unreadable]:
 
 
 def _mcap_sessions(paths: list[Path]) -> list[tuple[Path, ...] | Unreadable]:
-    """Return all sessions. If that fails, read the files one by one, so that only the faulty ones fail."""
+    """Return all sessions.
+
+    If that fails, the files are read one by one, so that only the faulty ones fail.
+    """
     try:
         return [tuple(files) for files in mcap_sessions(paths)]
     except FlteaError as error:
@@ -141,7 +152,7 @@ def _mcap_sessions(paths: list[Path]) -> list[tuple[Path, ...] | Unreadable]:
 def load(request: Request, folder: Path | None = None) -> Loaded:
     """Read one recording.
 
-    `folder`: where files hold the samples for as long as they are used; None: they are kept in memory.
+    `folder`: folder for temporary files with the samples; None: the samples are kept in memory.
 
     Raises:
         UsageError: the recording cannot be read, holds no samples, or lacks axes that are asked for.
@@ -194,11 +205,12 @@ def load(request: Request, folder: Path | None = None) -> Loaded:
 
 def _accel(axes: dict[str, Series]) -> tuple[Array, ...]:
     found = tuple(axes[name].y for name in ACCEL_AXES if name in axes)
-    return found if any(np.ptp(y) > 0 for y in found) else ()  # some recorders write zeros for it
+    # some recorders write zeros for a missing accelerometer
+    return found if any(np.ptp(y) > 0 for y in found) else ()
 
 
 def _most(reported: list[DataCheck]) -> list[DataCheck]:
-    """Return the first few faults, and all that name an unused file."""
+    """Return the first few faults, and all faults that name an unused file."""
     unread = [data_check for data_check in reported if data_check.kind == "unread_file"]
     return (
         unread + [data_check for data_check in reported if data_check.kind != "unread_file"][:MOST_REPORTED]
@@ -250,7 +262,8 @@ class _Groups:
         group = self._of(found)
         broken = group is not self._last or found.missing > 0 or found.new_epoch is not None
         self.stretches += broken
-        # After another rate, scale or start of the sensor, the number of missing samples is not known.
+        # After a change of rate or scale, or a restart of the sensor, the number of missing samples is not
+        # known.
         known = group is self._last and found.new_epoch in (None, "gap")
         missing = found.missing if known else 0
         group.add(found, decoder, missing if broken else None)
@@ -326,7 +339,7 @@ class _Group:
         if block.flags is not None and block.flags.any():
             for i, flag in enumerate((SampleFlags.LATE, SampleFlags.RETRIED, SampleFlags.SATURATED)):
                 self.flagged[i] += int(np.count_nonzero(block.flags & flag))
-        # A recording without arrival times has the device's times in their place.
+        # If a recording has no arrival times, the device's times are used in their place.
         self.no_clock = self.no_clock and bool((found.raw.host_ns == block.device_us * 1000).all())
         self._ask(decoder, len(block))
 
@@ -346,11 +359,14 @@ class _Group:
         return found
 
     def close(self) -> None:
-        """Drop the samples."""
+        """Drop the samples and their temporary files."""
         self._spool.remove()
 
     def _ask(self, decoder: Decoder, samples: int) -> None:
-        """Update the device's clock rate against the host's; the longest part without a restart counts."""
+        """Update how fast the device's clock runs against the host's.
+
+        The figure is that of the longest part without a restart.
+        """
         self._of_epoch = self._of_epoch + samples if decoder.epoch == self._epoch else samples
         self._epoch = decoder.epoch
         if self._of_epoch > self._most_of_epoch:

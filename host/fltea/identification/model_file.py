@@ -1,4 +1,4 @@
-"""Store identified models in files: JSON that `fltea simulate --model` reads."""
+"""Store noise models that were identified in JSON files, which `fltea simulate --model` reads."""
 
 import math
 from collections.abc import Mapping
@@ -17,7 +17,7 @@ from fltea.records.whole_file import whole_file
 FORMAT = "fltea-noise-model"
 VERSION = 5
 READABLE = (4, 5)
-"""Versions that can be read; version 4 has no random walk of the offset."""
+"""Versions of the format that can be read; version 4 has no random walk of the offset."""
 
 T = TypeVar("T")
 
@@ -67,7 +67,7 @@ class _Head(msgspec.Struct):
 
 
 def write_json(path: Path, found: msgspec.Struct) -> None:
-    """Write `found` as a JSON file; the file appears whole or not at all.
+    """Write an object as a JSON file; it is written completely or not at all.
 
     Raises:
         FlteaError: the file cannot be written.
@@ -76,7 +76,7 @@ def write_json(path: Path, found: msgspec.Struct) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file; it appears whole or not at all.
+    """Write a text file; it is written completely or not at all.
 
     Raises:
         FlteaError: the file cannot be written.

@@ -1,11 +1,12 @@
 """Guess which samples to leave out of the first analysis of an axis, because the sensor moved.
 
-Later the tracker detects motion (`identification.sensor_events`) by the noise of the sensor at rest. To find
-that noise takes samples at rest, so the first analysis needs a guess, which uses no model. Samples are judged
-as in the live fit (firmware/core/engine/gate.hpp), in chunks of 128. A chunk is a knock if its power about
-its own mean, without its largest sample, is sixteen times the usual power. Eight such chunks in a row are
-motion if their samples follow each other smoothly, which samples of increased noise do not. A chunk whose
-mean is as far from the usual offset as the limit for single samples of the live fit counts like a knock.
+Later the tracker detects motion (`identification.sensor_events`), since it knows the noise of the sensor at
+rest. But that noise has to be found first, from samples at rest. So the first analysis guesses, without any
+model, which samples these are. As in the live fit (firmware/core/engine/gate.hpp), samples are checked in
+chunks of 128. A chunk is a knock if its power about its own mean, without its largest sample, is sixteen
+times the usual power. Eight such chunks in a row are motion if their samples follow each other smoothly,
+which samples of increased noise do not. A chunk also counts as a knock if its mean is further from the usual
+offset than the live fit allows for a single sample.
 """
 
 import math
@@ -20,9 +21,9 @@ from fltea.identification.load import Series
 from fltea.records.arrays import Array
 
 KNOCK, IN_A_ROW = 16.0, 8
-"""As in gate.hpp: ratio of a chunk's power to the usual power, and number of chunks in a row."""
+"""Least ratio of a knock's power to the usual power, and number of knocks in a row, as in gate.hpp."""
 SMOOTH = 0.5
-"""Largest ratio of the mean square of steps to that of independent samples at which samples are smooth."""
+"""Largest ratio of the steps' mean square to that of independent samples, at which samples are smooth."""
 
 
 def likely_motion(series: Series) -> LeftOut:
@@ -33,7 +34,7 @@ def likely_motion(series: Series) -> LeftOut:
     mean, power, steps, resolution = (np.concatenate(one) for one in zip(*chunks, strict=True))
     if len(power) < 2 * IN_A_ROW:
         return LeftOut()
-    # As the live fit's running mean, this leaves knocks out.
+    # Knocks are left out of the usual offset, as of the live fit's running mean.
     usual = float(power[power <= KNOCK * np.median(power)].mean())
     usual = max(usual, float(np.min(resolution)) ** 2 / 12)
     apart = np.abs(mean - np.median(mean))
@@ -45,7 +46,7 @@ def likely_motion(series: Series) -> LeftOut:
         for begin, end in _runs(moved[at : at + count]):
             inside = slice(at + begin, at + end)
             smooth = steps[inside].sum() < SMOOTH * 2 * (power + apart**2)[inside].sum()
-            # Drift goes as far from the usual offset, but has no knock.
+            # Drift may move as far from the usual offset, but slowly, so that there is no knock.
             if smooth and knock[inside].any():
                 spans.append((start + begin * CHUNK, start + end * CHUNK))
         at += count
@@ -71,7 +72,7 @@ def _chunks(y: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def _runs(knock: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return begin and end of groups of knocks that are at least IN_A_ROW chunks long.
+    """Return begin and end of each group of knocks that is at least IN_A_ROW chunks long.
 
     Knocks up to IN_A_ROW chunks apart belong to one group.
     """

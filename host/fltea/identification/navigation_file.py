@@ -1,4 +1,7 @@
-"""Write the parameters of a navigation filter: continuous, and discrete at the sample rate."""
+"""Write the parameters of a navigation filter to a file.
+
+They are given for continuous time, and for discrete time at the sample rate.
+"""
 
 import math
 from collections.abc import Mapping
@@ -19,9 +22,12 @@ from fltea.spectrum.noise_figures import ModelSummary
 
 FORMAT = "fltea-navigation-model"
 VERSION = 4
-"""Version of the format. Version 3 had no filter: users had to guess what was not found."""
+"""Version of the format.
+
+Version 3 had no `filter`, so that users had to guess figures that were not found.
+"""
 STATES = {row.name for row in ROWS if "entry" in row.traits}
-"""Parts of the model that have fields of their own in an entry."""
+"""Parts of the noise model that have fields of their own in the entry of an axis."""
 
 
 class GaussMarkovState(msgspec.Struct, frozen=True):
@@ -40,9 +46,10 @@ class GaussMarkovState(msgspec.Struct, frozen=True):
 
 # Over 12 attributes: each is one field of the file for navigation filters.
 class NavigationAxis(msgspec.Struct, frozen=True):
-    """One axis, in `unit`: the figures found with their intervals, and the filter that follows from them.
+    """The entry of one axis: its figures with their intervals, and the filter that follows from them.
 
-    Null means not found; for an end of an interval, not known. Nothing in `filter` is null.
+    A figure is null if it was not found, an end of an interval if it is not known. Nothing in `filter` is
+    null.
     """
 
     unit: str
@@ -55,17 +62,20 @@ class NavigationAxis(msgspec.Struct, frozen=True):
     """Quantisation noise, in `unit` · s."""
     gauss_markov: tuple[GaussMarkovState, ...]
     others: tuple[Estimated, ...]
-    """Parts and filters that are no state of such a Kalman filter."""
+    """Parts of the noise, and filters of the sensor, that such a Kalman filter has no state for."""
     drift_rate: Interval
     """Slope of the offset, in `unit` per s."""
     from_hz: float
     """Lowest frequency that the model describes [Hz]."""
     knee_hz: float | None
-    """Corner frequency of the fastest part [Hz] where N is null, as white noise cannot be told from it."""
+    """Corner frequency of the fastest part [Hz]; null unless N is null.
+
+    White noise then cannot be told from this part.
+    """
     knee_density: float | None
     """Noise density at `knee_hz`, in the unit of N."""
     without_order: ModelSummary | None
-    """The best model without an order, where the noise has an order, since an order is no state."""
+    """The best model without an order if the noise has an order, for which no filter has a state."""
     filter: NavigationFilter
     """All parameters of a plain Kalman filter."""
 
@@ -106,7 +116,7 @@ def navigation_axis(found: AxisResult, unit: str, plain: NavigationFilter) -> Na
 
 
 def write_navigation(path: Path, axes: Mapping[str, AxisReport], rate_hz: float, source: str) -> None:
-    """Write the file; it appears whole or not at all.
+    """Write the file; it is written completely or not at all.
 
     Raises:
         FlteaError: the file cannot be written, or no filter works with the noise of an axis.

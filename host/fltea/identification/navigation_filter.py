@@ -4,14 +4,14 @@ The filter has white noise, a random walk of the bias, and Gauss-Markov states:
 
     rate = bias + the states + white noise with variance N²/h per sample
     bias: walks by K² h per sample; after the last sample it is `bias` with a deviation of `bias_std`
-    a state: x_k = exp(-h/τ) x_k-1 + noise with variance σ² (1 - exp(-2 h/τ)); σ at first
+    a state: x_k = exp(-h/τ) x_k-1 + noise with variance σ² (1 - exp(-2 h/τ)); its deviation is σ at first
 
 One least-squares fit finds N, K, the σ of each τ, and `bias_std`, so that two curves equal those of the
 tracked system. The first is the spectrum, by which a filter learns from further samples. The second is the
 heading's variance over time if only `bias` is subtracted after the end of the record. Such a filter has no
-slope: a slope that was found becomes a random walk that gets as far within the record. The filter has no
-high-pass either: it assumes that the noise continues below the corner, so that it predicts a larger heading
-error than the samples have.
+slope. A slope that was found is replaced by a random walk that gets as far within the record. The filter has
+no high-pass either: it assumes that the noise continues below the corner, so that it predicts a larger
+heading error than the samples have.
 """
 
 import math
@@ -30,35 +30,41 @@ from fltea.noise.system import System
 from fltea.records.arrays import Array, Mask
 
 A_DECADE = 3
-"""Number of correlation times per decade that are tried."""
+"""Number of correlation times that are tried in each decade."""
 FASTEST, SLOWEST = 3.0, 0.1
-"""Smallest correlation time in samples, and largest as a share of the record; slower parts become a walk."""
+"""Smallest correlation time in samples, and largest one as a share of the record.
+
+Slower parts become a random walk.
+"""
 POINTS_A_DECADE = 12
 HEADINGS_A_DECADE = 6
 TOLD_S = (1.0, 10.0, 60.0, 300.0)
-"""Times for which the file gives the heading's σ [s]."""
+"""Times after the end of the record for which the file gives the heading's σ [s]."""
 FROM_S = 1.0
-"""Shortest time for which a heading is wanted [s]."""
+"""Shortest time after the end of the record for which the heading's error is fitted [s]."""
 PASSED = 0.5
-"""Share of white noise that a low-pass of the sensor has to pass for a frequency to count in the fit."""
+"""Least share of white noise that a sensor's low-pass lets pass at frequencies used in the fit."""
 WORSE = 1.05
-"""Ratio of the fit's error without a state to that with it, up to which the state is left out.
+"""A state is left out if the fit's error without it is at most this ratio larger.
 
-A state is also left out if the error without it stays below ENOUGH.
+A state is also left out if the error without it is below ENOUGH.
 """
 ENOUGH = 0.01
 LEAST_WHITE = 0.01
-"""Ratio of the white noise's variance per sample to that of a state below which the state becomes white."""
+"""Ratio of the white noise's variance to a state's, below which the state is turned into white noise."""
 FOLDED_S, FOLDED = 0.1, 10.0
-"""Longest correlation time of a state that may become white noise, in s and in samples."""
+"""Longest correlation time of a state that may be turned into white noise, in s and in samples."""
 NOTHING_LEFT = 0.1
-"""Ratio of the bias's variance to that in the tracked system, below which the tracked system's is used."""
+"""Ratio of the fitted variance of the bias to the tracked system's, below which the latter is used."""
 LEAST_OF_ALL = 1e-4
-"""Least ratio of the white noise's variance to that of all states, as no filter works without white noise."""
+"""Least ratio of the white noise's variance to that of all states.
+
+No filter works without white noise.
+"""
 
 
 class FilterState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A Gauss-Markov state, which is 0 at first, with a standard deviation of σ."""
+    """A Gauss-Markov state. At first it is 0, with a standard deviation of σ."""
 
     sigma: float
     tau_s: float
@@ -74,11 +80,11 @@ class HeadingStd(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     filter: float
     """The standard deviation that this filter predicts without further samples."""
     forecast: float
-    """The standard deviation by `--forecast`, which also knows the states' values at the record's end."""
+    """The standard deviation by `--forecast`, which also uses the states' values at the record's end."""
 
 
 class NavigationFilter(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """All parameters of a plain Kalman filter of one axis, in `unit` of the axis; nothing is null."""
+    """All parameters of a plain Kalman filter of one axis, in the unit of the axis; nothing is null."""
 
     N: float
     """White noise per √Hz; the variance of a sample is N²/h."""
@@ -94,7 +100,7 @@ class NavigationFilter(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class _Target(NamedTuple):
-    """What the filter has to reproduce: a spectrum at λ, and the heading's variance at times."""
+    """What the filter has to reproduce: the spectrum at given λ, and the heading's variance over time."""
 
     lam: Array
     power: Array
@@ -127,7 +133,7 @@ def navigation_filter(tracked: FittedSystem, y: Array, h: float) -> NavigationFi
     target = _Target(lam, _power(model, always, lam, len(y)), times_s, heading)
     found, tau_s = _folded(*_fitted(target, tau_s, h), h)
     known = float(part @ P @ part)
-    if found[2] < NOTHING_LEFT * known:  # the fit gave the error of the bias to the states
+    if found[2] < NOTHING_LEFT * known:  # the fit explained the error of the bias by the states
         found[2] = known
     N, K, bias_std, *sigmas = np.sqrt(found).tolist()
     ahead = np.sqrt(_headings(tau_s, h, np.array(TOLD_S)) @ found).tolist()
@@ -147,7 +153,10 @@ def _count(ratio: float, a_decade: int) -> int:
 
 
 def _grid(tracked: FittedSystem, h: float, length_s: float) -> list[float]:
-    """Return the correlation times to try: those of the parts, and a grid without their close neighbours."""
+    """Return the correlation times to try.
+
+    They are those of the noise's parts, and a regular grid from which their close neighbours are left out.
+    """
     low, high = FASTEST * h, SLOWEST * length_s
     if high <= low:
         return []
@@ -158,7 +167,10 @@ def _grid(tracked: FittedSystem, h: float, length_s: float) -> list[float]:
 
 
 def _frequencies(tracked: FittedSystem, h: float, samples: int) -> Array:
-    """Return λ from one period of the record up to where a low-pass stops half of the noise."""
+    """Return the frequencies λ for the fit.
+
+    They go from one period in the record up to where a low-pass stops half of the noise.
+    """
     low = 2 * math.pi / samples
     lam = np.geomspace(low, math.pi, _count(math.pi / low, POINTS_A_DECADE))
     filters = [part for part in tracked.parts if isinstance(part, FILTERS)]
@@ -169,19 +181,25 @@ def _frequencies(tracked: FittedSystem, h: float, samples: int) -> Array:
 
 
 def _of_bias(model: System, slow: float) -> Array:
-    """Return the row of the filter's bias: states of the system that remember more than `slow` samples."""
+    """Return the row that sums up the filter's bias.
+
+    Its states are those of the system that remember more than `slow` samples.
+    """
     with np.errstate(divide="ignore"):
         memory = -1 / np.log(np.minimum(np.hypot(model.a, model.b), 1 - 1e-15))
     return np.asarray(np.where((memory > slow) & (model.a > 0), model.c, 0.0))
 
 
 def slope_of(model: System) -> Mask:
-    """Return a mask of the state that is the slope of the offset, which no such filter has."""
+    """Return a mask of the state that is the slope of the offset; a plain filter has no such state."""
     return np.asarray((model.a < 1.0) & (np.diag(model.Q) == 0.0), dtype=np.bool_)
 
 
 def _always(model: System, x: Array, P: Array) -> Array:
-    """Return the stationary mean squares of the states that decay; for a slope, its estimated mean square."""
+    """Return the stationary mean squares of the states.
+
+    For a slope, which is not stationary, it is the estimated mean square.
+    """
     moving, slope = model.a < 1.0, slope_of(model)
     always = model.P0 * np.outer(moving, moving)
     always[slope] = always[:, slope] = 0.0
@@ -190,7 +208,10 @@ def _always(model: System, x: Array, P: Array) -> Array:
 
 
 def _power(model: System, always: Array, lam: Array, samples: int) -> Array:
-    """Return the spectrum. A slope contributes as a random walk that gets as far within the record."""
+    """Return the spectrum of the system.
+
+    A slope contributes as a random walk that gets as far within the record.
+    """
     slope = slope_of(model)
     per_sample = float((np.diag(always) * (1 - model.a) ** 2)[slope].sum())
     return np.asarray(model.spectrum(lam) + per_sample * samples / (4 * np.sin(lam / 2) ** 2))
@@ -199,8 +220,8 @@ def _power(model: System, always: Array, lam: Array, samples: int) -> Array:
 def _heading_variance(model: System, part: Array, always: Array, P: Array, h: float, times_s: Array) -> Array:
     """Return the mean square of a heading after `part` of the tracked x is subtracted, at each time.
 
-    The angle is row @ x plus noise. The subtracted angle is t part @ E x. So (row - t part) @ x remains, as
-    large as in the stationary state, and t part @ (x - E x), whose covariance with x is P.
+    The angle is row @ x plus noise. The subtracted angle is t part @ E x. The difference is (row - t part) @
+    x, whose mean square is stationary, plus t part @ (x - E x), whose covariance with x is P.
     """
     moving = model.a < 1.0
     found = []
@@ -212,7 +233,7 @@ def _heading_variance(model: System, part: Array, always: Array, P: Array, h: fl
 
 
 def _spectra(tau_s: Sequence[float], h: float, lam: Array) -> Array:
-    """Return the columns of the spectrum for N², K², the bias, and each σ²."""
+    """Return how much N², K², the bias and each σ² contribute to the spectrum, as columns."""
     phi = np.exp(-h / np.array(tau_s))
     states = (1 - phi**2) / (1 - 2 * phi * np.cos(lam)[:, None] + phi**2)
     walk = h / (4 * np.sin(lam / 2) ** 2)
@@ -220,7 +241,7 @@ def _spectra(tau_s: Sequence[float], h: float, lam: Array) -> Array:
 
 
 def _headings(tau_s: Sequence[float], h: float, times_s: Array) -> Array:
-    """Return the columns of the heading's variance for N², K², the bias' variance, and each σ²."""
+    """Return what N², K², the bias's variance and each σ² contribute to the heading's variance."""
     tau = np.array(tau_s)
     over = times_s[:, None] / tau
     states = 2 * tau**2 * (over + np.expm1(-over))

@@ -13,12 +13,18 @@ from fltea.spectrum.candidate_models import FittedModel
 from fltea.spectrum.spectral_lines import Peak
 
 AROUND = 4
-"""Noise is drawn on a circle at least this many records long, from which one record is cut out."""
+"""Length of a period of the drawn noise in records, at least.
+
+The noise is drawn periodic, and one record is cut out of a period.
+"""
 SHORTEST_CIRCLE = 1 << 16
 
 
 class Lorentzian(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A line or resonance in addition to the parts, with its variance and its width at half height."""
+    """A spectral line or resonance in addition to the parts.
+
+    It has a variance and a width at half height.
+    """
 
     frequency_hz: float
     width_hz: float
@@ -36,14 +42,14 @@ class AxisModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     parts: tuple[AnyPart, ...]
     resonances: tuple[Lorentzian, ...] = ()
-    """Lines and resonances that were left out of the fit; events at equal intervals are not among them."""
+    """Spectral lines and resonances that were left out of the fit; without events at equal intervals."""
     offset_walk: float = 0.0
-    """K of the offset's random walk per √s, in addition to the parts, as in the forecast.
+    """K of the offset's random walk per √s, which the forecast has in addition to the parts.
 
     0 if one of the parts is a walk.
     """
     offset_relaxation: Relaxation | None = None
-    """A bounded walk of the offset in addition to the parts, as in the forecast."""
+    """A bounded walk of the offset, which the forecast has in addition to the parts."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.offset_walk < math.inf:
@@ -51,22 +57,23 @@ class AxisModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def white(self) -> float:
-        """Variance of the white noise that passes no filter."""
+        """Variance of the white noise that is added after all filters."""
         filtered = any(isinstance(part, FILTERS) for part in self.parts)
         kinds = Floor if filtered else White | Floor
         return sum(part.R for part in self.parts if isinstance(part, kinds))
 
     @property
     def walk(self) -> float:
-        """K² of all unbounded random walks; behind a high-pass there is none."""
+        """K² of all unbounded random walks together; 0 if there is a high-pass, which bounds them."""
         endless = 0.0 if high_pass_of(self.parts) else sum(p.K**2 for p in self.parts if isinstance(p, Walk))
         return self.offset_walk**2 + endless
 
 
 def modelled(model: FittedModel, peaks: tuple[Peak, ...], std: float, h: float) -> AxisModel:
-    """Return the noise model made of the parts of `model` and the peaks that were left out of its fit.
+    """Return the noise model that consists of a fitted model and the peaks that were left out of the fit.
 
-    `std`: standard deviation of the whole axis, which the peaks' shares refer to. `h`: sampling period [s].
+    `std`: standard deviation of all samples, to which the peaks' shares of power refer. `h`: sampling period
+    [s].
     """
     return AxisModel(
         cast(tuple[AnyPart, ...], model.parts(h)),
@@ -89,7 +96,7 @@ def model_spectrum(model: AxisModel, lam: Array, h: float) -> Array:
         half = r.width_hz / 2
         shape = 1 / (1 + ((frequency_hz - r.frequency_hz) / half) ** 2)
         low, high = np.arctan(np.array([-r.frequency_hz, 0.5 / h - r.frequency_hz]) / half)
-        # The mean over 0 … the Nyquist frequency has to be the variance.
+        # The mean of the spectrum between 0 and the Nyquist frequency has to be the variance.
         total = total + r.variance * shape * (0.5 / h) / (half * (high - low))
     return total
 
@@ -115,10 +122,12 @@ def _told(part: AnyPart) -> Iterator[str]:
 
 
 def draw(model: AxisModel, h: float, n: int, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Draw n samples of Gaussian noise with the model's spectrum: y, and its part x that is not white; (n,).
+    """Draw n samples of Gaussian noise with the model's spectrum.
 
-    Waves longer than AROUND records are left out, since they act as an offset. Waves of a random walk are
-    kept.
+    Returns the samples y (n,), and x (n,), the same noise without its white part.
+
+    Oscillations with a period of more than AROUND records are left out, since they act as an offset. Those of
+    a random walk are kept.
     """
     return next(draws(model, h, n, rng))
 
@@ -129,7 +138,7 @@ def draws(model: AxisModel, h: float, n: int, rng: np.random.Generator) -> Itera
     lam = 2 * np.pi * np.arange(1, circle // 2 + 1) / circle
     R = model.white
     size = np.sqrt(np.maximum(model_spectrum(model, lam, h) - R, 0.0) * (circle / 2))
-    # The steps of a random walk also have a mean, which a circle cannot hold: add it as a slope.
+    # The steps of a random walk also have a mean, which periodic noise cannot have. It is added as a slope.
     tilt = math.sqrt(model.walk * h / circle)
     while True:
         waves = np.zeros(circle // 2 + 1, dtype=np.complex128)

@@ -31,22 +31,25 @@ from fltea.identification.slow_noise import with_slow_noise
 from fltea.records.fit import Interval
 
 MOST_ANALYSES = 3
-"""Largest number of analyses of an axis, as the steps that a first model finds may be wrong."""
+"""Largest number of analyses of an axis.
+
+The steps that are found with a first model may be wrong, so that further analyses are needed.
+"""
 
 
 class FlteaInput(NamedTuple):
-    """An axis after its last analysis, as the input of FLTEA."""
+    """The input of FLTEA: an axis after its last analysis."""
 
     series: Series
     """All samples that were read."""
     left_out: LeftOut
     options: IdentifyOptions
     alpha: Interval
-    """Order of the noise by the verdict, without ends if the noise has none."""
+    """Order of the noise by the verdict; its ends are null if the noise has no order."""
 
     @classmethod
     def of(cls, series: Series, found: AxisReport, options: IdentifyOptions) -> "FlteaInput":
-        """Return the axis with the results in the report `found`."""
+        """Return the input of FLTEA for an axis with this report."""
         return cls(series, found.left_out, options, found.result.order.alpha)
 
 
@@ -67,7 +70,7 @@ def run_fltea(axes: Sequence[FlteaInput], h: float) -> list[FlteaFits]:
 
 
 def concluded(axis: AxisReport, found: Conclusions) -> AxisReport:
-    """Return the report of an axis with the conclusions from its tracked system."""
+    """Return the report of an axis, to which bias, forecast and filter were added."""
     h = 1 / axis.result.rate_hz
     walk = found.tracked.walk
     relaxation = walk.relaxation
@@ -91,7 +94,7 @@ def concluded(axis: AxisReport, found: Conclusions) -> AxisReport:
 
 
 def with_events(axis: AxisReport, found: AxisEvents) -> AxisReport:
-    """Return the report of an axis with its steps and motion."""
+    """Return the report of an axis, to which its steps and motion were added."""
     is_left_out = axis.left_out.is_like(found.left_out)
     data_checks = (*event_checks(found, axis.unit, is_left_out=is_left_out), *axis.data_checks)
     axis = msgspec.structs.replace(
@@ -117,7 +120,7 @@ def examine(
     left_out: LeftOut | None = None,
     details: bool = True,
 ) -> AxisReport:
-    """Analyse an axis: everything except FLTEA and the conclusions from its tracked system.
+    """Analyse an axis, without FLTEA, bias, forecast and filter.
 
     Args:
         series: the samples of the axis.
@@ -125,7 +128,7 @@ def examine(
         options: how to identify.
         figures: whether to compute the curves that figures show.
         known: data checks of the recording as a whole that concern the axis.
-        left_out: steps and motion to leave out; None: leave out apparent motion, as no model is known yet.
+        left_out: steps and motion to leave out. None: no model is known yet, so apparent motion is left out.
         details: whether to find out where the model reproduces the Allan deviation.
 
     Raises:
@@ -133,11 +136,11 @@ def examine(
     """
     analysis, series, out, telegraph = analyse_series(series, h, options, left_out)
     result = described(analysis)
-    # Check this whether FLTEA was asked for or not, so that both accept the same recordings.
+    # This is checked even if FLTEA was not asked for, so that the same recordings are accepted in both cases.
     why_no_path = fltea_axis(analysis, series.lsb, options).why_not(h)
     model = modelled(analysis.figures.model, result.peaks, result.std, h)
     curve, drawn, reason = None, None, ""
-    with ThreadPoolExecutor(1) as in_parallel:  # with a long record, this takes as long as the spectrum
+    with ThreadPoolExecutor(1) as in_parallel:  # for a long record, this takes as much time as the spectrum
         its_curve = in_parallel.submit(allan_of, analysis, series.unit)
         data_checks = checks_of(analysis, series, result, telegraph)
         why = withheld((*known, *data_checks))

@@ -1,4 +1,4 @@
-"""Return N, B, K and bias of an axis, shared by the command, its comparison and Python."""
+"""N, B, K and bias of an axis, for the command, for comparisons and for the Python interface."""
 
 from typing import NamedTuple
 
@@ -19,9 +19,9 @@ class Quantities(NamedTuple):
 
 
 def quantities(unit: str, level: Level, allan: Allan | None, now: Now | None) -> Quantities:
-    """Return the figures in the unit of the samples: N per √Hz, K per √s.
+    """Return the figures of an axis. N is in the unit of the samples per √Hz, K in that unit per √s.
 
-    `level`: has N and K. `allan`: the curve that has B. `now`: has the bias at the end of the record.
+    `level`: N and K. `allan`: the Allan deviation, with B. `now`: the bias at the end of the record.
     """
     of, bias = coefficient_units(unit), Interval()
     B = (

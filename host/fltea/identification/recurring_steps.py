@@ -1,6 +1,6 @@
-"""Include recurring steps of a bias in the noise model for the samples to come.
+"""Add steps of the bias to the noise model for future samples, if several steps were found.
 
-Steps are left out of the spectrum, but if several occurred, more will follow. A bias that jumps between two
+Steps are left out of the spectrum. But if several occurred, more will follow. A bias that jumps between two
 levels is a telegraph signal, whose spectrum is that of a relaxation (Machlup, J. Appl. Phys. 25, 1954). Other
 steps add up to a random walk.
 """
@@ -14,9 +14,9 @@ from fltea.identification.sensor_events import BiasStep
 from fltea.noise.system import System
 
 FEWEST = 3
-"""Number of steps from which on more are expected."""
+"""Least number of steps with which further steps are expected."""
 CLEAR = 3.0
-"""Number of standard deviations above which a step counts."""
+"""Least ratio of a step's size to its standard deviation for the step to count."""
 
 
 def with_steps(tracked: FittedSystem, steps: Sequence[BiasStep], h: float) -> FittedSystem:
@@ -32,7 +32,8 @@ def with_steps(tracked: FittedSystem, steps: Sequence[BiasStep], h: float) -> Fi
         system = _walking(tracked.system, math.fsum(one.size**2 for one in steps) / tracked.samples)
     else:
         apart, every_s = popcorn
-        # Levels ± apart / 2, each left at the rate 1 / every_s: the correlation decays at twice this rate.
+        # The levels are ± apart / 2. Each is left at the rate 1 / every_s, so the correlation decays at twice
+        # this rate.
         system = tracked.system.with_relaxation((apart / 2) ** 2, math.exp(-2 * h / every_s))
     return tracked._replace(system=system, steps_recur=True)
 

@@ -1,17 +1,19 @@
 """Find samples that were delivered twice, as opposed to neighbours that rounding makes equal.
 
 Rounding makes neighbours equal on each axis independently, the more often the coarser the counts and the
-slower the noise. A sample that is delivered twice equals the sample before on all axes at once. With m_i the
-share of equal neighbours on axis i, and J the share that is equal on all axes, the share q of repeats is the
-root of
+slower the noise. A sample that is delivered twice equals the sample before on all axes at once. Let m_i be
+the share of neighbours that are equal on axis i, and J the share that are equal on all axes. Then the share q
+of repeats is the root of
 
     J = q + (1 - q) Π (m_i - q) / (1 - q)
 
-This needs no assumption on distribution or autocorrelation. Two things make axes agree without a repeat:
-noise whose power changes, and correlated steps (vibration). Then samples two apart agree, too, and the excess
-of J over Π m_i, scaled by what the correlation allows, is small within each part of the record.
+No assumption on distribution or autocorrelation is needed. Two things make axes agree without a repeat: noise
+whose power changes, and correlated steps (vibration). In the first case, each sample also equals the one
+after the next more often. In both cases, the excess of J over Π m_i, scaled by what the correlation allows,
+is small within each part of the record.
 
-With a single axis, the shares of steps of one and two counts give the expected share of zero steps.
+For a single axis, the expected share of equal neighbours follows from the shares of steps of one and two
+counts.
 """
 
 import math
@@ -27,29 +29,32 @@ from fltea.records.arrays import Array
 Equal = NDArray[np.bool_]
 
 PARTS = 32
-"""Number of parts of the record; their spread gives the error, whatever the autocorrelation."""
+"""Number of parts of the record; their scatter gives the error for any autocorrelation."""
 SIGNIFICANT = 5.5
-"""Student's t with PARTS - 1 degrees of freedom that chance exceeds once in 400,000."""
+"""Threshold for Student's t with PARTS - 1 degrees of freedom; chance exceeds it once in 400,000."""
 LEAST_DETERMINANT = 1e-3
-"""Least determinant of the steps' correlation; axes that are more alike count as one axis."""
+"""Least determinant of the correlation of the axes' steps; axes that are more alike count as one axis."""
 HALVINGS = 40
 FINE_COUNTS = 3.0
-"""Spread of the steps in LSB above which rounding no longer changes their density."""
+"""Standard deviation of the steps in LSB, above which rounding no longer changes their density."""
 UNIFORM_LSB = 0.7
-"""σ in LSB above which the signal lies anywhere between two counts, also with heavy tails."""
+"""σ in LSB above which the signal is spread evenly between two counts, also with heavy tails."""
 LONG = 1 << 20
-"""Number of steps above which the correlation is computed from some of them, evenly spaced."""
+"""Number of steps above which the correlation is computed from evenly spaced ones only."""
 DIFFERENT = 0.9
 """Share of distinct values among the samples above which rounding does not matter."""
 IN_STEP, AT_ONCE = 0.6, 200
-"""Test for changes at a steady rate, over AT_ONCE changes: largest deviation from a straight line.
+"""Test for changes at a steady rate: largest distance in samples of AT_ONCE changes from a straight line.
 
 Changes at a steady rate lie within one sample of the line, with a standard deviation of 0.29 samples.
 """
 TAILS = 1.15
-"""Factor on the equal neighbours of Gaussian steps that other distributions are allowed."""
+"""Largest ratio of the share of equal neighbours to that of Gaussian steps, for other distributions."""
 _STEPS = np.geomspace(0.6, 2 * FINE_COUNTS, 400)
-"""Spreads of steps before rounding [LSB]; below these, heavy tails alone produce steps of two counts."""
+"""Standard deviations of steps before rounding [LSB] for which shares of equal neighbours are computed.
+
+Below these, heavy tails alone produce steps of two counts.
+"""
 
 
 class Repeats(NamedTuple):
@@ -100,7 +105,8 @@ def _of_several(near: NDArray[np.bool_], far: NDArray[np.bool_], steps: list[NDA
     over = together - np.minimum(alike * each.prod(axis=0), each.min(axis=0))
     spread = float(over.std(ddof=1)) / math.sqrt(PARTS)
     sure = share - share_far > SIGNIFICANT * error and float(over.mean()) > SIGNIFICANT * spread
-    # With fine counts hardly any neighbours are equal: a few that are equal on all axes prove repeats.
+    # With fine counts hardly any neighbours are equal by chance, so a few that are equal on all axes prove
+    # repeats.
     chance = max(alike * float(near.mean(axis=1).prod()) * pairs, float(all_far.sum()))
     few = same > 3 + 1.5 * chance + 6 * math.sqrt(chance)
     repeated = (share - max(share_far, 0.0) if share_far < share / 2 else share) * pairs
@@ -110,13 +116,13 @@ def _of_several(near: NDArray[np.bool_], far: NDArray[np.bool_], steps: list[NDA
 def _alike(steps: list[NDArray[np.float32]], moved: Equal) -> float:
     """Return by what factor correlated steps make axes agree more often than independent ones."""
     if int(moved.sum()) < PARTS or not all(one[moved].var(dtype=np.float64) > 0 for one in steps):
-        return 1.0  # numbers too small to be squared tell nothing
+        return 1.0  # the numbers are too small to be squared
     correlation = np.atleast_2d(np.corrcoef([one[moved] for one in steps]))
     return float(1 / math.sqrt(max(float(np.linalg.det(correlation)), LEAST_DETERMINANT)))
 
 
 def _repeated(each: NDArray[np.bool_], together: Equal) -> tuple[float, Array]:
-    """Return the share of repeats, and the shares (PARTS,) without each part of the record."""
+    """Return the share of repeats, and the shares (PARTS,) if each part of the record is left out in turn."""
     own, all_of_them = _shares(each), _shares(together)
     others = (PARTS * own.mean(axis=1)[:, np.newaxis] - own) / (PARTS - 1)
     left_out = _root((PARTS * all_of_them.mean() - all_of_them) / (PARTS - 1), others)
@@ -131,7 +137,7 @@ def _shares(equal: NDArray[np.bool_]) -> Array:
 
 
 def _root(together: Array, each: Array) -> Array:
-    """Solve the equation above for q, given J (k,) and m (axes, k); q < 0 where J is below chance."""
+    """Solve the module's equation for q, given J (k,) and m (axes, k); q < 0 if J is less than by chance."""
     low, high = np.full(together.shape, -1.0), each.min(axis=0)
     for _ in range(HALVINGS):
         q = (low + high) / 2
@@ -142,7 +148,7 @@ def _root(together: Array, each: Array) -> Array:
 
 
 def _change_every(equal: Equal) -> float | None:
-    """Return the number of samples between changes; None if they come at no steady rate."""
+    """Return the number of samples between changes of the values; None if the changes have no steady rate."""
     at = np.flatnonzero(~equal[:LONG])
     rows = len(at) // AT_ONCE
     if not rows:
@@ -155,7 +161,7 @@ def _change_every(equal: Equal) -> float | None:
 
 
 def _usual_gap(samples: Array) -> float | None:
-    """Return the usual distance between values rounded to uneven steps; None if they were not rounded."""
+    """Return the usual distance between values that were rounded to uneven steps; None if not rounded."""
     some = thin(samples)
     values = np.unique(some)
     if len(values) > DIFFERENT * len(some):
@@ -189,14 +195,15 @@ def _of_one_axis(samples: Array, count: float | None) -> Repeats:
 def _none(one: Array, two: Array) -> Array:
     """Return the share of zero steps that Gaussian steps have, given the shares of one and two counts."""
     chance = [_rounded_step(k) for k in range(3)]
-    # Where steps of two counts are rarer than the smallest of `_STEPS` gives, take all as chance.
+    # If steps of two counts are rarer than with the smallest of `_STEPS`, all equal neighbours count as
+    # chance.
     known = two > one * (chance[2] / chance[1])[0]
     ratio = np.interp(two / np.maximum(one, 1e-12), chance[2] / chance[1], chance[0] / chance[1] / 2)
     return np.where(known, one * ratio, 1.0)
 
 
 def _rounded_step(k: int) -> Array:
-    """Return the share of steps of k counts, up or down, for the spreads in _STEPS."""
+    """Return the share of steps of k counts, up or down, for each standard deviation in _STEPS."""
 
     def integral(x: float) -> Array:
         z = x / _STEPS

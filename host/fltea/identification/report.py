@@ -1,6 +1,6 @@
-"""Write a report on identified recordings: one self-contained HTML page, and its figures as SVG.
+"""Write a report on identified recordings: one self-contained HTML page, and its pictures as SVG.
 
-Verdicts, N, B and K, and the figures of the noise are visible at once; reasons, FLTEA and the rest are
+Verdicts, N, B and K, and the pictures of the noise are visible at once. Reasons, FLTEA and the rest are
 folded.
 """
 
@@ -21,7 +21,7 @@ WITHHELD = "No forecast, comparison with a data sheet or file for another progra
 
 
 def write(folder: Path, reports: Sequence[FileReport]) -> list[Path]:
-    """Write the report page and its figures; return the files, the page first.
+    """Write the page of the report and its pictures; return the files, the page first.
 
     Nothing is written if no axis of any recording was identified.
 
@@ -50,7 +50,7 @@ def write(folder: Path, reports: Sequence[FileReport]) -> list[Path]:
 
 
 def _prefixes(reports: Sequence[FileReport]) -> list[str]:
-    """Return a file prefix for each recording, numbered where two would be equal."""
+    """Return a prefix of file names for each recording; prefixes that would be equal are numbered."""
     found: list[str] = []
     for report in reports:
         stem = re.sub(r"[^A-Za-z0-9_.-]+", "_", Path(report.name).stem).strip("._") or "recording"
@@ -113,7 +113,7 @@ def _section(report: FileReport, pictures: dict[str, dict[str, str]]) -> Iterato
 
 
 def _axis(name: str, axis: AxisReport, drawn: dict[str, str]) -> Iterator[str]:
-    """Yield the figures of the noise with their meaning, then folded parts: the reasons, and FLTEA."""
+    """Yield the pictures of the noise with their meaning, then the folded sections on reasons and FLTEA."""
     yield f'<h3 class="axis">{name}</h3>'
     if axis.forecast is not None:
         yield f"<p>{escape(axis.forecast.text)}</p>"
@@ -132,7 +132,7 @@ def _axis(name: str, axis: AxisReport, drawn: dict[str, str]) -> Iterator[str]:
 
 
 def _figures(axis: AxisReport, drawn: dict[str, str], kinds: Sequence[str]) -> str:
-    """Return the figures of these kinds, as far as the axis has them."""
+    """Return the pictures of these kinds, as far as the axis has them."""
     found = [
         f"<figure>{drawn[kind]}<figcaption><b>{escape(figures.TITLES[kind][0])}.</b> "
         f"{escape(figures.meaning(kind, axis))}</figcaption></figure>"

@@ -18,26 +18,29 @@ from fltea.records.arrays import Array
 from fltea.spectrum.allan_curve import Allan
 
 CLOSE = 0.1
-"""Relative error of the model that always passes, since its parameters are not known any better."""
+"""Relative error of the model's Allan deviation that is always accepted.
+
+The model's parameters are not known any better.
+"""
 SPREADS = 4.0
-"""Number of standard deviations of such records that passes, in view of about forty compared points."""
+"""Accepted number of standard deviations of the model's records, in view of about forty compared points."""
 NARROW = 0.2
-"""Ratio of width to frequency below which a resonance counts as a line, since it rings for long."""
+"""Ratio of width to frequency below which a resonance counts as a spectral line, since it rings for long."""
 
 
 class Reproduction(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Ratio of the Allan deviations, model over data, at each averaging time.
+    """Ratio of the model's Allan deviation to that of the data, at each averaging time.
 
     `from_s`, `to_s`: the longest range over which the model reproduces the sensor; None if there is none.
     """
 
     tau_s: tuple[float, ...]
     ratio: tuple[float, ...]
-    """Median over records of the model's noise with the length of the data."""
+    """Median ratio over records of the model's noise that are as long as the data."""
     low: tuple[float, ...]
-    """The 5 % quantile of these records."""
+    """The 5 % quantile of the ratio over these records."""
     high: tuple[float, ...]
-    """The 95 % quantile of these records."""
+    """The 95 % quantile of the ratio over these records."""
     within: tuple[bool, ...]
     """Whether the median is within 10 % of the data, or within four standard deviations of such records."""
     from_s: float | None
@@ -58,7 +61,8 @@ def reproduction(curve: Allan, h: float, model: AxisModel) -> Reproduction:
     low, middle, high = (
         np.sqrt(chi2_quantile(p, degrees) / degrees) * deviation / data for p in (0.05, 0.5, 0.95)
     )
-    # The square of the deviation is chi-squared, so its logarithm spreads twice as much.
+    # The square of the deviation is chi-squared distributed, and its logarithm has twice the standard
+    # deviation.
     spread = chi2_log_std(degrees) / 2
     within = np.abs(np.log(middle)) <= np.maximum(math.log1p(CLOSE), SPREADS * spread)
     longest = _longest(within)

@@ -1,4 +1,4 @@
-"""Find the steps to which samples were rounded, and whether the decimals of a file made them."""
+"""Find the step to which samples were rounded, and whether it comes from the decimals written in a file."""
 
 import math
 
@@ -8,18 +8,18 @@ from fltea.records.arrays import Array
 from fltea.records.quantity import factor
 
 LONG = 1 << 20
-"""Number of samples above which medians and commonest values come from a part, evenly spaced."""
+"""Number of samples above which medians and commonest values are computed from evenly spaced samples."""
 SAME_STEP = 1e-3
-"""Largest relative difference from a power of ten at which a step counts as one."""
+"""Largest relative difference from a power of ten at which a step counts as a power of ten."""
 WRITTEN_IN = {"deg/s": ("deg/s", "rad/s", "deg/h"), "m/s²": ("m/s²", "g")}
 """Units in which files write each of our units.
 
-Milli-units give the same result.
+Milli-units are not listed, as they give the same result.
 """
 
 
 def thin(y: Array) -> Array:
-    """Return all samples, or every k-th if there are more than LONG; enough to show what is typical."""
+    """Return all samples, or every k-th one if there are more than LONG."""
     return y[:: -(-len(y) // LONG)] if len(y) > LONG else y
 
 
@@ -34,9 +34,10 @@ def step(y: Array) -> float | None:
 
 
 def decimals(quantum: float, unit: str) -> str:
-    """Return the step as the file writes it, such as "0.01 rad/s", if it is a power of ten there; else "".
+    """Return the step in the file's unit, such as "0.01 rad/s", if it is a power of ten; else "".
 
-    `quantum`: the step in `unit`. No sensor's count is known to be a power of ten, so decimals were cut off.
+    `quantum`: the step in `unit`. No known sensor has counts of a power of ten, so such a step means that
+    decimals were cut off.
     """
     for name in WRITTEN_IN.get(unit, ()) or (unit,):
         written = quantum * factor(unit, name) if name != unit else quantum

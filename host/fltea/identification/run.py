@@ -1,8 +1,10 @@
-"""Identify many recordings; results come in the order of the recordings, and one failure affects no other.
+"""Identify many recordings.
+
+The results have the order of the recordings. A failure of one recording does not affect the others.
 
 Each axis is a task. Each group of its shuffled copies is another task, since copies take most of the time,
-and three axes alone would keep two cores busy for as long as four. The results do not depend on which process
-does which task.
+and with three axes alone four cores would finish no earlier than two. The results do not depend on which
+process does which task.
 """
 
 from collections import deque
@@ -54,26 +56,32 @@ from fltea.settings.estimator import AccelConfig, EstimatorConfig
 from fltea.settings.live import LiveConfig
 
 USUAL_TASKS = 3
-"""Assumed number of tasks of a recording before it is read; groups of copies add to the total later."""
+"""Assumed number of tasks of a recording before it is read.
+
+Tasks for the shuffled copies are added later.
+"""
 
 Progress = Callable[[str, int, int], None]
-"""Receives what was just done, the number of tasks done, and the total number of tasks."""
+"""Function that is called with what was just done, the number of tasks done, and the total number of
+tasks.
+"""
 
 
 class Settings(msgspec.Struct, frozen=True):
     """How to identify; `bias` and `R` of the estimators may be lists with one number for each channel."""
 
     options: IdentifyOptions
-    """Options except for the estimator."""
+    """Options for all axes; those of FLTEA may differ by axis (`of_axis`)."""
     gyro: EstimatorConfig = EstimatorConfig()
     accel: AccelConfig = AccelConfig()
     details: bool = True
-    """Whether to compute what the answer itself does not show.
+    """Whether to compute results that the short answer does not show.
 
-    That is FLTEA's estimates, those of shuffled copies, and where the model reproduces the Allan deviation.
+    These are FLTEA's estimates, its estimates for shuffled copies, and the range in which the model
+    reproduces the Allan deviation.
     """
     figures: bool = False
-    """Whether to compute the curves that figures show."""
+    """Whether to compute the curves for pictures."""
     forecast: Asked = False
     live: LiveConfig = LiveConfig()
     """Settings of the tracker: the largest step of a bias, and the time T of Bias(T)."""
@@ -94,9 +102,9 @@ class Settings(msgspec.Struct, frozen=True):
 
 
 def _at_rate(options: IdentifyOptions, h: float) -> IdentifyOptions:
-    """Return the options with times converted to samples. `h`: sampling period [s].
+    """Return the options after durations were converted to numbers of samples. `h`: sampling period [s].
 
-    Raises UsageError if a time has more samples than allowed.
+    Raises UsageError if a duration has more samples than allowed.
     """
     try:
         return msgspec.structs.replace(options, estimator=options.estimator.at(1 / h))
@@ -111,14 +119,14 @@ class _Task(Task):
     report: FileReport
     axis: "_Axis | None" = None
     part: int | None = None
-    """Index of the group of copies."""
+    """Index of the group of shuffled copies; None for other tasks."""
     of: "_Recording | None" = None
-    """The recording; None if the task is to read it."""
+    """The recording to which the task belongs; None if the task is to read it."""
 
 
 @dataclass
 class _Axis:
-    """An axis whose tasks are under way. Its report exists once all of them are done."""
+    """An axis whose tasks are not all done. Its report exists once they are."""
 
     name: str
     series: Series
@@ -138,7 +146,7 @@ class _Axis:
         self.is_examined |= task.do is examine
         if isinstance(result, BaseException):
             if self.looks > 1 and task.do is examine:
-                return  # too few samples are left between the steps: the previous analysis stays valid
+                return  # too few samples are left between the steps, so the previous analysis stays valid
             # If several tasks fail, the failure of the axis's own analysis explains most.
             self.failure = (
                 Failure(_text(result)) if task.part is None else self.failure or Failure(_text(result))
@@ -171,7 +179,7 @@ class _Axis:
 
 @dataclass
 class _Recording:
-    """A recording whose tasks are under way."""
+    """A recording whose tasks are not all done."""
 
     h: float
     accel: tuple[Array, ...]
@@ -214,7 +222,10 @@ def identify_all(
 
 
 class _Loop(HandOut[_Task]):
-    """Hand out tasks. Axes come before further recordings, so that few recordings are in memory at once."""
+    """Hand out tasks.
+
+    Axes come before further recordings, so that few recordings are in memory at once.
+    """
 
     def __init__(
         self,
@@ -243,7 +254,7 @@ class _Loop(HandOut[_Task]):
         return who.submit(task.do, *task.arguments)
 
     def settle(self, task: _Task, result: Any) -> None:
-        """Store a result in its report, and plan the tasks that follow from it."""
+        """Store the result of a task in its report, and plan the tasks that follow."""
         report = task.report
         self._done += 1
         if task.of is not None:
@@ -280,7 +291,7 @@ class _Loop(HandOut[_Task]):
         self._total += len(tasks)
 
     def _watch(self, task: _Task) -> None:
-        """Once all axes of a recording are analysed, plan to track the biases, or to draw conclusions."""
+        """Once all axes of a recording are analysed, plan to track the biases, or to conclude."""
         assert task.of is not None
         of, axes = task.of, {axis.name: axis.series for axis in task.of.axes if axis.found is not None}
         of.watches += 1
@@ -291,7 +302,10 @@ class _Loop(HandOut[_Task]):
             self._add(_Task(watch, arguments, task.report, of=of))
 
     def _look_again(self, task: _Task, events: dict[str, AxisEvents]) -> None:
-        """Plan a refit of axes whose steps or motion have changed; if none has, plan the conclusions."""
+        """Plan a new analysis of the axes whose steps or motion have changed.
+
+        If there are none, plan to compute bias, forecast and filter.
+        """
         assert task.of is not None
         of = task.of
         again = []
@@ -316,7 +330,7 @@ class _Loop(HandOut[_Task]):
         return _Task(examine, arguments, report, axis, of=of)
 
     def _conclude(self, task: _Task) -> None:
-        """Plan the conclusions after the last analysis of all axes of a recording."""
+        """Plan to compute bias, forecast and filter, after the last analysis of all axes of a recording."""
         assert task.of is not None
         of = task.of
         agreed = of.agreed()
@@ -377,7 +391,7 @@ class _Loop(HandOut[_Task]):
         self._total -= USUAL_TASKS
 
     def _copies(self, axis: _Axis, series: Series, report: FileReport, of: _Recording) -> Iterator[_Task]:
-        """Yield the tasks of the shuffled copies: many, and of equal size, so that no process is idle."""
+        """Yield the tasks for the shuffled copies: many tasks of equal size, so that no process is idle."""
         epoch = longest_epoch(len(series.y), series.gaps)
         for part, group in enumerate(groups(epoch[1] - epoch[0], axis.options.shuffles)):
             axis.parts.append(None)

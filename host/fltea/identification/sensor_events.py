@@ -1,7 +1,7 @@
-"""Find the events of a sensor during a recording: steps of its biases, motion, and the biases at the end.
+"""Find steps of a sensor's biases and motion in a recording, and the biases at its end.
 
-The tracker of live use runs over all axes of a sensor together, and over its accelerometer if there is one.
-It uses the noise model that was found for each axis.
+The tracker that live use has is run over all axes of a sensor together, and over its accelerometer if there
+is one. It uses the noise model that was found for each axis.
 """
 
 import contextlib
@@ -31,14 +31,17 @@ from fltea.stream.happenings import BY
 from fltea.stream.tracking import rules_of
 
 LONG = IN_A_ROW * CHUNK
-"""Length of a motion in samples above which its samples have to follow each other smoothly.
+"""Length in samples above which motion has to be smooth from sample to sample.
 
-Otherwise it is noise whose power has grown, which the verdict reports.
+If it is not, it is noise whose power has grown, which the verdict reports.
 """
 FAST_S = 1.0
-"""Longest correlation time of noise that is not taken for steps [s]."""
+"""Longest correlation time of noise that cannot be mistaken for steps [s]."""
 BETTER = 10.0
-"""Lead in log likelihood that the model with a constant bias between steps needs to be used."""
+"""How much larger the log likelihood of a model with a constant bias between steps has to be.
+
+Otherwise the model with a moving bias is used.
+"""
 COURSE_POINTS = 500
 
 
@@ -51,14 +54,14 @@ class BiasStep(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class MotionSpan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A motion of the sensor; times are in s since the beginning of the recording."""
+    """A time span in which the sensor moved, in s since the beginning of the recording."""
 
     begin_s: float
     end_s: float
     by: str
     """The axis that showed the motion, or `accel`."""
     largest: float | None
-    """Largest distance of a sample from the bias, in `unit`; null if the recording ended in the motion."""
+    """Largest distance of a sample from the bias, in `unit`; null if the sensor still moved at the end."""
     unit: str
 
 
@@ -71,7 +74,10 @@ class BiasCourse(NamedTuple):
 
 
 class AxisEvents(NamedTuple):
-    """The events of one axis. Without a noise model it has no steps, no bias and no course."""
+    """Steps, motion and bias of one axis.
+
+    If there is no noise model, only motion is known.
+    """
 
     steps: tuple[BiasStep, ...] = ()
     motion: tuple[MotionSpan, ...] = ()
@@ -91,12 +97,13 @@ def watch(
     h: float,
     live: LiveConfig,
 ) -> dict[str, AxisEvents]:
-    """Return the events of each axis of a recording; all axes of a sensor share its motion.
+    """Return steps, motion and bias of each axis of a recording. All axes of a sensor have the same motion.
 
-    An accelerometer shows the motion of its gyroscope, and for longer: until it lies still again elsewhere.
+    An accelerometer shows the motion of its gyroscope, too. It shows it until the sensor lies still again in
+    its new position.
 
     Args:
-        axes: all samples as they were read. Steps between the levels of telegraph noise are no events.
+        axes: all samples as they were read. Steps between the levels of telegraph noise are not returned.
         accel: samples (n,) of each axis of the accelerometer [m/s²]; empty if there is none.
         tracked: the tracked system of each axis, by name.
         h: sampling period [s].
@@ -117,7 +124,7 @@ def watch(
                 runs.append((pool.submit(_SensorRun, group, shown, systems, h, live), other))
     found: dict[str, AxisEvents] = {}
     moved: list[_Moved] = []
-    # The gyroscope comes first, as it has the motion that the accelerometer has shown.
+    # The gyroscope comes first, since its motion includes what the accelerometer has shown.
     for of_system, of_staying in runs:
         run, stays = of_system.result(), None if of_staying is None else of_staying.result()
         moved = _united([*moved, *run.moved])
@@ -130,10 +137,10 @@ def watch(
 def _staying(tracked: Mapping[str, FittedSystem | None], h: float) -> dict[str, System]:
     """Return a model whose bias is constant between steps, for each axis whose model has a moving bias.
 
-    A bias that steps to and fro has the spectrum of a relaxation, and one that steps now and then looks like
-    a random walk. So both models are tried, and the one that predicts the samples better is used. Each step
-    costs the second model the samples until the step is detected, so a bias that walks is not taken for one
-    that steps.
+    A bias that steps to and fro has the spectrum of a relaxation. A bias that steps now and then looks like a
+    random walk. So both models are tried, and the one that predicts the samples better is used. The model
+    with a constant bias predicts badly from each step until the step is detected. So it is not used for a
+    bias that walks.
     """
     found = {}
     for name, one in tracked.items():
@@ -152,7 +159,7 @@ def _is_slow(part: Part) -> bool:
 
 
 class _Moved(NamedTuple):
-    """Motion during samples begin … end - 1."""
+    """Motion of a sensor during samples begin … end - 1."""
 
     begin: int
     end: int
@@ -160,7 +167,7 @@ class _Moved(NamedTuple):
 
 
 class _Stepped(NamedTuple):
-    """A step of an axis before sample `at`, detected at sample `row`."""
+    """A step of an axis's bias just before sample `at`, detected at sample `row`."""
 
     at: int
     row: int
@@ -196,7 +203,7 @@ class _SensorRun:
             self._run(begin, end)
 
     def _run(self, begin: int, end: int) -> None:
-        """Run a tracker over samples begin … end - 1, between two restarts of the sensor or long gaps."""
+        """Run a tracker over samples begin … end - 1, which have no long gap and no restart of the sensor."""
         tracker = Tracker([None] * len(self._names), rules_of(self._live, self._h, self._unit))
         for lane, one in enumerate(self._systems):
             if one is not None:
@@ -223,7 +230,7 @@ class _SensorRun:
             self._end_motion(since, end, None)
 
     def _blocks(self, begin: int, end: int) -> Iterator[tuple[int, int, int]]:
-        """Yield begin and end of blocks of samples, and the number of samples lost before each block."""
+        """Yield begin and end of each block of samples, and the number of samples lost before the block."""
         inside = self._gaps.within(begin, end)
         lost = dict(zip((inside.at + begin).tolist(), inside.missing.tolist(), strict=True))
         edges = sorted({*range(begin, end, AT_ONCE), *lost, end})
@@ -233,7 +240,7 @@ class _SensorRun:
     def _take(self, event: TrackerEvent, row: int, begin: int, since: _Moved | None) -> _Moved | None:
         """Store an event that was detected at sample `row`.
 
-        `since`: the motion that has begun and not ended. Returns its new value.
+        `since`: the motion that goes on, None if the sensor is at rest. Returns its new value.
         """
         at = max(row - max(event.ago - 1, 0), begin)
         if event.kind == EventKind.STEP:
@@ -250,12 +257,12 @@ class _SensorRun:
         """Whether this run's model predicts the samples of an axis better than the model of another run."""
         lane = self._names.index(name)
         if self._counts[lane] < other._counts[lane] - LONG:
-            return False  # this run took samples that it cannot predict for motion
+            return False  # this run mistook samples that it cannot predict for motion
         mine, its = (one._squares[lane] / max(one._counts[lane], 1) for one in (self, other))
         return bool(0 < mine < its and self._counts[lane] * math.log(its / mine) > 2 * BETTER)
 
     def _undo(self, counts: Sequence[int], events: Sequence[TrackerEvent], first: int) -> None:
-        """Drop steps that the tracker has withdrawn, because they were the beginning of a motion.
+        """Drop steps that the tracker has withdrawn, because a motion began with them.
 
         `counts`: number of valid steps of each axis. `first`: index of the sample at which `events` begin.
         """
@@ -295,7 +302,7 @@ class _SensorRun:
         spans = tuple((one.begin, one.end) for one in moved)
         if self._systems[lane] is None:
             return AxisEvents((), motion, LeftOut(spans, ()))
-        # A step before the first sample of a part is no step, nor is one during motion that another sensor
+        # Leave out a step before the first sample of a part, and steps during motion that another sensor
         # showed.
         none = [(begin, begin + 1) for begin, _, _ in self._parts] + [*spans]
         steps = [one for one in self._steps[lane] if not any(begin <= one.at < end for begin, end in none)]
@@ -311,7 +318,10 @@ class _SensorRun:
 
 
 def _united(moved: Sequence[_Moved]) -> list[_Moved]:
-    """Return motion in order of time; overlapping motion is merged, and named by what has shown it first."""
+    """Return the motions in order of time.
+
+    Overlapping motions are merged; the result names the axis that showed it first.
+    """
     found: list[_Moved] = []
     for one in sorted(moved, key=lambda one: one[:2]):
         if found and one.begin <= found[-1].end:

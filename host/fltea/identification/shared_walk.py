@@ -1,6 +1,6 @@
-"""Estimate one random walk of the offset for all axes of a sensor, where the axes agree.
+"""Estimate one common figure for the random walk of the offset on all axes of a sensor, if they agree.
 
-The axes of a sensor are built alike. Each axis alone hardly shows how its offset walks, or within which
+The axes of a sensor are built alike. Each axis alone hardly shows how far its offset walks, or within which
 bounds. So the likelihoods of the axes are multiplied, if one walk for all axes explains the samples at least
 as well as separate walks. Each axis keeps its own slope, since axes that warm up drift in different
 directions.
@@ -16,16 +16,16 @@ from fltea.identification.forecast_judge import FittedSystem
 from fltea.records.arrays import Array
 
 A_DECADE = 4
-"""Number of step variances per decade that are tried."""
+"""Number of variances of a walk's steps that are tried in each decade."""
 UNLIKELY = 1e-300
 
 
 def shared_walk(tracked: Mapping[str, FittedSystem], h: float) -> dict[str, FittedSystem]:
-    """Return the tracked systems of a sensor's axes by name, with what their offsets have in common.
+    """Return the tracked systems of a sensor's axes by name, with a common random walk if possible.
 
-    That is the random walk, or its bounds alone where the spectrum shows a separate walk of each axis. The
-    systems are unchanged if the axes do not agree, or if fewer than two are alike. Axes for which different
-    bounds were tried are not alike (noise with an order has no bounds).
+    If the spectrum shows a separate walk on each axis, only its bounds are common. The systems are unchanged
+    if the axes do not agree, or if fewer than two are alike. Axes for which different bounds were tried are
+    not alike (noise with an order has no bounds).
     """
     alike: dict[tuple[bool, tuple[float, ...]], list[str]] = {}
     for name, one in tracked.items():
@@ -57,7 +57,7 @@ def _agreed_bounds(walks: list[OffsetWalk], taus: tuple[float, ...]) -> list[Off
 
 
 def _prior(steps: list[float], taus: Sequence[float], stays: float) -> Array:
-    """Return the prior weights of walks in the order of rising bounds."""
+    """Return the prior probabilities of walks, ordered by rising bounds."""
     tried = sorted(walks_tried(steps, [one for one in taus if math.isfinite(one)], stays))
     return np.array([weight for _, _, weight in tried])
 
@@ -89,7 +89,7 @@ def _log_likelihoods(walk: OffsetWalk, q: Array, tau: Array) -> Array:
     known = np.unique(steps[steps > 0])
     prior = np.array([weight for _, _, weight in walks_tried(known.tolist(), bounds, STAYS)])
     own = np.log(np.maximum(weights, UNLIKELY)) - np.log(prior)[:, None]
-    # A walk slower than all that were tried is as likely as no walk.
+    # A walk that is slower than all those that were tried is as likely as no walk.
     at = np.log(np.append(known[0] / 10, known))
     found = np.empty((len(q), own.shape[1]))
     for slope, column in enumerate(own.T):

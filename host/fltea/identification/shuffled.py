@@ -1,6 +1,9 @@
-"""Run FLTEA over shuffled copies of the samples, which are white whatever the samples were.
+"""Run FLTEA over shuffled copies of the samples.
 
-Copies are lanes of an engine. Each copy has its own start-up window, bias and R, as in the daemon.
+Shuffling makes any noise white.
+
+The engine processes several copies in parallel, each as a lane. As in the daemon, each has its own start-up
+window, bias and R.
 """
 
 import math
@@ -19,40 +22,51 @@ from fltea.settings.estimator import EstimatorConfig
 
 PROBABILITIES = (0.05, 0.5, 0.95)
 BLOCK = 100
-"""Number of samples of all lanes that the engine processes at once; its results have to fit the caches."""
+"""Number of samples of each copy that the engine processes at once; the results have to fit into the
+caches.
+"""
 GROUP_BYTES = 64_000_000
 """Memory for the samples of a group of copies [bytes]."""
 LEAST_LANES, MOST_LANES = 8, 40
-"""Lanes in a group: fewer leave vector instructions idle, more leave other processes idle at the end."""
-LONGEST = 1 << 17
-"""Length in samples above which copies are drawn from the record block by block, to need no memory.
+"""Least and largest number of copies in a group.
 
-Copies for the joint filter end at this length. This filter forgets, and the quantiles of its last α change by
-0.003 up to a million samples. Those of the triple filter keep falling (from 0.13 to 0.11), so its copies are
-as long as the record.
+Smaller groups do not use vector instructions fully. Larger ones leave other processes idle at the end.
+"""
+LONGEST = 1 << 17
+"""Length in samples above which copies are drawn from the record at random, block by block, to save memory.
+
+Copies for the joint filter have at most this length. This filter forgets old samples: up to a million
+samples, the quantiles of its last α change by 0.003. Those of the triple filter keep falling (from 0.13 to
+0.11), so its copies are as long as the record.
 """
 DRAWN = 1 << 13
 """Number of samples in a block that is drawn from the record."""
 ACCURACY = 3
-"""Digits of the compressed memory: costs 1e-6 in α, where copies differ by 1e-2; a sixth of the time."""
+"""Digits of the compressed memory of the past.
+
+Its error in α is 1e-6, while copies differ by 1e-2. It needs a sixth of the time of an exact memory.
+"""
 
 
 class ShuffledBand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The 5, 50 and 95 % quantiles of the copies' last estimates; None where no copy has one."""
+    """The 5, 50 and 95 % quantiles of the copies' last estimates; None if no copy has a valid estimate."""
 
     copies: int
     lost: int
-    """Number of copies left out, since they diverged (only without a guard) or are not valid at the end."""
+    """Number of copies that were left out, since their estimates diverged or are not valid at the end."""
     alpha: tuple[float, float, float] | None
     f: tuple[float, float, float] | None
     """The parameter f of s^-α."""
     alpha_rank: float | None
-    """Share of the copies whose α is below that of the data; white noise gives 0.05 to 0.95."""
+    """Share of the copies whose α is below that of the data.
+
+    For white noise it is between 0.05 and 0.95 in nine of ten cases.
+    """
     f_rank: float | None
 
 
 class Copies(msgspec.Struct, frozen=True):
-    """The last estimates of some copies, (copies,); α and f are finite for copies that are not lost."""
+    """The last estimates for some copies, (copies,). α and f are finite for copies that are not left out."""
 
     alpha: Array
     f: Array
@@ -60,9 +74,9 @@ class Copies(msgspec.Struct, frozen=True):
 
 
 def groups(samples: int, copies: int) -> list[range]:
-    """Return the numbers of the copies, in groups that fit into memory.
+    """Divide the numbers of the copies into groups that fit into memory.
 
-    The groups depend on the record only, not on the workers.
+    The groups depend on the length of the record and the number of copies, but not on the workers.
     """
     samples = min(samples, LONGEST)
     size = max(
@@ -80,7 +94,7 @@ def estimate(
     seed: int,
     part: tuple[int, int] | None = None,
 ) -> Copies:
-    """Estimate shuffled copies of one axis with the settings of `config`.
+    """Run FLTEA over shuffled copies of one axis with the settings of `config`.
 
     Each copy is shuffled by the seed (seed, number), so that it is the same in any group. Copies of records
     longer than LONGEST are drawn instead. Memory is compressed whatever `config.memory` says.
@@ -104,7 +118,7 @@ def estimate(
     shuffles = next(parts)
     bias, R = lane_baselines(shuffles[:, :startup].T, config, lsb)
     if config.R == "auto":
-        # A copy can happen to be constant in its window if the data hardly ever change.
+        # If the data hardly ever change, a copy may happen to be constant in its start-up window.
         R = np.maximum(R, 1e-6 * y[:LONGEST].var())
     settings = LaneSettings(msgspec.structs.replace(config, memory="compressed"), h, R, accuracy=ACCURACY)
     runner = Lanes(lanes, settings)
@@ -123,7 +137,7 @@ def _parts(y: Array, copies: range, seed: int, startup: int, variant: str) -> It
     if len(y) <= LONGEST:
         shuffles = np.empty(
             (len(copies), len(y))
-        )  # fill whole copies in turn, since columns are slow to write
+        )  # fill one copy after the other, since writing columns is slow
         for row, rng in zip(shuffles, rngs, strict=True):
             row[:] = rng.permutation(y)
         yield shuffles
@@ -147,7 +161,10 @@ def shuffled_band(parts: Sequence[Copies], alpha: float | None, f: float | None)
 
 
 def _quantiles(values: Array) -> tuple[float, float, float] | None:
-    """Return quantiles at Weibull's positions, where one more copy falls with the nominal probability."""
+    """Return quantiles at Weibull's plotting positions.
+
+    One more copy would be below such a quantile with exactly the nominal probability.
+    """
     if not values.size:
         return None
     positions = np.array(PROBABILITIES) * (values.size + 1) - 1

@@ -20,10 +20,12 @@ from fltea.sources.synthetic import NoiseSettings
 
 
 def write_simulation(out: Path, settings: NoiseSettings, alpha_end: float, axes: int) -> None:
-    """Write simulated noise; its order changes from that of `settings` to `alpha_end` at the last sample.
+    """Write simulated noise whose order may change.
 
-    Samples are counts unless `settings.lsb_per_dps` is 0. The file appears whole or not at all. `axes`:
-    number of axes.
+    The order changes steadily from that of `settings` at the first sample to `alpha_end` at the last one.
+
+    Samples are counts unless `settings.lsb_per_dps` is 0. The file is written completely or not at all.
+    `axes`: number of axes.
 
     Raises:
         UsageError: the parameters are impossible, the noise diverges, or the name ends neither in .csv nor
@@ -50,9 +52,9 @@ def write_simulation(out: Path, settings: NoiseSettings, alpha_end: float, axes:
 def write_model_simulation(out: Path, model: Path, settings: NoiseSettings) -> None:
     """Write simulated noise of the axes in `model`, a file of `fltea identify --export-model`.
 
-    Of the settings, only number of samples, seed and the effects of the sensor count; rate and noise are
-    those of the model. The true state next to the samples is all noise that is not white. The order is in the
-    model file.
+    Only the number of samples, the seed and the effects of the sensor are those of `settings`. Rate and noise
+    are those of the model. The file also holds the true state, which is all noise that is not white, but not
+    the order.
 
     Raises:
         UsageError: the model cannot be read, settings are impossible, or the name ends neither in .csv nor
@@ -76,9 +78,9 @@ def write_model_simulation(out: Path, model: Path, settings: NoiseSettings) -> N
 
 @contextlib.contextmanager
 def _impossible() -> Iterator[None]:
-    """Turn errors on impossible noise, or on lack of memory, into a UsageError."""
+    """Turn errors about impossible noise or lack of memory into a UsageError."""
     try:
-        with np.errstate(all="ignore"):  # values that end as NaN are reported later
+        with np.errstate(all="ignore"):  # values that overflow become NaN, which is reported later
             yield
     except (ValueError, ArithmeticError, MemoryError) as error:
         raise UsageError(f"simulate: {error}.") from error
@@ -100,7 +102,10 @@ def _simulate(
     orders: Array | None,
     settings: NoiseSettings,
 ) -> None:
-    """Draw samples and states of each axis, and write them, with the order of each sample if it is known."""
+    """Draw samples and states of each axis, and write them.
+
+    The order at each sample is written, too, if it is known.
+    """
     with _impossible():
         y, x = (np.stack(one, axis=1) for one in zip(*map(draw, range(axes)), strict=True))
         y, counts = y + settings.offset_dps, None

@@ -1,4 +1,4 @@
-"""Add what the tracker knows to the figures of an axis: K, drift rate, and advice.
+"""Complete K, the drift rate and the advice for an axis by what the tracker knows of slow noise.
 
 The figures come from the spectrum, which leaves out noise slower than ten periods of the record. The tracker
 includes this noise.
@@ -20,22 +20,22 @@ from fltea.spectrum.wording import duration
 
 
 class Band(NamedTuple):
-    """The averaging times up to which the Allan deviation agrees with that of the chosen model."""
+    """How far the Allan deviation agrees with that of the chosen model, by averaging time."""
 
     to_s: float
-    """Longest averaging time up to which they agree [s]; 0 if they differ at the first one."""
+    """Longest averaging time up to which both agree [s]; 0 if they differ at the shortest one."""
     leaves_at_s: float | None
-    """First averaging time at which they differ [s]; None if they agree everywhere."""
+    """Shortest averaging time at which both differ [s]; None if they agree everywhere."""
     ends_s: float
-    """Longest averaging time of the curve [s]."""
+    """Longest averaging time of the Allan deviation [s]."""
     is_more: bool = True
-    """Whether the curve is above the model's where they first differ."""
+    """Whether the measured deviation is above the model's at `leaves_at_s`."""
 
 
 def with_slow_noise(
     result: AxisResult, allan: Allan | None, walk: OffsetWalkFound, drift_rate: Interval, unit: str
 ) -> tuple[AxisResult, Allan | None]:
-    """Return result and Allan deviation of an axis with the slow noise that the tracker knows."""
+    """Return result and Allan deviation of an axis, completed by what the tracker knows of slow noise."""
     level = replace(result.level, K=walk.K, K_at_most=walk.at_most)
     verdict = result.verdict
     if allan is not None:
@@ -46,9 +46,11 @@ def with_slow_noise(
 
 
 def band(allan: Allan) -> Band:
-    """Return how far a curve agrees with its model, at 95 % for all averaging times together.
+    """Return how far an Allan deviation agrees with that of its model.
 
-    The points of an octave share most of their samples, and count as one.
+    The test has a level of 5 % for all averaging times together.
+
+    The points within an octave depend on mostly the same samples, and count as one point.
     """
     tau = allan.tau_s
     octaves = 1 + math.log2(tau[-1] / tau[0])
@@ -64,7 +66,7 @@ def band(allan: Allan) -> Band:
 
 
 def next_of_white(allan: Allan, walk: OffsetWalkFound, unit: str) -> str:
-    """Return the advice on what a filter needs for an axis whose spectrum is white."""
+    """Return the advice for an axis whose spectrum is white: which figures a filter needs."""
     found, of_K = band(allan), said_of_K(walk, unit)
     if found.leaves_at_s is not None:
         what = (

@@ -25,9 +25,12 @@ Bands = tuple[tuple[float, float], ...]
 AT_ONCE = 1 << 18
 """Number of samples processed at once, so that little of a long file is in memory."""
 LEAST_SHARE = 0.5
-"""Least share of samples in the longest stretch for a search for lines in it; else all sums are searched."""
+"""Least share of the samples that the longest stretch has to hold for a search for spectral lines in it.
+
+If it holds fewer, the spectrum of all stretches is searched.
+"""
 NOTHING = 1e-20
-"""Density that rounding errors of floating-point numbers leave, over the variance."""
+"""Ratio to the variance of the spectral density that rounding of floating-point numbers leaves."""
 
 
 def octaves_of(y: Array) -> Octaves:
@@ -40,7 +43,7 @@ def octaves_of(y: Array) -> Octaves:
 
 
 def octaves_of_stretches(stretches: Sequence[Stretch]) -> Octaves:
-    """Return the sums of all stretches for one octave spectrum; no block of samples crosses a gap.
+    """Return the running sums of all stretches for one octave spectrum. No block of samples crosses a gap.
 
     Raises:
         ValueError: a sample is not finite.
@@ -57,10 +60,10 @@ def octaves_of_stretches(stretches: Sequence[Stretch]) -> Octaves:
 def lines_of_stretches(
     stretches: Sequence[Stretch], sums: Octaves, h: float
 ) -> tuple[Periodogram, Drift | None]:
-    """Return the spectrum and the drift of stretches. `sums`: the sums of all stretches.
+    """Return the spectrum and the drift of stretches. `sums`: the running sums over all stretches.
 
-    The sums of a long record have as many octaves as fit its length. The lower octaves of short stretches
-    within it stay empty, so each stretch gets sums of its own here.
+    The sums of a long record have as many octaves as fit its length. Short stretches would leave the lowest
+    octaves empty, so each stretch gets sums of its own here.
 
     Raises:
         ValueError: the stretches are constant, or too short.
@@ -73,7 +76,7 @@ def lines_of_stretches(
 
 
 def parts_of(stretches: Sequence[Stretch]) -> list[Parts]:
-    """Return the sums of each stretch that is long enough for a spectrum."""
+    """Return the running sums of each stretch that is long enough for a spectrum."""
     return [octaves_of(one.y).parts(0) for one in stretches if len(one.y) >= SHORTEST]
 
 
@@ -101,7 +104,10 @@ def drift_together(found: Sequence[Parts]) -> Drift | None:
 
 
 def one_a_depth(found: Sequence[Parts]) -> list[Parts]:
-    """Merge the sums of stretches that are kept whole at the same rate, so that fewer ordinates are left."""
+    """Merge the sums of stretches whose samples are kept at the same reduced rate.
+
+    Fewer ordinates are left then.
+    """
     depths: dict[int, list[Parts]] = {}
     for one in found:
         depths.setdefault(one.depth, []).append(one)
@@ -120,7 +126,10 @@ def one_a_depth(found: Sequence[Parts]) -> list[Parts]:
 
 
 def on_one_grid(parts: Sequence[Lines]) -> Lines:
-    """Merge the ordinates of all stretches; average those that share an ordinate of the longest stretch."""
+    """Merge the ordinates of all stretches.
+
+    Ordinates that are nearest to the same ordinate of the longest stretch are averaged.
+    """
     lam, power, weight = (np.concatenate(part) for part in zip(*parts, strict=True))
     step = min(float(np.diff(one[0]).min(initial=math.inf)) for one in parts)
     cell = np.rint(lam / step).astype(np.int64) if math.isfinite(step) else np.arange(len(lam))
@@ -139,14 +148,17 @@ def left_in(whole: Periodogram, from_hz: float, notch: Bands) -> Periodogram:
 
 
 class Summed(NamedTuple):
-    """The analysis of an axis' spectrum, and the data behind it."""
+    """The analysis of an axis's spectrum, and the data from which it was made."""
 
     seen: Spectral
     octaves: Octaves
     lines: Periodogram
-    """All ordinates, also those that the user left out."""
+    """All ordinates, including those that the user left out."""
     stretches: Sequence[Stretch]
-    """The samples behind the ordinates, without a comb if there was one."""
+    """The samples from which the ordinates were computed.
+
+    If there was a comb of lines, its pattern was removed.
+    """
 
 
 def examined(
@@ -154,7 +166,7 @@ def examined(
 ) -> Spectral:
     """Analyse the spectrum of y (n,).
 
-    Lines are searched for at full resolution in the longest stretch, if this has half of the samples.
+    If the longest stretch has half of the samples, spectral lines are searched for in it at full resolution.
 
     Args:
         y: samples, (n,).
@@ -185,7 +197,7 @@ def examined_stretches(
     peaks: tuple[Peak, ...] | None = None
     before: Periodogram | None = None
     if len(stretches) == 1 or len(longest) >= LEAST_SHARE * samples:
-        # The spectrum at the full resolution.
+        # The spectrum of the longest stretch at full resolution.
         fine = periodogram(limited(longest), h, from_hz=from_hz, notch=notch)
         peaks, rest = fine_peaks(fine, stretches, from_hz, notch)
         if rest is not None:

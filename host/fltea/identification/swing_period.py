@@ -1,7 +1,8 @@
-"""Estimate the period with which the power of an octave rises and falls, from samples of a recording.
+"""Estimate the period with which the power of the noise in an octave rises and falls.
 
-The sums that detect such a change keep no time course. The samples do: take the logarithm of the octave's
-power in short blocks. Its autocorrelation recurs after one, two and three periods.
+The running sums that detect such a change do not keep its course over time. So the samples are used here: the
+logarithm of the octave's power is computed in short blocks. Its autocorrelation is high again after one, two
+and three periods.
 """
 
 import math
@@ -13,15 +14,15 @@ from fltea.records.arrays import Array
 from fltea.spectrum.stationarity import Change
 
 BLOCKS_A_SWING = 12
-"""Number of blocks between high and low power."""
+"""Number of blocks for the time between highest and lowest power."""
 LEAST_FREEDOM = 4.0
-"""Least duration of a block times the width of the octave."""
+"""Least product of a block's duration and the octave's width."""
 PERIODS = 4
 """Least number of periods in the record."""
 COMES_BACK = 0.6
-"""Share of the course's variance that its autocorrelation has to reach again at each of three periods."""
+"""Share of its variance that the course's autocorrelation has to reach after one, two and three periods."""
 AS_HIGH = 0.8
-"""Least share of the highest autocorrelation at the shortest lag that counts as the period."""
+"""Share of the highest autocorrelation that the shortest candidate for the period has to reach."""
 PHASES = 24
 
 
@@ -44,7 +45,7 @@ def with_period(change: Change, y: Array, h: float) -> Change:
 
 
 def _course(y: Array, h: float, change: Change, block: int) -> Array:
-    """Return the logarithm of the octave's power in blocks (m,), less its mean."""
+    """Return the course of the octave's power: its logarithm in each block (m,), less the mean."""
     spectrum = np.fft.rfft(y)
     hz = np.fft.rfftfreq(len(y), h)
     spectrum[(hz < change.low_hz) | (hz > change.high_hz)] = 0
@@ -70,7 +71,7 @@ def _period(course: Array) -> float | None:
     if not len(tops):
         return None
     period = _top(again, float(tops[0]), 1.0)
-    # A longer lag gives a better period; each peak is searched for within an eighth of a period.
+    # The longer the lag, the more exact the period. Each peak is searched for within an eighth of a period.
     multiple = 1
     while (multiple + 1) * period < m / 2:
         multiple += 1
@@ -90,7 +91,10 @@ def _top(values: Array, at: float, around: float) -> float:
 
 
 def _folded(course: Array, period: float) -> float:
-    """Return the variance of the course's mean over the phases of its period, less that of chance."""
+    """Return the variance of the course that recurs in each period.
+
+    It is the variance of the mean at each phase, less what chance would give.
+    """
     phase = (np.arange(len(course)) / period % 1 * min(PHASES, int(period))).astype(np.int64)
     counts = np.bincount(phase)
     means = np.bincount(phase, course) / np.maximum(counts, 1)

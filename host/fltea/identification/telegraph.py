@@ -1,9 +1,9 @@
-"""Detect telegraph noise: samples that step to and fro between a few levels, with little noise about them.
+"""Detect telegraph noise: samples step to and fro between a few levels, with little other noise.
 
-This is popcorn noise whose steps are far above the other noise. The tracker would take the steps for motion,
-and they would hide all else in the spectrum. So the levels are subtracted, and the rest is analysed like any
-other noise. Bias and heading then include the levels as a relaxation, which has their spectrum (Machlup, J.
-Appl. Phys. 25, 1954).
+It is popcorn noise whose steps are much larger than the other noise. The tracker would mistake the steps for
+motion, and in the spectrum they would hide everything else. So the levels are subtracted, and the rest is
+analysed like any other noise. Bias and heading then include the levels as a relaxation, which has the same
+spectrum (Machlup, J. Appl. Phys. 25, 1954).
 """
 
 import math
@@ -23,44 +23,56 @@ from fltea.settings.live import LiveConfig
 from fltea.spectrum.wording import NUMBERS, listed
 
 LEAST_RATIO = 2.0
-"""Least ratio of the samples' variance to half of the mean square of their steps; below, no level is held."""
+"""Least ratio of the samples' variance to half of the mean square of their steps.
+
+Below it, samples do not stay at any level.
+"""
 OUTLIERS = 5e-4
-"""Share of samples at either end of the values that is ignored as outliers."""
+"""Share of the smallest and of the largest values that is ignored as outliers."""
 CALM, OF_GAUSSIAN = 0.95, 0.871
 """Share of the smallest steps between samples that come from the noise alone.
 
-OF_GAUSSIAN is the deviation of this share of Gaussian steps over the deviation of all Gaussian steps.
+OF_GAUSSIAN is the standard deviation of this share of Gaussian steps, divided by that of all Gaussian steps.
 """
 BINS_A_DEVIATION, MOST_BINS = 2.0, 4096
 VALLEY = 0.02
-"""Largest ratio of samples in a bin between levels to the fullest bin, as 2.8 deviations from a level."""
-APART = 5.5
-"""Least distance between two levels, in deviations of the noise."""
-WIDEST, LOOSE = 9.0, 0.5
-"""Largest width of a level, in deviations of the noise, or as a share of the distance between levels.
+"""Largest ratio of a bin between two levels to the fullest bin.
 
-The share allows for slow noise about the levels.
+In Gaussian noise a bin 2.8 standard deviations from a level has this ratio.
+"""
+APART = 5.5
+"""Least distance between two levels, in standard deviations of the noise."""
+WIDEST, LOOSE = 9.0, 0.5
+"""Largest width of a level, in standard deviations of the noise, or as a share of the levels' distance.
+
+The share allows for slow noise in addition to the levels.
 """
 SOON, JUMPS = 4, 0.7
-"""Number of samples before and after a change, and least share of the step that lies between, as a median."""
+"""Number of samples before and after a change of level that are compared, and least size of the change.
+
+The median over all changes has to be at least this share of the distance between the levels.
+"""
 LONG_PASSAGE, OFF = 8, 6.0
 """Number of samples near a change that may be in transition, as behind a filter of the sensor.
 
-OFF is the distance from a level, in deviations of the noise, at which a sample is in transition.
+OFF is the distance from a level, in standard deviations of the noise, from which a sample is in transition.
 """
 LEAST_SHARE, AT_LEVELS = 0.01, 0.93
 """Least share of samples on each level, and on all levels together."""
 MOST_LEVELS = 6
 FEWEST_CHANGES = 6
-"""Number of changes from which on levels are taken, in place of single steps of the bias."""
+"""Least number of changes between levels; fewer changes are single steps of the bias."""
 PASSING = 2
-"""Longest stay in samples on another level that counts as noise, not as a change."""
+"""Longest stay on another level, in samples, that counts as noise and not as a change of level."""
 IRREGULAR = 0.3
-"""Least ratio of the stays' deviation to their mean; random steps have 1, and regular ones are lines."""
+"""Least ratio of the standard deviation of the stays' durations to their mean.
+
+Random changes have a ratio of 1. Regular ones are a spectral line.
+"""
 JUMP = 4.0
-"""Ratio to the size that only a few steps exceed, above which a step between samples is a jump."""
+"""Ratio to the size of usual steps above which a step from one sample to the next is a jump."""
 COARSE = 1.5
-"""Distance in counts below which levels are neighbouring counts of slow noise."""
+"""Distance of levels in counts below which they are only neighbouring counts of slow noise."""
 
 
 class Telegraph(NamedTuple):
@@ -73,17 +85,17 @@ class Telegraph(NamedTuple):
     every_s: float
     """Mean time between changes [s]."""
     sigma: float
-    """Standard deviation of the level about its mean."""
+    """Standard deviation of the level from its mean over time."""
     tau_s: float
     """Correlation time of the level [s]."""
     ends_at: float
-    """The last level less the mean level."""
+    """Difference of the last level from the mean level."""
     passages: tuple[tuple[int, int], ...]
     """Spans begin … end - 1 of samples in transition between levels."""
 
     @property
     def part(self) -> Relaxation:
-        """The relaxation with the same autocovariance as the level."""
+        """The relaxation whose autocovariance is that of the changing level."""
         return Relaxation(self.sigma, self.tau_s)
 
     def ahead(self, t_s: float) -> float:
@@ -92,7 +104,9 @@ class Telegraph(NamedTuple):
 
 
 def without_levels(series: Series, h: float) -> tuple[Series, Telegraph | None]:
-    """Return the samples less their levels, plus the mean level, and the levels. `h`: sampling period [s].
+    """Return the samples without telegraph noise, and the levels that were removed. `h`: sampling period [s].
+
+    The level of each sample is subtracted, and the mean level is added.
 
     Samples without levels are returned unchanged, with None.
     """
@@ -116,7 +130,7 @@ def without_levels(series: Series, h: float) -> tuple[Series, Telegraph | None]:
 
 
 class _Recent:
-    """A memory of the latest few arrays that share a property; the arrays must not change."""
+    """A memory of the last few arrays that were found to have a property; the arrays must not be changed."""
 
     def __init__(self) -> None:
         self._arrays: deque[weakref.ref[Array]] = deque(maxlen=12)
@@ -126,16 +140,18 @@ class _Recent:
         self._arrays.append(weakref.ref(y))
 
     def knows(self, y: Array) -> bool:
-        """Whether this very array is remembered."""
+        """Whether this array object is remembered."""
         return any(one() is y for one in list(self._arrays))
 
 
 _NONE = _Recent()
-"""Samples known to have no levels, as later steps ask for the same arrays again."""
+"""Arrays of samples without levels, since later steps of the analysis test the same arrays again."""
 
 
 def _edges(y: Array, lsb: float | None, largest: float) -> tuple[Array, float] | None:
-    """Return the bounds between levels, (levels - 1,), and the noise's deviation; None without levels.
+    """Return the bounds between levels, (levels - 1,), and the noise's standard deviation.
+
+    None if there are no levels.
 
     `lsb`: one count, if known. `largest`: largest distance between levels of a sensor at rest.
     """
@@ -188,7 +204,8 @@ def _between_groups(y: Array, bounds: Array, noise: float, resolution: float) ->
 def _telegraph(y: Array, at: NDArray[np.int64], h: float, noise: float) -> Telegraph | None:
     """Return the levels of samples y (n,); None if they are no telegraph noise.
 
-    `at`: index of the level of each sample, (n,). `noise`: deviation of the samples about the levels.
+    `at`: index of the level of each sample, (n,). `noise`: standard deviation of the samples from their
+    levels.
     """
     counts = np.bincount(at)
     begins = np.concatenate([[0], np.flatnonzero(np.diff(at)) + 1])
@@ -208,7 +225,7 @@ def _telegraph(y: Array, at: NDArray[np.int64], h: float, noise: float) -> Teleg
     shares = counts / len(y)
     mean = float(levels @ shares)
     variance = float(shares @ (levels - mean) ** 2)
-    # The autocovariance of the level falls by half of the mean square of its steps.
+    # From one sample to the next, the level's autocovariance falls by half of the mean square of its steps.
     steps = np.diff(levels[on])
     tau_s = variance / (float(steps @ steps) / 2) * len(y) * h
     return Telegraph(

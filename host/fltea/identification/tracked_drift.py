@@ -1,8 +1,8 @@
-"""Estimate the drift rate of an axis by its tracked system, with an interval that allows for slow noise.
+"""Estimate the drift rate of an axis, with an interval that allows for slow noise.
 
-The model of the spectrum lacks noise slower than ten periods of the record, which tilts a straight line most.
-The tracker knows the probability of each random walk of the offset, also within bounds. The variance of the
-slope's error is taken from each of them, with its probability.
+Noise slower than ten periods of the record tilts a straight line most, but the spectrum's model lacks it. The
+tracker knows the probabilities of several random walks of the offset, with and without bounds. The variance
+of the slope's error is averaged over them by their probabilities.
 """
 
 import math
@@ -19,8 +19,8 @@ from fltea.spectrum.drift_rate import around, slope, slope_variance
 AS_LIKELY = 0.4
 """Prior probability that the offset does not walk, used for the interval.
 
-An offset that walks too slowly for the record to show it tilts the line threefold. The higher prior `STAYS`
-would exclude it too often (measured).
+An offset that walks too slowly for the record to show it still tilts the line three times as much. The higher
+prior `STAYS` would exclude it too often (measured).
 """
 
 
@@ -37,7 +37,7 @@ def tracked_drift_rate(tracked: FittedSystem, y: Array, h: float) -> Interval:
 
 
 def _weights(walk: OffsetWalk) -> Array:
-    """Return the probability of each of the tracker's walks under the prior of this module."""
+    """Return the probability of each of the tracker's random walks, with the prior of this module."""
     stays = walk.steps == 0
     if not stays.any() or stays.all():
         return walk.weights

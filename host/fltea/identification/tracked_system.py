@@ -1,4 +1,6 @@
-"""Build the tracked system of an axis, which forecast, bias, filters and simulations use.
+"""Build the tracked system of an axis: the state-space model for its tracker.
+
+Forecast, bias, filters and simulations use it.
 
 It consists of the parts of the noise and of a random walk of the offset. The spectrum leaves out noise slower
 than ten periods of a record, so the offset may walk although no part of the model is a walk.
@@ -18,9 +20,10 @@ from fltea.records.arrays import Array
 from fltea.records.fit import Interval
 
 TOLD_AT = 900.0
-"""Variance of a walk's step, over the spectrum's level and times n², at which records show the walk.
+"""Variance of a walk's step, times n² / (level of the spectrum), from which a record shows the walk.
 
-Four of five records of n samples then tell it from a constant offset (measured: white noise, 40 records).
+In four of five records of n samples, it is then told from a constant offset (measured: white noise, 40
+records).
 """
 Said = Literal["walks", "likely constant", "not told", "taken out"]
 LIKELY = 0.5
@@ -31,13 +34,13 @@ class OffsetWalkFound(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Whether the offset of an axis walks; figures per √s, in the unit of the axis."""
 
     said: Said
-    """`not told`: the record is too short to decide. `taken out`: a high-pass has removed any walk."""
+    """The answer; `not told`: the record is too short. `taken out`: a high-pass has removed any walk."""
     K: Interval
     """K of the random walk; null unless the offset walks."""
     at_most: float | None
     """Upper bound of K with 95 % probability; null if the offset walks."""
     tells_s: float | None
-    """Record length [s] that would be enough to decide, for `not told`; null if not known."""
+    """Length of a record that would be enough to decide, if `said` is `not told` [s]; null if not known."""
 
 
 def tracked_system(parts: Sequence[Part], y: Array, h: float) -> FittedSystem | None:
@@ -51,8 +54,7 @@ def tracked_system(parts: Sequence[Part], y: Array, h: float) -> FittedSystem | 
 def offset_walk_found(tracked: FittedSystem, h: float, K: Interval) -> OffsetWalkFound:
     """Return whether the offset walks. `K`: K of the parts, null if no part is a walk.
 
-    If the spectrum shows a walk, K still comes from the tracker, which also uses noise slower than the
-    spectrum has.
+    Even if the spectrum shows a walk, K comes from the tracker, which also uses slower noise.
     """
     walk = tracked.walk
     if high_pass_of(tracked.parts) is not None:
@@ -73,13 +75,13 @@ def offset_walk_found(tracked: FittedSystem, h: float, K: Interval) -> OffsetWal
     if stays >= LIKELY:
         return OffsetWalkFound("likely constant", Interval(), at_most, None)
     q = float(weights @ steps) / float(weights.sum())
-    # A walk's share of the level grows with the square of the record's length.
+    # The power of a walk, relative to the spectrum's level, grows with the square of the record's length.
     longer = math.sqrt(max(TOLD_AT / (SHARES[0] * q / float(steps[0])), 1.0))
     return OffsetWalkFound("not told", Interval(), at_most, longer * tracked.samples * h)
 
 
 def _in_place_of_a_relaxation(walk: OffsetWalk, h: float) -> OffsetWalkFound:
-    """Return whether a part that the spectrum took for a slow relaxation is an unbounded walk."""
+    """Return whether a part that the fit of the spectrum made a slow relaxation is an unbounded walk."""
     steps, at = np.unique(walk.steps, return_inverse=True)
     weights = np.asarray(np.bincount(at, walk.weights * np.isinf(walk.taus)), dtype=np.float64)
     if (endless := float(weights.sum())) >= SURE:

@@ -1,8 +1,9 @@
 """Find values that are too frequent for a sensor's noise: a dead band, a replacement value, clipping.
 
-Each part of a record is checked separately. Its distinct values are sorted and counted. In noise, rounded or
-not, neighbouring values are about equally frequent. The exception are the few values that coarse rounding
-leaves. The check tells these from a replacement value by the distance of most other samples from the value.
+A record is divided into parts, which are checked separately. The distinct values of a part are sorted and
+counted. In noise, rounded or not, neighbouring values are about equally frequent. An exception are the few
+values that coarse rounding leaves. They are told from a replacement value by the distance of most other
+samples from the value.
 """
 
 import math
@@ -17,34 +18,46 @@ from fltea.identification.resolution import LONG
 from fltea.records.arrays import Array
 
 PARTS, MOST_PARTS = 8, 5
-"""Number of parts of the record, and number of parts that have to show the fault.
+"""Number of parts of the record, and how many of them have to show the fault.
 
 A record with rest and motion has values that are frequent in one part only.
 """
 LEAST, LEAST_OF_ALL = 500, 100
-"""Least number of samples in a part, and in a record that is a single part."""
+"""Least number of samples in a part, and in a short record that is not divided."""
 NEIGHBOURS = 3
-"""Number of values on either side that give the usual distance between values."""
+"""Number of values on either side of a value from which the usual distance between values is computed."""
 OFTEN = 20
-"""Least number of times that samples reach a value. A sensor stuck at a value once is another data check."""
+"""Least number of times that samples arrive at a value.
+
+A sensor that is stuck at a value once is found by another data check.
+"""
 TOO_OFTEN, BESIDE_A_GAP = 3.0, 2.0
-"""Least ratio of a value's samples to those of its neighbours, alone and next to a gap between values."""
+"""Least ratio of a value's number of samples to those of its neighbours.
+
+The second one is for a value next to a gap between values.
+"""
 GAP = 1.75
-"""Least ratio of the distance to the next value to the usual distance nearby, for a gap."""
+"""Ratio of the distance between two values to the usual distance, from which it is a gap."""
 AWAY = 3.0
-"""Least distance of the median of all other samples from the value, in distances to the next value."""
+"""Least ratio of two distances from the value: of the median of all other samples, and of the next value."""
 LEAST_SHARE, BAD_SHARE = 0.002, 0.05
-"""Excess share of samples at a value: below LEAST_SHARE not reported; from BAD_SHARE on, N is wrong."""
+"""Share of excess samples at a value from which it is reported, and from which N is wrong."""
 BAD_POWER = 0.01
-"""Share of the power that a dead band removes above which N is wrong."""
+"""Share of the noise's power removed by a dead band, above which N is wrong."""
 CLIPPED = 2.0
-"""Least ratio of samples at the last value to the number expected from the values before it."""
+"""Least ratio of the samples at the outermost value to the number expected from the values before it."""
 SURELY, BAD_CLIPPED = 6.0, 0.01
-"""Least excess at the last value in standard deviations; share of all samples from which on N is wrong."""
+"""Least excess at the outermost value in standard deviations; share of clipped samples that makes N wrong."""
 SHORTEST_STAY = 10.0
-"""Least mean stay at a value or level, in samples; shorter stays are rounding, or sensors in turns."""
+"""Least mean stay at a value or level, in samples.
+
+Shorter stays come from rounding or from alternating sensors.
+"""
 FEW_VALUES, BEGIN = 3, 1000
-"""Largest number of values that counts as few; samples at the beginning, which mostly show more."""
+"""Largest number of distinct values that counts as few; number of first samples for a quick test.
+
+These mostly have more values already.
+"""
 REMEDY = (
     "A driver, a filter or the sensor itself puts one value in place of others (a dead band, zero for a "
     "failed read): switch that off and record again. Nothing can be said about the noise that it hides."
@@ -52,7 +65,7 @@ REMEDY = (
 
 
 HIDE = "dead band", "common value", "few values"
-"""Kinds of data checks that explain why neighbours are equal so often."""
+"""Kinds of data checks that explain why neighbouring samples are equal so often."""
 
 
 class _Values(NamedTuple):
@@ -63,7 +76,7 @@ class _Values(NamedTuple):
 
 
 class _Common(NamedTuple):
-    """A value that is too frequent. `gap`: distance to the next value if this is unusually large, else 0."""
+    """A value that is too frequent. `gap`: distance to the next value if it is unusually large, else 0."""
 
     value: float
     share: float
@@ -126,7 +139,7 @@ def _common(part: Array, of: _Values) -> _Common | None:
     usual = float(np.median(np.concatenate([np.diff(low), np.diff(high)])))
     gap = float(min(values[at] - low[-1], high[0] - values[at]))
     if gap >= GAP * usual:
-        # Samples in a band of ± gap had a mean square of gap²/3.
+        # Samples in a dead band of ± gap had a mean square of gap²/3 before they were replaced.
         return _Common(float(values[at]), share, gap, share * gap**2 / 3 >= BAD_POWER * float(part.var()))
     away = float(np.median(np.abs(part[~is_it] - values[at])))
     if counts[at] >= TOO_OFTEN * beside and away >= AWAY * gap:
@@ -135,7 +148,10 @@ def _common(part: Array, of: _Values) -> _Common | None:
 
 
 def _came(is_it: NDArray[np.bool_]) -> int:
-    """Return how often samples reach a value from another one; `is_it`: mask of samples with the value."""
+    """Return how often samples arrive at a value from another one.
+
+    `is_it`: mask of samples with this value.
+    """
     return int(np.count_nonzero(is_it[1:] & ~is_it[:-1]))
 
 
@@ -162,7 +178,8 @@ def _at_end(part: Array, of: _Values, end: int) -> int:
     if len(counts) < 4:
         return 0
     last, before, third = counts[:3].tolist()
-    # Tails fall at least as fast as an exponential, which the two values before the last extrapolate.
+    # The tails of noise fall at least as fast as an exponential. It is extrapolated from the two values
+    # before the outermost one.
     most = max(before, before * before / third)
     if last < OFTEN or last <= CLIPPED * most or last <= most + SURELY * math.sqrt(most + last):
         return 0

@@ -1,4 +1,4 @@
-"""Run the tasks of `fltea identify`: in this process, in others on this machine, or by Dask."""
+"""Run the tasks of `fltea identify` in this process, in other processes of this machine, or by Dask."""
 
 import contextlib
 import mmap
@@ -20,11 +20,17 @@ T = TypeVar("T")
 
 SAFE_PATH = "PYTHONSAFEPATH"
 SMALL = 6_000_000
-"""Number of samples of all axes (5 hours of three) up to which starting processes takes too long."""
+"""Number of samples of all axes up to which starting processes would take longer than it saves.
+
+It is 5 hours of three axes at 100 Hz.
+"""
 
 
 class UnfitWorker(FlteaError):
-    """A worker must not get any task. The error ends the run, since this worker would fail every task."""
+    """Raised for a worker that must not get any task.
+
+    It ends the run, since this worker would fail every task.
+    """
 
 
 class Workers:
@@ -39,11 +45,11 @@ class Workers:
         """Prepare for a recording with `samples` samples, summed over its axes."""
 
     def submit(self, task: Callable[..., T], *arguments: Any) -> "Future[T]":
-        """Start a task; it may be done when this returns."""
+        """Start a task. It may already be done when this returns."""
         raise NotImplementedError
 
     def renew(self) -> None:
-        """Recover after the death of a worker broke all tasks under way (`BrokenExecutor`)."""
+        """Recover after all running tasks failed because a worker died (`BrokenExecutor`)."""
 
     def check(self) -> None:
         """Check that the workers are alive; called now and then while waiting for tasks.
@@ -53,11 +59,11 @@ class Workers:
         """
 
     def close(self) -> None:
-        """Stop the tasks under way at once."""
+        """Stop the running tasks at once."""
 
 
 class Here(Workers):
-    """Run tasks in this process and thread; a task is done when `submit` returns."""
+    """Run each task in this process and thread, before `submit` returns."""
 
     def submit(self, task: Callable[..., T], *arguments: Any) -> "Future[T]":
         """Run the task now."""
@@ -70,7 +76,10 @@ class Here(Workers):
 
 
 class Threads(Workers):
-    """Run tasks in threads of this process: nearly all work is native code, and processes start slowly."""
+    """Run tasks in threads of this process.
+
+    Nearly all work is native code, which threads do in parallel, and processes would start slowly.
+    """
 
     def __init__(self, jobs: int) -> None:
         self._jobs = jobs
@@ -86,15 +95,15 @@ class Threads(Workers):
         return self._pool.submit(task, *arguments)
 
     def close(self) -> None:
-        """Start no further task, and wait for those under way: a second or two.
+        """Start no further task, and wait for the running ones, which takes a second or two.
 
-        An interpreter that ended meanwhile would abort in a thread that returns from native code.
+        If the interpreter ended before, it would abort when a thread returns from native code.
         """
         self._pool.shutdown(cancel_futures=True)
 
 
 def _reduce(array: "np.memmap[Any, Any]") -> Any:
-    """Pickle an array that maps a whole file by the file's name, for other processes of this machine."""
+    """Pickle a memory-mapped array as the name of its file, for other processes of this machine."""
     if isinstance(array.base, mmap.mmap) and array.filename is not None:
         return np.memmap, (array.filename, array.dtype, "r", array.offset, array.shape)
     return np.array, (np.array(array),)
@@ -120,15 +129,18 @@ def _safe_path() -> Iterator[None]:
 
 
 class Processes(Workers):
-    """Run tasks in processes on this machine, forked from a server that has loaded all they need."""
+    """Run tasks in processes on this machine.
+
+    They are forked from a server process that has already loaded all modules.
+    """
 
     def __init__(self, jobs: int) -> None:
         self._jobs = jobs
         self._context = multiprocessing.get_context("forkserver")
-        # The server loads while this process reads a recording.
+        # The server process loads modules while this process reads a recording.
         self._context.set_forkserver_preload(["fltea.identification.run"])
-        # Ctrl-C reaches all processes of the terminal; unless ignored, it ends the loading server with a
-        # traceback.
+        # Ctrl-C reaches all processes of the terminal. It is ignored here, since it would end the server with
+        # a traceback while it loads modules.
         ours = signal.signal(signal.SIGINT, signal.SIG_IGN)
         try:
             with _safe_path():
@@ -147,7 +159,7 @@ class Processes(Workers):
 
     def submit(self, task: Callable[..., T], *arguments: Any) -> "Future[T]":
         """Start a task as soon as a process is free."""
-        with _safe_path():  # the fork server is restarted here if it has died
+        with _safe_path():  # if the fork server has died, it is restarted here
             return self._pool.submit(task, *arguments)
 
     def renew(self) -> None:
@@ -174,7 +186,7 @@ class BySize(Workers):
 
     @property
     def slots(self) -> int:
-        """The number of slots of the workers in use."""
+        """Number of tasks that are worth submitting to the workers in use."""
         return self._own.slots
 
     def expect(self, samples: int) -> None:
@@ -190,12 +202,12 @@ class BySize(Workers):
         self._own.renew()
 
     def close(self) -> None:
-        """Stop the tasks under way."""
+        """Stop the running tasks."""
         self._own.close()
 
 
 def _prepare() -> None:
-    """Let a new process end silently at Ctrl-C, and end with the program that started it."""
+    """Prepare a new process: it ends silently at Ctrl-C, and it ends if its parent ends."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     parent = multiprocessing.parent_process()
 
@@ -208,9 +220,11 @@ def _prepare() -> None:
 
 
 def open_local(jobs: int | None, *, recordings: int = 0) -> Workers:
-    """Open workers: `jobs` processes, or one for each processor that this process may use; one means none.
+    """Open workers: `jobs` processes; None: one for each processor that this process may use.
 
-    `recordings`: number of recordings to identify. A single small recording is done by threads.
+    If the number is one, tasks are done in this process.
+
+    `recordings`: number of recordings to identify. A single small recording is analysed by threads.
     """
     wanted = jobs or len(os.sched_getaffinity(0))
     if wanted == 1:

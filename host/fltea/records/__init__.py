@@ -1,1 +1,1 @@
-"""The program's common data types: events, records, and the interfaces of sources and sinks."""
+"""Define data types that the whole program uses: events, records, interfaces of sources and outputs."""

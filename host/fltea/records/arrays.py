@@ -1,4 +1,4 @@
-"""Types of numeric arrays, and faster replacements of two slow numpy functions."""
+"""Define types of numeric arrays, and faster replacements of two slow numpy functions."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +9,7 @@ Complex = NDArray[np.complex128]
 
 
 def merged(*grids: Array) -> Array:
-    """Return the sorted points of all grids, without duplicates.
+    """Return the numbers of all arrays, sorted and without duplicates.
 
     This function avoids `np.unique`, which loads the module `np.ma` and so takes 20 ms.
     """

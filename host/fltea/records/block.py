@@ -1,6 +1,6 @@
 """Blocks: consecutive samples of one device and their estimates, passed from the pipeline to the outputs.
 
-An output converts to records only those rows of a block that it writes.
+An output converts to records only those rows (samples) of a block that it writes.
 """
 
 import math
@@ -33,7 +33,7 @@ T = TypeVar("T")
 
 
 class Values:
-    """Converts the chosen rows of columns to flat lists of Python values, one row after the other."""
+    """Chooses some rows of a block, and converts columns in these rows to flat lists of Python values."""
 
     def __init__(self, chosen: slice = slice(None)) -> None:
         self._chosen = chosen
@@ -44,7 +44,7 @@ class Values:
         return values
 
     def nullable(self, column: Array) -> Sequence[float | None]:
-        """Return the numbers of a column in the chosen rows, with None for those that are not finite."""
+        """Return the numbers of a column in the chosen rows, with None in place of NaN and infinity."""
         values = self.of(column)
         if math.isfinite(sum(values)):
             return values
@@ -55,11 +55,12 @@ ALL = Values()
 
 
 class AxisColumns(NamedTuple):
-    """Estimates of the axes of one sensor after n samples; arrays are (n, axes), with NaN for no number.
+    """Estimates of the axes of one sensor after n samples. Arrays have shape (n, axes); NaN means unknown.
 
     `null_p`, `whiteness`: results of the newest fit, one for each axis.
     `state`, `innovation`: in `unit`.
-    `accepted`: the innovations are white, and the live fit has tuned the filters, if it is to tune them.
+    `accepted`: whether the innovations are white and, if the live fit is to tune the filters, it has tuned
+    them.
     """
 
     axes: tuple[str, ...]
@@ -82,8 +83,12 @@ class AxisColumns(NamedTuple):
     def of_rows(
         self, values: Values, tracked: "TrackedColumns | None" = None
     ) -> Iterator[dict[str, AxisEstimate]]:
-        """Yield the estimates by axis for each of the chosen rows. `tracked`: columns of the same axes."""
-        # A column is converted for all axes in one call: in a block of one row, calls are most of the cost.
+        """Yield, for each of the chosen rows, the estimates by axis.
+
+        `tracked`: tracker results of the same axes.
+        """
+        # A column is converted for all axes in one call, since in a block of one row the calls take most of
+        # the time.
         of_paper = list(map(FlteaEstimate, *map(values.nullable, self[4:10]), *map(values.of, self[10:])))
         rows = len(of_paper) // len(self.axes)
         known = _tracked(tracked, values, rows, len(self.axes))
@@ -93,7 +98,9 @@ class AxisColumns(NamedTuple):
 
 
 class TrackedColumns(NamedTuple):
-    """Tracker results of one sensor's axes after n samples, (n, axes), in `unit`; NaN for unknown values.
+    """Results of the bias trackers of one sensor's axes after n samples.
+
+    Arrays have shape (n, axes) and are in `unit`; NaN means unknown.
 
     `bias`: offset plus state.
     `verdict`, `alpha`, `f`: results of the newest accepted fit, one for each axis.
@@ -123,7 +130,7 @@ C = TypeVar("C", AxisColumns, TrackedColumns)
 
 
 def _in_unit(sensors: Sequence[C], unit: str) -> C | None:
-    """Return the columns of the sensor that measures in this unit."""
+    """Return the columns of the sensor whose samples are in `unit`; None if there is no such sensor."""
     return next((columns for columns in sensors if columns.unit == unit), None)
 
 
@@ -133,7 +140,7 @@ def _by_axis(axes: tuple[str, ...], values: Iterator[T]) -> Iterator[dict[str, T
 
 
 def _tracked(tracked: TrackedColumns | None, values: Values, rows: int, axes: int) -> list[Sequence[Any]]:
-    """Return the fields `verdict` to `moving` of `AxisEstimate` as flat columns, row after row."""
+    """Return a flat list, row after row, for each of the fields `verdict` to `moving` of `AxisEstimate`."""
     if tracked is None:
         nothing = (None, Interval(), Interval(), *[None] * 5, False)
         return [[one] * (rows * axes) for one in nothing]
@@ -154,8 +161,8 @@ class Block:
     `seq`, `device_us`: sample numbers and device times, both unwrapped (n,).
     `host_ns`: Unix times (n,).
     `gyro_dps`: rates (n, axes).
-    `accel_ms2` (n, 3), `temperature_c` (n,), `flags` (n,): None where the device sends none.
-    `variant`: variant of the estimator.
+    `accel_ms2` (n, 3), `temperature_c` (n,), `flags` (n,): each is None if the device does not send it.
+    `variant`: variant of the estimator, "triple" or "joint".
     `estimates`: estimates of each sensor with filters; empty while the start-up window fills.
     `every`: records are written for samples whose number is a multiple of `every`.
     `corrected`: whether records of corrected rates are written too.
@@ -182,12 +189,12 @@ class Block:
 
     @cached_property
     def weight(self) -> int:
-        """Number of records that are made of the block."""
+        """Number of records that outputs make of the block."""
         return len(self.due_rows) * self.weight_of_row
 
     @property
     def weight_of_row(self) -> int:
-        """Number of records for each sample that is due."""
+        """Number of records that outputs make of each sample for which records are written."""
         return 1 + bool(self.estimates) + (self.corrected_dps is not None)
 
     @property
@@ -196,7 +203,7 @@ class Block:
         return range(len(self))[self.due(self.every)]
 
     def but(self, **fields: Any) -> "Block":
-        """Return a copy with `fields` changed; `dataclasses.replace` takes ten times as long."""
+        """Return a copy with `fields` changed. `dataclasses.replace` would take ten times as long."""
         other = object.__new__(Block)
         other.__dict__.update(self.__dict__, **fields)
         for cached in ("weight", "corrected_dps"):
@@ -216,7 +223,7 @@ class Block:
         return slice(-int(self.seq[0]) % every, None, every)
 
     def estimates_at(self, row: int, unit: str) -> dict[str, AxisEstimate]:
-        """Return the estimates of the axes in `unit` after one sample, also if only the tracker runs."""
+        """Return the estimates after one sample, for axes in `unit`. It suffices that the tracker runs."""
         values = Values(slice(row, row + 1))
         tracked, own = _in_unit(self.tracked, unit), _in_unit(self.estimates, unit)
         if own is not None:
@@ -242,9 +249,9 @@ class Block:
         corrected: bool = True,
         values: Values | None = None,
     ) -> Iterator[Sample | Estimate | Corrected]:
-        """Yield the records of the rows that are due, in the order of the samples.
+        """Yield the records of the rows for which records are written, in the order of the samples.
 
-        `values`: the rows for which to write records, in place of the rows that are due.
+        `values`: other rows for which to write records.
         """
         values = values or Values(self.due(self.every))
         kinds: list[Iterator[Sample | Estimate | Corrected]] = []
@@ -292,7 +299,10 @@ class Block:
             yield Sample(seq, epoch, *columns_of_one, device=device)
 
     def estimate_records(self, values: Values = ALL) -> Iterator[Estimate]:
-        """Yield a record of estimates for each of the chosen rows; none while the start-up window fills."""
+        """Yield a record of estimates for each of the chosen rows.
+
+        While the start-up window fills, yield nothing.
+        """
         if not self.estimates:
             return
         epoch, variant, device = self.epoch, self.variant, self.device

@@ -1,4 +1,7 @@
-"""The host's monotonic clock. It counts on while the machine sleeps, if the system offers such a clock."""
+"""Read this computer's clocks.
+
+The monotonic clock counts on while the computer sleeps, if the system offers such a clock.
+"""
 
 import time
 
@@ -8,15 +11,15 @@ a second.
 """
 
 END_OF_DATES_NS = 4_102_444_800 * SECOND_NS
-"""The year 2100 as Unix time [ns]. A later date means an unset clock; recordings hold dates up to 2116
-only.
+"""The year 2100 as Unix time [ns]. A later date means that the clock is not set. Recordings can contain dates
+up to 2116 only.
 """
 
 _CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
 
 
 def host_ns() -> int:
-    """Return the nanoseconds since an arbitrary fixed moment; setting the date does not change them."""
+    """Return the nanoseconds since an arbitrary fixed moment. Setting the date does not change this clock."""
     return time.clock_gettime_ns(_CLOCK)
 
 
@@ -30,12 +33,12 @@ def unix_offset_ns() -> int:
 
 
 def unix_ns() -> int:
-    """Return the current Unix time; if the machine's date is impossible, the time since its start."""
+    """Return the current Unix time [ns]. If the machine's date is impossible, return `host_ns`."""
     return host_ns() + unix_offset_ns()
 
 
 def _is_possible(unix_ns: int) -> bool:
-    """Return whether a Unix time is between 1970 and the end of believed dates."""
+    """Return whether a Unix time is between 1970 and `END_OF_DATES_NS`."""
     return 0 <= unix_ns < END_OF_DATES_NS
 
 

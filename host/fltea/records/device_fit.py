@@ -1,4 +1,4 @@
-"""The result of a device's own maximum-likelihood fit of one axis: a part of the record `device_fit`."""
+"""Define the result of a device's own fit of one axis, a part of the record `device_fit`."""
 
 from typing import Literal
 
@@ -23,7 +23,7 @@ class DeviceSpectrum(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 # Over 12 attributes: each is one field of the published record.
 class DeviceAxisFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The fit of one axis by the device, which compares white noise with two models only."""
+    """The device's own fit of one axis, which compares white noise with only two other models."""
 
     verdict: DeviceVerdict
     """`none`: the axis is constant or has too many gaps; `white`: white noise is not rejected at 5 %;
@@ -32,8 +32,9 @@ class DeviceAxisFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     number: int
     """Number of fits of the axis since the device's start-up window, modulo 65,536."""
     age: int
-    """Number of samples from the start-up window to this fit's spectrum, lost samples included, modulo
-    2^32."""
+    """Number of samples from the end of the start-up window to the spectrum of this fit, including lost
+    samples, modulo 2^32.
+    """
     samples: int
     """Number of samples in the spectrum, modulo 2^32."""
     ordinates: float
@@ -41,11 +42,13 @@ class DeviceAxisFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     evaluations: int
     """Number of evaluations of the likelihood."""
     searched: bool
-    """The fit searched a grid of orders, since there was no earlier fit to start from."""
+    """Whether the fit tried a grid of orders, since there was no earlier fit to start from."""
     tuned: bool
-    """The device's filters now use `s2` and `R` as Q and R (a build with `FLTEA_TUNED=true`)."""
+    """Whether the device's filters now use `s2` and `R` as Q and R (in firmware built with
+    `FLTEA_TUNED=true`).
+    """
     bins_left_out: bool
-    """Some of the lowest frequencies are missing, since the message has no room for them."""
+    """Whether some of the lowest frequencies are missing, since the message has no room for them."""
     ratio_white: float
     """2 log L of the fractional model with orders up to 1, minus 2 log L of white noise."""
     ratio_relaxation: float

@@ -19,7 +19,7 @@ OF_NAMES = frozenset(
         *(errno.ENOTDIR, errno.EINVAL, errno.ENXIO, errno.ENODEV, errno.EEXIST, errno.EROFS),
     )
 )
-"""Error numbers that mean an unusable file name; all other errors happen while the program runs."""
+"""Numbers of system errors (errno) that mean an unusable file name."""
 
 
 class FlteaError(Exception):

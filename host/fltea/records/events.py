@@ -1,4 +1,4 @@
-"""The events of ports and sources, from which the pipeline makes records."""
+"""Define the events of ports and sources, from which the pipeline makes records."""
 
 from collections.abc import Iterator, Sequence
 from itertools import accumulate
@@ -44,7 +44,7 @@ class Reads(NamedTuple):
 
     @classmethod
     def of(cls, *chunks: Chunk) -> "Reads":
-        """Return the reads that consist of one or more chunks."""
+        """Return one or more chunks as reads."""
         datas, *times = zip(*chunks, strict=True)
         return cls(b"".join(datas), np.array([*accumulate(map(len, datas))]), *map(np.array, times))
 
@@ -56,7 +56,7 @@ class Reads(NamedTuple):
         return Reads(data, self.end[rows] - first, self.host_ns[rows], self.unix_offset_ns[rows])
 
     def chunks(self) -> Iterator[Chunk]:
-        """Yield the reads as chunks, one by one."""
+        """Yield each read as a chunk."""
         begin = 0
         for end, *times in zip(*(column.tolist() for column in self[1:]), strict=True):
             yield Chunk(self.data[begin:end], *times)
@@ -147,7 +147,7 @@ def block_of(samples: Sequence[RawSample]) -> RawBlock:
 
 
 class DeviceTracker(NamedTuple):
-    """Bias and state of one axis by the device's tracker, as the device sends them, finite or not."""
+    """Bias and state of one axis by the device's tracker, as the device sends them, even if not finite."""
 
     bias_dps: float
     bias_std_dps: float
@@ -159,11 +159,11 @@ class DeviceTracker(NamedTuple):
 class DeviceAxis(NamedTuple):
     """The device's own estimate of one axis after one sample.
 
-    The numbers are as the device sends them, finite or not. They mean nothing if `valid` is false.
+    The numbers are as the device sends them, finite or not. If `valid` is false, they have no meaning.
 
     `sequence`: number of the message; it may wrap.
     `sample`: number of the sample; it may wrap.
-    `age`: number of filter steps since the start-up window; the first is 1.
+    `age`: number of filter steps since the start-up window; it is 1 after the first step.
     `tracker`: None before the device's first fit of the axis.
     """
 
@@ -191,8 +191,8 @@ class DeviceAxis(NamedTuple):
 class DeviceEstimator(NamedTuple):
     """The settings with which the device estimates, and its own counters.
 
-    Tuples have one entry for each of `AXES`; states are in deg/s, variances in (deg/s)². With variant
-    "joint", `parameter0` and the other settings of the parameter belong to h^α f, otherwise to f.
+    Tuples have one entry for each of `AXES`; states are in deg/s, variances in (deg/s)². With the variant
+    "joint", `parameter0` and the other settings of the parameter are about h^α f, otherwise about f.
     """
 
     host_ns: int
@@ -227,7 +227,7 @@ class DeviceEstimator(NamedTuple):
 
 # Over 12 attributes: each is one field of a message of the protocol.
 class DeviceFit(NamedTuple):
-    """The device's maximum-likelihood fit of one axis, as the device sends its numbers, finite or not."""
+    """The device's own fit of one axis, with numbers as the device sends them, even if not finite."""
 
     host_ns: int
     axis: str
@@ -251,7 +251,11 @@ class DeviceFit(NamedTuple):
 
 
 class DeviceBins(NamedTuple):
-    """Some of the `total` bins in the spectrum of the device's fit `number`, beginning with bin `first`."""
+    """Some bins of the spectrum of the device's fit.
+
+    `number`: number of the fit. `total`: number of all bins of the spectrum. `first`: index of the first bin
+    in this event.
+    """
 
     host_ns: int
     axis: str
@@ -277,7 +281,7 @@ class Trouble(NamedTuple):
 
 
 class LinkDown(NamedTuple):
-    """The link was lost. Later samples may come from another device, so they need a new HELLO first."""
+    """The connection was lost. Later samples may come from another device, so they need a new HELLO first."""
 
     host_ns: int
 
@@ -290,7 +294,7 @@ class Break(NamedTuple):
 
 
 class Tick(NamedTuple):
-    """Nothing arrived for a while; this event lets the pipeline publish statistics on time."""
+    """Nothing has arrived for a while. This event lets the pipeline publish statistics on time."""
 
     host_ns: int
 

@@ -23,7 +23,7 @@ VerdictKind = Literal[
     "constant",
     "too few samples",
 ]
-"""Kind of the noise, in a word or two."""
+"""Kind of the noise in a word or two; `FittedAxis.verdict` lists the meanings."""
 
 
 class Interval(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -41,10 +41,10 @@ class Interval(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Level(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """White-noise level N and bias random walk K of an axis.
+    """White-noise density N and random walk K of the bias, of one axis.
 
-    N is in the unit of the samples per √Hz, K in the unit of the samples per √s. Each is null if it is not
-    known.
+    N is in the unit of the samples per √Hz, and K in the unit of the samples per √s. A value that is not
+    known is null.
     """
 
     N: Interval = Interval()
@@ -77,7 +77,7 @@ class Until(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     target: float
     """Wanted half-width of α's interval: the setting `live.target`."""
     seconds: float | None = None
-    """Time until `target` is reached [s]; 0 if it is reached already; null if the time cannot be
+    """Time until the interval is as narrow as `target` [s]; 0 if it is so already; null if the time cannot be
     predicted.
     """
 
@@ -104,8 +104,8 @@ class FitAllan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     0.664; null if the samples do not determine it [`unit`].
     """
     K: float | None = None
-    """Rate random walk: live from the Allan curve, for a recording from the tracker; null if there may be no
-    random walk [`unit`/√s].
+    """Rate random walk, from the Allan deviation if live, or for a recording from the tracker; null if there
+    may be no random walk [`unit`/√s].
     """
 
 
@@ -139,7 +139,7 @@ class FitHighPass(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Curves(msgspec.Struct, frozen=True, kw_only=True):
-    """The curves of an axis; None if there are too few samples, or if no curves are wanted."""
+    """The curves of an axis; each is None if there are too few samples, or if no curves are wanted."""
 
     allan: FitAllan | None = None
     """The Allan deviation. It is present in the last fit, and in one fit every 10 s, or every four
@@ -168,7 +168,7 @@ class FittedAxis(Curves, frozen=True):
     f: Interval = Interval()
     """The parameter f; null if the noise has no order [s^-α]."""
     F: Interval = Interval()
-    """F = h^α f + α, the combination of parameters that the data determine best."""
+    """F = h^α f + α, the combination of α and f that the data determine best."""
     s2: Interval = Interval()
     """Variance of the state's innovations, h^2α Q [`unit` squared]."""
     R: Interval = Interval()

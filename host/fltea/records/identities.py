@@ -1,4 +1,7 @@
-"""Limit the number of device identities, so that boards with ever new names cannot fill the memory."""
+"""Limit the number of device identities.
+
+So a board that changes its name again and again cannot fill the memory.
+"""
 
 from collections.abc import Hashable
 
@@ -30,7 +33,7 @@ class FewIdentities:
         return True
 
     def is_to_tell(self, now_ns: int) -> bool:
-        """Return whether to report a refusal now. After a True, it returns False for a period."""
+        """Return whether to report a refusal now. After True, it returns False for `PERIOD_NS`."""
         if self._sent_ns is not None and now_ns - self._sent_ns < PERIOD_NS:
             return False
         self._sent_ns = now_ns

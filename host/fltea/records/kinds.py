@@ -1,4 +1,4 @@
-"""The list of all kinds of `error` records: what each means, and what to do about it.
+"""List all kinds of `error` records, with what each of them means and what to do about it.
 
 The documentation shows this list in host/docs/reference/errors.md.
 """
@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 
 class ErrorKind(NamedTuple):
-    """General meaning and remedy of a kind of error, one sentence each; the record's text has the details."""
+    """What a kind of error means in general, and the remedy. The text of the record has the details."""
 
     meaning: str
     remedy: str

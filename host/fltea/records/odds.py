@@ -1,11 +1,11 @@
-"""Odds as text for a person."""
+"""Write the odds of an order as text for people."""
 
 MOST = 50.0
 """Larger odds are shown as "more than 50 : 1", since the calibration was not checked beyond this value."""
 
 
 def odds(value: float) -> str:
-    """Return the odds as "N : 1", with N at most MOST; odds below 1 are shown as "1 : N"."""
+    """Return the odds as "N : 1", with N at most `MOST`. Odds below 1 are shown as "1 : N"."""
     if value < 1:
         return f"1 : {odds(1 / value).split(' : ')[0]}" if value > 0 else "none"
     if value >= MOST:

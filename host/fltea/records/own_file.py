@@ -6,7 +6,10 @@ import stat
 from pathlib import Path
 
 FLAGS = os.O_CREAT | os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
-"""Flags for opening: links are not followed, to protect their target, and opening a pipe does not block."""
+"""Flags for opening such a file.
+
+Links are not followed, which protects the files that they lead to. Opening a pipe does not wait.
+"""
 
 
 def open_own(path: Path, mode: int, *, append: bool = False) -> int:

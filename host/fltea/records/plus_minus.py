@@ -9,9 +9,11 @@ import math
 from fltea.records.units import MOST_DEG
 
 NORMAL_95 = 1.96
-"""Half-width of a 95 % interval of a normal variable, in standard deviations; the firmware uses it too."""
+"""Half-width of a 95 % interval of a normal variable, in standard deviations. The firmware uses the same
+number.
+"""
 LARGE = 1e6
-"""Least number that is written with a power of ten; a diverging filter can give such numbers."""
+"""Smallest number that is written with a power of ten. A diverging filter can give such numbers."""
 MOST_PLACES = 9
 
 
@@ -33,7 +35,7 @@ def plus_minus(value: float | None, std: float | None) -> str:
 
 
 def angle_within(std: float) -> str:
-    """Return "±" with the half-width of an angle's 95 % interval, or a text that no heading is left.
+    """Return "±" with the half-width of an angle's 95 % interval, or a text that the heading is unknown.
 
     `std`: standard deviation of the angle [deg].
     """
@@ -46,5 +48,5 @@ def within(std: float, unit: str = "") -> str:
 
 
 def fixed(value: float, digits: int) -> str:
-    """Return a number in fixed point, or with a power of ten if it is large."""
+    """Return a number as text in decimals, or with a power of ten if it is large."""
     return f"{value:.{digits}f}" if abs(value) < LARGE else f"{value:.{digits}e}"

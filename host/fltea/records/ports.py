@@ -1,4 +1,4 @@
-"""The interfaces of sources, which yield events, and of sinks, which write records."""
+"""Define the interfaces of sources, which yield events, and of outputs (sinks), which write records."""
 
 import bisect
 from collections.abc import Callable, Iterator, Sequence
@@ -38,7 +38,7 @@ LATENCY_BOUNDS_MS = (0.25, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0, 100.0, 250
 
 
 class Latency:
-    """Histogram of the time from a sample's arrival until its record is written [ms]."""
+    """Histogram of the times from the arrival of samples until their records are written [ms]."""
 
     def __init__(self) -> None:
         self.counts = [0] * (len(LATENCY_BOUNDS_MS) + 1)
@@ -64,14 +64,20 @@ class OutputView(Protocol):
 
 
 class Departed(NamedTuple):
-    """This program gets no more samples from `device`; if `moved`, another program now serves the device."""
+    """The program gets no more samples from `device`.
+
+    `moved`: whether another program serves the device now.
+    """
 
     device: str
     moved: bool
 
 
 class Wanted(NamedTuple):
-    """Which records of a block are printed. `nulls`: whether null fields are printed, not left out."""
+    """Which records of a block are converted to text.
+
+    `nulls`: whether the text includes fields that are null.
+    """
 
     samples: bool = False
     estimates: bool = False
@@ -83,8 +89,8 @@ class Printed(NamedTuple):
     """Records of samples as lines of text, for sinks that set `prints`.
 
     `records`: number of records in `data`, counted as in `Block.weight`.
-    `parts`: for each device, the arrival time of its newest sample [ns, monotonic] and its number of records,
-    for the latency.
+    `parts`: for each device, the monotonic arrival time of the newest sample [ns] and the number of records,
+    from which the latency is computed.
     """
 
     data: bytes
@@ -101,23 +107,26 @@ once."""
 
 
 class SinkClosed(Exception):
-    """The reader of the output is gone, or the output has failed for good; nothing more is written to it."""
+    """The program that reads the output has ended, or the output has failed for good.
+
+    Nothing more is written to it.
+    """
 
 
 class Sink:
-    """Base of all outputs; a subclass must define `write`, and may define the other methods.
+    """Base class of all outputs. A subclass must define `write`, and may define the other methods.
 
     Every method is called from one thread. When `write` cannot store a record, the sink counts it in `lost`,
     reports the cause once through its `Report`, and continues.
 
     `name`: key of the output's counts in `stats.outputs`.
     `lossless`: a replay that is faster than real time waits for this sink instead of dropping records.
-    `takes_wire`: the sink is also given `Opened`, `Chunk`, `Reads` and `Failed`, before they are decoded.
-    `together`: one thread serves all sinks of this name, so none of them may block for long.
-    `prints`: which records of samples the sink takes as `Printed` instead of blocks; None: it takes blocks.
+    `takes_wire`: the sink also receives the undecoded `Opened`, `Chunk`, `Reads` and `Failed`.
+    `together`: one thread serves all sinks with this name, so none of them may wait for long.
+    `prints`: which records of samples the sink takes as text (`Printed`); None if it takes blocks instead.
     `capacity`: number of items that may wait in the queue; when it is full, newer items are dropped.
-    `rest_s`: pause between two batches [s], so that records of many devices are written together, without a
-    thread switch for each.
+    `rest_s`: pause between two writings [s], so that the records of many devices are written together and the
+    threads are switched less often.
     """
 
     name: str = "output"
@@ -138,13 +147,16 @@ class Sink:
         raise NotImplementedError
 
     def flush(self) -> None:
-        """Write the data that `write` has buffered; called when the queue is empty, and twice a second."""
+        """Write the data that `write` has buffered.
+
+        This is called when the queue is empty, and twice a second.
+        """
 
     def depart(self, departed: Departed) -> None:
         """Release the data kept for a device, so that they do not grow as devices come and go."""
 
     def on_overflow(self, count: int) -> None:
-        """Handle the loss of `count` items, which were dropped since this sink was too slow."""
+        """Handle that `count` items were dropped, since this sink was too slow."""
 
     def close(self) -> None:
         """Write pending items and release all resources, within half a second."""

@@ -26,7 +26,7 @@ _ACCEL = {
     "mg": 1e3 / STANDARD_GRAVITY_MS2,
     "µg": 1e6 / STANDARD_GRAVITY_MS2,
 }
-"""The value of 1 deg/s, or of 1 m/s², in each unit."""
+"""The value of 1 deg/s, or of 1 m/s², in each unit of the same quantity."""
 
 
 class CoefficientUnits(NamedTuple):
@@ -38,7 +38,7 @@ class CoefficientUnits(NamedTuple):
 
 
 class _Kind(NamedTuple):
-    """A measured quantity: its name, and for each of its units the value of 1 first unit in that unit."""
+    """A quantity: its name, and for each of its units how many of them make 1 of the first unit."""
 
     what: str
     units: dict[str, float]
@@ -96,7 +96,7 @@ _WORDS = (
 
 def _plain(unit: str) -> str:
     """Return a unit in the normalised spelling by which units are compared."""
-    mega = "M" * unit.startswith("M")  # kept, since casefold would make milli of mega
+    mega = "M" * unit.startswith("M")  # M is kept, since in lower case it would mean milli in place of mega
     plain = mega + unit[len(mega) :].casefold().translate(_SIGNS)
     for word, meaning in _WORDS:
         plain = plain.replace(word, meaning)
@@ -186,7 +186,7 @@ def quantity_of(interval: Interval, unit: str, at_most: float | None = None) -> 
 
 
 def without_unit(one: Quantity) -> str:
-    """Return value and interval, or the bound, as a text for a table that names the unit elsewhere."""
+    """Return the value with its interval, or the bound, as text without the unit."""
     return " ".join(filter(None, texts(one)))
 
 
@@ -212,13 +212,13 @@ def texts(one: Quantity) -> tuple[str, str]:
 
 
 def number(value: float, digits: int = FEWEST_DIGITS) -> str:
-    """Return a value with `digits` significant digits, and with a power of ten from a million on."""
+    """Return a value as text with `digits` significant digits, and from a million on with a power of ten."""
     text = f"{value:.{digits}g}"
     return f"{float(text):.0f}" if "e+" in text and abs(value) < POWERS_OF_TEN_FROM else text
 
 
 def _digits(value: float, half: float) -> int:
-    """Return the number of significant digits with which the half-width `half` shows two digits."""
+    """Return how many significant digits of `value` show two digits of the half-width `half`."""
     if value == 0 or half <= 0:
         return FEWEST_DIGITS
     digits = math.floor(math.log10(abs(value))) - math.floor(math.log10(half)) + 2

@@ -1,7 +1,7 @@
-"""The records that the program publishes; names of fields end in their units.
+"""Define the records that the program publishes. Names of fields end in their units.
 
-As JSON, each record is one object whose first key is `class`. The documentation shows the text below each
-field.
+As JSON, each record is one object whose first key is `class`. The documentation shows the text that stands
+below each field.
 """
 
 from typing import Literal
@@ -64,7 +64,7 @@ class Hello(Record, frozen=True, tag="hello"):
     schema_hash: str | None = None
     """Hash of the layout of the protocol's messages."""
     boot_id: int | None = None
-    """Identifier of the device's boot, another one after each restart."""
+    """Identifier of the device's boot; it is another one after each restart."""
     device_id: str | None = None
     """Unique identifier of the microcontroller, hexadecimal."""
     firmware_version: str | None = None
@@ -202,7 +202,7 @@ class Estimate(Placed, frozen=True, tag="estimate"):
     """
 
     variant: str
-    """`triple` or `joint`."""
+    """Variant of the estimator: `triple` or `joint`."""
     axes: dict[str, AxisEstimate]
     """Each axis."""
 
@@ -232,25 +232,31 @@ class DeviceAxisEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True
     alpha_difference: float | None = None
     """The device's α minus this computer's after the same sample; null where they cannot be compared."""
     f_difference: float | None = None
-    """The device's f minus this computer's, likewise [s^-α]."""
+    """The device's f minus this computer's after the same sample; null where they cannot be compared
+    [s^-α].
+    """
     state_difference: float | None = None
-    """The device's state minus this computer's, likewise [deg/s]."""
+    """The device's state minus this computer's after the same sample; null where they cannot be compared
+    [deg/s].
+    """
     why_not: WhyNot | None = None
-    """Why there are no differences: `device_not_valid`, `host_not_valid`: that estimate is not valid;
-    `other_start`: the device began at another sample; `device_skipped`: it has skipped samples;
-    `other_settings`: settings differ, or the device uses the variances of its own fit."""
+    """Why there are no differences. `device_not_valid`: the device's estimate is not valid; `host_not_valid`:
+    this computer's estimate is not valid; `other_start`: the device began at another sample;
+    `device_skipped`: the device has skipped samples; `other_settings`: the settings differ, or the device
+    uses the variances of its own fit.
+    """
 
 
 class DeviceEstimates(Placed, frozen=True, tag="device_estimate"):
     """The device's own estimates after a sample; those of this computer are in `estimate`.
 
     It comes only with `--estimate-on both`; with `--estimate-on device`, the records `estimate` hold the
-    device's estimates. It arrives later than its sample, by the delay of the device. An axis whose message
-    was lost in transit is left out.
+    device's estimates. The record comes later than the sample, by the delay of the device. An axis whose
+    message was lost in transit is left out.
     """
 
     variant: str
-    """`triple` or `joint`, of the device."""
+    """Variant of the device's estimator: `triple` or `joint`."""
     axes: dict[str, DeviceAxisEstimate]
     """Each axis."""
     comparable: bool
@@ -260,8 +266,9 @@ class DeviceEstimates(Placed, frozen=True, tag="device_estimate"):
 class DeviceFits(Placed, frozen=True, tag="device_fit"):
     """The device's own maximum-likelihood fit of one axis, every three seconds or later.
 
-    It comes only with `--estimate-on device` or `both`. Its `seq` is that of the newest sample when it
-    arrived. A fit for which the device also sends the spectrum comes twice: at once, and with `spectrum`.
+    It comes only with `--estimate-on device` or `both`. `seq` is the number of the sample that was the newest
+    when the fit arrived. A fit for which the device also sends the spectrum comes twice: first at once, and
+    then with `spectrum`.
     """
 
     axes: dict[str, DeviceAxisFit]
@@ -279,8 +286,9 @@ class Fit(Placed, frozen=True, tag="fit"):
     """
 
     samples: int
-    """Number of samples received, those left out included, of all epochs of the same sensor, and of the
-    earlier run with `--state`."""
+    """Number of samples received from the same sensor in all epochs, including samples that are left out, and
+    with `--state` including the earlier run.
+    """
     axes: dict[str, AxisFit]
     """Each axis."""
 
@@ -293,7 +301,7 @@ class Gap(Record, frozen=True, tag="gap"):
     missing: int
     """Number of missing samples."""
     epoch: int
-    """Epoch in which they are missing."""
+    """Number of the epoch in which the samples are missing."""
     host_ns: int
     """Host time of the first sample after the gap [ns]."""
 
@@ -343,19 +351,25 @@ class EstimatorInfo(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     estimate_on: str
     """Which computer estimates: `host` (this one), `device` (the board) or `both`."""
     memory: str
-    """`compressed` or `direct` (the exact window)."""
+    """How the filters keep past samples: `compressed` (approximate, in constant memory) or `direct`
+    (exact).
+    """
     guard: str
-    """`off` (the printed algorithm), `faithful` or `consistent`."""
+    """Variant of the guard that keeps the filters from running away: `off` (the paper's algorithm without a
+    guard), `faithful` or `consistent`.
+    """
     window: int
-    """Length L of the memory in samples; 0: unlimited."""
+    """Length L of the filters' memory in samples; 0 means unlimited."""
     startup_samples: int
-    """Length of the start-up window; 0 if none is needed."""
+    """Length of the start-up window in samples; 0 if none is needed."""
     bias: tuple[float, ...]
-    """Bias that is subtracted from each axis, or one number for all; empty: the mean of the start-up window
-    [deg/s, of the accelerometer m/s²]."""
+    """Bias that is subtracted from each axis, or one number for all axes. If empty, it is the mean of the
+    start-up window [deg/s, of the accelerometer m/s²].
+    """
     R: tuple[float, ...]
-    """Measurement variance of each axis, or one for all; empty: the variance of the start-up window
-    [(deg/s)², of the accelerometer (m/s²)²]."""
+    """Measurement variance of each axis, or one number for all axes. If empty, it is the variance of the
+    start-up window [(deg/s)², of the accelerometer (m/s²)²].
+    """
     tuning: str = "startup"
     """`startup`: Q and R stay as at the start; `live`: Q and R come from the live fit as soon as it knows
     them."""
@@ -377,7 +391,7 @@ class Epoch(Record, frozen=True, tag="epoch"):
     host_ns: int
     """Host time of the epoch's first sample [ns]."""
     boot_id: int | None
-    """Boot of the device that the epoch belongs to."""
+    """Identifier of the device's boot to which the epoch belongs."""
     estimator: EstimatorInfo | None = None
     """Settings of the gyroscope's estimator."""
     accel_estimator: EstimatorInfo | None = None
@@ -405,7 +419,7 @@ class Stats(Record, frozen=True, tag="stats"):
     without a host clock [1e-6].
     """
     startup_remaining: int
-    """Samples until the start-up window is full."""
+    """Number of samples until the start-up window is full."""
     link: LinkStats
     """Counts of what arrived from the source and what was lost in transit, since the start of the program."""
     sample_counts: SampleStats

@@ -6,13 +6,16 @@ REPEAT_NS = 60 * 10**9
 
 
 class OnceAMinute:
-    """Remembers when each message was sent. A device cannot add keys, since the program chooses them."""
+    """Remembers when each message was sent last.
+
+    The program chooses the keys of the messages, so a device cannot fill the memory with them.
+    """
 
     def __init__(self) -> None:
         self._sent_ns: dict[Hashable, int] = {}
 
     def is_due(self, key: Hashable, now_ns: int) -> bool:
-        """Return whether a message may be sent now; if so, it counts as sent.
+        """Return whether the message `key` may be sent now. If so, it counts as sent.
 
         `now_ns`: current time of a monotonic clock [ns].
         """

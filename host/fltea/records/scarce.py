@@ -1,4 +1,4 @@
-"""Explain errors that mean that the system gives no more memory, threads or processes."""
+"""Explain errors that mean that the system refuses more memory, threads or processes."""
 
 import errno
 import resource
@@ -9,14 +9,16 @@ from fltea.records.errors import FlteaError
 MB = 1_000_000
 
 LEAST_BYTES = 256 * MB
-"""Least address space for computing: with less, some libraries end the process, and others hang."""
+"""Smallest limit of the address space with which the program computes [bytes]. With a smaller limit, some
+libraries end the process, and others hang.
+"""
 
 WORDS = "can't start new thread", "failed to map segment", "cannot allocate memory", "memory allocation"
-"""Texts in errors of threads, of the library loader, and of libraries that raise no MemoryError."""
+"""Texts by which errors of threads, of the library loader, and of some libraries show a lack of memory."""
 
 
 def least_of(what: int, ours: int) -> int:
-    """Return the smallest of `ours` and the limits that the system has set already.
+    """Return `ours`, or the limit that the system has set already if that is smaller.
 
     `what`: which limit, a constant of the module `resource`.
     """
@@ -39,7 +41,7 @@ def check_address_space() -> None:
 
 
 def is_scarcity(error: BaseException) -> bool:
-    """Return whether an error, or one of its causes, says that the system gives no more memory or threads."""
+    """Return whether an error, or one of its causes, says that the system refuses more memory or threads."""
     return any(
         isinstance(one, MemoryError)
         or (isinstance(one, OSError) and one.errno == errno.ENOMEM)

@@ -1,4 +1,4 @@
-"""Passwords in addresses are refused in settings and command lines, and hidden in the program's messages.
+"""Refuse passwords in addresses, in settings and command lines, and hide them in the program's messages.
 
 Everybody on a machine can read the command lines of all its programs, and records, recordings and messages
 repeat an address. So no address may hold a password, and each kind of server has a better way to receive a
@@ -24,8 +24,8 @@ class Kind(NamedTuple):
 
 SERVER = r"@"
 FILE = r"^[^/]*@|^[^/@]*:(?!\d*(?:/|$))[^@]*@"
-"""Pattern of a secret in an address of any other scheme. A path may hold an @, and a number behind a colon is
-a port.
+"""Pattern of a secret in an address of any other scheme. A path may contain an @, and a number after a colon
+is a port.
 """
 
 PASSWORD = r"(?:^|[\s?&])(?:ssl)?password\s*="
@@ -41,7 +41,7 @@ KINDS = {
     "postgresql": Kind(rf"^[^@]*:[^@]*@|{PASSWORD}", "The password comes from PGPASSWORD or ~/.pgpass."),
     "hwgrep": Kind(r"(?!)", ""),
 }
-"""Kinds of addresses by scheme. Only PostgreSQL may have a user in its address, without a password."""
+"""Kinds of addresses by their scheme. Only a PostgreSQL address may contain a user, without a password."""
 
 SAME = {"mqtts": "mqtt", "postgres": "postgresql", **dict.fromkeys(("tcp", "tls", "ws", "wss"), "dask")}
 OTHERS = Kind(FILE, "Credentials come from the environment, of workers too (host/docs/guide/cluster.md).")
@@ -73,7 +73,7 @@ def refuse_secret(name: str, text: str, kind: str = "") -> None:
 
 
 def refuse_secrets(words: Iterable[str]) -> None:
-    """Refuse a command line in which any word is an address with a password; see `refuse_secret`."""
+    """Refuse a command line if any of its words is an address with a password (see `refuse_secret`)."""
     option = "command line"
     for word in words:
         option = word.partition("=")[0] if word.startswith("-") else option

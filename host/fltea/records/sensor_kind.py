@@ -1,4 +1,4 @@
-"""The two kinds of sensors of a device: what their axes, units and fields are called, each declared once.
+"""Declare what the axes, units and fields of gyroscopes and of accelerometers are called.
 
 A loop over `SENSOR_KINDS` treats gyroscope and accelerometer alike. `wire/sensors.py` lists the chips.
 """
@@ -9,7 +9,10 @@ from fltea.records.units import STANDARD_GRAVITY_MS2
 
 
 class WithScales(Protocol):
-    """What states how many counts the units of both sensors have, such as `Hello`; None: not counts."""
+    """An object, such as `Hello`, that states the scales of both sensors.
+
+    A scale is None if samples are not counts.
+    """
 
     @property
     def gyro_lsb_per_dps(self) -> float | None:
@@ -32,11 +35,11 @@ class SensorKind(NamedTuple):
     text_unit: str
     """The same unit in texts for people, and in figures of `fltea identify`."""
     column_unit: str
-    """The same unit in names of columns and fields: gyro_dps, accel_x_ms2."""
+    """The same unit in names of columns and fields, such as gyro_dps and accel_x_ms2."""
     quantity: str
     """What the sensor measures, in a word."""
     settings: str
-    """Name of the table of settings of the sensor's filters."""
+    """Name of the settings of the sensor's filters, in the configuration."""
     scale_field: str
     """Field of `Hello` that has the number of counts in one `scale_size`."""
     scale_size: float
@@ -80,5 +83,8 @@ SENSOR_KINDS = (GYROSCOPE, ACCELEROMETER)
 
 
 def kind_of(axis: str) -> SensorKind:
-    """Return the kind of sensor that an axis belongs to; an axis of another name counts as a gyroscope's."""
+    """Return the kind of sensor to which an axis belongs.
+
+    An axis with an unknown name counts as a gyroscope's.
+    """
     return ACCELEROMETER if axis in ACCELEROMETER.axes else GYROSCOPE

@@ -14,7 +14,9 @@ from fltea.records.errors import UsageError
 
 MOST_BYTES = 4_000_000
 PATIENCE_S = 5.0
-"""Longest time that a pipe may stay empty: a pipe that nobody opens for writing stays empty for ever."""
+"""Longest time to wait for a pipe [s]. A pipe that no program opens for writing would be waited for
+forever.
+"""
 
 
 def read_small(path: Path, *, what: str = "", most_bytes: int = MOST_BYTES, private: bool = False) -> bytes:
@@ -89,7 +91,7 @@ def open_stream(path: Path) -> BinaryIO:
         return opened.result(PATIENCE_S)
     except TimeoutError:
         opened.add_done_callback(lambda late: late.exception() or late.result().close())
-        with contextlib.suppress(OSError):  # so that the thread ends
+        with contextlib.suppress(OSError):  # opens the pipe, so that the waiting thread ends
             os.close(os.open(path, os.O_WRONLY | os.O_NONBLOCK))
         raise UsageError(
             f"{path}: nobody writes into this pipe, for {PATIENCE_S:g} s. Start what writes first."

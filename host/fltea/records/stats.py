@@ -15,7 +15,7 @@ CAUSE_WORDS = {
     "state_bound": "the state held near the sample",
     "memory_order": "an order beyond the memory's range",
 }
-"""Causes for which the guard intervenes: the key in counts of interventions, and the words for a person."""
+"""For each cause for which the guard of the filters intervenes, by its key in records, words for people."""
 
 
 class DeviceStatus(msgspec.Struct, frozen=True):
@@ -28,11 +28,11 @@ class DeviceStatus(msgspec.Struct, frozen=True):
     sensor_reinits: int
     """Number of times that the sensor was set up again."""
     overruns: int
-    """Sampling instants without a sample."""
+    """Number of sampling instants at which the device took no sample."""
     dropped_frames: int
-    """Frames that the device could not send."""
+    """Number of frames that the device could not send."""
     reset_cause: str
-    """`power_up`, `backup`, `watchdog`, `software`, `user`, `unknown`."""
+    """Cause of the last reset: `power_up`, `backup`, `watchdog`, `software`, `user` or `unknown`."""
     cpu_share_percent: float | None = None
     """Share of the time in which the board's main loop was busy [%]."""
     longest_step_us: int | None = None
@@ -72,7 +72,7 @@ class SampleStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     delivered: int
     """Samples that were passed to the estimator."""
     lost: int
-    """Samples missing in gaps."""
+    """Number of samples that are missing in gaps."""
     gaps: int
     """Number of gaps."""
     duplicates: int
@@ -84,10 +84,10 @@ class SampleStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class BiasCheck(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Comparison of Bias(T) with the mean of the next T seconds, over all T-second pieces at rest so far."""
+    """Comparison of Bias(T) with the mean of the next T seconds, for all such periods at rest so far."""
 
     pieces: int
-    """Number of pieces that were compared."""
+    """Number of periods that were compared."""
     rms: float
     """Root mean square of the difference divided by its σ; 1 if Bias(T) and its σ are right."""
 
@@ -105,7 +105,7 @@ class TrackerStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
     holds: bool | None
     """Whether the last 1,000 innovations are white; null before 200 innovations."""
     moved: int
-    """Samples in motion, over which the tracker predicted the bias."""
+    """Number of samples in motion, during which the tracker only predicted the bias."""
     restarts: int
     """Number of restarts of the tracker because the offset had another value for ten seconds."""
     K: Interval = Interval()
@@ -130,7 +130,7 @@ class TrackerStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
 
 
 class AxisStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Bias and R of an axis from the start-up window, and the state of its filters."""
+    """Bias and R that are used for an axis, and the state of its filters."""
 
     bias: float | None
     """Bias in use (for an accelerometer it includes gravity); null until the start-up window is full
@@ -175,7 +175,7 @@ class DeviceEstimatorStats(msgspec.Struct, frozen=True, forbid_unknown_fields=Tr
     every: int
     """Number of samples from one estimate of the device to the next."""
     queue: int
-    """Samples that wait for the device's estimator."""
+    """Number of samples that wait for the device's estimator."""
     skipped: int
     """Samples since the device's boot that its estimator skipped, because it had fallen behind."""
     longest_axis_us: int
@@ -199,7 +199,7 @@ class DeviceEstimatorStats(msgspec.Struct, frozen=True, forbid_unknown_fields=Tr
     fits_refused: int = 0
     """Number of fits with impossible numbers, or that arrived before the first sample."""
     longest_slice_us: int = 0
-    """Longest slice of computing time for a fit since the device's boot [µs]."""
+    """Longest time without a pause that a fit has computed since the device's boot [µs]."""
 
 
 class OutputStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

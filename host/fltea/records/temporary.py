@@ -1,8 +1,8 @@
 """Make all temporary files of the program.
 
 Most temporary files have no name, so the system removes them when their process ends, even if it is killed.
-Files that other code must find by name lie in a work folder. The process holds a lock on its work folder. A
-work folder without a lock was left by a killed process and is removed.
+Files that other code must open by their names are in a work folder. The process holds a lock on its work
+folder. A work folder without a lock was left by a killed process and is removed.
 """
 
 import contextlib
@@ -26,7 +26,7 @@ PREFIX, NEW_PREFIX = "fltea-work-", "fltea-new-"
 """Prefixes of the names of work folders: of locked folders, and of new folders before they are locked."""
 
 YOUNG_S = 60.0
-"""A new folder younger than this is not removed [s]: its process may be about to lock it."""
+"""A new folder younger than this is not removed [s], since its process may be about to lock it."""
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 ENDING = signal.SIGTERM, signal.SIGHUP
@@ -123,7 +123,7 @@ def work_folder() -> Iterator[Path]:
     except OSError as error:
         raise _failed(where, error) from error
     try:
-        with contextlib.suppress(OSError):  # a file system without locks: nothing is removed there
+        with contextlib.suppress(OSError):  # the file system has no locks, so no folders are removed
             fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
             made = made.rename(made.with_name(made.name.replace(NEW_PREFIX, PREFIX, 1)))
         with _removed_by_signals(made):
@@ -136,7 +136,7 @@ def work_folder() -> Iterator[Path]:
 def _temporary_folder() -> Path:
     try:
         return Path(tempfile.gettempdir())
-    except OSError as error:  # none of the usual folders can be written to
+    except OSError as error:  # none of the usual folders for temporary files can be written to
         raise _failed(os.environ.get("TMPDIR", "/tmp"), error) from error
 
 
@@ -171,7 +171,7 @@ def _remove_left_once() -> None:
 
 
 def _remove_left(where: Path) -> None:
-    """Remove the folders that killed processes left."""
+    """Remove work folders that killed processes have left in `where`."""
     for prefix, least_s in ((PREFIX, 0.0), (NEW_PREFIX, YOUNG_S)):
         for folder in where.glob(f"{prefix}*"):
             with contextlib.suppress(OSError):

@@ -17,4 +17,6 @@ HEADING_AFTER_S = 60
 """Time after the last sample at rest for which texts state the error of the heading [s]."""
 
 FLICKER = math.sqrt(2 * math.log(2) / math.pi)
-"""σ / B at the floor of an Allan deviation, 0.664 (IEEE 952, annex C)."""
+"""Height of the flat part of an Allan deviation divided by the bias instability B, 0.664 (IEEE 952, annex
+C).
+"""

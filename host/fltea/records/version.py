@@ -1,3 +1,3 @@
-"""The version of the program, in the lowest package, so that no package has to import `fltea` itself."""
+"""State the version of the program, in a package that all others may import."""
 
 __version__ = "0.1.0"

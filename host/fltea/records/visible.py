@@ -1,6 +1,6 @@
 """Make the control characters of untrusted text visible, so that they cannot control a terminal.
 
-Strings from boards, file names and recordings may hold ESC (which moves the cursor, renames the window, or
+Strings from boards, file names and recordings may contain ESC (which moves the cursor, renames the window, or
 makes some terminals type), newlines that imitate messages of this program, or marks that reverse the reading
 order. Records keep such strings unchanged, since a replay has to equal its recording and JSON escapes them.
 The characters are made visible when the text is written to a terminal, a journal or the page.

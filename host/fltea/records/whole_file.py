@@ -54,7 +54,7 @@ def _check_replaceable(out: Path) -> None:
     """Refuse to replace anything but a file: root could replace /dev/null and so break the system."""
     try:
         mode = os.lstat(out).st_mode
-    except (OSError, ValueError):  # nothing is there, or opening the file will report what is wrong
+    except (OSError, ValueError):  # no such file exists, or opening it will report what is wrong
         return
     in_dev = out.absolute().parent == Path("/dev")
     if not (stat.S_ISREG(mode) or (stat.S_ISLNK(mode) and not in_dev)):
@@ -63,7 +63,7 @@ def _check_replaceable(out: Path) -> None:
 
 @contextlib.contextmanager
 def text_of(file: BinaryIO) -> Iterator[TextIO]:
-    """Yield a text writer for a binary file; it does not convert line ends, and the file stays open."""
+    """Yield a text writer for a binary file. It does not convert line ends. The binary file stays open."""
     text = io.TextIOWrapper(file, encoding="utf-8", newline="")
     yield text
     text.flush()
@@ -71,7 +71,9 @@ def text_of(file: BinaryIO) -> Iterator[TextIO]:
 
 
 def prepare_folder(flag: str, folder: Path) -> None:
-    """Make the folder that a flag names, and check before long computations that it can be written to.
+    """Create the folder that a command-line flag names, and check that it can be written to.
+
+    This is done before long computations.
 
     Raises:
         UsageError: the folder cannot be written to.
@@ -85,5 +87,5 @@ def prepare_folder(flag: str, folder: Path) -> None:
 
 
 def _reason(error: Exception) -> str:
-    """Return the reason without the name of the temporary part, which means nothing to a person."""
+    """Return the reason for an error as text, without the name of the temporary file."""
     return getattr(error, "strerror", None) or str(error)

@@ -1,4 +1,4 @@
-"""Texts on why the record `device_estimate` gives no differences, for the page and the terminal."""
+"""List texts that say why the record `device_estimate` has no differences, for the page and the terminal."""
 
 from fltea.records.records import WhyNot
 

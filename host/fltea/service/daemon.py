@@ -35,19 +35,22 @@ if TYPE_CHECKING:
 
 
 def run(configs: Sequence[Config]) -> None:
-    """Run until each source has ended, a signal arrives, the only output's reader leaves, or `--once` fails.
+    """Run the program until its end.
+
+    It ends when every source has ended, a signal arrives, the program that reads the only output ends, or a
+    live source fails with `--once`.
 
     Raises:
-        UsageError: the configuration does not describe a source or an output, or a recording is bad.
+        UsageError: the configuration does not describe a source or an output, or a recording cannot be used.
         SourceFailed: `once` is set and a live source is in trouble.
-        FlteaError: the output cannot be written.
+        FlteaError: an output cannot be written.
     """
     with StopOnSignal() as stop:
         try:
             failure, done = _Run(configs, stop).run()
         except KeyboardInterrupt:  # a signal arrived before a source or output had started
             return
-    if not done:  # Python would wait for the thread that hangs in an output
+    if not done:  # a normal exit would wait for a thread that hangs in an output
         if failure is not None:
             _last_words(f"error: {failure}")
         os._exit(failure.exit_code if failure else 0)
@@ -59,7 +62,10 @@ LOOK_S = 1.0
 """Time between two checks that all sources still handle events, for the service manager [s]."""
 
 STUCK_S = 20.0
-"""Time without an event after which a device stream hangs [s]; a live source gives two events a second."""
+"""Time without an event after which a device stream counts as hanging [s].
+
+A live source gives two events a second.
+"""
 
 
 class _Run:
@@ -80,7 +86,10 @@ class _Run:
         self._ingests: list[Ingest] = []
 
     def run(self) -> tuple[FlteaError | None, bool]:
-        """Run to the end; return the failure or None, and whether every output could be closed."""
+        """Run until the end of the program.
+
+        Return the failure or None, and whether every output was closed.
+        """
         ending = Ending(self._is_asked, lambda: self._stop.count, _last_words)
         for config in self._configs:
             _check_filters(config)
@@ -123,7 +132,7 @@ class _Run:
         return self._outcome(sources, ending.lost), not ending.left
 
     def _single(self) -> list[Config]:
-        """Return the configurations of sources that stand for one device each."""
+        """Return the configurations of the sources that are a single device; a broker stands for many."""
         return [config for config in self._configs if not is_shared(config.source)]
 
     def _open(self, sources: list[Source]) -> StateFile | None:
@@ -133,7 +142,7 @@ class _Run:
         another one fails.
         """
         configs, shared = self._single(), [one for one in self._configs if is_shared(one.source)]
-        for config in configs:  # before the outputs, so that a wrong source leaves no open outputs
+        for config in configs:  # open sources before outputs, so that a wrong source leaves no open outputs
             sources.append(open_source(config))
             check_recordable(config, sources[-1])
         check_descriptors(sources, configs)
@@ -165,7 +174,10 @@ class _Run:
         return port_loop, threads
 
     def _outcome(self, sources: Sequence[Source], lost: Sequence[str]) -> FlteaError | None:
-        """Return the failure of the run: its first, else what was not written, else what was not read."""
+        """Return the first failure of the run.
+
+        Without a failure, return that some data were not written or not read, or else None.
+        """
         if self._failure is not None:
             return self._failure
         if lost:
@@ -187,7 +199,7 @@ class _Run:
                 self._manager.alive()
 
     def _stay(self) -> None:
-        """Without `--once`, keep showing the last state of a recording until a user ends the program."""
+        """Keep showing the state at the end of a recording until the user ends the program."""
         text = "fltea: the recording is at its end; Ctrl-C ends the program (--once does so automatically)."
         print(text, file=sys.stderr, flush=True)
         self._wait(lambda: False)
@@ -214,7 +226,10 @@ class _Run:
         return Ingest(config, self._hub, receiver_of(config), self._end, self._fit_worker)
 
     def _end(self, stream: "DeviceStream | Ingest", error: Exception | None) -> None:
-        """Note that a source has ended. An error ends the program, which would seem to work otherwise."""
+        """Note that a source has ended.
+
+        An error ends the program, so that nobody believes that it still works.
+        """
         failure: FlteaError | None = None
         if isinstance(error, FlteaError):
             failure = error
@@ -237,7 +252,7 @@ class _Run:
 
 
 def _begun(close: Callable[[], object], name: str, *, kept: bool = False) -> Awaited:
-    """Begin to call `close`, which may be slow, in a separate thread; return what to wait for."""
+    """Call `close`, which may be slow, in a new thread. Return the task that ends with that thread."""
     thread = threading.Thread(target=close, daemon=True)
     thread.start()
     return Awaited(name, _has_ended(thread), kept)
@@ -257,7 +272,7 @@ def _closing(sources: "Sequence[Source | Ingest]") -> list[Awaited]:
 
 
 def _check_filters(config: Config) -> None:
-    """Refuse settings that are valid one by one, but with which no filter can start."""
+    """Refuse settings of which each is valid, but with which, taken together, no filter can start."""
     for name in ("estimator", "accel"):
         try:
             LaneSettings(getattr(config, name), h=1.0, R=1.0).table(1)
@@ -266,7 +281,10 @@ def _check_filters(config: Config) -> None:
 
 
 def _last_words(text: str) -> None:
-    """Write to stderr unless it is blocked. Not by `sys.stderr`, whose lock a hanging thread may hold."""
+    """Write to stderr unless it is blocked.
+
+    This does not use `sys.stderr`, whose lock a hanging thread may hold.
+    """
     with contextlib.suppress(OSError):
         if select.select([], [2], [], 0)[1]:
             os.write(2, visible_lines(f"fltea: {text}\n").encode())

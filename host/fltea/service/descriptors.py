@@ -1,4 +1,4 @@
-"""Check the number of file descriptors, so that too few of them are an error before anything begins."""
+"""Check before the start that the system allows enough file descriptors."""
 
 import contextlib
 import os
@@ -12,19 +12,19 @@ from fltea.settings.config import Config
 from fltea.sources.serial import SerialSource
 
 RESERVE = 64
-"""Number of descriptors for outputs and their clients, the state, a new file of a recording, and ports that
-open.
+"""Number of file descriptors kept for outputs and their clients, the file of snapshots, a recording's next
+file, and serial ports that open again.
 """
 
 OF_OTHERS = 4
-"""Most descriptors that a source uses, unless it is a port with a single descriptor."""
+"""Largest number of file descriptors of a source that is no serial port. A serial port has one."""
 
 MOST = 1 << 16
-"""Largest limit to ask the system for, since a system may allow a thousand million descriptors."""
+"""Largest limit of file descriptors to ask the system for. Some systems allow a thousand million."""
 
 
 def check_descriptors(sources: Sequence[Source], configs: Sequence[Config]) -> None:
-    """Raise this process's limit of descriptors, and check that the limit is enough for all devices.
+    """Raise this process's limit of file descriptors, and check that the limit is enough for all devices.
 
     Raises:
         UsageError: the limit is too low.
@@ -46,7 +46,7 @@ def check_descriptors(sources: Sequence[Source], configs: Sequence[Config]) -> N
 
 
 def _raised_limit() -> int:
-    """Raise the limit as far as it is possible and sensible, and return it."""
+    """Raise the limit of file descriptors to `MOST`, or as far as the system allows, and return it."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     if soft == resource.RLIM_INFINITY:
         return MOST

@@ -24,11 +24,11 @@ from fltea.stream.pipeline import Pipeline
 from fltea.stream.snapshot import DeviceState
 
 CHANGES_TEXT = {Stop.EPOCH, Stop.FIT_COUNTS}
-"""Stops of the native device that may change the values that all records of samples share."""
+"""Reasons for which the native device stops that may change the fields that all records of samples share."""
 
 
 class DeviceStream:
-    """Moves everything from a source through its pipeline to the outputs, in the thread that calls it.
+    """Moves everything from a source through its pipeline to the outputs, in the thread of the caller.
 
     `failure`: error that ends the stream if `--once` is set. `moved_s`: monotonic time of the last event [s];
     infinity once the stream has ended.
@@ -86,7 +86,10 @@ class DeviceStream:
         self.check()
 
     def took(self, arrived_ns: Ints, rows: Rows, *, unprinted: bool) -> None:
-        """Publish samples that the native device has processed. `unprinted`: the text is not printed yet."""
+        """Publish samples that the native device has processed.
+
+        `unprinted`: they are not converted to text yet.
+        """
         found = list(self._pipeline.took(rows, arrived_ns))
         is_printed = not (unprinted or self._pipeline.has_board)
         texts: ByText = dict.fromkeys(self._hub.printing(self.name), ()) if is_printed else NOTHING_PRINTED
@@ -95,7 +98,10 @@ class DeviceStream:
             self._print_as(next(one for one in found if isinstance(one, Block)))
 
     def stopped(self, stop: Stop, now_ns: int, details: Any) -> None:
-        """Handle a stop of the native device. `now_ns`: arrival time of the sample at the stop [ns]."""
+        """Handle a stop of the native device.
+
+        `now_ns`: arrival time of the sample at which it stopped [ns].
+        """
         self._publish(list(self._pipeline.stopped(stop, now_ns, details)), NOTHING_PRINTED, now_ns)
         if stop in CHANGES_TEXT:
             self._check_words()
@@ -107,7 +113,10 @@ class DeviceStream:
             self._deposit(self._state)
 
     def wants(self) -> tuple[bool, bool, bool]:
-        """Return three answers: whether any output takes blocks, printed text, or bytes."""
+        """Return for three forms of the samples whether any output takes them.
+
+        The forms are blocks, printed text, and bytes.
+        """
         has_board, texts = self._pipeline.has_board, self._hub.printing(self.name)
         takes_blocks = has_board or self._hub.takes_blocks(self.name)
         return takes_blocks, bool(texts) and not has_board, self._tap.wanted
@@ -118,7 +127,10 @@ class DeviceStream:
         return self._pipeline.device
 
     def _printed(self, items: Iterable[AnyRecord | Block]) -> tuple[list[AnyRecord | Block], ByText]:
-        """Return the items, and for each kind of printed text the items with the samples as text."""
+        """Return the items.
+
+        Return also, for each kind of printed text, the items with the samples as that text.
+        """
         texts = () if self._pipeline.has_board else self._hub.printing(self.name)
         found: list[AnyRecord | Block] = []
         printed: dict[Wanted | None, list[AnyRecord | Block | Printed]] = {text: [] for text in texts}
@@ -141,7 +153,10 @@ class DeviceStream:
         return found, printed
 
     def _lines_of(self, block: Block, text: Wanted | None) -> tuple[list[Block | Printed], int]:
-        """Return a block's rows as the native device printed them, and the number of rows not printed."""
+        """Return a block's rows as text from the native device, and the number of rows that it did not print.
+
+        Rows without text follow as a block.
+        """
         printer = self._printers.get(text)
         if printer is None:
             return [block], len(block)
@@ -150,12 +165,15 @@ class DeviceStream:
         return lines + ([block.rows(len(block) - missed, len(block))] if missed else []), missed
 
     def _print_as(self, block: Block) -> None:
-        """Let the native device print later samples with the shared values of this block."""
+        """Let the native device print later samples.
+
+        Their text contains the field values that all rows of this block share.
+        """
         self._printers = {text: run_printer(block, text) for text in self._hub.printing(self.name)}
         self.device.set_printers(list(self._printers.values()))
 
     def _check_words(self) -> None:
-        """Stop the native printing of samples if the values that all samples share have changed."""
+        """Stop the native printing of samples if a field that all samples share has changed its value."""
         if (words := self._pipeline.words) != self._words:
             self._words = words
             self._printers = {}
@@ -180,20 +198,24 @@ class DeviceStream:
         return self._pipeline.save()
 
     def finish(self, *, whole: bool = False, now_ns: int = 0) -> None:
-        """End the stream, since its source has ended (`whole`), or since no more samples are wanted.
+        """End the stream. `whole`: the source has ended; otherwise no more samples are wanted.
 
         `now_ns`: arrival time of the newest sample that native code has processed [ns]; 0 if there is none.
         """
         self.moved_s = math.inf
         self._pipeline.came_to(now_ns)
-        ended = self._once or not self.source.live  # otherwise a user waits for the program to end
+        # while a user waits for the program to end, no fit of all samples is made
+        ended = self._once or not self.source.live
         last = list(self._pipeline.finish(last_fit=ended, whole=whole))
         self._hub.publish(self.name, last, wait=not self.source.prompt)
         if self._state is not None:
             self._deposit(self._state)
 
     def _make_wire(self, event: Event) -> None:
-        """Encode an event for outputs that record bytes, if its source has no wire protocol."""
+        """Pass an event, encoded in the wire protocol, to outputs that record bytes.
+
+        This is for sources that do not use the wire protocol themselves.
+        """
         if not self._tap.wanted:
             self._as_wire = None
             return

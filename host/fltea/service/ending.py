@@ -17,9 +17,12 @@ SAY_S, LOOK_S = 3.0, 0.05
 
 
 class Awaited(NamedTuple):
-    """A task that has to end. `name`: in messages. `done`: waits up to a time [s], returns if it ended.
+    """A task that has to end.
 
-    `kept`: True if the task writes data that exist nowhere else.
+    `name`: of the task, in messages. `done`: waits up to the given time [s]; returns whether the task has
+    ended.
+
+    `kept`: whether the task writes data that exist nowhere else.
     """
 
     name: str
@@ -28,12 +31,12 @@ class Awaited(NamedTuple):
 
 
 class Ending:
-    """Waits for tasks to end: without a time limit at first, with a limit once the end is asked for.
+    """Waits for tasks to end, with a time limit as soon as a signal or a failure asks for the end.
 
     `asked`: returns whether a signal or a failure has asked for the end. `signals`: returns the number of
-    signals; a further signal after the message about waiting ends the waiting. `say`: writes a message.
-    `left`: names of the tasks that did not end in time. `lost`: names of the tasks in `left` whose data exist
-    nowhere else.
+    signals received. Once a message says that the program waits, one more signal ends the waiting. `say`:
+    writes a message. `left`: names of the tasks that did not end in time. `lost`: names of the tasks in
+    `left` whose data exist nowhere else.
     """
 
     def __init__(

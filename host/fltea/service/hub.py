@@ -13,24 +13,24 @@ from fltea.service.ending import Awaited
 from fltea.service.sink_queue import SinkQueue, SinkThread
 
 ESSENTIAL = "stdout"
-"""Name of the output whose failure fails the program, and whose end ends a program without other outputs."""
+"""Name of the essential output: its failure or end, when no other output is left, ends the program."""
 
 ByText = Mapping[Wanted | None, Sequence[AnyRecord | Block | Printed]]
-"""For each kind of printed text, the records of a device, with samples as text if they are printed."""
+"""For each kind of printed text, the records of a device; samples that are already printed stand as text."""
 
 NOTHING_PRINTED: ByText = MappingProxyType({})
 
 
 class Hub:
-    """Takes records from the pipelines' threads and queues them for every sink.
+    """Takes records from the threads of the devices, and queues them for every output.
 
-    `on_stop`: called, from any thread, when no output has a reader any more. Its argument is the exception if
-    the last output failed, and None if the reader of that output left.
+    `on_stop`: called, from any thread, when all outputs have ended. Its argument is the exception if the last
+    output failed, and None if the program that read that output has ended.
     """
 
     def __init__(self, on_stop: Callable[[Exception | None], None]) -> None:
         self._on_stop = on_stop
-        # These lists are replaced, never changed in place, since other threads iterate over them.
+        # The lists of outputs are replaced, never changed in place, since other threads iterate over them.
         self._shared: list[SinkQueue] = []
         self._of: dict[str, list[SinkQueue]] = {}
         self.changes = 0
@@ -40,7 +40,10 @@ class Hub:
         self._threads: dict[str, SinkThread] = {}
 
     def add(self, sink: Sink, device: str | None = None) -> SinkQueue:
-        """Add an output for one device or for all; this may also be done while the program runs."""
+        """Add an output for one device, or for all devices if `device` is None.
+
+        The program may be running already.
+        """
         thread = None
         if sink.together:
             thread = self._threads.setdefault(sink.name, SinkThread(f"sinks {sink.name}"))
@@ -54,13 +57,13 @@ class Hub:
         return sink_queue
 
     def remove(self, sink_queue: SinkQueue, device: str) -> None:
-        """Remove a device's output; it still writes what is queued, and is then closed."""
+        """Remove a device's output. The output still writes its queued records, and is then closed."""
         self._of = self._of | {device: [one for one in self._of.get(device, []) if one is not sink_queue]}
         self.changes += 1
         sink_queue.close()
 
     def add_log(self, sink: Sink) -> None:
-        """Add the log. The log is no output, so its records are not counted."""
+        """Add the log. It does not count as an output, and the records written to it are not counted."""
         self._log = SinkQueue(sink, lambda sink_queue, error: None)
         self._log.start()
 
@@ -76,8 +79,8 @@ class Hub:
     ) -> None:
         """Queue a device's records.
 
-        `printed`: the same records for outputs of printed text (`printing`). `wait`: whether to wait while an
-        output that must not lose records has no room.
+        `printed`: the same records for outputs that take printed text (see `printing`). `wait`: whether to
+        wait for an output that must not lose records while its queue is full.
         """
         for sink_queue in (*self._shared, *self._of.get(device, ())):
             own = printed.get(sink_queue.sink.prints, records)
@@ -88,7 +91,7 @@ class Hub:
                 self._log.put(errors)
 
     def printing(self, device: str) -> dict[Wanted, list[SinkQueue]]:
-        """Return for each kind of printed text the outputs that take the device's samples as that text."""
+        """Return, for each kind of printed text, the outputs that take the device's samples as such text."""
         found: dict[Wanted, list[SinkQueue]] = {}
         for sink_queue in (*self._shared, *self._of.get(device, ())):
             if sink_queue.sink.prints is not None:
@@ -96,7 +99,7 @@ class Hub:
         return found
 
     def print(self, text: Wanted, printed: Printed) -> None:
-        """Queue text printed for many devices to the shared outputs that take this text."""
+        """Queue text with records of many devices for the shared outputs that take this kind of text."""
         for sink_queue in self._shared:
             if sink_queue.sink.prints == text:
                 sink_queue.put((printed,))
@@ -108,16 +111,16 @@ class Hub:
         )
 
     def wait_for_room(self, timeout_s: float) -> bool:
-        """Wait until all shared outputs have room; return False if one has none in time."""
+        """Wait until the queues of all shared outputs have room; return False if one has none in time."""
         return all(sink_queue.wait_for_room(timeout_s) for sink_queue in self._shared)
 
     def written(self) -> Callable[[], bool]:
-        """Return a function that returns whether the shared outputs have written all records queued now."""
+        """Return a function that says if the shared outputs have written what is queued now."""
         queued = [(sink_queue, sink_queue.progress()[0]) for sink_queue in self._shared]
         return lambda: all(sink_queue.progress()[1] >= count for sink_queue, count in queued)
 
     def full(self) -> list[str]:
-        """Return the names of the shared outputs that have no room."""
+        """Return the names of the shared outputs whose queues have no room."""
         return [sink_queue.name for sink_queue in self._shared if not sink_queue.wait_for_room(0)]
 
     def depart(self, device: str, *, moved: bool) -> None:
@@ -126,11 +129,14 @@ class Hub:
             sink_queue.put((Departed(device, moved),))
 
     def tap(self, device: str, *, wait: bool) -> "Tap":
-        """Return the function that accepts all that arrives over the wire of a device."""
+        """Return the function to call with all bytes and events that arrive over the wire from a device."""
         return Tap(lambda: self._of.get(device, []), wait)
 
     def report(self, device: str | None = None) -> Callable[[str, str], None]:
-        """Return the function with which an output sends an `error` record to all outputs."""
+        """Return a function that sends an `error` record to all outputs.
+
+        `device`: to the outputs of this device.
+        """
 
         def report(kind: str, message: str) -> None:
             error = Error(kind, message, unix_ns(), device=device)
@@ -143,7 +149,10 @@ class Hub:
         return report
 
     def sink_queues(self) -> list[tuple[str | None, SinkQueue]]:
-        """Return all outputs, each with its device; None for a shared output."""
+        """Return all outputs, each with the name of its device.
+
+        The name is None if all devices share the output.
+        """
         return [(None, sink_queue) for sink_queue in self._shared] + [
             (device, sink_queue) for device, sink_queues in self._of.items() for sink_queue in sink_queues
         ]
@@ -160,12 +169,12 @@ class Hub:
         }
 
     def release(self) -> None:
-        """Let no caller wait any more: from now on, an output without room drops records."""
+        """End all waiting for room: from now on, an output whose queue is full drops records."""
         for _, sink_queue in self.sink_queues():
             sink_queue.release()
 
     def close(self) -> list[Awaited]:
-        """Close every output once it has written its queued records; return the tasks to wait for."""
+        """Let every output close after its queued records are written; return the tasks to wait for."""
         sink_queues = self.sink_queues()
         for _, sink_queue in sink_queues:
             sink_queue.close()
@@ -199,18 +208,18 @@ class Hub:
 
 
 class Tap:
-    """Passes on what arrives over the wire of one device to the outputs that record the wire's bytes."""
+    """Passes all bytes and events from one device's wire on to the outputs that record them."""
 
     def __init__(self, sink_queues: Callable[[], Sequence[SinkQueue]], wait: bool) -> None:
         self._sink_queues, self._wait = sink_queues, wait
 
     @property
     def wanted(self) -> bool:
-        """Whether any output wants the events or bytes of the wire."""
+        """Whether any output records the events or bytes of the wire."""
         return any(sink_queue.sink.takes_wire for sink_queue in self._sink_queues())
 
     def __call__(self, event: TransportEvent | Reads) -> None:
-        """Pass on one event."""
+        """Pass one event, or the bytes of one or several reads, on to the outputs."""
         items: Iterable[Item] = (event,)
         for sink_queue in self._sink_queues():
             if sink_queue.sink.takes_wire:

@@ -1,4 +1,4 @@
-"""Open the outputs in the configuration; the libraries of an output are loaded only for an output in use."""
+"""Open the outputs that the configuration asks for, and load the libraries of those outputs only."""
 
 import sys
 from collections.abc import Collection, Sequence
@@ -17,11 +17,11 @@ from fltea.sinks.opening import Opening
 
 
 def open_outputs(configs: Sequence[Config], hub: Hub, replays: Collection[str] = ()) -> None:
-    """Add all outputs to the hub. `replays`: names of the devices that are recordings.
+    """Add all outputs to the hub. `replays`: names of the devices whose source is a recording.
 
     Raises:
         UsageError: a setting is wrong, or a library is not installed.
-        FlteaError: an output cannot be opened, for example because its port is taken.
+        FlteaError: an output cannot be opened, for example because another program uses its network port.
     """
     program = _with_format(configs[0])
     configs = [program, *configs[1:]]
@@ -52,7 +52,7 @@ def _opened(output: Output, opening: Opening) -> Sink:
 
 
 def _with_format(program: Config) -> Config:
-    """Return the settings with the format of the standard output."""
+    """Return the settings, with a format for the standard output if none was set."""
     if program.format != "auto":
         return program
     return msgspec.structs.replace(program, format="table" if sys.stdout.isatty() else "ndjson")

@@ -1,4 +1,4 @@
-"""Serve all devices on ports with descriptors in one thread, round by round (host/native/round.hpp)."""
+"""Serve all serial ports in one thread (the work is done in host/native/round.hpp)."""
 
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -21,8 +21,8 @@ from fltea.wire.transport import QUEUE_BYTES
 
 WAIT_S = 0.5
 PATIENCE_NS = 1_000_000
-"""Time for which samples in blocks, and bytes, wait for more of the same device [ns]. So an output that takes
-blocks or bytes handles each device at most a thousand times a second.
+"""Time for which blocks of samples, or bytes, wait until more of the same device arrive [ns]. So an output
+that takes blocks or bytes handles each device at most a thousand times a second.
 """
 
 
@@ -32,15 +32,15 @@ class PortStop(IntEnum):
     ITEM = 1
     """An item of the wire protocol has arrived that native code does not handle."""
     STOP = 2
-    """The native device has stopped."""
+    """The native device has stopped, for one of the reasons in `Stop`."""
     ROWS = 3
     """Samples are ready for an output that takes them in blocks."""
     READS = 4
     """Bytes are ready for an output that takes the received bytes."""
     LOST = 5
-    """The port is gone."""
+    """The serial port cannot be read any more."""
     FAULT = 6
-    """The data cannot be used, and nothing more is read from the port."""
+    """The data from the port cannot be used, and nothing more is read from the port."""
 
 
 def has_port(stream: DeviceStream) -> bool:
@@ -49,10 +49,10 @@ def has_port(stream: DeviceStream) -> bool:
 
 
 class PortLoop:
-    """Hands the data of each port to the device stream of that port.
+    """Reads all serial ports, and hands the data of each port to the device stream of that port.
 
-    `on_end`: called, from the loop's thread, with a device stream that has ended and the exception that ended
-    it, or None. `pressure`: is notified how long samples wait.
+    `on_end`: called, from the loop's thread, with a device stream that has ended, and with the exception that
+    ended it or None. `pressure`: receives the time for which samples wait.
     """
 
     def __init__(
@@ -123,7 +123,7 @@ class PortLoop:
             self._happened(index, HANDLERS[kind], details)
 
     def _hand_on(self, indices: Iterable[int]) -> None:
-        """Hand on all data received from these ports, without waiting for more, since the streams end."""
+        """Process all data already received from these ports, whose device streams then end."""
         waiting = set(indices)
         for index in waiting:
             self._round.wants(index, *self.streams[index].wants(), 0)
@@ -131,7 +131,11 @@ class PortLoop:
             self._run(0.0)
 
     def _check(self, now_ns: int) -> None:
-        """Update what the outputs want, save due snapshots, and check whether this machine keeps up."""
+        """Do the regular work of the loop.
+
+        Ask which forms of samples the outputs take, save snapshots that are due, and check whether this
+        machine is fast enough.
+        """
         self._changes = self._hub.changes
         many = len(self.streams) if len(self.streams) > DEVICES_A_SECOND else 0
         for index in self._going:
@@ -146,7 +150,7 @@ class PortLoop:
             self._pressure.check(now_ns)
 
     def _happened(self, index: int, handle: "Callable[[PortLoop, int, Any], None]", details: Any) -> None:
-        """Handle an event of one port; a failure ends only that device stream."""
+        """Handle an event of one port. An exception ends only the device stream of this port."""
         if index not in self._going:
             return
         stream = self.streams[index]

@@ -1,17 +1,17 @@
-"""Check whether this machine keeps up with its devices, and refit all of them less often if it does not."""
+"""Refit the noise of all devices less often while this machine is too slow for their samples."""
 
 from fltea.records.ports import Report
 from fltea.stream.fit_worker import FitWorker
 
 CHECK_NS = 10**9
-"""Time between two checks of the devices and of their waiting times [ns]."""
+"""Time between two checks of all devices, including for how long their samples wait [ns]."""
 
 LATE_NS = 10**9
-"""Waiting time of samples from which on refits take too much of the processor's time [ns]."""
+"""If samples wait longer than this, refits take too much of the processor's time [ns]."""
 
 LOOKS = 3
-"""Number of successive checks with late samples before refits become less frequent: many devices that begin
-together are late once.
+"""Number of successive checks with late samples before refits become less frequent. A single late check is
+normal when many devices begin together.
 """
 
 CALM_NS = LATE_NS // 4
@@ -21,7 +21,7 @@ SLOWEST = 64.0
 
 
 class Pressure:
-    """Makes refits of all devices less frequent while samples wait, and more frequent after a calm minute.
+    """Makes refits less frequent while samples wait, and more frequent after a minute without waiting.
 
     Samples and estimates are never left out. `report`: called whenever refits become less frequent.
     """

@@ -1,4 +1,4 @@
-"""Begin and end recordings while the program runs; they are made like those of the flag `--record`."""
+"""Begin and end recordings while the program runs. They are like the recordings of the flag `--record`."""
 
 import shutil
 import threading
@@ -19,17 +19,17 @@ from fltea.settings.outputs import RecordConfig
 
 FINISH_S = 5.0
 FREE_EVERY_S = 5.0
-"""Time between two queries of the disk's free space [s]."""
+"""Time between two queries of how much space is free on the disk [s]."""
 
 REPLAYED = "This source is a recording already."
 FAULT = "The recording stopped because of a fault: see the list of events."
 
 
 class RecorderOfHub:
-    """Adds recordings to the hub and removes them again.
+    """Adds recordings, which are outputs of one device, to the hub, and removes them again.
 
     `settings`: settings of `--record`; `folder` is used if they name no folder.
-    `replays`: names of the devices that are recordings.
+    `replays`: names of the devices whose source is itself a recording.
     """
 
     def __init__(self, hub: Hub, settings: RecordConfig, folder: str, replays: Collection[str]) -> None:
@@ -44,12 +44,12 @@ class RecorderOfHub:
         self._free: tuple[float, int | None] = (-FREE_EVERY_S, None)
 
     def adopt(self, device: str, sink_queue: SinkQueue) -> None:
-        """Note a recording that cannot be stopped, since it runs as long as the program."""
+        """Note a recording that runs as long as the program, and so cannot be stopped."""
         self._fixed[device] = sink_queue
         self._began_s[device] = time.monotonic()
 
     def view(self, device: str) -> RecordingView:
-        """Return the state of a device's recording."""
+        """Return the state of a device's recording, as the page shows it."""
         sink_queue = self._fixed.get(device) or self._running.get(device)
         folder, free = str(self._folder), self._free_bytes()
         if sink_queue is None:
@@ -111,7 +111,10 @@ class RecorderOfHub:
                 )
 
     def _free_bytes(self) -> int | None:
-        """Return the free space [bytes] of the disk with the folder; None if it is unknown."""
+        """Return the free space [bytes] on the disk that holds the folder of recordings.
+
+        None if it is unknown.
+        """
         asked_s, free = self._free
         if time.monotonic() - asked_s < FREE_EVERY_S:
             return free

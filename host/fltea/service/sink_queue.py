@@ -1,4 +1,7 @@
-"""Put a bounded queue and a thread before a sink: a slow or broken sink loses only its own records."""
+"""Put a bounded queue and a thread before an output (sink).
+
+So a slow or broken output loses only its own records.
+"""
 
 import threading
 import time
@@ -15,13 +18,13 @@ from fltea.records.stats import OutputStats
 IDLE_S = 0.5
 
 MOST_WAITING = 1_000_000
-"""Most records that may wait for one thread, in all its queues; so with many devices each queue has less
-room.
+"""Largest number of records that may wait for one thread, in all queues of that thread together. So the more
+devices there are, the fewer records fit into each queue.
 """
 
 
 def weight(item: Item | Departed) -> int:
-    """Return the number of records in an item."""
+    """Return the number of records in an item of a queue."""
     if isinstance(item, Departed):
         return 0
     if isinstance(item, Reads):
@@ -32,7 +35,7 @@ def weight(item: Item | Departed) -> int:
 
 
 class SinkThread:
-    """Writes the items of sink queues to their sinks, one queue after the other, while it has any queue.
+    """Writes the items of several queues to their outputs, one queue after the other, until all have ended.
 
     `wake_up`: set when a queue receives an item. `hurry`: set when a queue closes.
     """
@@ -45,11 +48,14 @@ class SinkThread:
         self._sink_queues: list[SinkQueue] = []
 
     def room(self, capacity: int) -> int:
-        """Return the most records that may wait in each queue; `capacity`: the most for a single queue."""
+        """Return the largest number of records that may wait in a queue.
+
+        `capacity`: this number if the thread serves no other queue.
+        """
         return min(capacity, MOST_WAITING // max(1, len(self._sink_queues)))
 
     def add(self, sink_queue: "SinkQueue") -> None:
-        """Begin to write the items of a sink queue."""
+        """Add a sink queue, and start the thread if this is the first queue."""
         with self.changed:
             self._sink_queues.append(sink_queue)
             first = len(self._sink_queues) == 1
@@ -60,7 +66,7 @@ class SinkThread:
         going, rested_s = True, 0.0
         while going:
             self.wake_up.wait(IDLE_S)
-            # Pause after each writing, since a wake-up for each of many items that come together costs more.
+            # Pause after each writing, so that many items that arrive together are written after one wake-up.
             self.hurry.wait(max(0.0, rested_s - time.monotonic()))
             with self.changed:
                 self.wake_up.clear()
@@ -78,11 +84,11 @@ class SinkThread:
 
 
 class SinkQueue:
-    """Feeds one sink from a queue.
+    """Feeds one output (sink) from a queue.
 
-    `on_end`: called once, from the writing thread, when the sink can take no more: with None if the sink's
-    reader left, otherwise with the exception. `thread`: a thread shared by several queues; by default the
-    queue has a thread for itself.
+    `on_end`: called once, from the writing thread, when the output can take no more records: with None if the
+    program that reads the output has ended, otherwise with the exception. `thread`: a thread that several
+    queues share; by default the queue has its own thread.
     """
 
     def __init__(
@@ -97,22 +103,24 @@ class SinkQueue:
         self.done = threading.Event()
         self._on_end = on_end
         self._queue: deque[tuple[Item | Departed, int | None]] = deque()
-        self._queued = self._waiting = 0  # numbers of records ever queued, and of records that wait now
+        # number of all records queued so far, and number of those that still wait
+        self._queued = self._waiting = 0
         self.thread = thread or SinkThread(f"sink {sink.name}")
         self._changed = self.thread.changed
         self._ended = self._released = False
         self._written = self._dropped = self._overflow = 0
         self._in_hand = 0
         self._idle_s = 0.0
-        self._lost_before: int | None = None  # the sink's own count before the batch being written
+        # records that the output had lost before the batch that is now written; None between two batches
+        self._lost_before: int | None = None
 
     @property
     def name(self) -> str:
-        """Key of the sink's counts in `stats.outputs`."""
+        """Key of the output's counts in `stats.outputs`."""
         return self.sink.name
 
     def start(self) -> None:
-        """Begin to write."""
+        """Let the thread write the items of this queue."""
         self.thread.add(self)
 
     def put(
@@ -122,7 +130,7 @@ class SinkQueue:
         *,
         wait: bool = False,
     ) -> None:
-        """Queue items; items beyond the queue's capacity are dropped and counted.
+        """Queue items. Items for which the queue has no room are dropped and counted.
 
         `wait`: whether to wait for room if the sink must not lose records. `arrived_ns`: monotonic arrival
         time of the data, from which the latency is computed [ns]; None for data without an arrival time.
@@ -152,12 +160,15 @@ class SinkQueue:
             )
 
     def progress(self) -> tuple[int, int]:
-        """Return the number of records queued so far, and how many of these records no longer wait."""
+        """Return the number of records queued so far, and how many of these are written or dropped."""
         with self._changed:
             return self._queued, self._queued - self._waiting - self._in_hand
 
     def stats(self) -> OutputStats:
-        """Return the numbers of written, lost and waiting records; until it is written, a record waits."""
+        """Return the numbers of written, lost and waiting records.
+
+        A record being written counts as waiting.
+        """
         with self._changed:
             lost = self.sink.lost if self._lost_before is None else self._lost_before
             return OutputStats(self._written - lost, self._dropped + lost, self._waiting + self._in_hand)
@@ -181,7 +192,10 @@ class SinkQueue:
         return self.done.wait(timeout_s)
 
     def write(self) -> bool:
-        """Write the queued items; return False once the queue is closed and empty, or the sink has ended."""
+        """Write the queued items.
+
+        Return False once the queue is closed and empty, or the output has ended.
+        """
         if not (self._queue or self.closing or time.monotonic() >= self._idle_s):
             return True
         try:
@@ -190,7 +204,7 @@ class SinkQueue:
             self.sink.close()
         except SinkClosed:
             self._end(None)
-        except Exception as error:  # any exception of a library ends only this output
+        except Exception as error:  # whatever a library raises ends only this output
             self._end(error)
         return False
 
@@ -208,7 +222,7 @@ class SinkQueue:
                 self.sink.depart(item)
             else:
                 self.sink.write(item)
-        if overflow:  # the queue was full then, so the dropped items follow all the queued ones
+        if overflow:  # items are dropped only while the queue is full, so they came after all queued items
             self.sink.on_overflow(overflow)
         self.sink.flush()
         with self._changed:

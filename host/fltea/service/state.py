@@ -19,13 +19,16 @@ from fltea.settings.outputs import StateConfig
 from fltea.stream.snapshot import DeviceState
 
 MOST_BYTES = 1 << 30
-"""Largest size of the file [bytes]: enough for many devices whose filters keep every sample."""
+"""Largest size of the file of snapshots [bytes]: enough for many devices whose filters keep every sample."""
 
 VERSION = 5
-"""Version of the file and of the native states in it; up to version 4, each native state had a header."""
+"""Version of the file, and of the native states of estimators in it.
+
+Up to version 4, each native state had a header.
+"""
 
 LOOK_S = 1.0
-"""Longest time until a new snapshot is written [s]. The setting `period_s` is the time between snapshots."""
+"""Longest time until a new snapshot is in the file [s]. The setting `period_s` says how often one is made."""
 
 
 class _File(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -39,7 +42,7 @@ class _Header(msgspec.Struct, frozen=True):
 
 
 class StateFile:
-    """Keeps the latest snapshot of every device, and writes all snapshots in a separate thread.
+    """Keeps the latest snapshot of every device, and writes all of them to one file, in a separate thread.
 
     Raises:
         UsageError: the file cannot be read or written, is not fltea's, or another program uses it.
@@ -93,7 +96,7 @@ class StateFile:
     def refuse(self, name: str) -> None:
         """Set the file aside for inspection, since an estimator has refused a device's snapshot.
 
-        The snapshots of the other devices are written again.
+        The snapshots of the other devices are written to a new file.
         """
         with self._lock:
             self._devices.pop(name, None)
@@ -104,7 +107,7 @@ class StateFile:
         refused = self._path.with_name(self._path.name + ".refused")
         try:
             self._path.replace(refused)
-        except FileNotFoundError:  # the file was set aside for another device
+        except FileNotFoundError:  # it was already set aside because of another device
             return
         except OSError as error:
             self._report("state_failed", f"{why}; the file cannot be kept as {refused} ({error}).")
@@ -112,7 +115,7 @@ class StateFile:
             self._report("state_refused", f"{why}; the file is kept as {refused}.")
 
     def put(self, name: str, state: DeviceState) -> None:
-        """Replace a device's snapshot; the new one is written within `LOOK_S`."""
+        """Replace a device's snapshot. The new snapshot is written within `LOOK_S` seconds."""
         with self._lock:
             self._devices[name] = state
             self._changed = True
@@ -155,7 +158,7 @@ def _check_writable(path: Path) -> None:
 
 
 def _hold(path: Path) -> int:
-    """Lock .FILE.lock, so that no second program uses the file, and return the lock's descriptor.
+    """Lock `.FILE.lock`, so that no second program uses the file; return the lock file's descriptor.
 
     The lock file contains the number of this process. The state file itself cannot be locked, since it is
     replaced by a new file each time.

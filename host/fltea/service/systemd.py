@@ -21,7 +21,7 @@ class ServiceManager:
         self._say("READY=1")
 
     def alive(self) -> None:
-        """Report that every device stream works. Without this report, systemd restarts the service."""
+        """Report that every device stream works. If this report stays away, systemd restarts the service."""
         if time.monotonic() - self._said_s >= PERIOD_S:
             self._said_s = time.monotonic()
             self._say("WATCHDOG=1")

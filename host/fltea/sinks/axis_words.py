@@ -1,4 +1,4 @@
-"""The words for an axis's unit and present bias, for the page and the terminal."""
+"""Describe an axis's unit and present bias in words, for the page and the terminal."""
 
 from fltea.records.plus_minus import plus_minus
 from fltea.records.records import AxisEstimate
@@ -7,7 +7,7 @@ from fltea.sinks.changes import MOVES
 
 
 def bias_words(estimate: AxisEstimate | None, unit: str) -> str:
-    """Return the present bias, and whether the sensor moves; empty if it is not known."""
+    """Return the text for the present bias and for whether the sensor moves; empty if the bias is unknown."""
     if estimate is None or estimate.bias is None:
         return ""
     moving = f", {MOVES}" if estimate.moving else ""

@@ -9,7 +9,9 @@ from fltea.sinks.words import figure
 MOVES = "the sensor moves"
 MINUS = "\u2212"
 UNIX_FROM_NS = 366 * 86400 * 10**9
-"""Unix time [ns]. An earlier time means the time since the beginning of a recording without a date."""
+"""Smallest Unix time of a date [ns]. A smaller number is the time since the start of a recording without a
+date.
+"""
 
 
 def sentence(record: Step | Motion, at: str = "") -> str:
@@ -40,12 +42,12 @@ def signed_size(size: float, size_std: float, unit: str) -> str:
 
 
 def short_size(step: Step) -> str:
-    """Return the size of a step to two digits, without its deviation, for a mark in a diagram."""
+    """Return the size of a step to two digits, without its standard deviation, for a mark in a diagram."""
     return f"{step.size:+#.2g}".rstrip(".").replace("-", MINUS)
 
 
 def moved(samples: int | None, largest: float | None) -> str:
-    """Return duration and largest rate of a motion as text, as far as they are known."""
+    """Return the duration and the largest angular rate of a motion as text, as far as they are known."""
     known = [] if samples is None else [f"it moved for {samples:,} samples"]
     known += [] if largest is None else [f"at most by {figure(largest, 3, significant=True)} deg/s"]
     return f": {', '.join(known)}" if known else ""

@@ -1,7 +1,7 @@
 """Print records of blocks as JSON lines from their columns, byte for byte as msgspec encodes the records.
 
-One record is encoded with a hole in place of each number. The text between the holes is reused for all blocks
-that differ only in these numbers.
+One record is encoded with a gap in place of each number from the columns. The text between these gaps is
+reused for all blocks that differ only in these numbers.
 """
 
 import re
@@ -18,26 +18,26 @@ from fltea.records.ports import Wanted
 from fltea.records.records import ACCEL_UNIT
 
 MOST = 4096
-"""Most texts that are kept, one for each device; beyond this number all texts are made again."""
+"""Largest number of texts between gaps that are kept. If there are more devices, all texts are made again."""
 
 HOLE = re.compile(rb"\0(\d+) (\d+)\0")
 _encode = msgspec.json.Encoder().encode
 
 
 class BlockLines:
-    """Prints the records of blocks, and remembers the last text of each device."""
+    """Prints the records of blocks as JSON lines. It keeps the text between the numbers for each device."""
 
     def __init__(self) -> None:
         self._known: dict[tuple[str | None, Wanted], tuple[object, Lines]] = {}
 
     def of(self, block: Block, wanted: Wanted, rows: range) -> bytes:
-        """Return the records of `rows` as JSON lines."""
+        """Return the records of the block's `rows` as JSON lines. `wanted`: which records to print."""
         found = bytearray()
         self.add(found, block, wanted, rows)
         return bytes(found)
 
     def add(self, into: bytearray, block: Block, wanted: Wanted, rows: range) -> None:
-        """Append the records of `rows` as JSON lines to `into`."""
+        """Append the records of the block's `rows` as JSON lines to `into`."""
         place, said = (block.device, wanted), _said(block)
         known = self._known.get(place)
         if known is None or known[0] != said:
@@ -48,7 +48,7 @@ class BlockLines:
 
 
 def run_printer(block: Block, wanted: Wanted) -> RunPrinter:
-    """Return a native printer of samples. It may be used while all values outside the columns stay equal.
+    """Return a native printer of samples, valid while the values that all records share do not change.
 
     `block`: example of a block that the native device has processed.
     """
@@ -56,7 +56,7 @@ def run_printer(block: Block, wanted: Wanted) -> RunPrinter:
 
 
 def _shape(block: Block) -> list[int]:
-    """Return the numbers of columns of the block, as `_native.RunPrinter` needs them."""
+    """Return how many columns of each sort the block has, as `_native.RunPrinter` needs it."""
     accel_axes = 0 if block.accel_ms2 is None else block.accel_ms2.shape[1]
     shape = [block.gyro_dps.shape[1], accel_axes, block.temperature_c is not None, block.flags is not None]
     estimated = [one.unit for one in block.estimates]
@@ -77,7 +77,7 @@ def _said(block: Block) -> object:
 
 
 def _columns(block: Block) -> list[Any]:
-    """Return all columns with one row per sample."""
+    """Return all columns of the block that have one row per sample."""
     columns: list[Any] = [block.seq, block.device_us, block.host_ns, block.gyro_dps]
     columns += [block.accel_ms2, block.temperature_c, block.flags, block.corrected_dps]
     for estimates in block.estimates:
@@ -88,7 +88,10 @@ def _columns(block: Block) -> list[Any]:
 
 
 class _Holes(Values):
-    """Replaces the numbers of a row by holes, each with the index of its column and its index in the row."""
+    """Replaces each number of a record by a mark.
+
+    The mark says the index of the number's column, and the number's index in the row of this column.
+    """
 
     def __init__(self, columns: Sequence[Any]) -> None:
         self._columns = columns

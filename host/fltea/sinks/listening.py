@@ -1,4 +1,4 @@
-"""Decide where servers listen, and which requests they answer, by the `Host` in a request.
+"""Decide which requests the HTTP servers answer, by the header `Host` of the request.
 
 The page of another site could let the site's name resolve to this machine (DNS rebinding), and then read the
 answers of this server. The requests of such a page name the site as their `Host`, so they are refused. An IP
@@ -22,7 +22,7 @@ def own_names(host: str, others: Collection[str]) -> set[str]:
 
 
 def is_own(host: str, names: Collection[str]) -> bool:
-    """Return whether a request's `Host`, with or without a port, is one of `names` or a bare address."""
+    """Return whether a request's `Host`, with or without a port, is one of `names` or an IP address."""
     try:
         name = (urlsplit(f"//{host.lower()}").hostname or "").rstrip(".")
     except ValueError:  # not a URL
@@ -31,7 +31,10 @@ def is_own(host: str, names: Collection[str]) -> bool:
 
 
 def is_from_here(host: str, origin: str | None) -> bool:
-    """Return whether a request to `host` comes from no page, or from a page of this server."""
+    """Return whether a request to `host` comes from a page of this server, or from no page at all.
+
+    `origin`: the header `Origin`, by which a browser names the page's server.
+    """
     try:
         return origin is None or urlsplit(origin).netloc.lower() == host.lower()
     except ValueError:  # not a URL
@@ -44,7 +47,10 @@ def url_of(host: str, port: int) -> str:
 
 
 def cannot_listen(option: str, host: str, port: int, error: Exception) -> FlteaError:
-    """Return the error for a server that cannot listen. `option`: the setting with the address."""
+    """Return the error for a server that cannot listen at its address.
+
+    `option`: the setting of the address.
+    """
     if isinstance(error, PermissionError):
         return UsageError(
             f"{option}: ports below 1024 need the rights of root: give a port above, not {port}."

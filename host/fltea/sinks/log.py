@@ -1,4 +1,4 @@
-"""Write errors, steps and motions for people, or for a service's journal, at a limited rate."""
+"""Write errors, steps of the bias and motions to stderr, at a limited rate."""
 
 from collections.abc import Callable
 
@@ -10,7 +10,7 @@ from fltea.sinks.changes import sentence, time_of
 
 BURST = 5
 PERIOD_NS = 60 * 10**9
-"""Time in which at most `BURST` messages of one kind and device are written [ns]; further messages are only
+"""Time in which at most `BURST` messages of one kind are written for a device [ns]. Further messages are only
 counted.
 """
 
@@ -54,7 +54,7 @@ class LogSink(Sink):
                 del self._lines[key]
 
     def close(self) -> None:
-        """Report how many messages were left out and not yet reported."""
+        """Report how many messages were left out since the last such report."""
         for key, (_, _, silenced) in self._lines.items():
             self._report_silenced(key, silenced)
 

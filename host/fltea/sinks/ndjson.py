@@ -16,7 +16,7 @@ FULL_S = 0.005
 
 
 class NdjsonSink(Sink):
-    """Writes records as JSON lines; samples are written only with the setting for them.
+    """Writes records as JSON lines. Samples are written only if a setting asks for them.
 
     `stream`: unbuffered, so that no data stays in a buffer when the reader stops reading.
     """
@@ -24,7 +24,7 @@ class NdjsonSink(Sink):
     name = "stdout"
     lossless = True
     capacity = 50_000
-    rest_s = 0.0003  # short, since the records of many devices arrive together, already printed
+    rest_s = 0.0003  # a short pause is enough, since text with the records of many devices arrives together
     prints: Wanted
 
     def __init__(self, stream: BinaryIO, *, samples: bool) -> None:
@@ -49,7 +49,7 @@ class NdjsonSink(Sink):
         try:
             while self._pending:
                 written = self._stream.write(self._pending)
-                if written is None:  # the stream is full, and another process made it non-blocking
+                if written is None:  # the stream has no room, and another process has made it non-blocking
                     time.sleep(FULL_S)
                 del self._pending[: written or 0]
         except (BrokenPipeError, ValueError) as error:  # ValueError: the stream was closed

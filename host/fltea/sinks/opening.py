@@ -8,13 +8,13 @@ from fltea.settings.config import Config
 
 
 class Opening(NamedTuple):
-    """The program that opens an output.
+    """What the program hands to an output that it opens.
 
     `configs`: settings of all devices; the first one also has the program's settings. `device`: name of the
-    device whose records the output gets; "" for an output of all devices. `apart`: names of sources with one
-    device. `shared`: names of sources with many devices. `report`: sends an `error` record to all outputs.
-    `sink_queues`: returns all outputs, each with its device or None. `recorder`: begins and ends recordings.
-    `say`: writes to the terminal.
+    device whose records the output gets; "" for an output of all devices. `apart`: names of the sources that
+    are a single device. `shared`: names of the sources with many devices. `report`: sends an `error` record
+    to all outputs. `sink_queues`: returns all outputs, each with the name of its device, or with None if all
+    devices share it. `recorder`: begins and ends recordings. `say`: writes to the terminal.
     """
 
     configs: Sequence[Config]

@@ -22,7 +22,11 @@ from fltea.sinks.record_session import NOTHING, OpenPart, Session, longer, summe
 from fltea.sources.as_wire import as_stated
 
 FLUSH_NS = 750_000_000
-"""Time between two flushes: a killed program loses at most this time plus the pause between calls [ns]."""
+"""Time between two writes of buffered data to the file [ns].
+
+If the program is killed, the recording lacks the data of at most this time and of the pause between two
+calls.
+"""
 
 RETRY_NS = 5 * 10**9
 """Time between two attempts to write to a disk that failed [ns]."""
@@ -36,21 +40,22 @@ DELETED = "record_deleted"
 """Kind of the error after another program has deleted the file. Then the next file begins at once."""
 
 KINDS: dict[str, type[AnyRecord]] = {str(kind.__struct_config__.tag): kind for kind in get_args(AnyRecord)}
-"""Types of records by the names of their channels."""
+"""Type of the records in each channel, by the channel's name."""
 
 OF_BLOCKS = {
     "sample": Wanted(samples=True, nulls=False),
     "estimate": Wanted(estimates=True, nulls=False),
     "corrected": Wanted(corrected=True, nulls=False),
 }
-"""Names of the channels that have one message per sample, with the records written to each."""
+"""For each channel with one message per sample, by its name, the records that are written to it."""
 
 
 class RecordSink(Sink):
     """Records the session of one device in successive files, in a folder that may hold other files.
 
     A disk that is full or fails stops the recording, not the program. Items that are not recorded are
-    counted. A new file begins when there is room again, or at once if another program has removed the file.
+    counted. A new file begins when the disk has room again, or at once if another program has removed the
+    file.
 
     `hello`: the HELLO of a device that is already running. `path`: the newest file. `trouble`: reason why
     nothing is recorded at the moment.
@@ -69,7 +74,7 @@ class RecordSink(Sink):
         self, settings: RecordConfig, device: str, report: Report, hello: Hello | None = None
     ) -> None:
         assert settings.folder is not None
-        assert settings.channels is not None  # see `RecordConfig.for_devices`
+        assert settings.channels is not None  # `RecordConfig.for_devices` has set the channels
         self.path: Path | None = None
         self.trouble: str | None = None
         self.lost = 0
@@ -99,7 +104,7 @@ class RecordSink(Sink):
         return self._finished_bytes + (part.writer.size_bytes if part is not None else 0)
 
     def write(self, item: Item) -> None:
-        """Record one item; a new file begins only before an item from the wire."""
+        """Record one item. If a new file is due, it begins before the next item from the wire."""
         match item:
             case Reads():
                 self._on_reads(item)
@@ -109,7 +114,7 @@ class RecordSink(Sink):
                 self._on_link(item)
             case Block():
                 self._on_block(item)
-            case Printed():  # a sink without `prints` never receives printed text
+            case Printed():  # an output without `prints` never receives printed text
                 pass
             case _:
                 self._on_record(item)
@@ -123,7 +128,7 @@ class RecordSink(Sink):
             self._part.flush(now_ns)
         except Meddled as error:
             self._stop(error)
-            self._begin()  # at once, since the device may stay silent
+            self._begin()  # begin the next file at once, since the device may stay silent
         except OSError as error:
             self._stop(error)
 
@@ -159,7 +164,7 @@ class RecordSink(Sink):
             self._part.add_link(message, self._log_ns, item.host_ns + item.unix_offset_ns)
 
     def _come(self, host_ns: int, unix_offset_ns: int) -> None:
-        """Prepare to record data from the wire; begin a new file if one is due."""
+        """Prepare to record data from the wire, and begin a new file if it is due."""
         self._now_ns = host_ns
         if self._offset_ns is None:
             self._offset_ns = unix_offset_ns
@@ -194,7 +199,10 @@ class RecordSink(Sink):
             self._lose()
 
     def _file(self) -> OpenPart | None:
-        """Return the open file, or None. An error record before any data of the device begins a file."""
+        """Return the open file, or None.
+
+        If no data have arrived from the device yet, begin the first file.
+        """
         if self._offset_ns is None:
             self._come(clock.host_ns(), clock.unix_offset_ns())
         return self._part
@@ -205,7 +213,7 @@ class RecordSink(Sink):
         return self._now_ns + (self._offset_ns or 0)
 
     def _lose(self, items: int = 1, size_bytes: int = 0, chunks: int = 0) -> None:
-        """Count items that are written to no file."""
+        """Count items that are lost, since they are written to no file."""
         self.lost += items
         if self._gap is not None:
             self._gap = longer(self._gap, items, size_bytes, chunks)
@@ -219,7 +227,10 @@ class RecordSink(Sink):
         )
 
     def _begin(self) -> None:
-        """Begin the next file; after a failure only every few seconds, and only if there is enough room."""
+        """Begin the next file.
+
+        After a failure, try only every few seconds, and only if the disk has enough room.
+        """
         now_ns = clock.host_ns()
         if self._gap is not None and now_ns < self._retry_ns:
             return
@@ -258,7 +269,7 @@ class RecordSink(Sink):
             self._part = None
 
     def _stop(self, error: OSError) -> None:
-        """Give the file up, report that once, and begin to count what is not recorded."""
+        """Give the file up after an error, report this once, and begin to count items not recorded."""
         part, self._part = self._part, None
         if isinstance(error, Meddled) and part is not None:
             self._lose_file(part, error)

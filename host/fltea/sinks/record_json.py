@@ -9,8 +9,8 @@ OBJECTS = (
     *("estimator", "accel_estimator"),
     *("board", "device_estimator", "tracker"),
 )
-"""Fields with objects that a record may lack. A field without an object is left out, since Arrow fails on a
-field that is null for the first megabyte and an object later.
+"""Fields with objects that a record may lack. Such a field is left out of the JSON if it is None, since the
+Arrow library fails on a field that is null for the first megabyte and an object later.
 """
 ABSENT = re.compile(rb',"(?:%b)":null|"(?:%b)":null,' % (("|".join(OBJECTS).encode(),) * 2))
 
@@ -18,5 +18,5 @@ _encode = msgspec.json.Encoder().encode
 
 
 def record_json(record: object) -> bytes:
-    """Return a record as JSON, without the fields whose objects the record lacks."""
+    """Return a record as JSON, without those fields of `OBJECTS` that are None."""
     return ABSENT.sub(b"", _encode(record))

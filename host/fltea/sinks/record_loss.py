@@ -14,14 +14,14 @@ from fltea.sinks.record_session import NOTHING, OpenPart, longer, summed
 
 
 class Held(NamedTuple):
-    """Content of a file: its number of items, and the gaps that the file states."""
+    """Content of a file, as counts: its items, and the items that its own messages report as lost."""
 
     items: LinkMessage
     gaps: LinkMessage
 
 
 def lost_of(part: OpenPart, error: Meddled) -> Held:
-    """Return the lost content of a file: the whole content, or the content after a cut."""
+    """Return what a file has lost: all of its content, or what stood after the end of the truncated file."""
     written = summed(part.flushed, part.unflushed)
     if error.what == "moved":
         return Held(NOTHING, NOTHING)
@@ -32,7 +32,7 @@ def lost_of(part: OpenPart, error: Meddled) -> Held:
 
 
 def told(path: Path, error: Meddled, lost: LinkMessage) -> tuple[str, str]:
-    """Return kind and text of the error to report."""
+    """Return the kind and text of the `error` record that reports the loss."""
     if error.what == "moved":
         to = f" to {error.where}" if error.where else ""
         return "record_moved", (
@@ -47,9 +47,10 @@ def told(path: Path, error: Meddled, lost: LinkMessage) -> tuple[str, str]:
 
 
 def _held_by(path: Path) -> Held:
-    """Return the content that a file still has."""
+    """Return the content that a file still has, as counts."""
     items = gaps = NOTHING
-    with contextlib.suppress(OSError, ValueError, UsageError):  # an unreadable part counts as lost
+    # the content after an unreadable position counts as lost
+    with contextlib.suppress(OSError, ValueError, UsageError):
         for found in Scan(path):
             if not isinstance(found, Messages):
                 continue

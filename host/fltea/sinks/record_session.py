@@ -19,26 +19,26 @@ from fltea.records.records import AnyRecord, Hello
 from fltea.records.version import __version__
 
 MOST_NOTES = 100
-"""Most HELLOs that a file notes as metadata, since their index stays in memory. The recorded bytes hold all
-HELLOs.
+"""Largest number of HELLO messages that are written as metadata of a file, whose index stays in memory. The
+recorded bytes contain all HELLO messages anyway.
 """
 
 NOTHING = LinkMessage("gap")
-"""A gap in which nothing is lost."""
+"""A message about a gap in the recording in which nothing was lost."""
 
 
 NO_DISK = "the folder is gone, and what is left of its path is on another disk"
 
 
 def longer(gap: LinkMessage, items: int, size_bytes: int = 0, chunks: int = 0) -> LinkMessage:
-    """Return the gap with its counts increased by these numbers."""
+    """Return the message about a gap with its counts of lost data increased by the given numbers."""
     return msgspec.structs.replace(
         gap, bytes=gap.bytes + size_bytes, chunks=gap.chunks + chunks, items=gap.items + items
     )
 
 
 def summed(gap: LinkMessage, other: LinkMessage) -> LinkMessage:
-    """Return `gap` with the counts of `other` added."""
+    """Return the message `gap` with the counts of lost data of `other` added."""
     return longer(gap, other.items, other.bytes, other.chunks)
 
 
@@ -46,9 +46,9 @@ class OpenPart:
     """A file that is being written.
 
     `began_ns`: time of the file's beginning, on the source's clock. `flushed_ns`: time of the last flush, on
-    the host's clock. `unflushed`: counts of items not flushed, which are lost if the file fails now.
-    `flushed`: counts of flushed items, which are lost as well if the file is deleted. `gaps`: the gaps that
-    the file states.
+    the host's clock. `unflushed`: counts of items still in the buffer, which are lost if the file fails now.
+    `flushed`: counts of items in the file, which are lost as well if the file is deleted. `gaps`: counts of
+    lost items that the file's own messages report.
     """
 
     def __init__(self, writer: PartWriter, hello: Hello | None, began_ns: int, now_ns: int) -> None:
@@ -66,12 +66,12 @@ class OpenPart:
         self.add(LINK, log_ns, log_ns if publish_ns is None else publish_ns, encode_message(message))
 
     def add_gap(self, gap: LinkMessage, log_ns: int) -> None:
-        """Write a gap, which does not count as a recorded item."""
+        """Write a message about a gap, which does not count as a recorded item."""
         self.writer.add(LINK, log_ns, log_ns, encode_message(gap))
         self.gaps = summed(self.gaps, gap)
 
     def add_reads(self, reads: Reads, offset_ns: int, sequence: int) -> None:
-        """Write bytes that arrived over the wire; arguments as for `PartWriter.add_reads`."""
+        """Write bytes that arrived over the wire. The arguments are those of `PartWriter.add_reads`."""
         self.writer.add_reads(reads, offset_ns, sequence)
         count = len(reads.end)
         self.unflushed = longer(self.unflushed, count, len(reads.data), chunks=count)
@@ -92,7 +92,7 @@ class OpenPart:
         self.flushed, self.unflushed = summed(self.flushed, self.unflushed), NOTHING
 
     def note(self, hello: Hello) -> None:
-        """Note a HELLO as metadata if it differs from the previous one."""
+        """Write a HELLO as metadata of the file if it differs from the previous HELLO."""
         unchanged = self._noted and msgspec.structs.replace(self._noted, host_ns=hello.host_ns) == hello
         if not unchanged and self._notes < MOST_NOTES:
             self._noted = hello
@@ -131,7 +131,7 @@ class Session:
         """Begin the next file. The caller increases `parts` once the file works.
 
         Raises:
-            OSError: the disk is full, fails, or is gone.
+            OSError: the disk is full, fails, or is no longer mounted.
         """
         self._find_folder()
         info = PartInfo(
@@ -146,7 +146,10 @@ class Session:
         return PartWriter(self.next_path, info, self._kinds, reserve_bytes)
 
     def _find_folder(self) -> None:
-        """Make a deleted folder again, unless its disk is gone: then the folder would be on another disk."""
+        """Create a deleted folder again, unless its disk is no longer mounted.
+
+        In that case the new folder would be on another disk.
+        """
         place = self.folder.absolute()
         while not place.exists():
             place = place.parent

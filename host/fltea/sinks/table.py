@@ -1,4 +1,8 @@
-"""Show the live table: noise of each axis, FLTEA's α and f with small diagrams, health, and last errors."""
+"""Show a live table in the terminal.
+
+It has the noise of each axis, FLTEA's α and f with small diagrams, the state of the connection, and the last
+errors.
+"""
 
 import time
 from collections import deque
@@ -42,8 +46,8 @@ REFRESH_S = 0.2
 TREND_WIDTH = 24
 TREND_STEP_NS = 10**9
 WIDE_COLUMNS = 135
-"""Width [columns] from which the diagrams of trends are next to the numbers; with less width they are
-below.
+"""Smallest width of the terminal [columns] at which the small diagrams are next to the numbers. In narrower
+terminals they are below the numbers.
 """
 
 BARS = "▁▂▃▄▅▆▇█"
@@ -56,16 +60,20 @@ ADVICE = "; use the fit above, or for a recording fltea identify."
 
 
 def sparkline(values: Sequence[float]) -> str:
-    """Return numbers drawn as a row of bars between their minimum and maximum."""
+    """Return a small diagram of numbers, as a row of characters that look like bars."""
     if not values:
         return ""
     low, high = min(values), max(values)
-    span = (high / 2 - low / 2) or 1.0  # halves, since the difference of huge numbers may be infinite
+    # each number is halved first, since the difference of huge numbers may be infinite
+    span = (high / 2 - low / 2) or 1.0
     return "".join(BARS[min(len(BARS) - 1, int((v / 2 - low / 2) / span * len(BARS)))] for v in values)
 
 
 class PipedConsole(Console):
-    """A console that raises an error when its reader is gone; rich's own console would exit with code 1."""
+    """A console that raises an error when the program that reads it has ended.
+
+    The console of the library rich would exit with code 1.
+    """
 
     def on_broken_pipe(self) -> None:
         """Raise `SinkClosed`, after which the program ends without a message."""
@@ -73,7 +81,10 @@ class PipedConsole(Console):
 
 
 class TableSink(Sink):
-    """Redraws the table in place on a terminal; elsewhere prints its last state once, at the end."""
+    """Redraws the table in place on a terminal.
+
+    If the output is no terminal, it prints the table once, at the end.
+    """
 
     name = "stdout"
     lossless = True
@@ -170,7 +181,8 @@ class DeviceView:
             case Step() | Motion():
                 text = sentence(record, time_of(record))
                 if isinstance(record, Motion) and self._events and self._events[-1].startswith(MOVES):
-                    self._events.pop()  # the new entry replaces it: it tells the whole motion
+                    # the new text describes the whole motion, and replaces the text about its beginning
+                    self._events.pop()
                 self._events.append(visible(text))
             case Error():
                 message = " ".join(record.message.split("\n"))
@@ -179,7 +191,7 @@ class DeviceView:
                 self._stats = record
 
     def _follow(self, host_ns: int) -> None:
-        """Add the newest estimate to the trends, once a second by the samples' time."""
+        """Add the newest estimate to the small diagrams, once a second by the time of the samples."""
         if host_ns < self._trend_ns or self._estimate is None:
             return
         self._trend_ns = host_ns + TREND_STEP_NS
@@ -190,7 +202,7 @@ class DeviceView:
                 f.append(axis.fltea.f)
 
     def lines(self, width: int) -> list[RenderableType]:
-        """Return the device's part of the table, for a terminal of `width` columns."""
+        """Return the part of the table about this device, for a terminal of `width` columns."""
         wide = width >= WIDE_COLUMNS
         lines: list[RenderableType] = [Text(self._head(), style="bold")]
         if self._fits.newest is not None or self._estimate is not None:
@@ -231,7 +243,7 @@ class DeviceView:
             remaining = self._stats.startup_remaining if self._stats else 0
             return Text(f"start-up window: {remaining} samples to go" if remaining else "no estimate yet")
         unit = f"[{', '.join(dict.fromkeys(map(unit_of, self._estimate.axes)))}]"
-        # Titles are `Text` objects, since rich would read [deg/s] in a plain string as markup.
+        # Titles are `Text` objects, since in a plain string the library rich would read [deg/s] as markup.
         titles = map(Text, ("FLTEA: α", "f [s^-α]", f"state {unit}", f"innov. {unit}", ""))
         table = grid("", *titles, *(("α, last seconds", "f, last seconds") if wide else ()))
         for name, axis in self._estimate.axes.items():
@@ -263,7 +275,7 @@ class DeviceView:
         return rows
 
     def _headings(self) -> list[RenderableType]:
-        """Return the error of each axis's heading, by the time after a rest."""
+        """Return the errors of the heading by each axis, for several times after a rest."""
         axes = self._stats.axes if self._stats else {}
         of = {
             name: stds for name, axis in axes.items() if axis.tracker and (stds := axis.tracker.heading_std)
@@ -287,7 +299,7 @@ class DeviceView:
 
     @staticmethod
     def _device_health(stats: Stats) -> str:
-        """Return the state of a device that estimates itself; empty for other devices."""
+        """Return the state of a device that makes estimates itself, as text; empty for other devices."""
         board, own = stats.board, stats.device_estimator
         if own is None:
             return ""

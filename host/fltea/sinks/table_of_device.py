@@ -1,4 +1,4 @@
-"""Make the rows of the live table about the estimates that a device makes itself."""
+"""Make the part of the live table about the estimates that a device makes itself."""
 
 from collections.abc import Mapping
 
@@ -22,12 +22,15 @@ def grid(*titles: RenderableType) -> Table:
 
 
 def estimates(record: DeviceEstimates) -> list[RenderableType]:
-    """Return the device's estimates and biases with their differences from the host's, if comparable."""
+    """Return the device's estimates and biases.
+
+    Where they can be compared, return also their differences from this computer's.
+    """
     return [_orders(record), *_not_compared(record), *_biases(record)]
 
 
 def _orders(record: DeviceEstimates) -> Table:
-    """Return the device's α and f, and their differences from the host's α and f after the same sample."""
+    """Return the device's α and f, with their differences from this computer's after the same sample."""
     rows = grid("", "device's α", "minus the host's", "device's f", "minus the host's")
     for name, axis in record.axes.items():
         if not axis.fltea.valid:
@@ -39,7 +42,7 @@ def _orders(record: DeviceEstimates) -> Table:
 
 
 def _biases(record: DeviceEstimates) -> list[RenderableType]:
-    """Return the biases by the device's own fit, and their differences from the host's biases."""
+    """Return the biases by the device's own fit, with their differences from this computer's biases."""
     rows = grid("", "device's bias", "minus the host's", "")
     for name, axis in record.axes.items():
         if axis.tracker_bias is not None:
@@ -50,7 +53,7 @@ def _biases(record: DeviceEstimates) -> list[RenderableType]:
 
 
 def fits(by_axis: Mapping[str, DeviceAxisFit]) -> Table:
-    """Return the device's own fits, with the difference of α from this computer's fit."""
+    """Return the device's own fits, with the difference of α from the α of this computer's fit."""
     rows = grid("", "device's fit", "α, 95 %", "minus the host's", "in half-widths")
     for name, fit in by_axis.items():
         order = figure_of(fit.alpha)
@@ -62,7 +65,7 @@ def fits(by_axis: Mapping[str, DeviceAxisFit]) -> Table:
 
 
 def _not_compared(record: DeviceEstimates) -> list[RenderableType]:
-    """Return a line of text for each reason why there are no differences, with the reason's axes."""
+    """Return, for each reason why differences are missing, a line of text with the axes concerned."""
     axes: dict[WhyNot, list[str]] = {}
     for name, axis in record.axes.items():
         if axis.fltea.valid and axis.why_not is not None:

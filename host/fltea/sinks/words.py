@@ -11,24 +11,27 @@ Level = Literal["good", "wait", "bad", "plain"]
 
 
 def figure(value: float, digits: int, *, significant: bool = False) -> str:
-    """Return a number in fixed point; with a power of ten if it is huge, as from a diverging filter."""
+    """Return a number as text in decimals, or with a power of ten if it is huge.
+
+    Huge numbers come from filters that diverge.
+    """
     if significant:
         return f"{value:.{digits}g}"
     return fixed(value, digits)
 
 
 def quantity(value: float | None, unit: str, digits: int, *, significant: bool = False) -> str:
-    """Return a number with its unit; a dash for None."""
+    """Return a number as text with its unit; a dash for None."""
     return "–" if value is None else f"{figure(value, digits, significant=significant)} {unit}".rstrip()
 
 
 def signed(value: float) -> str:
-    """Return a number with its sign and three decimals, with the character − (U+2212) as minus."""
+    """Return a number as text with its sign and three decimals. The minus is the character − (U+2212)."""
     return f"{value:+.3f}".replace("-", "\u2212")
 
 
 def apart(value: float) -> str:
-    """Return a small difference with its sign and a power of ten."""
+    """Return a small difference as text, with its sign and a power of ten."""
     if not value:
         return "0"
     mantissa, _, exponent = f"{value:+.1e}".partition("e")
@@ -36,17 +39,17 @@ def apart(value: float) -> str:
 
 
 def in_deviations(value: float | None, std: float | None) -> str:
-    """Return a value in units of its standard deviation; empty if either is unknown."""
+    """Return a value as text in units of its standard deviation; empty if either is unknown."""
     return f"{value / std:+.1f} σ" if value is not None and std else ""
 
 
 def guard_words(interventions: Mapping[str, int]) -> list[list[str]]:
-    """Return the causes for which the guard of an axis intervened, each with its count."""
+    """Return the reasons for which the guard of an axis's filters intervened, each with its count."""
     return [[CAUSE_WORDS.get(cause, cause), str(count)] for cause, count in interventions.items()]
 
 
 def counted(label: str, count: int, remark: str = "") -> list[str]:
-    """Return a count of unwanted events as a row: label, value, and level of severity."""
+    """Return a row of the page for a count of unwanted events: label, value, and how severe it is."""
     value = f"{count:,}" + (f" ({remark})" if remark else "")
     return [label, value, "bad" if count else "plain"]
 
@@ -71,7 +74,7 @@ ABOUT_S = (
 
 
 def about(seconds: float) -> str:
-    """Return a roughly known duration as text. `seconds`: duration [s]."""
+    """Return a roughly known duration as text, rounded. `seconds`: duration [s]."""
     if seconds > 1.5 * ABOUT_S[-1]:
         return f"about {round(seconds / 86400)} days"
     return f"about {duration(min(ABOUT_S, key=lambda one: abs(math.log(one / max(seconds, 1.0)))))}"

@@ -1,4 +1,4 @@
-"""Decodes the bytes of one port to blocks of samples and single frames, with the native decoder.
+"""Decodes the bytes from one port into blocks of samples and single frames, with the native decoder.
 
 The rules of decoding are in protocol/README.md.
 """
@@ -16,23 +16,24 @@ from fltea.wire.messages import BadFrame, Frame, Refused, refusal
 
 
 class SampleColumns(NamedTuple):
-    """The columns of n ≥ 1 consecutive SAMPLE frames, between which no other frame came."""
+    """The columns of n ≥ 1 SAMPLE frames that came directly after one another."""
 
     sequence: NDArray[np.int64]
     """Number of the sampling instant, modulo 2**16; shape (n,)."""
     device_us: NDArray[np.int64]
     """Device time since boot, modulo 2**32 [us]; shape (n,)."""
     gyro: NDArray[np.int16]
-    """Rates about x, y, z; HELLO gives the scale [LSB]; shape (n, 3)."""
+    """Angular rates about x, y, z in LSB, whose size HELLO states; shape (n, 3)."""
     accel: NDArray[np.int16]
-    """Specific force along x, y, z; HELLO gives the scale [LSB]; shape (n, 3)."""
+    """Specific force along x, y, z in LSB, whose size HELLO states; shape (n, 3)."""
     temperature: NDArray[np.int16]
-    """Die temperature [LSB]; shape (n,)."""
+    """Temperature of the sensor chip [LSB]; shape (n,)."""
     flags: NDArray[np.int64]
     """Bits of `wire.SampleFlags`; shape (n,)."""
     end: NDArray[np.int64]
-    """End of each frame, its closing 0x00 included, as an offset in the bytes of the call [bytes]; shape
-    (n,)."""
+    """Where each frame ends, after its closing 0x00, counted from the first byte passed to the call [bytes];
+    shape (n,).
+    """
 
     def frames(self) -> Iterator[Frame]:
         """Yield each sample as a single frame."""
@@ -42,14 +43,15 @@ class SampleColumns(NamedTuple):
 
 
 class Located(NamedTuple):
-    """A decoded item that is not a sample, with its end in the bytes of the call."""
+    """A decoded item that is not a sample, and where it ends."""
 
     item: Frame | Refused | BadFrame
     """A frame other than SAMPLE, a refused HELLO, or a bad frame."""
     end: int
-    """End of the item, its closing 0x00 included, as an offset in the bytes of the call [bytes].
+    """Where the item ends, after its closing 0x00, counted from the first byte passed to the call [bytes].
 
-    A block that is too long ends after the first surplus byte, since it is reported before its 0x00 comes.
+    A COBS block that is too long ends after the first byte beyond the limit, since it is reported before its
+    0x00 arrives.
     """
 
 
@@ -57,11 +59,10 @@ Decoded: TypeAlias = SampleColumns | Located
 
 
 class BlockReader:
-    """Decodes the bytes of one port to blocks of samples and other items, in the order of the bytes.
+    """Decodes the bytes from one port into blocks of samples and other items, in their order.
 
-    The only counter here is `bytes_in`, the number of bytes fed, which `reset` does not change. The items
-    depend only on the bytes, not on how the bytes are split into calls, except that a block of samples ends
-    with its call.
+    `bytes_in` is the number of all bytes passed to `feed`; `reset` does not change it. The result does not
+    depend on how the bytes are divided among calls, except that a block of samples ends at the end of a call.
     """
 
     def __init__(self) -> None:
@@ -69,19 +70,19 @@ class BlockReader:
         self._decoder = _native.Decoder()
 
     def reset(self) -> None:
-        """Start again after the port was reopened: drop the unfinished block.
+        """Begin again after the port was reopened, and drop an unfinished frame.
 
-        The next block may be incomplete.
+        The beginning of the next frame may be missing.
         """
         self._decoder.reset()
 
     @property
     def pending(self) -> int:
-        """Number of bytes in the unfinished block."""
+        """Number of bytes of the unfinished frame."""
         return self._decoder.pending
 
     def feed(self, data: bytes | bytearray | memoryview) -> list[Decoded]:
-        """Return all items that end in `data`. This method never raises, whatever the bytes are.
+        """Return all items that end in `data`. This method never raises an exception.
 
         A HELLO of another protocol version gives a `Refused`; the caller must not interpret any later item.
         """
@@ -105,16 +106,16 @@ class BlockReader:
 
 
 def _read(type: int, sequence: int, device_us: int, payload: bytes) -> Frame | Refused:
-    """Return an intact frame; the decoder has already checked its type and length."""
+    """Return an undamaged frame. The native decoder has already checked its type and length."""
     refused = refusal(payload) if type == Hello.TYPE else None
     return refused or Frame(type, sequence, device_us, MESSAGES[type].unpack(payload))
 
 
 class FrameReader:
-    """Decodes the bytes of one port to single frames.
+    """Decodes the bytes from one port into single frames.
 
     `counts`: number of good frames under "frames", and number of bad frames under each reason in `REASONS`. A
-    `Refused` is not counted; the caller counts it and the frames after it.
+    `Refused` is not counted here; the caller counts it and all frames after it.
     """
 
     def __init__(self) -> None:
@@ -123,18 +124,18 @@ class FrameReader:
 
     @property
     def bytes_in(self) -> int:
-        """Number of bytes fed."""
+        """Number of all bytes passed to `feed` and `feed_all`."""
         return self._blocks.bytes_in
 
     def feed(self, data: bytes) -> list[Frame | Refused]:
-        """Return the good frames that end in `data`; bad frames are only counted. This method never raises.
+        """Return the good frames that end in `data`. Bad frames are only counted. No exception is raised.
 
         A HELLO of another protocol version gives a `Refused`; the caller must not interpret any later frame.
         """
         return [item for item in self.feed_all(data) if not isinstance(item, BadFrame)]
 
     def feed_all(self, data: bytes) -> list[Frame | Refused | BadFrame]:
-        """Return the good and bad frames that end in `data`, in order. This method never raises."""
+        """Return the good and bad frames that end in `data`, in order. No exception is raised."""
         items: list[Frame | Refused | BadFrame] = []
         for decoded in self._blocks.feed(data):
             items += decoded.frames() if isinstance(decoded, SampleColumns) else [decoded.item]

@@ -1,4 +1,7 @@
-"""Texts that explain a device's FAULT messages and their remedies (codes: protocol/README.md)."""
+"""Returns texts that explain a device's FAULT messages and say what to do.
+
+The codes of the messages are in protocol/README.md.
+"""
 
 from fltea.wire.layout import FaultCode
 

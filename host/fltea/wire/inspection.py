@@ -1,4 +1,4 @@
-"""Shows raw frames as text: one line for each frame, damaged or not, and a summary at the end."""
+"""Shows the frames of the wire protocol as text: one line for each frame, damaged or not, and a summary."""
 
 from collections.abc import Iterable, Iterator
 from enum import IntFlag
@@ -11,11 +11,11 @@ HEX_BYTES_SHOWN = 24
 
 
 FLAGS: dict[type[wire.Message], type[IntFlag]] = {wire.Estimate: wire.EstimateFlags, wire.Fit: wire.FitFlags}
-"""Meanings of the bits in `flags`, for messages whose flags differ from those of SAMPLE."""
+"""Meanings of the bits in the field `flags`, for messages whose flags differ from those of SAMPLE."""
 
 
 def inspect(chunks: Iterable[bytes], reader: FrameReader) -> Iterator[str]:
-    """Yield one line of text for every block in a stream of bytes; `reader` counts the blocks.
+    """Yield one line of text for every frame in a stream of bytes. `reader` counts the frames.
 
     After a HELLO of another protocol version, fields may have other meanings; the lines then begin with `?`.
     """
@@ -30,7 +30,7 @@ def inspect(chunks: Iterable[bytes], reader: FrameReader) -> Iterator[str]:
 
 
 def describe(item: Frame | Refused | BadFrame) -> str:
-    """Return one line of text for a frame: type, sequence, device time [s], and the fields in raw counts."""
+    """Return one line of text for a frame: type, sequence number, device time [s], and the fields as sent."""
     match item:
         case Refused():
             return f"HELLO    REFUSED: {item.message}"

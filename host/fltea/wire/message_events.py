@@ -1,4 +1,4 @@
-"""Converts messages to events: raw counts become values in units (protocol/README.md)."""
+"""Converts messages of the wire protocol to events, and raw counts to values in units."""
 
 from enum import IntEnum
 
@@ -10,17 +10,21 @@ from fltea.wire.sensors import sensor_name
 
 _FIELDS = wire.Estimate._fields
 CAUSES = _FIELDS[_FIELDS.index("order_box") : _FIELDS.index("tracker_bias")]
-"""Fields of ESTIMATE that count corrections by the filter's guard; the host's engine uses the same names."""
+"""Fields of ESTIMATE that count the interventions of the filters' guard.
+
+This computer's estimator uses the same names.
+"""
 
 BINS = sum(field.startswith("frequency_") for field in wire.Spectrum._fields)
 """Number of bins in one SPECTRUM message."""
 
 
 def hello_event(hello: wire.Hello, source: str, host_ns: int) -> Hello:
-    """Return the event of a HELLO, with counts converted to units."""
+    """Return the event of a HELLO message, with counts converted to units."""
 
     def scaled(name: str) -> float:
-        return float(round(getattr(hello, name) * wire.Hello.SCALE[name], 9))  # 164 * 0.1 is 16.4
+        # rounded, so that 164 * 0.1 is exactly 16.4
+        return float(round(getattr(hello, name) * wire.Hello.SCALE[name], 9))
 
     return Hello(
         source=source,
@@ -44,10 +48,10 @@ def hello_event(hello: wire.Hello, source: str, host_ns: int) -> Hello:
 
 
 def status_event(s: wire.Status) -> DeviceStatus:
-    """Return the event of a STATUS, with counts converted to units.
+    """Return the event of a STATUS message, with counts converted to units.
 
-    A `longest_step` of 0 us means that no time was measured, since a pass of the main loop takes longer than
-    0 us.
+    A `longest_step` of 0 µs means that no time was measured, since every pass of the device's main loop takes
+    longer.
     """
     return DeviceStatus(
         *s[:5],
@@ -58,7 +62,7 @@ def status_event(s: wire.Status) -> DeviceStatus:
 
 
 def axis_event(e: wire.Estimate, sequence: int, host_ns: int) -> DeviceAxis:
-    """Return the event of an ESTIMATE message. `sequence`: number of the message's frame."""
+    """Return the event of an ESTIMATE message. `sequence`: sequence number of the message's frame."""
     flags = wire.EstimateFlags
     return DeviceAxis(
         sequence=sequence,
@@ -145,7 +149,7 @@ def fit_event(fit: wire.Fit, host_ns: int) -> DeviceFit:
 
 
 def bins_event(s: wire.Spectrum, host_ns: int) -> DeviceBins:
-    """Return the event of a SPECTRUM message; unused bins at the end of the last message are left out."""
+    """Return the event of a SPECTRUM message, without the unused bins at the end of the last message."""
     n = max(0, min(BINS, s.total - s.first))
     hz, ordinates, density = (
         tuple(getattr(s, f"{name}_{i}") for i in range(n)) for name in ("frequency", "ordinates", "density")
@@ -154,7 +158,7 @@ def bins_event(s: wire.Spectrum, host_ns: int) -> DeviceBins:
 
 
 def name_of(enum: type[IntEnum], value: int) -> str:
-    """Return the name of an enum's value in lower case; "unknown (N)" for an unknown number N."""
+    """Return the name of a value of an enum in lower case, or "unknown (N)" for an unknown number N."""
     try:
         return enum(value).name.lower()
     except ValueError:

@@ -1,4 +1,4 @@
-"""Types of decoded frames, and the encoder of frames (protocol/README.md).
+"""Defines the types of decoded frames, and encodes frames (protocol/README.md).
 
 The native decoder reads frames (`fltea.wire.block_reader`).
 """
@@ -7,7 +7,7 @@ from struct import Struct
 from typing import Final, NamedTuple
 from zlib import crc32
 
-# The package cobs is an independent implementation, so it does not share a fault in the device's encoder. It
+# The package cobs was written independently of the device's encoder, so both do not have the same faults. It
 # is a fast C extension.
 from cobs import cobs
 
@@ -30,38 +30,39 @@ REASONS: Final = {
     "length": "CRC fits, but the payload is shorter than its type demands",
     "unknown_type": "intact, of a type that this version does not know",
 }
-"""Texts for the reasons why a block is a `BadFrame`."""
+"""For each reason for which a block of bytes is a `BadFrame`, a text."""
 
 CRC_SIZE: Final = 4
 VERSION: Final = Struct("<BBI")
-"""Major version, minor version and schema hash: the first bytes of a HELLO in every version."""
+"""Layout of the first bytes of a HELLO in every version: major version, minor version and schema hash."""
 
 
 class Frame(NamedTuple):
     """One undamaged frame with a known message."""
 
     type: int
-    """Type byte, as in `wire.MESSAGES`."""
+    """Number of the message's type, as in `wire.MESSAGES`."""
     sequence: int
-    """Number of the frame among the frames of its type, modulo 2**16."""
+    """Sequence number of the frame, counted for each type of message separately, modulo 2**16."""
     device_us: int
     """Device time since boot, modulo 2**32 [us]."""
     message: Message
-    """The payload in raw counts."""
+    """The decoded message, with numbers as they were sent."""
 
 
 class BadFrame(NamedTuple):
     """A damaged block, or a frame of a type that this program does not know."""
 
     reason: str
-    """Reason for the refusal: a key of `REASONS`."""
+    """Why the frame cannot be used: a key of `REASONS`."""
     data: bytes
-    """The block as it arrived, COBS-encoded, without its 0x00; a block that is too long is cut at
-    `MAX_ENCODED`."""
+    """The bytes as they arrived, COBS-encoded, without the closing 0x00. If there are more than
+    `MAX_ENCODED`, only these are kept.
+    """
 
 
 class Refused(NamedTuple):
-    """The version in an intact HELLO whose protocol version this program cannot read.
+    """The protocol version in an undamaged HELLO if this program cannot read that version.
 
     Nothing else that this device sends may be interpreted.
     """
@@ -81,7 +82,7 @@ class Refused(NamedTuple):
 
 
 def refusal(payload: bytes) -> Refused | None:
-    """Return the version in a HELLO's payload if this program cannot read that version; None if it can.
+    """Return the protocol version of a HELLO if this program cannot read that version; None if it can.
 
     Other major versions and unknown layouts are refused. A later minor version only adds messages and fields,
     so the messages of this version can still be read.
@@ -92,7 +93,7 @@ def refusal(payload: bytes) -> Refused | None:
 
 
 def encode(message: Message, sequence: int, device_us: int) -> bytes:
-    """Return the message as one frame for the wire, including the closing 0x00.
+    """Return the message as the bytes of one frame, including the closing 0x00.
 
     `sequence`: number of the frame, wrapped by the caller to 0 to 65535.
     `device_us`: device time, wrapped by the caller to 0 to 2**32 - 1 [us].
@@ -105,7 +106,7 @@ def encode(message: Message, sequence: int, device_us: int) -> bytes:
 
 
 def encode_frame(type: int, sequence: int, device_us: int, payload: bytes) -> bytes:
-    """Return one frame in the form in which it is sent, including the closing 0x00.
+    """Return the bytes of one frame as they are sent, including the closing 0x00.
 
     The device has its own encoder. This function is for simulated devices, tests and benchmarks.
 

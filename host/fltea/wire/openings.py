@@ -1,4 +1,7 @@
-"""Opens ports, each in its own thread, and opens them again after a loss; the caller reads the ports."""
+"""Opens serial ports, each in its own thread, and opens them again if they are lost.
+
+Others read the ports.
+"""
 
 import os
 import queue
@@ -21,11 +24,11 @@ class _PortState:
 
 
 class Openings:
-    """Opens ports that have a file descriptor.
+    """Opens serial ports that have a file descriptor.
 
     `read`: function that starts to read an opened port. Its arguments are the port's index, the descriptor,
-    whether the other side can close the port, and the port's latency [ns]. It raises OSError if the port
-    cannot be read.
+    whether the other side can close the port, and the port's setting `latency_s` [ns]. It raises OSError if
+    the port cannot be read.
     `wake`: function that is called from another thread when a port was opened, or could not be opened.
     """
 
@@ -55,7 +58,7 @@ class Openings:
         return min((state.open_ns for state in self._states if state.open_ns is not None), default=None)
 
     def opened(self) -> Iterator[tuple[int, Opened | Failed]]:
-        """Yield index and result of each port that was opened, or failed to open, since the last call."""
+        """Yield index and result of each attempt to open a port that has ended since the last call."""
         while not self._opened.empty():
             index, event = self._opened.get()
             state = self._states[index]
@@ -70,9 +73,9 @@ class Openings:
     def lost(self, index: int, number: int, *at: int, worked: bool) -> Failed:
         """Close a port that was lost, schedule its next opening, and return the event of the loss.
 
-        `number`: errno of the loss.
+        `number`: number of the system's error (errno) that showed the loss.
         `at`: host time and offset to Unix time of the loss [ns].
-        `worked`: whether the port had given bytes; then it is opened again soon.
+        `worked`: whether bytes had arrived from the port; such a port is opened again soon.
         """
         state = self._states[index]
         if worked:
@@ -82,13 +85,14 @@ class Openings:
         return failed
 
     def close(self) -> None:
-        """Close all ports; the caller must have stopped reading.
+        """Close all ports. The caller must have stopped reading them.
 
-        A port that is being opened is closed once open.
+        A port that is just being opened is closed as soon as it is open.
         """
         with self._lock:
             self._closed = True
-        while not self._opened.empty():  # these ports were opened and not yet yielded by `opened`
+        # close ports that are already open, but that `opened` has not yielded yet
+        while not self._opened.empty():
             self._states[self._opened.get()[0]].port.close()
         for state in self._states:
             if state.is_open:

@@ -1,4 +1,4 @@
-"""Finds the group that may use a device, and the command that gives a user this permission."""
+"""Finds the group of users that may use a device file, and the command that adds a user to the group."""
 
 import grp
 import os
@@ -9,7 +9,10 @@ from typing import NamedTuple
 
 
 class Group(NamedTuple):
-    """The group of a file. `joinable`: whether its members may read and write, and it is not root's group."""
+    """The group of a file.
+
+    `joinable`: whether joining helps: its members may read and write the file, and it is not root's group.
+    """
 
     gid: int
     name: str
@@ -33,8 +36,8 @@ def group_of(path: str | Path) -> Group | None:
 class User(NamedTuple):
     """The user who runs this program.
 
-    `in_force`: IDs of the groups that this process has now.
-    `granted`: IDs of the groups that the user gets with the next login.
+    `in_force`: IDs of the groups to which this process belongs now.
+    `granted`: IDs of the groups to which the user belongs after the next login.
     """
 
     name: str
@@ -56,7 +59,7 @@ RULES = {
     "dialout": "sudo make install-udev, in a clone; then plug the board in again",
     "i2c": 'KERNEL=="i2c-[0-9]*", GROUP="i2c", MODE="0660"',
 }
-"""The udev rule for serial ports (dialout), or the command that installs it, and the same for I²C buses."""
+"""For the groups of serial ports and of I²C buses, the udev rule that gives access, or how to install it."""
 
 
 def join_remedy(device: str, group: Group | None, user: User) -> str:

@@ -1,4 +1,4 @@
-"""Reads several ports in one thread: a native reader waits for data, reads them and adds time stamps."""
+"""Reads several serial ports in one thread. Native code waits for data, reads them and adds times."""
 
 from collections.abc import Iterator, Sequence
 
@@ -9,13 +9,13 @@ from fltea.wire.openings import Openings
 from fltea.wire.transport import QUEUE_BYTES, Port
 
 TICK_S = 0.5
-"""Time without bytes after which a port gives a `Tick` [s]; a replay gives ticks at the same interval."""
+"""Time without bytes after which a port yields a `Tick` [s]. Replays yield ticks at the same interval."""
 
 TICK_NS = int(TICK_S * 1e9)
 
 
 class Ports:
-    """Reads ports that have file descriptors, and yields their undecoded bytes and events."""
+    """Reads serial ports that have file descriptors, and yields undecoded bytes and events."""
 
     def __init__(self, ports: Sequence[Port]) -> None:
         self._ports = list(ports)
@@ -26,8 +26,8 @@ class Ports:
     def poll(self, timeout_s: float) -> Iterator[tuple[int, Reads | Opened | Failed | Tick]]:
         """Wait up to `timeout_s` [s] for events; yield each event with the index of its port.
 
-        A tick says that a port sent nothing for half a second; it holds the time at which the half second
-        ended.
+        A `Tick` means that nothing arrived from a port for half a second. It contains the time at the end of
+        the half second.
         """
         now_ns = host_ns()
         self._openings.begin(now_ns)

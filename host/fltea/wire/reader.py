@@ -1,4 +1,4 @@
-"""Reads one port in a separate thread."""
+"""Reads one serial port in a separate thread."""
 
 import queue
 import threading
@@ -10,9 +10,9 @@ from fltea.wire.transport import QUEUE_BYTES, READ_TIMEOUT_S, Port
 
 
 class Reader:
-    """Reads one port in a separate thread until `close`, and queues the events.
+    """Reads one serial port in a separate thread until `close`, and queues the events.
 
-    Used for ports without a file descriptor, and by callers that have only one port.
+    It is used for ports without a file descriptor, and by callers that have only one port.
     """
 
     def __init__(self, port: Port) -> None:
@@ -28,7 +28,7 @@ class Reader:
         self._thread.start()
 
     def events(self, timeout_s: float) -> Iterator[TransportEvent | None]:
-        """Yield events, and None whenever no event came for `timeout_s` [s]; end after `close`."""
+        """Yield events until `close`. Yield None whenever no event has come for `timeout_s` [s]."""
         while not self._stop.is_set():
             try:
                 event = self._queue.get(timeout=timeout_s)
@@ -77,7 +77,10 @@ class Reader:
         port.close()
 
     def _put(self, event: TransportEvent) -> None:
-        """Queue an event without blocking; if the consumer is too slow, drop the bytes and count them."""
+        """Queue an event without waiting.
+
+        If the consumer is too slow, drop the event's bytes and count them.
+        """
         if isinstance(event, Chunk):
             with self._lock:
                 if self._queued_bytes + len(event.data) > QUEUE_BYTES:

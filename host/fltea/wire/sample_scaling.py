@@ -12,9 +12,9 @@ from fltea.wire.sensors import temperature_counts, temperature_scale
 
 
 class Scales(NamedTuple):
-    """Scales from counts to units.
+    """Factors from counts to physical units.
 
-    If HELLO's scale is null, the recorded values are in physical units already.
+    If the scale in HELLO is null, the samples are in physical units already.
     """
 
     gyro_lsb_per_dps: float

@@ -1,4 +1,4 @@
-"""The sensors that fltea knows: WHO_AM_I, name, and thermometer scale.
+"""Lists the sensors that fltea knows: value of the register WHO_AM_I, name, and scale of the thermometer.
 
 Sources: MPU-9250 register map RM-MPU-9250A-00, registers 65-66 and 117; MPU-6050 register map
 RM-MPU-6000A-00, registers 65-66 and 117; ICM-20948 data sheet DS-000189, 8.1 and 8.30.
@@ -31,7 +31,7 @@ class Sensor(NamedTuple):
 
     @property
     def is_clone(self) -> bool:
-        """Whether the chip is sold under another chip's name."""
+        """Whether the chip is sold under the name of another chip."""
         return self.note == _CLONE
 
 
@@ -48,17 +48,17 @@ SENSORS = {
     0x78: Sensor("MPU-9250 clone (0x78)", "mpu9250", 333.87, 21.0, _CLONE),
     0xEA: Sensor("ICM-20948", "icm20948", 333.87, 21.0),
 }
-"""All kinds of chips by WHO_AM_I. To add a chip, add a row here and its family in `sources/i2c`."""
+"""All known chips by their WHO_AM_I. To add a chip, add a row here and the chip's family in `sources/i2c`."""
 
 NO_SENSOR = 0
-"""WHO_AM_I in HELLO while no sensor has answered."""
+"""Value of WHO_AM_I in HELLO while no sensor has answered the device."""
 
 _UNKNOWN = SENSORS[0x71]
-"""Kind of chip whose thermometer scale is used for unknown chips."""
+"""The chip whose thermometer scale is used for unknown chips, too."""
 
 
 def known_sensors() -> str:
-    """Return the names of all kinds except clones as a list in words, such as "A, B or C"."""
+    """Return the names of all known chips except clones as text, such as "A, B or C"."""
     *others, last = (sensor.name for sensor in SENSORS.values() if not sensor.is_clone)
     return f"{', '.join(others)} or {last}"
 
@@ -70,7 +70,10 @@ def relative_text(who_am_i: int) -> str | None:
 
 
 def sensor_name(who_am_i: int) -> str:
-    """Return the name of the chip with this WHO_AM_I: "no sensor" for 0, the number for an unknown one."""
+    """Return the name of the chip with this WHO_AM_I.
+
+    For 0 it is "no sensor", and for an unknown chip a text with the number.
+    """
     if who_am_i == NO_SENSOR:
         return "no sensor"
     sensor = SENSORS.get(who_am_i)
@@ -78,7 +81,10 @@ def sensor_name(who_am_i: int) -> str:
 
 
 def temperature_counts(celsius: float, who_am_i: int | None) -> int:
-    """Return the counts of the register TEMP_OUT for a temperature in °C; the inverse of `temperature_c`."""
+    """Return the counts in the register TEMP_OUT for a temperature [°C].
+
+    This is the inverse of `temperature_c`.
+    """
     lsb_per_c, zero_c = temperature_scale(who_am_i)
     return round((celsius - zero_c) * lsb_per_c)
 

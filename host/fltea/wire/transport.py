@@ -1,8 +1,8 @@
-"""Serial ports by URL; each failure becomes an event, and the port is opened again.
+"""Opens and reads serial ports by URL. Each failure becomes an event, and the port is opened again.
 
-pyserial's own ReaderThread ends silently if the port is unplugged (its `in_waiting` raises a bare OSError).
-Here, any exception closes the port and gives an event with the reason. Then the port is opened again, with
-increasing pauses.
+The class ReaderThread of pyserial ends silently if the port is unplugged (its `in_waiting` raises an
+OSError). In this module, any exception closes the port and makes an event with the reason. Then the port is
+opened again, after pauses that become longer with each failure.
 """
 
 import contextlib
@@ -24,7 +24,9 @@ FORBIDDEN_BAUD = 1200
 DUE_VENDORS = (0x2341, 0x2A03)
 DUE_PROGRAMMING_PORT = 0x003D
 DUE_NATIVE_PORT = 0x003E
-"""USB vendor and product IDs of the Arduino Due's two ports, from boards.txt of Arduino's SAM core."""
+"""USB product IDs of the two ports of an Arduino Due, and USB vendor IDs, from boards.txt of Arduino's SAM
+core.
+"""
 
 ANY_BOARD = f"hwgrep://VID:PID=({'|'.join(f'{v:04X}' for v in DUE_VENDORS)}):{DUE_PROGRAMMING_PORT:04X}"
 """URL that matches the programming port of any Arduino Due."""
@@ -36,12 +38,16 @@ SCHEMES = ("socket", "rfc2217", "hwgrep", "loop")
 
 BACKOFF_S = (0.25, 0.5, 1.0, 2.0, 5.0)
 QUEUE_BYTES = 1 << 20
-"""Most bytes that may wait for the consumer: half a minute at the full speed of the port."""
+"""Largest number of received bytes that may wait for the consumer: half a minute at a serial port's full
+speed.
+"""
 
 MAX_CHUNK = 1 << 16
 
 AT_ONCE = 4
-"""Most ports that are opened at the same time; each needs six descriptors meanwhile, and one afterwards."""
+"""Largest number of ports that are opened at the same time. While it is opened, a port needs six file
+descriptors, and afterwards one.
+"""
 
 _OPENING = threading.BoundedSemaphore(AT_ONCE)
 
@@ -61,7 +67,7 @@ def check_url(url: str, baud: int) -> None:
     if baud <= 0:
         raise UsageError(f"a baud rate of {baud} is not possible; the firmware speaks 250000 baud.")
     try:
-        scheme, is_url, _ = url.lower().partition("://")  # pyserial splits the URL in this way
+        scheme, is_url, _ = url.lower().partition("://")  # pyserial splits URLs in the same way
         if is_url and scheme not in SCHEMES:
             raise ValueError(f"'{scheme}://' is not among the kinds of addresses that it opens")
         serial.serial_for_url(url, baudrate=baud, do_not_open=True)
@@ -73,11 +79,11 @@ def check_url(url: str, baud: int) -> None:
             "/dev/ttyACM0, or socket://HOST:PORT, rfc2217://HOST:PORT, hwgrep://REGEXP, loop://."
         ) from error
     except serial.SerialException:
-        pass  # hwgrep:// matches no port now: the port may appear later
+        pass  # no port matches hwgrep:// now, but it may appear later
 
 
 def list_ports_text() -> str:
-    """Return one line that names the serial ports of this machine."""
+    """Return one line of text that names the serial ports of this machine."""
     ports = sorted(list_ports.comports())
     if not ports:
         return "This machine has no serial port at the moment."
@@ -85,7 +91,10 @@ def list_ports_text() -> str:
 
 
 def explain_open_failure(url: str, error: Exception) -> tuple[str, str]:
-    """Return kind and text of an error on opening a port: what happened, the likely cause, what to do."""
+    """Return the kind and text of the error for a port that cannot be opened.
+
+    The text says what happened, the likely cause, and what to do.
+    """
     number = getattr(error, "errno", None)
     if number in (errno.EACCES, errno.EPERM):
         remedy = join_remedy(url, group_of(url), this_user())
@@ -116,7 +125,7 @@ class Port:
 
     `url`: path of a device, or a URL with one of `SCHEMES`.
     `baud`: speed [baud].
-    `latency_s`: greatest age of the first waiting bytes when `Ports` yields them [s].
+    `latency_s`: longest time for which received bytes may wait until `Ports` yields them [s].
     `overflow_bytes`: number of bytes that were read and then dropped because the consumer was too slow.
     """
 
@@ -154,12 +163,13 @@ class Port:
             else:
                 port.open()
                 self._serial = port
-        except Exception as error:  # drivers may raise any exception, and reading must continue
+        except Exception as error:  # a driver may raise any exception, and the reading thread must go on
             if port is not None:
                 _release(port)
             try:
                 return Failed(*explain_open_failure(self.url, error), host_ns(), unix_offset_ns())
-            except Exception as fault:  # listing the machine's groups and ports failed too
+            # explaining the failure reads the machine's groups and ports, which may fail as well
+            except Exception as fault:
                 text = f"cannot open {self.url}: {error}. Nothing more can be found out ({fault})."
                 return Failed("open_failed", text, host_ns(), unix_offset_ns())
         return Opened(host_ns(), unix_offset_ns())
@@ -169,18 +179,26 @@ class Port:
         return self._descriptor
 
     def has_worked(self) -> None:
-        """Reset the pauses between attempts; called when bytes arrive, since opening alone proves nothing."""
+        """Make the pauses between attempts short again.
+
+        This is called when bytes have arrived, since a port that was merely opened may still be lost at
+        once.
+        """
         self._failures = 0
 
     def read_waiting(self) -> Chunk | Failed | None:
-        """Wait up to `READ_TIMEOUT_S` for bytes of a port without a descriptor; return None if none came."""
+        """Wait up to `READ_TIMEOUT_S` for bytes from a port without a file descriptor.
+
+        Return None if none came.
+        """
         port = self._serial
         assert port is not None
         try:
             data = port.read(1)
             if data:
                 data += port.read(min(port.in_waiting, MAX_CHUNK))
-        except Exception as error:  # OSError, SerialException or TypeError, depending on driver and platform
+        # this may be OSError, SerialException or TypeError, depending on the driver
+        except Exception as error:
             return self.lost(error)
         if not data:
             return None
@@ -188,7 +206,7 @@ class Port:
         return Chunk(data, host_ns(), unix_offset_ns())
 
     def lost(self, error: Exception, *at: int) -> Failed:
-        """Close the port and return the event with the reason.
+        """Close the port, and return the event that the port was lost, with the reason.
 
         `at`: host time, and offset to Unix time, of the loss [ns]; the present time if they are left out.
         """
@@ -197,7 +215,10 @@ class Port:
         return Failed("unplugged", message, *(at or (host_ns(), unix_offset_ns())))
 
     def backoff_s(self) -> float:
-        """Return the pause before the next attempt to open the port [s]; it grows with each failure."""
+        """Return the pause before the next attempt to open the port [s].
+
+        It becomes longer with each failure.
+        """
         wait_s = BACKOFF_S[min(self._failures, len(BACKOFF_S) - 1)]
         self._failures += 1
         return wait_s
@@ -214,7 +235,10 @@ class Port:
 
 
 def _descriptor_of(port: serial.Serial) -> int:
-    """Return the descriptor of an open port and release pyserial's other resources; keep the lock and DTR."""
+    """Return a file descriptor of an open port, and release pyserial's other resources.
+
+    The lock on the port and the signal DTR stay as they are.
+    """
     if (connection := getattr(port, "_socket", None)) is not None:
         port.is_open = False
         return int(connection.detach())

@@ -65,6 +65,7 @@ FIGURES: dict[str, str | Elsewhere] = {
     "f_std": Elsewhere("of the filters, which is no interval of 95 %: `evaluate`"),
     "F_std": Elsewhere("of the filters, which is no interval of 95 %: `evaluate`"),
     "innovation_std": Elsewhere("a deviation of samples, and no uncertainty"),
+    "slope_std": Elsewhere("of a clock's rate by the doctor, which no record has"),
     "noise_std": Elsewhere("a deviation of samples, and no uncertainty"),
 }
 """What is measured for all fields of a name, which mean the same figure in every class; or why nothing is

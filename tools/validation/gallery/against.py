@@ -1,4 +1,7 @@
-"""Compares two runs of the gallery cell by cell: which verdicts became better, worse, or just different."""
+"""Compares two runs of the gallery: which verdicts became better, worse, or only different.
+
+The verdicts are compared cell by cell; a cell is a noise at one rate and length.
+"""
 
 from collections import Counter
 from typing import Any
@@ -12,7 +15,7 @@ CELL = ("noise", "rate_hz", "duration_s", "record")
 
 
 def change(before: Row, after: Row) -> str:
-    """Return the change of a cell, one of `CHANGES`."""
+    """Return how the verdicts of a cell changed: one of `CHANGES`."""
     gain = RANK[after["outcome"]] - RANK[before["outcome"]]
     if gain:
         return "better" if gain > 0 else "worse"
@@ -48,7 +51,7 @@ def _said(row: Row) -> str:
 
 
 def _holding(rows: list[Row]) -> str:
-    """Return how many intervals contain the true α, of the intervals that have both ends."""
+    """Return as text how many intervals contain the true α, of those that have both ends."""
     with_ends = [
         row for row in rows if row["true_alpha"] is not None and row["alpha"] and None not in row["alpha"]
     ]

@@ -1,9 +1,9 @@
-"""Computes how far any member of a family of models is from the truth, in expected 2 log L.
+"""Computes how far the best model of a family is from the truth, in expected 2 log L.
 
-For a record whose ordinates have the true spectrum S, a model M is on average 2 Σ (log(M / S) + S / M - 1)
-worse in 2 log L than the truth. Apart from chance, no fit of a family can do better than the family's
-smallest value, which therefore tells what a record can decide at all. scipy finds the minimum; no code is
-shared with the fits.
+A family is a set of models with free parameters. If the true spectrum is S, the 2 log L of a model M is on
+average smaller than that of the truth by 2 Σ (log(M / S) + S / M - 1), the sum over all ordinates. This is
+the model's shortfall. Apart from chance, no fit can do better than the family's smallest shortfall. So it
+tells whether a record can exclude the family. scipy finds the minimum; no code is shared with the fits.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,24 +15,26 @@ from scipy.ndimage import minimum_filter
 from scipy.optimize import Bounds, least_squares, minimize
 
 Family = Callable[[Array, Array], Array]
-"""Maps parameters (k, count) and λ (bins,) to spectra (count, bins)."""
+"""A family of models: it maps parameters (k, count) and λ (bins,) to spectra (count, bins)."""
 Nearest = Callable[["Bins"], float]
-"""Maps bins to the smallest shortfall of a family."""
+"""Function that returns the smallest shortfall of a family for given bins."""
 
 BINS = 160
 FIRST = 10
-"""The lowest ordinate that is fitted: fewer periods do not determine a model."""
+"""Number of the lowest ordinate that is fitted; fewer periods in the record do not determine a model."""
 DEEPEST = 1e-6
-"""Smallest density, as a ratio to the highest: a filter's zeros are no deeper in any periodogram."""
+"""Smallest ratio of a density to the highest one; in periodograms, the zeros of filters are no deeper."""
 FLOOR = -3.0
-"""Logarithm of the largest white noise after a low-pass, over the passed density."""
+"""Logarithm of the largest white noise after a low-pass, relative to the density that it lets pass."""
 POINTS, MOST_POINTS, STARTS = 15, 3_400, 6
-"""Points of a grid along each parameter, largest number of points in all, and number of searches."""
+"""Number of grid points for each parameter, largest number of all points, and number of searches from
+them.
+"""
 RELAXATIONS = 6
 
 
 class Bins(NamedTuple):
-    """Ordinates from number `FIRST` to half the rate, in bins."""
+    """The ordinates from number `FIRST` to half the sample rate, joined in bins."""
 
     lam: Array
     weight: Array
@@ -63,7 +65,10 @@ def below(bins: Bins, lam: float) -> Bins:
 
 
 def shortfall(bins: Bins, models: Array) -> Array:
-    """Return by how much 2 log L of models (count, bins) falls short of the truth, at the best scale."""
+    """Return by how much 2 log L of models (count, bins) is smaller than that of the truth.
+
+    Each model has the scale with which it fits best.
+    """
     ratio = bins.truth / models
     total = bins.weight.sum()
     size = ratio @ bins.weight / total
@@ -71,7 +76,10 @@ def shortfall(bins: Bins, models: Array) -> Array:
 
 
 def least(bins: Bins, family: Family, *box: tuple[float, float]) -> float:
-    """Return the smallest shortfall over a box of parameters; searches begin at local minima of a grid."""
+    """Return the smallest shortfall of a family, with parameters between the bounds `box`.
+
+    Searches begin at local minima on a grid.
+    """
     points = min(POINTS, int(MOST_POINTS ** (1 / len(box))))
     grid = np.stack(np.meshgrid(*(np.linspace(*side, points) for side in box), indexing="ij"))
     flat = grid.reshape(len(box), -1)
@@ -88,14 +96,15 @@ def least(bins: Bins, family: Family, *box: tuple[float, float]) -> float:
     valleys = np.flatnonzero(found == around)
     ends = []
     for at in {*valleys[np.argsort(found[valleys])[:STARTS]].tolist(), *np.argsort(found)[:STARTS].tolist()}:
-        # Near the truth 2 log L is a sum of squares, whose narrow valleys need a least-squares search.
+        # Near the truth the shortfall is a sum of squares with narrow valleys, for which a least-squares
+        # search is needed.
         near = least_squares(apart, flat[:, at], bounds=np.transpose(box), x_scale="jac", max_nfev=200).x
         ends.append(minimize(behind, near, method="L-BFGS-B", bounds=box).fun)
     return float(min(ends))
 
 
 def _with_floor(shape: Array, log_floor: Array) -> Array:
-    """Add white noise; `log_floor`: logarithm of its density over the shape's own scale."""
+    """Add white noise to spectra. `log_floor`: logarithm of its density, relative to the spectrum's scale."""
     return np.asarray(shape + np.exp(log_floor)[:, np.newaxis])
 
 
@@ -150,48 +159,50 @@ ORDERS, RATES, WHITE, RISES = (0.15, 0.85), (-9.0, 0.5), (-14.0, 10.0), ((-10.0,
 CORNERS, SIZES, WALKS = (-7.0, 2.0), (-8.0, 10.0), (-14.0, 14.0)
 
 state = _nearest(_state, ORDERS, RATES, WHITE)
-"""The state D^α x = f x + ω with a fractional order of 0.15 to 0.85, in white noise."""
+"""Smallest shortfall of the state D^α x = f x + ω, with an order of 0.15 to 0.85, in white noise."""
 arfima = _nearest(_arfima, ORDERS, (-7.0, 1.5), WHITE)
-"""ARFIMA(1, d, 0) with such an order, in white noise."""
+"""Smallest shortfall of ARFIMA(1, d, 0) with an order in this range, in white noise."""
 order_and_rise = _nearest(
     lambda p, lam: _state(p, lam) + _rise(p[3], p[4], lam), ORDERS, RATES, WHITE, *RISES
 )
-"""The same state, and a power of the frequency up to its fourth, in white noise."""
+"""Smallest shortfall of such a state plus noise that rises with up to f⁴, in white noise."""
 high_passed_order = _nearest(_high_passed_order, ORDERS, RATES, WHITE, CORNERS, (1.0, 3.0))
-"""The same state in white noise, after a high-pass of one to three poles."""
+"""Smallest shortfall of such a state in white noise, after a high-pass of one to three poles."""
 one_relaxation = _nearest(lambda p, lam: _with_floor(_scaled(_ar1(p[0], lam)), p[1]), CORNERS, SIZES)
-"""AR(1) in white noise."""
+"""Smallest shortfall of AR(1) in white noise."""
 walk = _nearest(_walk, WALKS)
-"""A random walk in white noise."""
+"""Smallest shortfall of a random walk in white noise."""
 walk_and_rise = _nearest(lambda p, lam: _walk(p, lam) + _rise(p[1], p[2], lam), WALKS, *RISES)
-"""A random walk and a power of the frequency up to its fourth, in white noise."""
+"""Smallest shortfall of a random walk plus noise that rises with up to f⁴, in white noise."""
 walk_and_relaxation = _nearest(_walk_and_relaxation, WALKS, CORNERS, SIZES)
-"""A random walk and one relaxation, in white noise."""
+"""Smallest shortfall of a random walk and one relaxation, in white noise."""
 low_pass = _nearest(_low_pass, (-5.0, 1.2), (1.0, 8.0), (-12.0, FLOOR))
-"""A low-pass of one to eight poles on white noise, with almost no white noise after it."""
+"""Smallest shortfall of white noise after a low-pass of one to eight poles, with almost no white noise
+added.
+"""
 rising = _nearest(
     lambda p, lam: _with_floor((2 * np.sin(lam / 2)) ** (2 * p[0][:, np.newaxis]), p[1]),
     (0.0, 2.0),
     (-6.0, 6.0),
 )
-"""A power of the frequency up to its fourth, in white noise."""
+"""Smallest shortfall of noise that rises with up to f⁴, in white noise."""
 
 
 def white(bins: Bins) -> float:
-    """Return the shortfall of white noise."""
+    """Return the shortfall of white noise as the model."""
     return float(shortfall(bins, np.ones((1, len(bins.lam))))[0])
 
 
 def order(bins: Bins) -> float:
-    """Return the smallest shortfall of a fractional order of either model."""
+    """Return the smallest shortfall of a model with a fractional order: the state or ARFIMA."""
     return min(state(bins), arfima(bins))
 
 
 def without_order(bins: Bins) -> float:
     """Return the smallest shortfall of a sum of parts without an order.
 
-    The parts are six relaxations, an alternating one, a random walk and quantisation, of any sizes, in white
-    noise. The logarithms of the relaxations' corners are evenly spaced at the start.
+    The parts are six relaxations, one that alternates in sign, a random walk and quantisation, of any sizes,
+    in white noise. The logarithms of the relaxations' corners are evenly spaced at the start.
     """
     bottom, top = float(np.log(bins.lam[0])), float(np.log(np.pi))
     starts = [(low, high) for low in (bottom - 2, bottom, bottom + 2) for high in (top - 2, top, top + 1.5)]
@@ -199,14 +210,18 @@ def without_order(bins: Bins) -> float:
 
 
 def _mixed(bins: Bins, log_corners: Array) -> float:
-    """Return the smallest shortfall of such parts, starting with these corners."""
+    """Return the smallest shortfall of a sum of parts without an order.
+
+    The search starts with these logarithms of the corners.
+    """
     half = 4 * np.sin(bins.lam / 2) ** 2
-    halves = np.stack([half] * RELAXATIONS + [4 - half])  # the last one is mirrored
+    # the spectrum of the last one is mirrored: high frequencies for low ones
+    halves = np.stack([half] * RELAXATIONS + [4 - half])
     fixed = np.stack([1 / half, half, np.ones_like(half)])
     poles = len(halves)
 
     def behind(p: Array) -> tuple[float, Array]:
-        """Return the shortfall and its slopes, as a function of logarithms of corners and sizes."""
+        """Return the shortfall and its derivatives, by the logarithms of corners and sizes."""
         corner = np.exp(p[:poles, np.newaxis])
         pole, rest = np.exp(-corner), -np.expm1(-corner)
         below = rest**2 + pole * halves
@@ -220,7 +235,7 @@ def _mixed(bins: Bins, log_corners: Array) -> float:
 
     level = np.log(np.median(bins.truth) / (RELAXATIONS + 1))
     sizes = np.full(poles + len(fixed), level)
-    # The mirrored relaxation, the random walk and the rise begin small.
+    # The search starts with a small mirrored relaxation, random walk and rise.
     sizes[-len(fixed) - 1 : -1] = level - 5
     sizes[-len(fixed)] += 2 * np.log(bins.lam[0])
     start = np.concatenate([log_corners, [0.0], sizes])

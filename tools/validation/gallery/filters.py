@@ -1,4 +1,4 @@
-"""Filters that noises pass before they are read: low-passes, held values, jitter."""
+"""Filters that noises pass before they are read: low-passes, repeated values, jitter."""
 
 import cmath
 import math
@@ -14,20 +14,23 @@ from tools.validation.gallery.parts import Relaxation
 from tools.validation.recursions import Stream
 
 AT_ONCE = 1 << 22
-"""Number of samples before a filter that are drawn in one call, to limit the memory of long records."""
+"""Number of samples at a filter's input that are drawn at once, to limit the memory for long records."""
 OVER_CORNER = 8.0
-"""Smallest ratio of a filter's inner rate to its corner."""
+"""Smallest ratio of the rate at which a filter runs to its corner frequency."""
 MPU9250_DLPF = {250: 0.97, 184: 2.9, 92: 3.9, 41: 5.9, 20: 9.9, 10: 17.85, 5: 33.48}
 """Bandwidths [Hz] and delays [ms] of the gyroscope's low-passes, from the register map."""
 CONSTANT_DELAY_MS = 1.9
-"""The part of these delays beyond that of one pole, 0.159 / bandwidth; so the filter has one pole."""
+"""What these delays have in addition to 0.159 / bandwidth, the delay of one pole.
+
+Since it is constant, the filter has one pole.
+"""
 
 
 class LowPass(NamedTuple):
     """A low-pass as chips have it, with a gain of 1 at low frequencies.
 
-    It has `poles` (one, or a Butterworth's two) at `hz`, mapped by exp(s / inner rate); or only `taps`, at
-    the output's own rate. `inner_hz`: the rate at which the filter runs; 0: several times the corner.
+    It has one pole, or the two poles of a Butterworth filter, at `hz`; or it has only `taps`, at the rate of
+    the output. `inner_hz`: the rate at which the filter runs; 0: several times the corner frequency.
     """
 
     hz: float = 0.0
@@ -57,12 +60,12 @@ class LowPass(NamedTuple):
 
 
 def moving_average(taps: int) -> LowPass:
-    """Return the mean of the last samples."""
+    """Return a filter that averages the last samples."""
     return LowPass(taps=(1 / taps,) * taps)
 
 
 def windowed_sinc(cut: float, taps: int = 31) -> LowPass:
-    """Return a sinc in Hamming's window. `cut`: share of the sample rate."""
+    """Return a low-pass of a sinc in Hamming's window. `cut`: corner as a share of the sample rate."""
     return LowPass(taps=tuple(firwin(taps, 2 * cut).tolist()))
 
 
@@ -91,7 +94,10 @@ class Median(NamedTuple):
         return np.asarray(np.median(windows, axis=1))
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
-        """See `Part`. From the autocovariance of a long draw, which is 0 from the window's length on."""
+        """See `Part`.
+
+        It is computed from the autocovariance of a long record, which is 0 beyond the window's length.
+        """
         found = np.full_like(lam, (covariance := _covariance(self))[0])
         for lag in range(1, self.samples):
             found += 2 * covariance[lag] * np.cos(lag * lam)
@@ -113,7 +119,7 @@ class Through(NamedTuple):
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
         m = self.low_pass.every(rate_hz)
         stream = Stream(*self.low_pass.coefficients(m * rate_hz))
-        stream.run(rng.standard_normal(1 << 14))  # so that it has forgotten its initial state
+        stream.run(rng.standard_normal(1 << 14))  # run the filter until it has forgotten its initial state
         slow = [(part.size, part.stream(rng)) for part in (one.sampled(m * rate_hz) for one in self.inner)]
         out, piece = np.empty(n), max(1, AT_ONCE // m)
         for at in range(0, n, piece):
@@ -121,12 +127,12 @@ class Through(NamedTuple):
             e = rng.standard_normal(count)
             for size, one in slow:
                 e += one.run(size * rng.standard_normal(count))
-            # m times the variance gives the same density below the corner.
+            # With m times the variance, the density below the corner is unchanged.
             out[at : at + count // m] = stream.run(math.sqrt(m) * e)[::m]
         return out
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
-        """See `Part`. Folded at half the rate as often as the decimation requires."""
+        """See `Part`. The spectrum is folded at half the output's rate, as decimation by m does."""
         m = self.low_pass.every(rate_hz)
         found = np.zeros_like(lam)
         for k in range(m):
@@ -137,7 +143,11 @@ class Through(NamedTuple):
 
 
 class Held(NamedTuple):
-    """White noise of a chip that makes `fresh` values per round; `pattern`: which one each reading gets."""
+    """White noise of a chip that is read more often than it measures, so that values are repeated.
+
+    `fresh`: number of new values in a cycle of readings. `pattern`: the index of the value that each reading
+    of the cycle gets.
+    """
 
     pattern: tuple[int, ...]
     fresh: int
@@ -150,7 +160,7 @@ class Held(NamedTuple):
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
         """See `Part`.
 
-        The mean over the readings of a round: 1 + 2 Σ (share of repeated values) cos(lag λ).
+        It is the mean over the readings of a cycle: 1 + 2 Σ (share of repeated values) cos(lag λ).
         """
         count = len(self.pattern)
         at = np.concatenate([self.pattern, np.array(self.pattern) + self.fresh])
@@ -161,7 +171,7 @@ class Held(NamedTuple):
 
 
 class Jittered(NamedTuple):
-    """A relaxation read up to half a period late, by a random delay, in white noise of the reader.
+    """A relaxation that is read with a random delay of up to half a period, plus white noise.
 
     `steps`: number of time steps in a period.
     """
@@ -182,7 +192,7 @@ class Jittered(NamedTuple):
         return y
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
-        """See `Part`. From the autocorrelation, whose lags are spread by the jitter."""
+        """See `Part`. It is computed from the autocorrelation, averaged over the delays."""
         a = 2 * math.pi * self.hz / rate_hz
         late = np.arange(self.steps // 2) / self.steps
         spread = float(np.exp(-a * late).mean() * np.exp(a * late).mean())
@@ -192,7 +202,7 @@ class Jittered(NamedTuple):
         return np.asarray(1 + variance * (1 - spread + spread * ar1))
 
     def _scale(self, rate_hz: float) -> float:
-        """Return the factor that makes the density at low frequencies `height`, as sampled without jitter."""
+        """Return the factor with which the density at low frequencies is `height` without jitter."""
         pole = math.exp(-2 * math.pi * self.hz / rate_hz)
         fine = math.exp(-2 * math.pi * self.hz / (self.steps * rate_hz))
         return (1 - pole) / (1 + pole) * (1 + fine) / (1 - fine)

@@ -1,4 +1,4 @@
-"""Measures whether more data ever give a weaker verdict: the gallery's noises with growing records.
+"""Measures whether more data ever give a weaker verdict, on growing records of the gallery's noises.
 
 Each noise is drawn once for the longest record; shorter records are its beginnings. A verdict is weaker than
 the previous one if the previous one was right and this one is not, or if this one is white and the previous
@@ -17,9 +17,12 @@ SEEDS, QUICK_SEEDS = 4, 1
 LENGTHS = (3_000, 20_000, 60_000, 200_000)
 RATE_HZ = 100.0
 FIRST = 500
-"""Number of the first record: the gallery's rules were not developed with it."""
+"""Number of the first record of each noise.
+
+The gallery's rules were developed with records of other numbers.
+"""
 SHORT: dict[str, str] = {"fractional or relaxations": "either", "line or resonance": "peak"}
-"""Short names for the table."""
+"""Short names of verdicts for the table."""
 
 
 def tasks(options: Options) -> list[Task]:
@@ -49,7 +52,7 @@ def says_less(rows: list[Row]) -> list[Row]:
 
 
 def tables(rows: list[Row]) -> list[Table | str]:
-    """Return verdicts by length, and the records in which a longer one has a weaker verdict."""
+    """Return tables of verdicts by length, and of records with a weaker verdict when they are longer."""
     by_noise = grouped(rows, lambda row: row["noise"])
     cells = [
         (str(name), *(_kinds([row for row in some if row["samples"] == n]) for n in LENGTHS))
@@ -69,7 +72,7 @@ def tables(rows: list[Row]) -> list[Table | str]:
 
 
 def _kinds(rows: list[Row]) -> str:
-    """Return the verdicts, with their numbers if there are several; ✗ marks a wrong one."""
+    """Return the verdicts as text, with their counts if they differ; ✗ marks a wrong one."""
     words: list[str] = [
         SHORT.get(str(row["kind"]), str(row["kind"])) + " ✗" * (row["outcome"] == "wrong") for row in rows
     ]

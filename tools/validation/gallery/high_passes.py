@@ -11,7 +11,7 @@ from tools.validation.gallery.parts import Relaxation
 from tools.validation.recursions import Stream
 
 SETTLED = 20.0
-"""Number of the filter's time constants after which it has forgotten its initial state."""
+"""Number of time constants after which a filter has forgotten its initial state."""
 
 
 class Coupled(NamedTuple):
@@ -22,7 +22,7 @@ class Coupled(NamedTuple):
     inner: tuple[Relaxation, ...] = ()
 
     def coefficients(self, rate_hz: float) -> tuple[list[float], list[float]]:
-        """Return numerator and denominator in z⁻¹."""
+        """Return numerator and denominator of the filter as polynomials in z⁻¹."""
         if self.poles == 1:
             pole = math.exp(-2 * math.pi * self.hz / rate_hz)
             return [1.0, -1.0], [1.0, -pole]
@@ -38,7 +38,7 @@ class Coupled(NamedTuple):
         return Stream(*self.coefficients(rate_hz)).run(y)[before:]
 
     def gain(self, lam: Array, rate_hz: float) -> Array:
-        """Return the squared gain."""
+        """Return the squared gain of the high-pass."""
         return np.asarray(np.abs(freqz(*self.coefficients(rate_hz), worN=lam)[1]) ** 2)
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:

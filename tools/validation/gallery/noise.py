@@ -1,4 +1,4 @@
-"""One noise of the gallery: its parts, what is added to them, and the treatment of its samples."""
+"""One noise of the gallery: its parts, what is added to them, and how its samples are changed afterwards."""
 
 import math
 from collections.abc import Callable
@@ -12,7 +12,7 @@ from tools.validation.gallery.parts import Arfima, Flicker, Fractional, Part
 from tools.validation.gallery.periodic import Glitches, WanderingLine
 
 Treatment = Callable[[Array, np.random.Generator], Array]
-"""A change of the samples; returns the changed samples."""
+"""Function that returns the samples after a change, such as rounding."""
 
 Truth = Literal[
     "white",
@@ -28,11 +28,11 @@ Truth = Literal[
     "filtered order",
     "held",
 ]
-"""Kind of the spectrum, without lines, drift and changes."""
+"""Kind of the noise's spectrum, without spectral lines, drift and changes."""
 
 
 class Line(NamedTuple):
-    """A sine of constant frequency, which is aliased like samples are.
+    """A sine of constant frequency, which is aliased by sampling.
 
     `of`: meaning of `hz`: "hz": the frequency; "rate": a share of the sample rate; "nyquist": the distance
     below half the rate.
@@ -115,12 +115,15 @@ def swinging(half: int, ratio: float) -> Treatment:
 
 
 def dead_band(share: float) -> Treatment:
-    """Return a treatment that sets all samples within this share of a standard deviation to 0."""
+    """Return a treatment that sets small samples to 0.
+
+    `share`: limit for their size, as a share of a standard deviation.
+    """
     return lambda y, rng: np.where(np.abs(y) <= share * y.std(), 0.0, y)
 
 
 class Accepted(NamedTuple):
-    """A verdict that is accepted on records of up to `samples`, with the reason."""
+    """A verdict that is accepted on records of up to `samples` samples, with the reason."""
 
     kind: VerdictKind
     reason: str
@@ -128,34 +131,34 @@ class Accepted(NamedTuple):
 
 
 class Noise(NamedTuple):
-    """A noise whose truth is known."""
+    """A noise whose true properties are known."""
 
     name: str
     words: str
-    """Its truth in one line of text."""
+    """Its true properties in one line of text."""
     truth: Truth
     parts: tuple[Part, ...]
     lines: tuple[Line | Glitches | WanderingLine, ...] = ()
     drift: Drift | None = None
     treatment: Treatment | None = None
     changes: bool = False
-    """Whether the noise differs between beginning and end."""
+    """Whether the noise changes during the record."""
     swings: int = 0
     """Number of samples after which its power rises or falls; 0: never."""
     check: str = ""
-    """Data check that must report a problem of the noise, whatever the verdict."""
+    """Data check that must report a problem of the noise, with any verdict; empty if there is none."""
     spread: float | None = None
     """Variance of white noise that the treatment adds to parts of variance 1; None if it adds none."""
     accepted: Accepted | None = None
 
     @property
     def has_order(self) -> bool:
-        """Whether "fractional" may be claimed of the noise."""
+        """Whether the verdict "fractional" is right on this noise."""
         return self.truth in ("order", "filtered order")
 
     @property
     def alpha(self) -> float | None:
-        """The order of its state D^α x = f x + ω; None if it has no such state."""
+        """The order of its state D^α x = f x + ω, or of a like part; None if it has no such part."""
         for part in self.parts:
             match part:
                 case Fractional():
@@ -176,7 +179,10 @@ class Noise(NamedTuple):
         return y if self.treatment is None else self.treatment(y, rng)
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
-        """Return the density at λ without lines and drift; only its shape if it changes or is rounded."""
+        """Return the density at λ without spectral lines and drift.
+
+        If the samples are changed afterwards, only its shape is right.
+        """
         total = np.sum([part.spectrum(lam, rate_hz) for part in self.parts], axis=0)
         if self.spread is None:
             return np.asarray(total)

@@ -1,4 +1,4 @@
-"""The noises of the gallery. Frequencies are in Hz unless the text calls them a share of the rate."""
+"""The noises of the gallery. Frequencies are in Hz unless they are called a share of the sample rate."""
 
 from typing import Any
 
@@ -68,7 +68,7 @@ def _filtered(name: str, words: str, low_pass: LowPass, *behind: Part, drift: Dr
 
 
 def _flicker_before(name: str, words: str, low_pass: LowPass) -> Noise:
-    """Return 1/f noise with its corner at 1 Hz, as a sum of relaxations, before a filter."""
+    """Return 1/f noise with its corner at 1 Hz, as a sum of relaxations, which passes a filter."""
     words = f"white and 1/f from 1 Hz down ({A_DECADE} relaxations a decade) through {words}"
     part = Through(low_pass, ladder(1e-4, 2 * low_pass.hz, A_DECADE, 1.0))
     return Noise(name, words, "filtered order", (part,))

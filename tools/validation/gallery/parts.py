@@ -1,7 +1,7 @@
-"""Parts of noises: each part draws samples and has its spectrum in closed form.
+"""Parts of noises: each part can draw samples, and has its spectrum in closed form.
 
 Spectra are normalised so that white noise of variance R has density R, over λ [rad per sample]. All parts of
-a noise have one scale: the density of the noise's white part is 1 at any rate, like a sensor's.
+a noise have the same scale: the density of its white part is 1 at any sample rate, as for a sensor.
 """
 
 import cmath
@@ -21,13 +21,13 @@ from tools.validation.recursions import (
 )
 
 LONGEST_MEMORY = 1 << 21
-"""Largest memory [samples] of the fractional state: its response has decayed long before."""
+"""Longest memory of the fractional state [samples]; its response decays in less."""
 A_DECADE = 8
-"""Number of relaxations per decade in 1/f noise that is drawn as their sum, within 0.1 % of 1/f."""
+"""Number of relaxations per decade whose sum is drawn as 1/f noise; it is within 0.1 % of 1/f."""
 
 
 class Part(Protocol):
-    """A noise, or a part of one."""
+    """A noise, or one of the parts of a noise."""
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
         """Return `n` samples."""
@@ -55,7 +55,7 @@ class White(NamedTuple):
 
 
 class Telegraph(NamedTuple):
-    """± size, which changes its sign at random, every `stay_s` on average."""
+    """Noise of ± size that changes its sign at random, every `stay_s` seconds on average."""
 
     stay_s: float
     size: float
@@ -74,13 +74,13 @@ class Telegraph(NamedTuple):
 
 
 class AR1(NamedTuple):
-    """x_k = pole x_{k-1} + steps of standard deviation `size`, independent of the rate."""
+    """x_k = pole x_{k-1} + steps of standard deviation `size`; neither depends on the sample rate."""
 
     pole: float
     size: float
 
     def stream(self, rng: np.random.Generator) -> Stream:
-        """Return its recursion, stationary from the first sample."""
+        """Return the recursion that draws its samples, stationary from the first one."""
         start = self.size * rng.standard_normal() / math.sqrt(1 - self.pole**2)
         return Stream([1.0], [1.0, -self.pole], self.pole * start)
 
@@ -110,12 +110,14 @@ class Relaxation(NamedTuple):
 
 
 def ladder(low_hz: float, high_hz: float, a_decade: float, corner_hz: float) -> tuple[Relaxation, ...]:
-    """Return relaxations of equal power, `a_decade` per decade: 1/f noise from `low_hz` to `high_hz`.
+    """Return relaxations of equal power, whose sum is 1/f noise from `low_hz` to `high_hz`.
+
+    `a_decade`: number of relaxations per decade.
 
     `corner_hz`: frequency at which 1/f noise of this level is as dense as the white noise.
     """
     count = round(math.log10(high_hz / low_hz) * a_decade) + 1
-    # With heights L / c the sum over the corners c at frequency f is about L a_decade / ln 10 · π / (2 f).
+    # With heights L / c, the sum over all corners c is about L a_decade / ln 10 · π / (2 f) at frequency f.
     level = corner_hz * math.log(10) / (a_decade * math.pi / 2)
     return tuple(
         Relaxation(corner, level / corner) for corner in np.geomspace(low_hz, high_hz, count).tolist()
@@ -131,7 +133,8 @@ class Arfima(NamedTuple):
     ma: float = 0.0
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
-        before = 0 if self.ar == self.ma == 0 else 2_000  # by then the pole has forgotten its initial state
+        # number of samples after which the pole has forgotten its initial state
+        before = 0 if self.ar == self.ma == 0 else 2_000
         x = fractional_noise(self.d, n + before + 1, rng)
         return math.sqrt(self.step) * np.asarray(lfilter([1.0, self.ma], [1.0, -self.ar], x))[-n:]
 
@@ -144,7 +147,7 @@ class Arfima(NamedTuple):
 class Fractional(NamedTuple):
     """The project's own state D^α x = f x + ω, with f in s^-α and variance `step` of a step.
 
-    `window`: number of samples that it remembers; 0: all. Only with a limited memory may f be above 0.
+    `window`: number of past samples on which it depends; 0: all. f may be above 0 only if this is limited.
     """
 
     alpha: float
@@ -153,17 +156,17 @@ class Fractional(NamedTuple):
     window: int = 0
 
     def g(self, rate_hz: float) -> float:
-        """Return h^α f, limited to half of the range in which x does not grow, for slow rates."""
+        """Return h^α f. At slow rates it is limited to half of the range in which x does not grow."""
         g = float(rate_hz**-self.alpha) * self.f
         most = float(self._weights().sum()) / 2 if self.window else 0.0
         return min(max(g, -float(2.0**self.alpha) / 2), most)
 
     def _weights(self) -> Array:
-        """Return the weights of the samples that it remembers, its own first."""
+        """Return the weights of the samples on which the state depends, the newest one first."""
         return fractional_difference(-self.alpha, self.window + 1)
 
     def _series(self, rate_hz: float, length: int) -> Array:
-        """Return the series that turns x into ω."""
+        """Return the coefficients of the filter that turns x into ω."""
         series = fractional_difference(-self.alpha, length)
         if self.window:
             series[self.window + 1 :] = 0
@@ -172,7 +175,7 @@ class Fractional(NamedTuple):
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
         if self.f == 0:
-            # Starts one record length before the first sample; anything earlier would be an offset.
+            # Start one record length before the first sample. What happened earlier would only be an offset.
             response = fractional_difference(self.alpha, n + 1)
         else:
             length = min(LONGEST_MEMORY, 1 << (max(n, 1 << 16) - 1).bit_length())
@@ -188,7 +191,7 @@ class Fractional(NamedTuple):
 
 
 class Flicker(NamedTuple):
-    """1/f noise, exactly of order 1/2, as dense as the white noise at its corner."""
+    """1/f noise, exactly of order 1/2. At its corner, its density equals that of the white noise."""
 
     corner_hz: float
 
@@ -203,7 +206,7 @@ class Flicker(NamedTuple):
 
 
 class Walk(NamedTuple):
-    """A random walk, as dense as the white noise at its corner."""
+    """A random walk. At its corner, its density equals that of the white noise."""
 
     corner_hz: float
 
@@ -217,7 +220,8 @@ class Walk(NamedTuple):
 class Resonance(NamedTuple):
     """A pair of complex poles at a share of the sample rate.
 
-    `q`: centre frequency over the width at half the power. `peak`: approximate density at the peak.
+    `q`: ratio of the centre frequency to the width at half the power. `peak`: approximate density at the
+    peak.
     """
 
     share: float
@@ -241,7 +245,10 @@ class Resonance(NamedTuple):
 
 
 class Notched(NamedTuple):
-    """White noise through a notch at a share of the sample rate. `q`: centre frequency over width."""
+    """White noise that passed a notch filter at a share of the sample rate.
+
+    `q`: ratio of the centre frequency to the width.
+    """
 
     share: float
     q: float

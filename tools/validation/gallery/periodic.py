@@ -9,18 +9,23 @@ from fltea.records.fit import VerdictKind
 from scipy.signal import lfilter
 
 FEWEST_SAMPLES, FEWEST_PERIODS, SURELY_ALIKE = 10, 10, 8.0
-"""Conditions for a comb that has to be found.
+"""Conditions under which a comb of spectral lines has to be found.
 
 They are the smallest number of samples in a period, the smallest number of periods in a record, and the
 correlation with itself one period later [standard deviations].
 """
 FAR, FEW_ORDINATES, MANY_ORDINATES = 5.0, 10.0, 100.0
-"""Conditions for a line of varying frequency: distance from 0 over the spread, and ordinates in the spread.
+"""Conditions for a spectral line of varying frequency.
+
+They are the ratio of its frequency to the frequency's standard deviation, and the number of ordinates within
+this deviation.
 """
 
 
 class Glitches(NamedTuple):
-    """The same few samples disturbed in each period, which need not be a whole number of samples.
+    """Noise that is disturbed in a few samples of each period.
+
+    A period need not be a whole number of samples.
 
     `late`: each disturbance is early or late by up to this number of samples.
     """
@@ -42,7 +47,7 @@ class Glitches(NamedTuple):
 
 
 class WanderingLine(NamedTuple):
-    """A sine whose frequency is a Gauss-Markov process about `hz`, with this spread and correlation time."""
+    """A sine whose frequency is a Gauss-Markov process with mean `hz`."""
 
     hz: float
     amplitude: float
@@ -60,11 +65,11 @@ class WanderingLine(NamedTuple):
 
 
 Said = tuple[set[VerdictKind], dict[VerdictKind, str]]
-"""Verdicts that are right, and verdicts that are accepted, with the reason."""
+"""The verdicts that are right, and those that are accepted, with the reasons."""
 
 
 def right_periodic(one: Glitches | WanderingLine, rate_hz: float, n: int) -> Said:
-    """Return the right verdicts on `one` in white noise of variance 1, and the accepted ones."""
+    """Return the right and the accepted verdicts on this addition to white noise of variance 1."""
     return _glitches(one, rate_hz, n) if isinstance(one, Glitches) else _wandering(one, rate_hz, n)
 
 

@@ -1,8 +1,8 @@
 """Runs `fltea identify` on records of the gallery's noises, and judges whether the verdicts are right.
 
 The main figures are: the number of right verdicts; records of noises without an order that are called
-fractional; and claims of an order although a model without one is within `MARGIN` in 2 log L, of which there
-should be none.
+fractional; and claims of an order although 2 log L of a model without one is at most `MARGIN` smaller. There
+should be no such claims.
 """
 
 import zlib
@@ -36,16 +36,16 @@ SEEDS = QUICK_SEEDS = 1
 RATES_HZ = (5.0, 100.0, 1_000.0)
 LENGTHS_S = (30.0, 600.0, 10_800.0)
 QUICK = (100.0, 600.0)
-"""Rate and length of the quick run."""
+"""Sample rate [Hz] and length [s] of the records in a quick run."""
 MARGIN = 6.0
-"""Margin in 2 log L by which a claimed order has to be better than every model without an order."""
+"""How much larger 2 log L has to be with a claimed order than with any model without one."""
 SCALE = 0.01
-"""Unit of the gallery [deg/s]: a sensor's white noise."""
+"""Standard deviation of the white noise in the gallery [deg/s], as a sensor has it."""
 CHECKS = "dead band", "common value", "clipped"
-"""Data checks that may report a problem only on the noise that expects it."""
+"""Data checks that must not report a problem, except on the noises that have it."""
 COLOURS = {"right": "#4c9f70", "cannot be told": "#e9c46a", "wrong": "#d1495b"}
 SIGNS = {"right": "", "cannot be told": "?", "wrong": "✗"}
-"""Signs of the outcomes next to a verdict, also for readers who cannot distinguish the colours."""
+"""Signs next to a verdict that show the outcome to readers who cannot distinguish the colours."""
 ACROSS = 6
 """Number of small pictures in a row."""
 
@@ -71,7 +71,7 @@ def draw(name: str, rate_hz: float, duration_s: float, number: int) -> Array:
 
 
 def analyse(name: str, rate_hz: float, duration_s: float, number: int) -> list[Row]:
-    """Draw one record and identify it; return verdict, order with its 95 % interval, and lines."""
+    """Draw one record and identify it. Return verdict, order with its 95 % interval, and spectral lines."""
     y, noise = draw(name, rate_hz, duration_s, number), NOISES[name]
     cell: Row = {"noise": name, "rate_hz": rate_hz, "duration_s": duration_s, "record": number}
     known = {"truth": noise.truth, "has_order": noise.has_order, "true_alpha": noise.alpha}
@@ -82,17 +82,18 @@ def judged(name: str, rate_hz: float, y: Array) -> Row:
     """Return the program's result for a record of a noise, and whether the verdict is right."""
     noise, truth, seen = NOISES[name], _right(name, rate_hz, len(y)), _seen(y, 1 / rate_hz)
     outcome = truth.outcome(seen["kind"])
-    if noise.check or seen["checks"]:  # if a data check reports a problem, the verdict does not count
+    if noise.check or seen["checks"]:  # the verdict is not judged if a data check reports a problem
         outcome = "right" if noise.check in seen["checks"] else "wrong"
     reason = truth.accepted.get(seen["kind"], "") if outcome == "cannot be told" else ""
     return seen | {"outcome": outcome, "right": sorted(truth.right), "reason": reason}
 
 
 def _seen(y: Array, h: float) -> Row:
-    """Return the program's result for `y`; only here does the gallery call the program.
+    """Return the program's result for samples. The rest of the gallery does not call the program.
 
-    `alpha`: value and ends. `ahead`: 2 log L of the best model with an order minus that of the richest model
-    without; None if there is no model with an order.
+    The field `alpha` has the value and the ends of its interval. The field `ahead` is 2 log L of the best
+    model with an order, minus that of the model with most parameters without an order; None if no model has
+    an order.
     """
     if (y == y[0]).all():
         text = "All samples are the same."
@@ -119,7 +120,7 @@ def _right(name: str, rate_hz: float, samples: int) -> Right:
 
 
 def tables(rows: list[Row]) -> list[Table | str]:
-    """Return the wrong verdicts, the main figures, the reasons, and truth against verdict."""
+    """Return tables of the wrong verdicts, the main figures, the reasons, and verdicts by true kind."""
     record = ("noise", "record", "verdict")
     wrong = _cells(rows, "wrong", lambda some: ", ".join(some[0]["right"]))
     untellable = _cells(rows, "cannot be told", lambda some: "; ".join({row["reason"]: 0 for row in some}))
@@ -132,7 +133,7 @@ def tables(rows: list[Row]) -> list[Table | str]:
 
 
 def _cells(rows: list[Row], outcome: str, why: Callable[[list[Row]], str]) -> list[tuple[str, ...]]:
-    """Return the cells of each noise, rate and length in which any record has this outcome."""
+    """Return a row for each noise, rate and length of which any record has this outcome."""
     found: list[tuple[str, ...]] = []
     for cell in grouped(rows, lambda row: (row["noise"], _record(row))).values():
         if some := [row for row in cell if row["outcome"] == outcome]:
@@ -143,7 +144,7 @@ def _cells(rows: list[Row], outcome: str, why: Callable[[list[Row]], str]) -> li
 
 
 def compared(before: list[Row], after: list[Row]) -> list[Table | str]:
-    """Return the changes of each cell since an earlier run."""
+    """Return tables of what changed since an earlier run, for each noise, rate and length."""
     return against.tables(before, after)
 
 
@@ -193,7 +194,10 @@ def _record(row: Row) -> str:
 
 
 def pictures(rows: list[Row]) -> dict[str, bytes]:
-    """Return a grid of outcomes, and every noise's spectrum with truth and verdict, as PNG."""
+    """Return two pictures as PNG.
+
+    One is a grid of outcomes. The other has the spectra of all noises, with truth and verdict.
+    """
     return {"cells": _grid(rows), "spectra": _spectra(rows)}
 
 

@@ -1,8 +1,9 @@
 """Determines the right verdicts on a noise from its true spectrum alone.
 
 There are three outcomes. A verdict that names the truth is right, and so is a verdict that names a model
-whose spectrum the record cannot distinguish from the truth. A weaker verdict, or one that likely chance can
-produce, is accepted if the record cannot decide; the reason is kept with it. All others are wrong.
+whose spectrum the record cannot distinguish from the truth. If the record cannot decide, a weaker verdict is
+accepted, and so is one to which chance may well lead. The reason is kept with it. All other verdicts are
+wrong.
 """
 
 import math
@@ -21,39 +22,48 @@ from tools.validation.gallery.parts import Differenced, Notched, Resonance, Whit
 from tools.validation.gallery.periodic import right_periodic
 
 SAME = 6.0
-"""Expected 2 log L below which two spectra are indistinguishable."""
+"""Expected difference of 2 log L below which two spectra cannot be distinguished."""
 UNSEEN = 2.0
-"""Expected 2 log L below which a spectrum is indistinguishable from white noise."""
+"""Expected difference of 2 log L below which a spectrum cannot be distinguished from white noise."""
 LUCK = 2.0
-"""Number of standard deviations by which chance may change 2 log L; its spread is 2 √(expected)."""
+"""Number of standard deviations by which chance may change a difference of 2 log L.
+
+The standard deviation is 2 √(expected difference).
+"""
 MORE = 13.0
-"""Gain in 2 log L, by chance alone, of parts without an order over one order, from more parameters."""
+"""How much larger 2 log L may be, by chance, for parts without an order than for an order.
+
+The reason is that they have more parameters.
+"""
 WITHOUT_ORDER = "a sum of relaxations, a walk and a rise"
 SLOW_ORDINATES = 9
 DRIFTS = 1.5
-"""Expected power of the slowest ordinates over white noise above which there is some drift."""
+"""Ratio of the slowest ordinates' expected power to white noise, above which there is some drift."""
 SLOW_SEEN, RAMP_SEEN = 3.5, 30.0
-"""Detection limits: mean power of the slowest ordinates, and power of a cubic's amplitudes, over white noise.
+"""Detection limits of drift, relative to white noise.
+
+The first is for the mean power of the slowest ordinates, the second for the power of a fitted cubic
+polynomial.
 
 White noise exceeds the first with p = 1e-5. A drift below the second is irrelevant in practice.
 """
 PEAK_ALARM = 3e-3
 NARROW, FEW_ORDINATES = 2.0, 10.0
-"""Widths of a peak in ordinates: below the first it is like a line; below the second it is barely wider."""
+"""Widths of a peak, in ordinates: below the first it is a spectral line, below the second hardly wider."""
 HIGH_CORNER = 0.2 * math.pi
-"""Corner [rad per sample] above which a high-pass is a rise."""
+"""Corner [rad per sample] above which a high-pass looks like a spectrum that rises."""
 INSIDE_THE_FILTER = 0.5
-"""Power gain of a filter down to which noise before the filter can be seen."""
+"""Power gain of a filter from which on noise before the filter is visible in the spectrum."""
 
 EITHER: VerdictKind = "fractional or relaxations"
 
 
 class Right(NamedTuple):
-    """The verdicts on a noise at one rate and length."""
+    """The right and the accepted verdicts on a noise, at one sample rate and length."""
 
     right: frozenset[VerdictKind]
     accepted: dict[VerdictKind, str]
-    """Accepted verdicts with the reason."""
+    """Accepted verdicts, each with the reason."""
 
     def outcome(self, kind: VerdictKind) -> str:
         """Return `right`, `cannot be told` or `wrong`."""
@@ -76,7 +86,7 @@ class _Notes:
 
 
 def distinguishable(short: float, needed: float) -> bool:
-    """Return whether 2 log L exceeds `needed` even with bad luck."""
+    """Return whether the difference in 2 log L exceeds `needed` even with bad luck."""
     return short - LUCK * 2 * math.sqrt(max(short, 0.0)) > needed
 
 
@@ -89,12 +99,13 @@ def right_verdicts(noise: Noise, rate_hz: float, n: int) -> Right:
     if not seen:
         _nearly_white(notes, noise, bins, rate_hz, n, short)
     if noise.truth != "white" and short < UNSEEN:
-        # Other models are white noise there, too, but that does not excuse a claim.
+        # Other models are white at these frequencies, too, but that does not excuse the claim of such a
+        # model.
         notes.right.add(_RULES[noise.truth][0])
     elif noise.truth != "white":
         notes.right.add(_RULES[noise.truth][0])
         _RULES[noise.truth][1](notes, noise, bins, rate_hz, n)
-        if bins.truth[-1] > bins.truth.min():  # aliasing at half the rate may make it rise
+        if bins.truth[-1] > bins.truth.min():  # aliasing may make the spectrum rise near half the sample rate
             notes.may("anti-persistent", contrast.rising(bins), "a power that rises with frequency")
     if noise.drift is not None and (not seen or noise.truth == "white"):
         notes.right = {"drift"}
@@ -121,7 +132,7 @@ def _peaks(noise: Noise) -> list[tuple[float, float]]:
 
 
 def _nearly_white(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int, short: float) -> None:
-    """Note the verdicts on noise that looks white at the fitted frequencies."""
+    """Note the right verdicts on noise that looks white at the fitted frequencies."""
     slow = 2 * np.pi * np.arange(1, SLOW_ORDINATES + 1) / n
     level = float(np.average(bins.truth, weights=bins.weight))
     each = noise.spectrum(slow, rate_hz) / level
@@ -167,7 +178,7 @@ def _order(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> N
 
 
 def _rising(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
-    """An order with F < 0 also has a rising spectrum."""
+    """Note the right verdicts on a rising spectrum, which an order with F < 0 has, too."""
     notes.may("undecided", contrast.order(bins), "an order between 0.15 and 0.85")
 
 
@@ -193,7 +204,7 @@ def _low_pass(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -
     level = float(noise.spectrum(np.array([1e-3 * bins.lam[0]]), rate_hz)[0])
     if bins.truth[0] < level / 2:
         notes.accepted["drift"] = "the corner is below the lowest frequency that is fitted"
-    # The ends of a drifting record leak into the fitted ordinates.
+    # The difference of a drifting record's ends leaks into the fitted ordinates.
     leak = noise.drift.size**2 / (n * bins.lam**2) if noise.drift is not None else 0.0
     with_leak = bins.truth + leak
     notes.may("drift", contrast.walk(bins._replace(truth=with_leak)), "a random walk")
@@ -215,14 +226,17 @@ def _relaxation_or_order(notes: _Notes, bins: Bins) -> None:
 
 
 def _high_pass(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
-    """If the filter stops nearly all frequencies of the record, the spectrum is a rise."""
+    """If the filter stops nearly all frequencies of the record, the spectrum only rises."""
     half = float(bins.lam[np.flatnonzero(bins.truth > bins.truth[-1] / 2)[0]])
     if half > HIGH_CORNER:
         notes.right.add("anti-persistent")
 
 
 def _high_passed_relaxations(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
-    """The noise before the filter is named, or the filter; rise and fall may also look like an order."""
+    """A right verdict names the noise before the filter, or the filter.
+
+    A spectrum that rises and falls may also look like an order.
+    """
     notes.right.add("high-pass")
     notes.may(EITHER, contrast.high_passed_order(bins), "an order behind a high-pass", MORE)
     notes.may("drift", contrast.walk(bins), "a random walk")
@@ -259,13 +273,16 @@ def _end(bins: Bins, gain: Array) -> float:
 
 
 def _held(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
-    """Note the verdicts on held values: holding is a filter, but of a shape without a name here."""
+    """Note the right verdicts on repeated values.
+
+    Repeating values is a filter, but no verdict names a filter of this shape.
+    """
     notes.accepted["undecided"] = "the spectrum is that of no model here"
     _relaxation_or_order(notes, bins)
 
 
 def _lines(notes: _Notes, noise: Noise, rate_hz: float, n: int) -> None:
-    """Note for each line whether it can be seen, and whether so short a record determines a line."""
+    """Note for each spectral line whether the record shows it, and whether it determines its kind."""
     notes.right.clear()
     notes.accepted.clear()
     surely = False
@@ -306,7 +323,7 @@ def _lines(notes: _Notes, noise: Noise, rate_hz: float, n: int) -> None:
 
 
 CHANGE = math.log(2)
-"""Smallest change of the logarithm of the variance between the halves."""
+"""Smallest difference of the logarithms of the variance in the two halves that is a change."""
 
 
 def _changes(notes: _Notes, n: int) -> None:
@@ -324,11 +341,14 @@ def _changes(notes: _Notes, n: int) -> None:
 
 
 FEW_SWINGS = 16
-"""Number of changes of the power after which it is certain that they continue."""
+"""Number of changes of the power from which on the verdict has to say that they continue."""
 
 
 def _swings(notes: _Notes, half: int, n: int) -> None:
-    """Note the verdicts on power that rises and falls; in short records each level's samples are white."""
+    """Note the right verdicts on noise whose power rises and falls.
+
+    A short record may contain only white noise of one power.
+    """
     notes.right = {"not stationary"} if n > half else {"not stationary", "white"}
     if n < FEW_SWINGS * half:
         why = f"the power goes up or down {n / half:.1f} times"

@@ -1,4 +1,4 @@
-"""Counts the results of the model search on noises of a population, to calibrate and validate odds."""
+"""Counts the results of the model search on random noises, to calibrate and validate the odds of an order."""
 
 import zlib
 
@@ -11,10 +11,11 @@ from tools.validation.runner import Row
 
 
 def count(population: str, samples: int, first: int, series: int, seed: int) -> list[Row]:
-    """Return a row for each of `series` noises from number `first` on: leads, odds and the verdict.
+    """Return a row for each of `series` noises from number `first` on, with odds and verdict.
 
-    `lead` and `over_rich`: how far the best model with an order is ahead after BIC's penalty, and ahead of
-    the richest model without an order in 2 log L; None if the search found no model that looks like an order.
+    `lead`: how much better the best model with an order is by BIC. `over_rich`: how much larger its 2 log L
+    is than that of the model without an order that has most parameters. Both are None if the search found no
+    model that looks like an order.
     """
     rows: list[Row] = []
     for number in range(first, first + series):

@@ -1,8 +1,9 @@
 """Random noises with and without an order, on which the odds of an order are calibrated and validated.
 
-All are in white noise of variance 1. A record of n samples shows corners with at least ten periods. The
-corners of relaxations are log-uniform from there to a third of the rate, or regular: about equally spaced,
-with densities that fall as those of 1/f noise. No member is one of the gallery's noises.
+All are in white noise of variance 1. In a record of n samples, corners are known from frequencies of ten
+periods on. The logarithms of the relaxations' corners are random between this frequency and a third of the
+rate, or they are regular: about equally spaced, with densities that fall as those of 1/f noise. None of these
+noises is in the gallery.
 """
 
 import math
@@ -16,17 +17,21 @@ from tools.validation.gallery.parts import Fractional, Part, Relaxation, White
 
 RATE_HZ = 100.0
 ORDERS, STEP_RATIOS = (0.2, 0.85), (-1.0, 1.0)
-"""Ends of the uniform distributions of α and of log10 of s2/R."""
+"""Ranges of the uniform distributions of α and of log10(s2/R)."""
 LEAST_F = -0.5
-"""F = g + α is uniform from this value to α, where x has no restoring force."""
+"""F = g + α is uniformly distributed between this value and α. At F = α the state has no restoring force."""
 PERIODS, FASTEST_HZ = 10, 30.0
 DENSITIES = (-0.5, 2.0)
-"""Range of log10 of a relaxation's density over that of the white noise."""
+"""Range of log10 of the ratio of a relaxation's density to that of the white noise."""
 MOST_RANDOM, MOST_REGULAR = 4, 5
 STEPS, SLOPES, LEVELS = (0.5, 1.2), (0.6, 1.4), (-0.5, 1.5)
-"""Regular relaxations: decades between corners, -log density by log corner, log10 density at 1 Hz."""
+"""Ranges for regular relaxations.
+
+They are the distance of corners in decades, the slope of -log density over log corner, and log10 of the
+density at 1 Hz.
+"""
 SCATTER = 0.1
-"""Standard deviation of log10 of their densities."""
+"""Standard deviation of log10 of regular relaxations' densities from a straight line."""
 
 Draw = Callable[[np.random.Generator, int], tuple[Part, ...]]
 
@@ -80,7 +85,10 @@ POPULATIONS: dict[str, tuple[Draw, float]] = {
     "regular sum": (regular_sum, 0.125),
     "sum and rise": (sum_and_rise, 0.125),
 }
-"""How each kind is drawn, and its share in the population of the odds: an order is as frequent as none."""
+"""How each kind of noise is drawn, and its share among all noises.
+
+Noises with and without an order are equally frequent.
+"""
 
 
 def drawn(parts: tuple[Part, ...], n: int, rng: np.random.Generator) -> Array:

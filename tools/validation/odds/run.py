@@ -1,4 +1,4 @@
-"""Validates the odds of an order: how reliable they are, and what share of orders they find.
+"""Validates the odds of an order: how reliable they are, and what share of true orders they find.
 
 Noises are drawn from the populations that the odds were calibrated on, with other seeds.
 """
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SEEDS, QUICK_SEEDS = 400, 40
-"""Number of noises of each population and length."""
+"""Number of noises of each population and length, and the number with --quick."""
 SEED = 2026
 LENGTHS = (3_000, 20_000, 60_000, 200_000)
 AT_ONCE = 20
@@ -49,7 +49,10 @@ def tasks(options: Options) -> list[Task]:
 
 
 def tables(rows: list[Row]) -> list[Table | str]:
-    """Return reliability, false and true claims, and the orders found at given shares of false ones."""
+    """Return tables of how reliable odds are, and of false and true claims.
+
+    The last one has the orders that are found at given shares of false claims.
+    """
     return [_reliability(rows), _claims(rows), _found(rows)]
 
 
@@ -62,7 +65,10 @@ def _weights(rows: Sequence[Row]) -> list[float]:
 
 
 def reliability(rows: Sequence[Row]) -> list[tuple[int, float, float, float]]:
-    """Return for each bin of odds: noises, predicted and observed share of orders, and its error."""
+    """Return predicted and observed share of orders for each range of odds.
+
+    Each row also has the number of noises and the error of the observed share.
+    """
     told = [row for row in rows if row["odds"] is not None]
     weight = np.array(_weights(told))
     odds = np.array([row["odds"] for row in told])
@@ -111,7 +117,11 @@ def _log_odds(row: Row) -> float:
 
 
 def operating(rows: Sequence[Row], against: str) -> tuple[list[float], list[float]]:
-    """Return shares of sums of one kind, and of orders, above a threshold of the odds, for all thresholds."""
+    """Return the shares of claims among noises without an order, and among noises with one.
+
+    An order is claimed if the odds are above a threshold; the shares are given for all thresholds. `against`:
+    the kind of noises without an order.
+    """
     scores = {
         name: np.array([_score(row) for row in rows if row["population"] == name])
         for name in ("order", against)
@@ -124,7 +134,10 @@ def operating(rows: Sequence[Row], against: str) -> tuple[list[float], list[floa
 
 
 def _score(row: Row) -> float:
-    """Return the lead, which sorts noises as the odds do, and also where the odds are limited."""
+    """Return the lead of the model with an order.
+
+    It sorts noises as the odds do, but is not limited as these are.
+    """
     return -math.inf if row["lead"] is None else float(row["lead"])
 
 
@@ -149,7 +162,7 @@ def _samples(n: int) -> str:
 
 
 def pictures(rows: list[Row]) -> dict[str, bytes]:
-    """Return the curves of reliability, and of orders found against false ones."""
+    """Return pictures of how reliable odds are, and of orders found by the share of false claims."""
     figure = new_figure(11.0, 4.6)
     left, right = figure.subplots(1, 2)
     by_length = grouped(rows, lambda row: row["samples"])

@@ -1,1 +1,1 @@
-"""Many devices behind one source: which are admitted, what waits, and which worker serves them."""
+"""Process the samples of many devices that publish to one broker, in one process or in several (workers)."""

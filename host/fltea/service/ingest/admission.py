@@ -1,4 +1,4 @@
-"""Decide which names of devices are accepted.
+"""Decide which devices are accepted, by their names.
 
 A client that makes up names must neither fill the memory nor keep other devices out for long.
 """
@@ -9,18 +9,21 @@ from typing import Generic, Literal, NamedTuple, TypeVar
 from fltea.settings.device_name import NAME
 
 CANDIDATES = 50_000
-"""Most names that were heard once and wait to be heard again: about 10 MB."""
+"""Largest number of names with one message so far, which wait for a second message: about 10 MB."""
 
 CANDIDATE_NS = 60 * 10**9
 
 FIRST_BYTES = 8_000_000
-"""Most bytes of first messages that are kept until the second message comes."""
+"""Largest size of all first messages [bytes] that are kept until their devices send a second one."""
 
 M = TypeVar("M")
 
 
 class _Candidate(NamedTuple, Generic[M]):
-    """A name that was heard once. `message`: its first message, if there was room for its `size` bytes."""
+    """A device's name with one message so far.
+
+    `message`: this message, or None if there was no room for its `size` bytes.
+    """
 
     heard_ns: int
     message: M | None
@@ -28,15 +31,20 @@ class _Candidate(NamedTuple, Generic[M]):
 
 
 Verdict = Literal["in", "new", "candidate", "once", "full", "bad_name"]
-"""What is done with a message; "once": its name was not heard again in time."""
+"""What is done with a message.
+
+"in": the device is known. "new": the device is admitted now. "candidate": the first message of its name.
+"once": no second message of its name came in time. "full": there are too many devices. "bad_name": no device
+may have the name.
+"""
 
 
 class Admission(Generic[M]):
-    """Admits devices by name, at most `limit` at a time, each with its second message.
+    """Admits each device with its second message, and at most `limit` devices at a time.
 
-    So a name that is made up for one message costs only an entry in a bounded list, and takes no device's
-    entry. `reserved`: a name that no device may have. `turned_away`: number of messages that were not taken,
-    or not yet, by the reason.
+    So a name that is made up for one message costs only an entry in a bounded list, and keeps no device out.
+    `reserved`: a name that no device may have. `turned_away`: for each reason, the number of messages that
+    were not accepted, or not yet.
     """
 
     def __init__(self, limit: int, reserved: str = "") -> None:
@@ -51,9 +59,10 @@ class Admission(Generic[M]):
         return len(self._admitted)
 
     def judge(self, name: str, now_ns: int, message: M, size: int) -> tuple[Verdict, M | None, int]:
-        """Decide about a message of `size` bytes, and count it unless the verdict is "in" or "new".
+        """Judge a message of `size` bytes, and count it if it is not accepted.
 
-        For a new device its first message is returned too, or that message's size if it was not kept.
+        For a new device, the first message is returned too, or the size of the first message if that message
+        was not kept.
         """
         if name in self._admitted:
             return "in", None, 0
@@ -73,17 +82,17 @@ class Admission(Generic[M]):
         return verdict, None, 0
 
     def admit(self, name: str) -> None:
-        """Admit a device that another worker admitted before."""
+        """Admit at once a device that another worker has admitted before."""
         if name in self._candidates:
             self._forget_candidate(name)
         self._admitted.add(name)
 
     def forget(self, name: str) -> None:
-        """Free a device's entry for other devices."""
+        """Remove a device, so that another one can be admitted in its stead."""
         self._admitted.discard(name)
 
     def expire(self, now_ns: int) -> None:
-        """Drop candidates that were not heard again in time."""
+        """Drop names without a second message in time."""
         while self._candidates and now_ns - next(iter(self._candidates.values())).heard_ns > CANDIDATE_NS:
             self._drop_oldest()
 

@@ -1,27 +1,34 @@
-"""Follow how far a worker is behind in its partitions, and which messages it processes a second time."""
+"""Follow how late a worker reads its partitions, and which messages it processes twice.
+
+A partition is the messages of a fixed part of the devices. When a worker takes a partition over, it begins
+some messages before the end of what the worker before it has processed.
+"""
 
 from dataclasses import dataclass
 
 BEHIND_NS = 5 * 10**9
-"""Time after a message that had waited in which no device of its partition counts as silent [ns]."""
+"""For this long after a message that was read late, no device of its partition counts as silent [ns]."""
 
 WAITED_NS = 2 * 10**9
-"""A message that waited this long shows that the stream is read late [ns]."""
+"""A message that waited this long shows that this partition is read late [ns]."""
 
 IN_TIME_NS = 10**9
-"""A message that waited less shows that the worker has caught up with the stream [ns]."""
+"""A message that waited less than this shows that the worker reads new messages again [ns]."""
 
 
 @dataclass
 class _Again:
-    """Messages of a partition, up to number `until`, that are processed a second time."""
+    """Messages of a partition that are processed a second time.
+
+    `until`: number of the last such message. `count`: how many there were so far.
+    """
 
     until: int
     count: int = 0
 
 
 class CatchingUp:
-    """Follows each partition from the message at which another worker left it."""
+    """Follows how a worker reads each of its partitions, from when it took the partition over."""
 
     def __init__(self) -> None:
         self._again: dict[int, _Again] = {}
@@ -29,7 +36,7 @@ class CatchingUp:
         self._behind_ns: dict[int, int] = {}
 
     def begin(self, partition: int, done: int) -> None:
-        """Begin with a partition; another worker has processed its messages up to number `done`."""
+        """Begin with a partition. Another worker has processed the messages up to number `done`."""
         self._again[partition] = _Again(done)
 
     def forget(self, partition: int) -> None:
@@ -38,9 +45,10 @@ class CatchingUp:
         self._again.pop(partition, None)
 
     def shows_pressure(self, partition: int, waited_ns: int, now_ns: int) -> bool:
-        """Note how long a message waited; return whether that shows that this machine is too slow.
+        """Note how long a message waited. Return whether this waiting time says if this machine is too slow.
 
-        A stream that is read late shows nothing until the worker has caught up with it.
+        It says nothing until the worker has caught up with messages that waited for other reasons, for
+        example for a worker.
         """
         if waited_ns >= WAITED_NS:
             self._behind_ns[partition] = now_ns
@@ -51,15 +59,15 @@ class CatchingUp:
         return False
 
     def is_behind(self, partition: int, now_ns: int) -> bool:
-        """Return whether messages of a partition's devices may still wait in the stream."""
+        """Return whether more messages of the partition may still wait to be read."""
         return now_ns - self._behind_ns.get(partition, 0) < BEHIND_NS
 
     def walked_again(self, partition: int, mark: int) -> int:
-        """Note a message that is processed.
+        """Note that message number `mark` of a partition is processed.
 
         Returns:
-            The number of messages that were processed a second time, at the first message after these; else
-            0.
+            The number of messages that were processed a second time, if this is the first message after them;
+            else 0.
         """
         again = self._again.get(partition)
         if again is None:

@@ -1,4 +1,7 @@
-"""Keep a device stream for each device behind a shared source, until the device is given up."""
+"""Keep a device stream for each device that publishes to a broker.
+
+A device that is silent for too long is given up.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,10 +22,10 @@ from fltea.stream.fit_worker import FitWorker
 from fltea.stream.snapshot import DeviceState
 
 TICK_NS = 2 * 10**9
-"""Time without a message after which a device is checked for silence, and then as often again [ns]."""
+"""Time without a message after which a device is checked for silence; also the time between checks [ns]."""
 
 STATS_S = 10
-"""Time between two statistics of a device [s]: each second a tenth of the devices publishes them."""
+"""Time between two `stats` records of a device [s]. Each second, a tenth of the devices publishes one."""
 
 FAULT_NS = 60 * 10**9
 """Time after which a device whose stream failed, by a fault or unsuitable settings, is tried again [ns]."""
@@ -30,10 +33,11 @@ FAULT_NS = 60 * 10**9
 
 @dataclass
 class OpenDevice:
-    """A device and its stream.
+    """A device with its device stream.
 
-    `partition`, `mark`: partition and number of the last message processed, if the broker has partitions.
-    `kept_ns`: when its last snapshot was taken. `is_whole`: that snapshot contains the estimators.
+    `partition`: of the device, if the broker has partitions. `mark`: number of the device's last processed
+    message. `kept_ns`: time of the device's last snapshot. `is_whole`: whether that snapshot contains the
+    estimators.
     """
 
     stream: DeviceStream
@@ -47,11 +51,11 @@ class OpenDevice:
 
 
 class Devices:
-    """Opens, runs and gives up the streams of all devices, in one thread.
+    """Opens, feeds and ends the streams of all devices, in one thread.
 
-    `config`: settings of every device. `url`: of the broker. `shared`: this worker's share, if there are
-    several workers. `fit_worker`: what the refits of all devices share. `wait_for_room`: called before each
-    event; returns when the outputs have room.
+    `config`: settings of every device. `url`: of the broker. `shared`: this worker's share of the devices, if
+    there are several workers. `fit_worker`: thread that refits the noise of all devices. `wait_for_room`:
+    called before each event; returns when the outputs have room.
     """
 
     def __init__(
@@ -74,17 +78,20 @@ class Devices:
         self._once_a_minute = OnceAMinute()
 
     def offset_ns(self) -> int:
-        """Return the offset from `host_ns` to Unix time: by the stream's clock if there is a stream."""
+        """Return the offset from `host_ns` to Unix time.
+
+        With several workers it comes from the clock of the stream that keeps the messages.
+        """
         return self._shared.unix_offset_ns if self._shared is not None else unix_offset_ns()
 
     def is_broken(self, name: str, now_ns: int) -> bool:
-        """Return whether the device's stream failed recently, so that its messages are not processed."""
+        """Return whether the device stream failed recently. Messages of such a device are not processed."""
         return now_ns < self._broken_ns.get(name, 0)
 
     def open(
         self, name: str, now_ns: int, partition: int | None = None, saved: DeviceState | None = None
     ) -> OpenDevice:
-        """Begin a device's stream, with the estimators that another worker saved, if any."""
+        """Begin a device stream. `saved`: estimators that another worker has saved, if any."""
         url = f"{self._url}/{name}"
         source = FramesSource(url, lambda: self._inbox.overflow_bytes[name])
         config = msgspec.structs.replace(self._config, name=name, source=url)
@@ -97,7 +104,10 @@ class Devices:
         return device
 
     def feed(self, name: str, item: Chunk | Reads | None) -> None:
-        """Process what came from a device, or None for time passed; give the device up if that fails."""
+        """Process what came from a device. If this fails, give the device up.
+
+        `item`: None if nothing came and only time has passed.
+        """
         device = self.opened[name]
         try:
             for event in device.source.take(item):
@@ -111,14 +121,18 @@ class Devices:
                 self._report("line_broken", text)
 
     def finish(self, name: str, *, moved: bool) -> None:
-        """End a device's stream with its last statistics. `moved`: another worker continues the device."""
+        """End a device stream with its last `stats` record.
+
+        `moved`: another worker continues with the device.
+        """
         self.opened[name].stream.finish()
         self._give_up(name, moved=moved)
 
     def check(self, now_ns: int, is_silent: Callable[[OpenDevice], bool]) -> None:
-        """Let silent devices notice that time passes, and give up devices that are silent for too long.
+        """Tell the streams of silent devices the time, and give up devices that are silent for too long.
 
-        `is_silent`: returns whether no message of the device can still be on its way.
+        `is_silent`: returns whether a device without messages is truly silent: no message of it can still
+        wait in the broker.
         """
         forget_ns = int(self._config.ingest.forget_s * 1e9)
         for name, device in list(self.opened.items()):
@@ -134,7 +148,8 @@ class Devices:
     def _give_up(self, name: str, *, moved: bool) -> None:
         device = self.opened.pop(name)
         if not moved and device.partition is not None and self._shared is not None:
-            self._shared.drop(device.partition, name)  # or the next worker would continue from it
+            # otherwise another worker would continue from this snapshot
+            self._shared.drop(device.partition, name)
         self._hub.depart(name, moved=moved)
         self._fit_worker.devices -= 1
         self._inbox.forget(name)

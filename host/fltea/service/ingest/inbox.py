@@ -12,16 +12,19 @@ from fltea.service.ingest.floods import MESSAGE_BYTES, Allowance
 from fltea.service.ingest.kept import Kept
 
 BATCH_BYTES = 8_000_000
-"""Most bytes handed out at once: all waiting messages, so that those of a device are handled together."""
+"""Largest size of the messages that `Inbox.take` returns at once [bytes].
+
+It returns as many waiting messages as fit, so that the messages of a device are processed together.
+"""
 
 LONGEST_SHOWN = 64
 
 
 class Message(NamedTuple):
-    """Frames that a device has published together.
+    """A message with frames of the wire protocol that a device has published together.
 
-    `arrived_ns`: when the broker or stream took them, monotonic. With a stream, `mark`: the message's number
-    in the stream; `partition`: the device's partition.
+    `arrived_ns`: monotonic time at which the broker received the message. If the broker keeps messages in a
+    stream, `mark` is the number of the message in the stream, and `partition` the device's partition.
     """
 
     device: str
@@ -32,9 +35,10 @@ class Message(NamedTuple):
 
 
 class Served(NamedTuple):
-    """Marks the beginning of a partition's messages in the queue; they follow message `start`.
+    """Marks in the queue where the messages of a partition begin, which this worker serves from now on.
 
-    `kept`: snapshots of the partition's devices. `done`: last message that the worker before has processed.
+    `kept`: snapshots of the partition's devices. `done`: number of the last message that the previous worker
+    has processed. `start`: number of the message before the first one in the queue.
     """
 
     partition: int
@@ -44,13 +48,13 @@ class Served(NamedTuple):
 
 
 class Resumed(NamedTuple):
-    """Marks where the messages that were left out after a partition's lease lapsed come again."""
+    """Marks in the queue where messages that were left out follow, since a partition's lease had lapsed."""
 
     partition: int
 
 
 class Left(NamedTuple):
-    """Marks that another worker may serve a partition from now on."""
+    """Marks in the queue that this worker serves a partition no more, and another worker may serve it."""
 
     partition: int
 
@@ -59,15 +63,18 @@ Item = Message | Served | Resumed | Left
 
 
 class Inbox:
-    """A queue between the receiver of messages and their reader, with admission control before the reader.
+    """A queue between the receiver of messages and their reader.
 
-    The receiver waits for room before it takes more from a broker, without a time limit. So only messages of
-    devices that are not admitted, or that flood, are left out, and these are counted. A message counts with
-    `MESSAGE_BYTES` in addition to its size, so that empty messages are limited too.
+    The reader gets messages of admitted devices only.
 
-    `queue_bytes`: most bytes that may wait. `reserved`: a name that no device may have.
-    `put`, `post`, `wait_for_room`, and `wake` may be called from any thread, all other methods from the
-    reader's.
+    Before it takes more messages from a broker, the receiver waits until the queue has room, without a time
+    limit. So the only messages left out, and counted, are those of devices that are not admitted or that
+    publish too much. Each message counts as `MESSAGE_BYTES` more than its size, so that empty messages are
+    limited too.
+
+    `queue_bytes`: most bytes that may wait. `reserved`: a name that no device may have. `put`, `post`,
+    `wait_for_room`, and `wake` may be called from any thread, all other methods from the reader's thread
+    only.
     """
 
     def __init__(self, devices: int, queue_bytes: int, reserved: str = "") -> None:
@@ -89,9 +96,13 @@ class Inbox:
         mark: int = 0,
         arrived_ns: int | None = None,
     ) -> None:
-        """Queue a message. `arrived_ns`: when a stream took it, on the clock of `host_ns`; None: now."""
+        """Queue a message.
+
+        `arrived_ns`: time, on the clock of `host_ns`, at which a stream received the message; None if it
+        arrives now.
+        """
         now_ns = host_ns()
-        # A clock that differs may make the message seem to come from the future.
+        # If the broker's clock is ahead of this machine's, a message may seem to come from the future.
         arrived_ns = now_ns if arrived_ns is None else min(arrived_ns, now_ns)
         with self._changed:
             if self._ended:
@@ -102,13 +113,16 @@ class Inbox:
             self._changed.notify_all()
 
     def post(self, item: Served | Resumed | Left) -> None:
-        """Queue a rare item behind all messages that wait."""
+        """Queue an item that is no message behind all messages that wait."""
         with self._changed:
             self._queue.append(item)
             self._changed.notify_all()
 
     def wait_for_room(self, timeout_s: float) -> bool:
-        """Wait until the receiver may take more; return False if it may not in time."""
+        """Wait until the queue has room for the receiver's next messages.
+
+        Return False if the time runs out.
+        """
         if self._bytes < self.queue_bytes:
             return True
         with self._changed:
@@ -125,7 +139,7 @@ class Inbox:
         return bool(self._queue)
 
     def take(self, timeout_s: float) -> tuple[list[Message], Served | Resumed | Left | None]:
-        """Return the waiting messages in order, and the rare item behind them or None.
+        """Return the waiting messages in order, and the first other item behind them, or None.
 
         Waits at most `timeout_s`, or until `wake`. Between two calls the reader may admit or forget devices.
         """
@@ -165,13 +179,13 @@ class Inbox:
                 self.overflow_bytes[device] += len(each.data)
 
     def put_back(self, messages: Sequence[Message]) -> None:
-        """Put messages that were not processed back to the front of the queue."""
+        """Put messages that were not processed back in front of all others."""
         with self._changed:
             self._queue.extendleft(reversed(messages))
             self._bytes += sum(len(message.data) + MESSAGE_BYTES for message in messages)
 
     def end(self) -> int:
-        """Count what waits and what still arrives as lost; return how many bytes waited."""
+        """Count all waiting and all later messages as lost; return how many bytes waited."""
         with self._changed:
             self._ended = True
             left = Counter[str]()
@@ -184,7 +198,7 @@ class Inbox:
         return left.total()
 
     def forget(self, device: str) -> None:
-        """Free a device's entry for other devices."""
+        """Forget a device, so that another one can be admitted in its stead."""
         self.admission.forget(device)
         self.overflow_bytes.pop(device, None)
         self._allowance.forget(device)

@@ -1,4 +1,7 @@
-"""Define what another worker needs to continue with a device: its estimators, and its last message."""
+"""Define what another worker needs to continue with a device.
+
+It needs the device's estimators and the number of the last processed message.
+"""
 
 import zlib
 from typing import Annotated
@@ -9,14 +12,14 @@ from fltea.records.records import Hello
 from fltea.stream.snapshot import DeviceState
 
 LARGEST = 1_000_000
-"""Most bytes of a snapshot, since a NATS server takes messages of 1 MiB by default."""
+"""Largest size of a snapshot [bytes], since a NATS server accepts messages of up to 1 MiB by default."""
 
 
 class Kept(msgspec.Struct, frozen=True):
-    """A device's snapshot after message `mark` of the stream.
+    """Snapshot of a device after message `mark` of the broker's stream.
 
     `state`: the estimators; None while the start-up window fills. `hello`: the device's newest HELLO, so that
-    its samples can be used at once. `unix_ns`: when it was taken.
+    its samples can be used at once. `unix_ns`: when the snapshot was taken.
     """
 
     mark: Annotated[int, msgspec.Meta(ge=0)]
@@ -26,13 +29,16 @@ class Kept(msgspec.Struct, frozen=True):
 
 
 def pack(kept: Kept) -> bytes | None:
-    """Return the snapshot as bytes; None if they are more than a message may have."""
+    """Return the snapshot as bytes; None if it is too large for a message."""
     data = zlib.compress(msgspec.msgpack.encode(kept), 1)
     return data if len(data) <= LARGEST else None
 
 
 def unpack(data: bytes) -> Kept | None:
-    """Return the snapshot in the bytes of `pack`; None for other data, such as another version's."""
+    """Return the snapshot from bytes made by `pack`.
+
+    None for other data, such as those of another version.
+    """
     try:
         unpacker = zlib.decompressobj()
         whole = unpacker.decompress(data, 16 * LARGEST)

@@ -1,9 +1,9 @@
-"""Decide which worker serves which partition, by leases in a key-value store.
+"""Decide which worker serves which partition of the devices, by leases in a key-value store.
 
-Every worker writes its own key and those of its partitions every `RENEW_S`. A lease whose revision has not
-changed for `LEASE_S` by an observer's own clock is free, so no clocks have to agree. A worker takes a lease
-by writing it on the condition that its revision is still the one seen; if two try, the store lets one
-succeed.
+Every `RENEW_S`, a worker writes its own key and the keys of its leases, so that their revision numbers grow.
+A lease is free once an observer has seen the same revision for `LEASE_S` by its own clock; so the clocks of
+the workers need not agree. A worker takes a free lease by writing it on the condition that the revision is
+still the same. If two workers try, the store lets one succeed.
 """
 
 from collections.abc import Iterable, Mapping
@@ -13,20 +13,30 @@ import msgspec
 
 RENEW_S = 1.5
 LEASE_S = 6.0
-"""Time after which other workers take a lease over; its owner stops two renewals earlier (`STOP_S`) [s]."""
+"""Time after which others may take over a lease that was not renewed [s].
+
+The owner of the lease stops serving two renewals earlier, after `STOP_S`.
+"""
 
 STOP_S = LEASE_S - 2 * RENEW_S
 
 
 class Lease(msgspec.Struct, frozen=True):
-    """A lease. `owner`: the worker, "" if it was given back. `done`: last message that was processed."""
+    """A lease of a partition.
+
+    `owner`: name of the worker; empty if the lease was given back. `done`: number of the last message that
+    was processed.
+    """
 
     owner: str
     done: Annotated[int, msgspec.Meta(ge=0)] = 0
 
 
 class Seen(NamedTuple):
-    """An entry of the store. `changed_s`: when its revision was seen to change, on the observer's clock."""
+    """An entry of the store, as this worker last saw it.
+
+    `changed_s`: when this worker saw the revision change, by its own clock.
+    """
 
     revision: int
     changed_s: float
@@ -34,13 +44,13 @@ class Seen(NamedTuple):
 
 
 class Sightings:
-    """Remembers when the entries of the store changed."""
+    """Remembers when this worker saw the entries of the store change."""
 
     def __init__(self) -> None:
         self._seen: dict[str, Seen] = {}
 
     def check(self, entries: Mapping[str, tuple[int, bytes]], now_s: float) -> None:
-        """Note all present entries: for each key its revision and value."""
+        """Note all entries that the store has now. `entries`: for each key the revision and the value."""
         before, self._seen = self._seen, {}
         for key, (revision, value) in entries.items():
             known = before.get(key)
@@ -52,7 +62,7 @@ class Sightings:
         return self._seen.get(key)
 
     def fresh(self, prefix: str, now_s: float) -> list[str]:
-        """Return the keys that begin with `prefix` and changed within `LEASE_S`."""
+        """Return the keys that begin with `prefix` and whose entries changed in the last `LEASE_S`."""
         return [
             key
             for key, seen in self._seen.items()
@@ -61,7 +71,7 @@ class Sightings:
 
 
 def lease_of(data: bytes) -> Lease:
-    """Return the lease in an entry; a lease without owner for other data."""
+    """Return the lease in an entry's value; if the value is no lease, a lease without owner."""
     try:
         return msgspec.json.decode(data, type=Lease)
     except msgspec.DecodeError:
@@ -69,16 +79,19 @@ def lease_of(data: bytes) -> Lease:
 
 
 def is_free(seen: Seen | None, now_s: float) -> bool:
-    """Return whether no worker serves the partition of this entry."""
+    """Return whether no worker holds the lease in this entry."""
     return seen is None or not lease_of(seen.value).owner or now_s - seen.changed_s >= LEASE_S
 
 
 def share(partitions: int, workers: int) -> int:
-    """Return the most partitions that one worker takes."""
+    """Return the largest number of partitions that one worker takes."""
     return -(-partitions // max(1, workers))
 
 
 def surplus(held: Iterable[int], partitions: int, workers: int) -> list[int]:
-    """Return the partitions, those with the highest numbers, to give back since there are more workers."""
+    """Return the partitions that a worker has to give back.
+
+    They are those with the highest numbers, beyond the worker's share. `held`: partitions that it serves.
+    """
     mine = sorted(held)
     return mine[share(partitions, workers) :]

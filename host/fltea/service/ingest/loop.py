@@ -1,4 +1,4 @@
-"""Process the messages of many devices behind one broker, in one thread, with a stream for each device."""
+"""Process the messages of many devices that publish to one broker, in one thread."""
 
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -22,32 +22,32 @@ from fltea.settings.config import Config
 from fltea.stream.fit_worker import FitWorker
 
 STILL_NS = 5 * 10**9
-"""A program that did not check for longer stood still: no device counts as silent in that time [ns]."""
+"""If the program stood still for longer than this, no device counts as silent in that time [ns]."""
 
 BACK_NS = 15 * 10**9
-"""Time that boards get to find a broker that is back [ns]."""
+"""Time that devices get to connect again after an outage of the broker [ns]."""
 
 WAIT_S, SLICE_S = 0.25, 0.1
 
 HELD_S = 10.0
-"""Time without room in the outputs after which it is reported; the wait itself has no limit [s]."""
+"""Time without room in the outputs after which this is reported [s]. The waiting itself has no limit."""
 
 DRAIN_S = 0.3
-"""Time at the end to process messages that have arrived; what remains is counted [s]."""
+"""Time at the end to process messages that have already arrived [s]. The rest is counted as lost."""
 
 PIECE_BYTES = 1 << 16
-"""Bytes of a device processed at a time: far less than outputs with room can take."""
+"""Bytes of a device that are processed at a time: far less than an output with room can take."""
 
 
 class Hearing:
-    """Knows since when devices can be heard: while they cannot, no device is silent or forgotten."""
+    """Knows whether messages of devices can arrive. While they cannot, no device counts as silent."""
 
     def __init__(self) -> None:
         self.checked_ns = host_ns()
         self._deaf_until_ns = 0
 
     def check(self, connected: bool, now_ns: int) -> bool:
-        """Return whether devices could be heard since the last call."""
+        """Return whether messages could arrive during the whole time since the last call."""
         if not connected:
             self._deaf_until_ns = now_ns + BACK_NS
         elif now_ns - self.checked_ns > STILL_NS:
@@ -57,11 +57,11 @@ class Hearing:
 
 
 class Ingest:
-    """Processes the messages of all devices, in the order of their arrival.
+    """Processes the messages of all devices that publish to one broker.
 
-    `config`: settings of every device; its name is the topic's. `receiver`: makes the receiver that fills an
-    inbox. `on_end`: called with the exception that ended the loop, or with None. `fit_worker`: what the
-    refits of all devices share.
+    `config`: settings of every device; its `name` is the one that the topics contain. `receiver`: makes the
+    receiver that fills an inbox. `on_end`: called with the exception that ended the loop, or with None.
+    `fit_worker`: thread that refits the noise of all devices.
     """
 
     def __init__(
@@ -92,7 +92,7 @@ class Ingest:
         self._held_ns = 0
         self._left_out = set[int | None]()
         self.walked: dict[int, int] = {}
-        """For each partition, the last message up to which all messages were processed."""
+        """For each partition, the number of the message up to which all messages were processed."""
         self._once_a_minute = OnceAMinute()
         self._ends_s: float | None = None
 
@@ -106,9 +106,10 @@ class Ingest:
                 self.moved_s = time.monotonic()
                 if now_ns - self.hearing.checked_ns >= CHECK_NS:
                     self.check(now_ns)
-            if self._receiver.partitions is None:  # otherwise the next worker processes what remains
+            # with partitions, the next worker processes the remaining messages
+            if self._receiver.partitions is None:
                 self._drain()
-            self._report_losses(host_ns())  # including what was turned away in the last moment
+            self._report_losses(host_ns())  # once more, for messages that were refused since the last report
             for device in self.devices.opened.values():
                 device.stream.finish()
         except Exception as error:
@@ -123,7 +124,10 @@ class Ingest:
         self._receiver.close()
 
     def take_all(self, timeout_s: float) -> None:
-        """Process the messages in the inbox, those of a device together; wait at most `timeout_s` for any."""
+        """Process the messages in the inbox, all messages of a device together.
+
+        If the inbox is empty, wait at most `timeout_s` for a message.
+        """
         messages, behind = self.inbox.take(timeout_s)
         groups: dict[str, list[Message]] = {}
         for message in messages:
@@ -136,7 +140,7 @@ class Ingest:
             self._on_partition(behind)
 
     def _drain(self) -> None:
-        """Process what has arrived, as far as the time allows, and count the rest."""
+        """Process messages that have already arrived, until the time runs out, and count the rest as lost."""
         while self.inbox.has_messages and not self._is_over():
             self.take_all(0)
         if left := self.inbox.end():
@@ -147,7 +151,7 @@ class Ingest:
         return self._ends_s is not None and time.monotonic() >= self._ends_s
 
     def _wait_for_room(self) -> None:
-        """Wait until the outputs have room; the broker keeps new messages meanwhile."""
+        """Wait until the outputs have room. Meanwhile new messages wait in the broker."""
         began_s = time.monotonic()
         while not self._is_over() and not self._hub.wait_for_room(SLICE_S):
             self.moved_s, self._held_ns = time.monotonic(), host_ns()
@@ -157,7 +161,10 @@ class Ingest:
                 self._report("output_slow", f"{slow} takes nothing now, so {url} has to keep the messages.")
 
     def check(self, now_ns: int) -> None:
-        """Do the work that is due about once a second."""
+        """Do the regular work, about once a second.
+
+        It looks after silent devices, snapshots, the speed of the machine, and losses.
+        """
         opened = self.devices.opened
         if not self.hearing.check(self._receiver.connected and self.inbox.wait_for_room(0), now_ns):
             for device in opened.values():
@@ -165,7 +172,7 @@ class Ingest:
                 device.source.forgive(now_ns)
         self.devices.check(
             now_ns,
-            # Newer messages of the device may still wait in the stream.
+            # A device is not silent while messages of its partition may still wait in the stream.
             lambda device: (
                 device.partition is None or not self.catching_up.is_behind(device.partition, now_ns)
             ),
@@ -180,7 +187,7 @@ class Ingest:
             self._report(trouble.kind, trouble.message)
 
     def _is_due(self, message: Message) -> bool:
-        """Return whether this worker is to process the message, which the device's stream has not had yet."""
+        """Return whether this worker serves the message's partition, and has not processed it yet."""
         name, _, arrived_ns, partition, mark = message
         now_ns, shared = host_ns(), self._receiver.partitions
         waited_ns = now_ns - arrived_ns
@@ -203,14 +210,21 @@ class Ingest:
         return True
 
     def _serves(self, partition: int) -> bool:
-        """Return whether a partition's messages may be processed; a left-out one must come again first."""
+        """Return whether messages of a partition may be processed.
+
+        Once a message of the partition was left out, none is processed until the messages left out come
+        again.
+        """
         shared = self._receiver.partitions
         if shared is None or partition in self._left_out or not shared.serves(partition):
             self._left_out.add(partition)
         return partition not in self._left_out
 
     def _walk(self, groups: dict[str, list[Message]]) -> None:
-        """Process messages by device, and note each partition's last message if none was left out."""
+        """Process messages, grouped by device.
+
+        For each partition without a left-out message, note the last one.
+        """
         shared = self._receiver.partitions
         done: dict[int, int] = {}
         for name, messages in groups.items():
@@ -242,7 +256,8 @@ class Ingest:
         device.heard_ns = device.checked_ns = now_ns
         device.mark = last.mark
         for piece in _pieces(messages, offset_ns):
-            if devices.opened.get(name) is device:  # otherwise the stream has failed
+            # otherwise the device stream has failed on an earlier piece
+            if devices.opened.get(name) is device:
                 devices.feed(name, piece)
 
     def _on_partition(self, item: Served | Resumed | Left) -> None:
@@ -256,7 +271,8 @@ class Ingest:
         self.catching_up.forget(item.partition)
         for name, device in list(devices.opened.items()):
             if device.partition == item.partition:
-                devices.finish(name, moved=True)  # so that what was processed here is counted
+                # so that the last `stats` record counts what was processed here
+                devices.finish(name, moved=True)
         self.walked.pop(item.partition, None)
         if isinstance(item, Left):
             return
@@ -274,11 +290,12 @@ class Ingest:
 
 
 def _pieces(messages: Sequence[Message], offset_ns: int) -> Iterator[Reads]:
-    """Yield a device's messages together, as reads of a port, in pieces that outputs have room for."""
+    """Yield the bytes of a device's messages, like reads of a port, in pieces of limited size."""
     chunks: list[Chunk] = []
     size, now_ns = 0, messages[0].arrived_ns
     for message in messages:
-        now_ns = max(now_ns, message.arrived_ns)  # the stream's clock may have been set back
+        # the times must not decrease, but the stream's clock may have been set back
+        now_ns = max(now_ns, message.arrived_ns)
         for begin in range(0, max(1, len(message.data)), PIECE_BYTES):
             data = message.data[begin : begin + PIECE_BYTES]
             if chunks and size + len(data) > PIECE_BYTES:

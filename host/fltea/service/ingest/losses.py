@@ -1,4 +1,4 @@
-"""Report what an inbox did not take, at most once a minute for each reason."""
+"""Report messages that an inbox did not accept, at most once a minute for each reason."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -11,7 +11,10 @@ from fltea.service.ingest.inbox import Inbox
 
 
 class _Reason(NamedTuple):
-    """A reason. `fewest`: smallest number of new messages that is reported."""
+    """A reason for refusing messages, as text.
+
+    `fewest`: smallest number of such messages that is reported.
+    """
 
     fewest: int
     text: str
@@ -43,7 +46,10 @@ FLOODS = (
 
 
 class Losses:
-    """Reports devices that were turned away or that flood. `where`: the broker, as messages name it."""
+    """Reports devices that are refused or that publish too much.
+
+    `where`: URL of the broker, for the reports.
+    """
 
     def __init__(self, inbox: Inbox, where: str) -> None:
         self._inbox, self._where = inbox, where
@@ -52,7 +58,7 @@ class Losses:
         self._overflow: dict[str, int] = {}
 
     def check(self, now_ns: int) -> Iterator[Trouble]:
-        """Yield what is to be reported now."""
+        """Yield the reports that are due now."""
         inbox = self._inbox
         inbox.admission.expire(now_ns)
         for verdict, reason in REASONS.items():

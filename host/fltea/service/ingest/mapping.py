@@ -1,8 +1,9 @@
-"""Check whether the NATS server maps devices to partitions as the settings say.
+"""Check whether a NATS server assigns devices to partitions as fltea's settings say.
 
-A server without the mapping, or with another number of partitions, takes all frames, and no worker reads
-them. So test messages are published under names that no device can have, and the subjects under which they
-come back show the mapping. Their header expects a stream that does not exist, so no stream keeps them.
+A server without this mapping of subjects, or with another number of partitions, accepts all frames, but no
+worker reads them. So test messages are published under names that no device can have. The subjects under
+which they come back show the mapping. The header of a test message names a stream that does not exist, so no
+stream keeps the message.
 """
 
 import asyncio
@@ -13,7 +14,11 @@ from nats.aio.client import Client
 from nats.aio.msg import Msg
 
 NAMES = 32
-"""Number of test names: a wrong number of partitions agrees for at most half the names, so not for all."""
+"""Number of test names.
+
+With a wrong number of partitions, about half of the names at most get the right partition, so a wrong number
+shows.
+"""
 
 MOST = 4096
 """Largest number of partitions that is tried to explain a wrong mapping."""
@@ -22,7 +27,7 @@ ANSWER_S = 1.0
 
 
 def partition_of(name: str, partitions: int) -> int:
-    """Return the partition of a device by a server's `partition(partitions,1)`, which uses 32-bit FNV-1a."""
+    """Return the partition that a NATS server computes for a device's name, by the 32-bit hash FNV-1a."""
     found = 0x811C9DC5
     for byte in name.encode():
         found = (found ^ byte) * 0x01000193 & 0xFFFFFFFF
@@ -30,13 +35,13 @@ def partition_of(name: str, partitions: int) -> int:
 
 
 def line(partitions: int) -> str:
-    """Return the mapping that a server's settings need."""
+    """Return the line with the mapping that the server's settings need."""
     mapped = f"fltea.frames.{{{{partition({partitions},1)}}}}.{{{{wildcard(1)}}}}"
     return f'mappings {{ "fltea.*.frames": "{mapped}" }}'
 
 
 def judge(subjects: Mapping[str, str | None], partitions: int) -> str | None:
-    """Return what is wrong with the mapping; None if nothing is.
+    """Return what is wrong with the mapping as text; None if nothing is wrong.
 
     `subjects`: for each test name, the subject under which its message came back; None if it did not.
     """
@@ -67,9 +72,10 @@ def _are_mapped(subjects: Mapping[str, str | None], partitions: int) -> bool:
 
 
 async def check(client: Client, worker: str, partitions: int) -> str | None:
-    """Return what is wrong with the mapping of the server that `client` is connected to; None if nothing is.
+    """Publish test messages, and return what is wrong with the server's mapping; None if nothing is wrong.
 
-    `worker`: a unique name. The test names made of it begin with "-", which no device's name does.
+    `client`: connected to the server. `worker`: unique name of this process. The test names are made of it
+    and begin with "-", which no device's name does.
     """
     names = [f"-{worker.replace('.', '-')}-{k}" for k in range(NAMES)]
     subjects: dict[str, str | None] = dict.fromkeys(names)

@@ -7,21 +7,21 @@ from fltea.service.ingest.inbox import Inbox
 from fltea.settings.mqtt import MqttConfig
 
 LEVEL = "frames"
-"""Last level of the topics `<prefix>/<device>/frames`."""
+"""Last part of the MQTT topics `<prefix>/<device>/frames`."""
 
 LONGEST_WAIT_S = 10.0
 
 SESSION_S = 600
-"""Time after a loss of the connection for which the broker keeps messages, as far as it has room [s]."""
+"""Time for which the broker is asked to keep messages after the connection is lost [s]."""
 
 
 class MqttFrames:
-    """Receives until it is closed; an absent broker is tried again.
+    """Receives frames until it is closed, and connects again whenever the connection is lost.
 
-    While the inbox has no room, nothing is read, so messages wait at the broker. Retained messages are left
-    out, since these are frames of unknown age.
+    While the inbox has no room, nothing is read, so messages wait at the broker. Messages that the broker has
+    retained are left out, since the age of their frames is unknown.
 
-    `partitions`: None, since no other worker shares these messages.
+    `partitions`: None, since a single worker receives all messages.
 
     Raises:
         UsageError: settings or secrets cannot be used.
@@ -54,7 +54,7 @@ class MqttFrames:
         self._subscriber.start()
 
     def close(self) -> None:
-        """Receive no more."""
+        """End the connection."""
         self._subscriber.close()
 
     def _take(self, topic: str, payload: bytes, retained: bool) -> None:

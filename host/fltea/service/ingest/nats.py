@@ -1,9 +1,9 @@
 """Receive frames of many devices from NATS JetStream, shared by several workers (host/docs/guide/ingest.md).
 
 The server puts each device into a partition, by a mapping of subjects: `fltea.NAME.frames` becomes
-`fltea.frames.PARTITION.NAME`, which a stream keeps. One worker has the lease of each partition. It pulls the
-messages in order, and stores snapshots of the devices, each with the number of the message before it. A
-worker that takes over a partition continues from there.
+`fltea.frames.PARTITION.NAME`, which a stream keeps. For each partition, one worker has the lease. This worker
+pulls the partition's messages in order, and stores snapshots of the devices, each with the number of the last
+message processed before the snapshot. A worker that takes over a partition continues from there.
 """
 
 import asyncio
@@ -36,7 +36,7 @@ PROBE_S = 60.0
 
 
 class _Login(NamedTuple):
-    """What is needed to reach the server. `servers`: one URL, or several of a cluster."""
+    """Addresses and credentials of the server. `servers`: one URL, or several if it is a cluster."""
 
     servers: list[str]
     user: str | None
@@ -45,9 +45,10 @@ class _Login(NamedTuple):
 
 
 class NatsFrames:
-    """Serves its share of the partitions, in a thread of its own, until it is closed.
+    """Receives the messages of this worker's share of the partitions, in a separate thread.
 
-    `url`: of the first server. `worker`: unique name of this process. `partitions`: the ones that it serves.
+    `url`: URL of the first server. `worker`: unique name of this process. `partitions`: the partitions that
+    this process serves.
     """
 
     def __init__(self, config: Config, inbox: Inbox, report: Report) -> None:
@@ -61,11 +62,11 @@ class NatsFrames:
         self._thread = threading.Thread(target=self._run, name="nats", daemon=True)
 
     def start(self) -> None:
-        """Begin to serve."""
+        """Start the thread."""
         self._thread.start()
 
     def close(self) -> None:
-        """Give all partitions back."""
+        """Give all partitions back, and end the thread."""
         self._stop.set()
         if self._thread.is_alive():
             self._thread.join(2.0)
@@ -74,7 +75,8 @@ class NatsFrames:
         while not self._stop.is_set():
             try:
                 asyncio.run(self._serve())
-            except Exception as error:  # anything that network, TLS and server raise: tried again
+            # whatever the network, TLS or the server raise, the connection is tried again
+            except Exception as error:
                 self.connected = False
                 if not self._stop.is_set():
                     self._reports.down(error)
@@ -95,12 +97,14 @@ class NatsFrames:
                 connect_timeout=5,
                 flush_timeout=LEASE_S,
                 allow_reconnect=False,
-                max_reconnect_attempts=1,  # at the first connection too, which the library tries 60 times
+                # also limits the first connection, which the library would try 60 times
+                max_reconnect_attempts=1,
                 error_cb=self._heard,
             )
             self._reports.on_server()
             serving = asyncio.create_task(self._serve_over(client))
-            # Needed because the library lets requests wait for a broken connection.
+            # The connection is checked here because the library lets requests wait forever after it has
+            # broken.
             while not (serving.done() or client.is_closed):
                 await asyncio.wait([serving], timeout=LOOK_S)
             if client.is_closed:
@@ -113,17 +117,18 @@ class NatsFrames:
             await client.close()
 
     async def _heard(self, error: Exception) -> None:
-        """Note an error that the library reports; errors of the connection are also raised."""
+        """Note an error that the library reports. Errors of the connection are also raised elsewhere."""
         self._reports.refused(error)
 
     async def _serve_over(self, client: Client) -> None:
-        """Serve over one connection, until closed."""
-        # A busy server is still there, so it gets time: leases end by their own clock.
+        """Serve partitions over one connection, until `close`."""
+        # A busy server gets `LEASE_S` to answer. If it takes longer, the leases end anyway.
         store = Store(self._settings, client.jetstream(timeout=LEASE_S))
         await store.prepare()
         self._reports.differences(store.differs)
         self.partitions.begin(store)
-        await self.partitions.renew()  # fails if the server's store is full, so it does not count as back
+        # raises if the server's store is full; such a server is not reported as back
+        await self.partitions.renew()
         renewed_s, probed_s = time.monotonic(), -PROBE_S
         self.connected = True
         if self._reports.is_down:
@@ -142,7 +147,7 @@ class NatsFrames:
 
 
 async def _end_others() -> None:
-    """End all other tasks; repeated, since the library may ignore the first time while it waits."""
+    """Cancel all other tasks until they end. The library may ignore a cancellation while it waits."""
     while others := asyncio.all_tasks() - {asyncio.current_task()}:
         for task in others:
             task.cancel()
@@ -150,7 +155,7 @@ async def _end_others() -> None:
 
 
 def _on_library_error(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-    """Ignore errors of a task without a waiter if a broken connection explains them."""
+    """Ignore an error of a task that nobody waits for if a broken connection explains the error."""
     if not isinstance(context.get("exception"), OSError | NatsError | Unfit):
         loop.default_exception_handler(context)
 

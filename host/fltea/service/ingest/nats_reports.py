@@ -1,4 +1,4 @@
-"""Report troubles of a NATS server, each once an outage or once a minute."""
+"""Report troubles of a NATS server: each of them once in an outage, or at most once a minute."""
 
 import ssl
 from collections.abc import Sequence
@@ -17,11 +17,11 @@ USER, PASSWORD = "FLTEA_NATS_USER", "FLTEA_NATS_PASSWORD"
 
 
 APART_NS = 5 * 10**9
-"""Difference of the two clocks above which it is reported [ns]."""
+"""Difference between the server's and this machine's clock above which it is reported [ns]."""
 
 
 class Reports:
-    """Makes the reports. `url`: the server, as messages name it."""
+    """Reports troubles of a NATS server. `url`: URL of the server, for the reports."""
 
     def __init__(self, url: str, report: Report) -> None:
         self._url, self._report = url, report
@@ -32,7 +32,7 @@ class Reports:
         self._differences: set[str] = set()
 
     def begin(self) -> None:
-        """Begin an attempt to connect."""
+        """Note that an attempt to connect begins."""
         self._reached, self._refusal = False, ""
 
     def on_server(self) -> None:
@@ -40,9 +40,9 @@ class Reports:
         self._reached = True
 
     def refused(self, error: Exception) -> None:
-        """Note an error that the server sends without a request: it does not answer forbidden requests.
+        """Note an error that the server reports separately, since it does not answer forbidden requests.
 
-        Errors about publishing devices' frames are left to `mapping`.
+        Errors about the publishing of frames are reported by `mapping`.
         """
         text = str(error)
         if "permissions" in text.lower() and '"fltea.' not in text:
@@ -54,7 +54,7 @@ class Reports:
         return bool(self._down)
 
     def down(self, error: Exception) -> None:
-        """Report an outage, once for no server and once for an unsuitable one."""
+        """Report an outage: once that no server can be used, and once that the server is unsuitable."""
         unfit = isinstance(error, Unfit)
         if unfit in self._down:
             return
@@ -69,7 +69,7 @@ class Reports:
             self._report("nats_back", f"{self._url} is back; devices go on from their snapshots.")
 
     def differences(self, differs: Sequence[str]) -> None:
-        """Report once how the server's streams and buckets differ from the settings."""
+        """Report how the server's streams and buckets differ from the settings, each difference once."""
         new = set(differs) - self._differences
         self._differences |= new
         if new:
@@ -81,12 +81,15 @@ class Reports:
             )
 
     def mapping(self, wrong: str | None) -> None:
-        """Report what is wrong with the server's mapping of subjects; None if nothing is."""
+        """Report what is wrong with the server's mapping of subjects. `wrong`: None if nothing is wrong."""
         if wrong:
             self._of_server("nats_mapping", wrong)
 
     def clock(self, apart_ns: int) -> None:
-        """Report once that the server's clock is `apart_ns` ahead of this machine's, negative if behind."""
+        """Report once that the server's clock differs from this machine's.
+
+        `apart_ns`: how far the server's clock is ahead; negative if it is behind.
+        """
         if abs(apart_ns) <= APART_NS or self._clock_reported:
             return
         self._clock_reported = True
@@ -105,8 +108,8 @@ class Reports:
     def left(self, partition: int, error: BaseException) -> None:
         """Report that a partition is given back since its messages cannot be pulled.
 
-        Each reason is reported once a minute for all partitions, since a partition is soon taken and given
-        back again.
+        Each reason is reported once a minute for all partitions together, since the same partition is soon
+        taken and given back again.
         """
         reason = type(error), getattr(error, "err_code", None)
         if self._once_a_minute.is_due(reason, host_ns()):
@@ -123,9 +126,10 @@ class Reports:
         gone: range,
         unreadable: int,
     ) -> None:
-        """Report which partition is served now, and from which message.
+        """Report that this worker begins to serve a partition, and from which message.
 
-        `gone`: messages that the stream no longer has. `unreadable`: number of snapshots that cannot be used.
+        `gone`: numbers of messages that the stream no longer has. `unreadable`: number of snapshots that
+        cannot be used.
         """
         whose = f"of {before.owner}, which has gone silent," if before.owner else "that was given back"
         if before.owner == worker:
@@ -154,7 +158,7 @@ class Reports:
 
 
 def explain(error: BaseException) -> str:
-    """Return what happened, and what to do."""
+    """Return, as text, what happened and what to do."""
     if isinstance(error, Unfit):
         return str(error)
     if isinstance(error, ConnectionRefusedError | NoServersError):
@@ -178,7 +182,7 @@ def explain(error: BaseException) -> str:
 
 
 def explain_no_connection(error: BaseException) -> str:
-    """Return what happened and what to do if no NATS server has answered yet."""
+    """Return, as text, what happened and what to do if no NATS server has answered yet."""
     if isinstance(error, TimeoutError) or (
         isinstance(error, NatsError) and ("INFO" in str(error) or "empty response" in str(error))
     ):

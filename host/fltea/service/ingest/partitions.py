@@ -1,7 +1,7 @@
-"""Hold the leases of the partitions that a worker serves, and pull their messages.
+"""Hold the leases of the partitions that this worker serves, and receive the partitions' messages.
 
-The thread that processes the messages calls `serves`, `resume`, `walked`, `keep`, and `drop`. The loop of the
-connection calls all other methods.
+The thread that processes the messages calls `serves`, `resume`, `walked`, `keep`, and `drop`. The thread of
+the connection to the server calls all other methods.
 """
 
 import asyncio
@@ -22,32 +22,38 @@ from fltea.service.ingest.nats_reports import Reports
 from fltea.service.ingest.store import Store
 
 GRACE_S = 2 * RENEW_S
-"""Time after an outage in which no partition is taken: the first worker back would take all of them [s].
+"""Time after an outage in which no partition is taken [s]. Otherwise, the first worker that is back would
+take all of them.
 
 A partition whose messages cannot be pulled is left to other workers for the same time.
 """
 
 STEADY_NS = 50_000_000
-"""Change of the server's clock against ours that is ignored, since the request itself takes time [ns]."""
+"""Changes between the server's clock and ours up to this size are ignored [ns], since asking takes time."""
 
 PULL, PULL_S = 64, 0.5
 LOOKS = 4
-"""Number of empty pulls after which to check that our consumer exists, since the server does not tell."""
+"""Number of requests without a message after which to check that our consumer on the server still exists.
+
+The server does not report that it was deleted.
+"""
 
 PUTS = 64
-"""Most snapshots on their way to the store; further ones wait for the next turn."""
+"""Largest number of snapshots that are being sent to the store; further snapshots wait."""
 
 ROOM_BYTES = 4_000_000
-"""Most bytes of messages that may wait here; the rest waits in the stream."""
+"""Largest size of messages that wait in this process [bytes]. Further messages wait in the server's
+stream.
+"""
 
 
 @dataclass
 class Held:
     """A partition that this worker serves.
 
-    `before`: last message that the previous worker has processed. `lapsed`: the lease was not renewed in
-    time, so messages are left out until the ones after the last processed message come again. `resuming`:
-    these messages have been asked for.
+    `before`: number of the last message that the previous worker has processed. `lapsed`: the lease was not
+    renewed in time. Messages are then left out, until all messages after the last processed one come again.
+    `resuming`: these messages were requested.
     """
 
     revision: int
@@ -58,15 +64,16 @@ class Held:
     task: "asyncio.Task[None] | None" = None
 
     def is_fresh(self) -> bool:
-        """Return whether no other worker can have taken the partition yet."""
+        """Return whether the lease was renewed so recently that no other worker can have taken it."""
         return time.monotonic() - self.renewed_s < STOP_S
 
 
 class Partitions:
-    """Holds this worker's share of the partitions.
+    """Holds the leases of this worker's share of the partitions, and fills the inbox with their messages.
 
-    `worker`: unique name of this process. `total`: number of all partitions. `done`: for each partition the
-    last message that was processed. `unix_offset_ns`: offset from `host_ns` to the server's time.
+    `worker`: unique name of this process. `total`: number of all partitions. `done`: for each partition, the
+    number of the last message that was processed. `unix_offset_ns`: offset from `host_ns` to the server's
+    Unix time.
     """
 
     store: Store
@@ -85,7 +92,7 @@ class Partitions:
         self._puts: set[concurrent.futures.Future[None]] = set()
 
     def begin(self, store: Store) -> None:
-        """Begin with a connection, called in its event loop; `let_go_of_all` ends it."""
+        """Use a new connection until `let_go_of_all`. The caller is in the event loop of the connection."""
         self.store, self._loop = store, asyncio.get_running_loop()
 
     def wait_for_others(self) -> None:
@@ -93,7 +100,10 @@ class Partitions:
         self._takes_from_s = time.monotonic() + GRACE_S
 
     def serves(self, partition: int) -> bool:
-        """Return whether this worker may still process messages of a partition; asked for each message."""
+        """Return whether this worker may still process messages of a partition.
+
+        It is called for each message.
+        """
         held = self._held.get(partition)
         if held is None:
             return False
@@ -102,21 +112,28 @@ class Partitions:
         return not held.lapsed
 
     def resume(self, partition: int) -> None:
-        """Note that the messages which were left out come again now."""
+        """Note that the messages of a partition that were left out come again from now on."""
         held = self._held.get(partition)
         if held is not None:
             held.lapsed, held.resuming = not held.is_fresh(), False
 
     def walked(self, partition: int, mark: int) -> None:
-        """Note the last message that was processed."""
+        """Note the number of a partition's last message that was processed."""
         self.done[partition] = mark
 
     def keep(self, partition: int, device: str, data: bytes) -> bool:
-        """Store a snapshot in the background; return False if too many are on their way."""
+        """Store a snapshot of a device in the background.
+
+        Return False if too many are being stored already.
+        """
         return self._in_background(partition, device, data)
 
     def drop(self, partition: int, device: str) -> None:
-        """Delete a snapshot in the background. If that fails, the next worker finds the device silent."""
+        """Delete a device's snapshot in the background.
+
+        If that fails, the next worker begins with the snapshot, and gives the device up since it is
+        silent.
+        """
         self._in_background(partition, device, None)
 
     def _in_background(self, partition: int, device: str, data: bytes | None) -> bool:
@@ -137,11 +154,12 @@ class Partitions:
         try:
             await (snapshots.delete(key) if data is None else snapshots.put(key, data))
         except NatsError as error:
-            if data is not None and not isinstance(error, ConnectionClosedError):  # reported elsewhere
+            # the end of a connection is reported elsewhere
+            if data is not None and not isinstance(error, ConnectionClosedError):
                 self._reports.snapshot(key, error)
 
     async def renew(self) -> None:
-        """Renew the leases, which shows other workers that this one runs."""
+        """Renew the leases, so that other workers see that this worker runs."""
         began_s = time.monotonic()
         await self._check_clock()
         for partition, held in list(self._held.items()):
@@ -155,7 +173,7 @@ class Partitions:
                 self._let_go(partition)
 
     async def _check_clock(self) -> None:
-        """Write our own entry, and compare the server's time for it with our clock, which may differ."""
+        """Write this worker's entry, and compare the time that the server gives it with our clock."""
         key, before_ns = f"worker.{self._worker}", host_ns()
         await self.store.leases.put(key, b"")
         written_ns = (before_ns + host_ns()) // 2
@@ -165,14 +183,14 @@ class Partitions:
         self._reports.clock(offset_ns - unix_offset_ns())
 
     def _done_of(self, partition: int, held: Held) -> int:
-        """Return the last message of the partition that any worker has processed."""
+        """Return the number of the partition's last message that any worker has processed."""
         return max(held.before, self.done.get(partition, 0))
 
     async def share_out(self) -> bool:
-        """Give back partitions that failed or are too many, and take free ones, up to this worker's share.
+        """Give back failed and surplus partitions, and take free ones, up to this worker's share.
 
         Returns:
-            False if nothing was taken since it is too early after an outage.
+            False if no partition may be taken yet, since an outage has just ended.
         """
         for partition, held in list(self._held.items()):
             failed = held.task.exception() if held.task is not None and held.task.done() else None
@@ -205,7 +223,7 @@ class Partitions:
         return True
 
     async def _take(self, partition: int, before: Lease, revision: int | None) -> None:
-        """Take a lease, load the snapshots, and begin to pull after the oldest snapshot."""
+        """Take a partition's lease, load the snapshots, and receive messages from the oldest snapshot on."""
         began_s = time.monotonic()
         lease = msgspec.json.encode(Lease(self._worker, before.done))
         try:
@@ -219,7 +237,7 @@ class Partitions:
         marks = [one.mark for one in kept.values()]
         first, last = await self.store.ends()
         start = (min(marks) if marks else before.done) + 1
-        if start > last + 1:  # the stream is not the one of the snapshots
+        if start > last + 1:  # the stream was made anew since the snapshots
             held.before = 0
             start, kept = 1, {name: msgspec.structs.replace(one, mark=0) for name, one in kept.items()}
         self.done[partition] = start - 1
@@ -235,7 +253,10 @@ class Partitions:
         )
 
     async def _pull_again(self, partition: int, held: Held) -> None:
-        """Pull again from the last processed message, since the lease was late but no worker took it."""
+        """Receive again all messages after the last processed one.
+
+        This is done when a lease was renewed late, but no other worker has taken it.
+        """
         if held.task is not None:
             held.task.cancel()
             await asyncio.wait([held.task])
@@ -253,7 +274,7 @@ class Partitions:
             return
 
     async def give_all_back(self) -> None:
-        """Give all partitions back, at the end."""
+        """Give all partitions back at the end of the program."""
         for partition in list(self._held):
             await self._give_back(partition)
         await self.store.leases.delete(f"worker.{self._worker}")
@@ -275,10 +296,11 @@ class Partitions:
 async def _pull(
     store: Store, inbox: Inbox, partition: int, start: int, unix_offset_ns: Callable[[], int]
 ) -> None:
-    """Put all messages from number `start` on into the inbox.
+    """Put all messages of a partition from number `start` on into the inbox.
 
-    A pull that the library gave up may have lost some messages, so these are asked for again.
-    `unix_offset_ns`: returns the present offset from `host_ns` to the time of the stream.
+    Whenever numbers are missing, since the library may lose messages of a request that it gave up, the
+    missing messages are requested again. `unix_offset_ns`: returns the offset, at present, from `host_ns` to
+    the Unix time of the stream.
     """
     while True:
         pulling = await store.consume(partition, start)

@@ -1,4 +1,4 @@
-"""Choose the receiver of a shared source by its URL; its library is loaded only then."""
+"""Choose the receiver for a broker by the broker's URL, and load the library that it needs."""
 
 import re
 from collections.abc import Callable
@@ -16,14 +16,15 @@ from fltea.settings.extras import load
 
 
 def receiver_of(config: Config) -> Callable[[Inbox, Report], Receiver]:
-    """Return the function that makes the receiver.
+    """Return a function that makes the receiver, with an inbox and a function for reports as arguments.
 
     Raises:
-        UsageError: the URL is no broker's address, or a library is not installed.
+        UsageError: the URL is not the address of a broker, or a library is not installed.
     """
     source = config.source or ""
     if source.startswith("nats:"):
-        if not all(map(_is_address, source.split(","))):  # no URL in the message: it may hold a password
+        # the message leaves the URL out, which may contain a password
+        if not all(map(_is_address, source.split(","))):
             raise UsageError(
                 "--source nats: give nats://HOST[:PORT], PORT 1 to 65535, or several with commas between. "
                 "User and password come from FLTEA_NATS_USER and FLTEA_NATS_PASSWORD."
@@ -36,7 +37,7 @@ def receiver_of(config: Config) -> Callable[[Inbox, Report], Receiver]:
         )
     try:
         settings = msgspec.structs.replace(config.mqtt, broker=source)
-    except ValueError as error:  # its text leaves the address out, which may contain a password
+    except ValueError as error:  # the text of this error leaves the address out, which may contain a password
         raise UsageError(f"--source: {str(error).replace('broker', 'an mqtt source', 1)}.") from error
     module = load("fltea.service.ingest.mqtt", "paho", "mqtt", "a source behind a broker needs")
     return partial(module.MqttFrames, settings)

@@ -1,7 +1,7 @@
-"""Take snapshots of a worker's devices in turn, for the worker that continues with them.
+"""Take snapshots of a worker's devices, one after the other, so that another worker can continue with them.
 
-Messages after a snapshot are processed and published again; those before it are not. So a snapshot is stored
-only once the outputs have written all that came before it, however late they are.
+The next worker processes and publishes the messages after a snapshot again, and not the messages before the
+snapshot. So a snapshot is stored only after the outputs have written everything from before it.
 """
 
 from collections import deque
@@ -16,15 +16,18 @@ from fltea.service.ingest.kept import Kept, pack
 from fltea.service.ingest.receiver import Shared
 
 FIRST_NS = 2 * 10**9
-"""Time between two attempts at a device's first snapshot, until its start-up window is full [ns]."""
+"""Time between two attempts to take a device's first snapshot, while its start-up window fills [ns]."""
 
 
 MOST_TAKEN = 64
-"""Most snapshots that may wait to be stored."""
+"""Largest number of snapshots that may wait to be stored."""
 
 
 class _Taken(NamedTuple):
-    """A snapshot of a device. `is_written`: returns whether all that came before it is written."""
+    """A snapshot that waits to be stored.
+
+    `is_written`: returns whether the outputs have written everything from before the snapshot.
+    """
 
     name: str
     device: OpenDevice
@@ -33,9 +36,9 @@ class _Taken(NamedTuple):
 
 
 class Snapshots:
-    """Keeps a snapshot of each device in the store of the workers, renewed every `period_s`.
+    """Stores a snapshot of each device, every `period_s`, where all workers can read it.
 
-    `written`: as `Hub.written`.
+    `written`: the method `Hub.written`, which says when the outputs have written all records queued so far.
     """
 
     def __init__(
@@ -47,7 +50,7 @@ class Snapshots:
         self._once_a_minute = OnceAMinute()
 
     def keep(self, name: str, device: OpenDevice, kept: Kept) -> None:
-        """Take a snapshot, which is stored soon."""
+        """Queue a snapshot. It is stored once the outputs have written everything from before it."""
         device.kept_ns = host_ns()
         data = pack(kept)
         if data is not None:
@@ -57,9 +60,9 @@ class Snapshots:
             self._report("snapshot_failed", text)
 
     def store(self, opened: Mapping[str, OpenDevice]) -> bool:
-        """Store the snapshots that may be stored; return whether none waits.
+        """Store the snapshots that may be stored now. Return whether no snapshot waits any longer.
 
-        A snapshot of a device stream that has ended or moved is dropped.
+        A snapshot is dropped if its device stream has ended, or has moved to another worker.
         """
         while self._taken and self._taken[0].is_written():
             name, device, data, _ = self._taken[0]
@@ -74,7 +77,10 @@ class Snapshots:
         return not self._taken
 
     def keep_due(self, opened: Mapping[str, OpenDevice], walked: Mapping[int, int], now_ns: int) -> None:
-        """Take the snapshots that are due. `walked`: for each partition, the last message processed."""
+        """Take the snapshots that are due.
+
+        `walked`: for each partition, the number of the last processed message.
+        """
         for name, device in opened.items():
             if len(self._taken) >= MOST_TAKEN:
                 return
@@ -83,7 +89,8 @@ class Snapshots:
                 continue
             state = device.stream.save()
             if state is None and young < self._period_ns:
-                continue  # the start-up window fills: another worker would begin with the first message of it
+                # while the start-up window fills, another worker has to begin at its first message anyway
+                continue
             device.is_whole = True
             mark = max(device.mark, walked.get(device.partition, 0))
             unix_ns = host_ns() + self._shared.unix_offset_ns

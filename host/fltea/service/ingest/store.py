@@ -1,7 +1,7 @@
-"""Keep the workers' data on a NATS server: a stream of frames, a bucket of leases, one of snapshots.
+"""Keep the workers' data on a NATS server: a stream of frames, and buckets of leases and of snapshots.
 
-Each has a size limit, so that no account fills the server's store. Leases have a bucket of their own, since
-full snapshots must not end the service.
+The stream and both buckets have size limits, so that they do not fill the server's store. Leases have a
+separate bucket, so that they can be renewed even if the bucket of snapshots is full.
 """
 
 import contextlib
@@ -26,15 +26,18 @@ from fltea.service.ingest.kept import Kept, unpack
 from fltea.settings.ingest import IngestConfig
 
 MOST_A_SECOND = 2
-"""Messages of each device that the stream keeps per second of `keep_s`: a flood drops only its own
-messages."""
+"""Number of messages of each device that the stream keeps for each second of the setting `keep_s`. So a
+device that publishes too much drops only its own messages.
+"""
 
 LEASES_BYTES = 16_000_000
 DUPLICATE_S = 120.0
-"""Time in which the server detects duplicates, by default; it must not be longer than `keep_s` [s]."""
+"""Time within which the server detects duplicate messages, by default [s]. It must not exceed the setting
+`keep_s`.
+"""
 
 NO_ROOM = (10023, 10047)
-"""Error codes of JetStream for no room: for a message, and for a new stream."""
+"""Error codes of JetStream for a lack of room: for a message, and for a new stream."""
 
 FULL = 10077
 """Error code of JetStream for a full bucket."""
@@ -56,21 +59,21 @@ COMPARED = (
 
 
 class Unfit(Exception):
-    """The server does not provide what workers need; the text says why, and what to do."""
+    """The server does not provide what workers need. The exception's text says why, and what to do."""
 
 
 class Entry(NamedTuple):
-    """An entry of a bucket."""
+    """An entry of a bucket, which is a key-value store of NATS."""
 
     revision: int
     value: bytes
 
 
 class Store:
-    """Stream and buckets of a server, created where they are missing.
+    """The stream and the buckets on a server. Those that are missing are created.
 
-    After `prepare`, `leases` and `snapshots` are the buckets, and `differs` lists differences from the
-    settings.
+    `prepare` sets `leases` and `snapshots` to the buckets, and lists in `differs` how the server's limits
+    differ from the settings.
     """
 
     leases: KeyValue
@@ -81,10 +84,10 @@ class Store:
         self.differs: list[str] = []
 
     async def prepare(self) -> None:
-        """Create what is missing, and compare the rest with the settings.
+        """Create the stream and buckets that are missing, and compare the existing ones with the settings.
 
         Raises:
-            Unfit: the server has no JetStream, or no room.
+            Unfit: the server has no JetStream, or no room for the stream and the buckets.
         """
         s = self._settings
         await self._need(
@@ -163,7 +166,7 @@ class Store:
             ) from error
 
     async def entries(self, bucket: KeyValue, name: str, pattern: str) -> dict[str, Entry]:
-        """Return all entries of a bucket whose keys match a pattern. `name`: the bucket's name."""
+        """Return the entries of a bucket whose keys match `pattern`. `name`: name of the bucket."""
         prefix = f"$KV.{name}."
         info = await self._js.stream_info(f"KV_{name}", subjects_filter=prefix + pattern)
         found = {}
@@ -177,14 +180,14 @@ class Store:
         return found
 
     async def held(self) -> dict[str, Entry]:
-        """Return the entries of leases and workers."""
+        """Return the entries of all leases and of all workers."""
         name = self._settings.bucket
         return await self.entries(self.leases, name, "lease.*") | await self.entries(
             self.leases, name, "worker.*"
         )
 
     async def devices_of(self, partition: int) -> tuple[dict[str, Kept], int]:
-        """Return the snapshots of a partition's devices, and how many more cannot be read."""
+        """Return the snapshots of a partition's devices, and the number of unreadable snapshots."""
         name = f"{self._settings.bucket}_snapshots"
         found: dict[str, Kept] = {}
         entries = await self.entries(self.snapshots, name, f"{partition}.*")
@@ -194,7 +197,7 @@ class Store:
         return found, len(entries) - len(found)
 
     async def clock_ns(self, key: str) -> int:
-        """Return the server's Unix time of a lease or worker entry that has just been written."""
+        """Return the server's Unix time at which the entry of a lease or worker was last written."""
         name = self._settings.bucket
         message = await self._js.get_last_msg(f"KV_{name}", f"$KV.{name}.{key}")
         assert message.time is not None
@@ -206,7 +209,7 @@ class Store:
         return state.first_seq, state.last_seq
 
     async def has_consumer(self, partition: int) -> bool:
-        """Return whether a consumer exists for a partition."""
+        """Return whether the server still has the consumer of a partition, from which a worker reads."""
         try:
             await self._js.consumer_info(self._settings.stream, f"fltea-{partition}")
         except NotFoundError:
@@ -214,10 +217,10 @@ class Store:
         return True
 
     async def consume(self, partition: int, start: int) -> JetStreamContext.PullSubscription:
-        """Replace the partition's consumer by a new one; the previous owner then gets no messages.
+        """Replace the consumer of a partition on the server; the previous worker then gets no more messages.
 
         Raises:
-            Unfit: `start` is beyond the end of the stream, which must have been made again.
+            Unfit: `start` is beyond the end of the stream, so the stream must have been made anew.
         """
         s, name = self._settings, f"fltea-{partition}"
         if start > (await self.ends())[1] + 1:
@@ -236,7 +239,7 @@ class Store:
 
 
 def _text(config: StreamConfig, key: str) -> object:
-    """Return a limit as text for messages."""
+    """Return a limit of a stream as text for the user."""
     subjects = config.subjects or []
     if key == "subjects" and len(subjects) > 1:
         return f"{subjects[0]} to {subjects[-1]}"
@@ -244,7 +247,7 @@ def _text(config: StreamConfig, key: str) -> object:
 
 
 def _of(config: StreamConfig, key: str) -> object:
-    """Return a limit in the same form for what is asked for and for what a server states."""
+    """Return a limit of a stream in a form in which settings and servers can be compared."""
     value = getattr(config, key)
     if key == "subjects":
         return " ".join(sorted(value or []))

@@ -1,1 +1,1 @@
-"""The published figures: each number of a record, declared once with all places where people see it."""
+"""Declare once, for each published number of a record, all outputs in which people see it."""

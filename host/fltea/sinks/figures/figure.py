@@ -1,8 +1,9 @@
-"""What the declaration of a published figure says: its field, and how each place shows it.
+"""Define how a published figure, which is a number of a record, is declared: its field, and who shows it.
 
-A place is the metrics, the live page, the table of a terminal, Home Assistant, or the Grafana dashboard. It
-either makes what it shows of the declaration (`Metric`, `Row`, `Rows`, `Entity`), or it has a layout of its
-own (`Shown`), or it does not show the figure, for a reason (`Hidden`).
+The places where people may see a figure are the Prometheus metrics, the live page, the table in a terminal,
+Home Assistant, and the Grafana dashboard. For each place, the declaration says one of three things. The place
+shows the figure as the declaration says (`Metric`, `Row`, `Rows`, `Entity`), it shows the figure in its own
+layout (`Shown`), or it does not show the figure (`Hidden`).
 """
 
 import types
@@ -27,30 +28,34 @@ from fltea.records.stats import AxisStats, DeviceEstimatorStats, DeviceStatus, L
 from fltea.sinks.words import Level
 
 Cells = list[str]
-"""A row of the page: its label, its value, and the level of severity."""
+"""A row of text on the page: its label, its value, and how severe the value is ("good", "bad" and so on)."""
 
 Section = Literal["link", "own", "axis"]
-"""A list of rows on the page: the link, the device's own estimator, the filters of an axis."""
+"""A list of rows on the page.
+
+"link": about the connection to the device. "own": about the device's own estimator. "axis": about the filters
+of an axis.
+"""
 
 
 class Hidden(NamedTuple):
-    """The place does not show the figure. `why`: the reason, for the reader of the declaration."""
+    """A place does not show the figure. `why`: the reason, for readers of the source code."""
 
     why: str
 
 
 class Shown(NamedTuple):
-    """The place shows the figure in a layout of its own. `where`: what to look at there."""
+    """A place shows the figure in its own layout. `where`: where to look for the figure in that place."""
 
     where: str
 
 
 class Metric(NamedTuple):
-    """A metric in Prometheus' naming: base units; `_total` of a counter is added to its name.
+    """A metric, named as Prometheus recommends: in base units, without the ending `_total` of counters.
 
-    `factor`: the base unit's value of one unit of the field. `key`: label of the keys if the field is a
-    mapping; a field that is a word counts as a mapping of that word to 1. `convert`: makes a number of the
-    field's value.
+    `text`: explains the metric. `factor`: factor from the field's unit to the base unit. `key`: name of the
+    label for the keys if the field is a mapping. A field whose value is a word counts as a mapping of that
+    word to 1. `convert`: converts the field's value to a number.
     """
 
     kind: Literal["counter", "gauge"]
@@ -62,7 +67,10 @@ class Metric(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """What a section of the page is made of. `axis`: name of the axis, with its newest `estimate`."""
+    """The records from which a section of the page is made.
+
+    `axis`: name of the axis, for a section about an axis. `estimate`: newest estimate of this axis.
+    """
 
     stats: Stats | None
     hello: Hello | None = None
@@ -70,7 +78,7 @@ class Seen(NamedTuple):
     estimate: AxisEstimate | None = None
 
     def record(self, kind: type) -> Any:
-        """Return the newest record, or part of a record, that has figures of this kind; None if unknown."""
+        """Return the newest record of a kind, or part of a record of a kind; None if there is none yet."""
         if kind is AxisEstimate:
             return self.estimate
         found = None if self.stats is None else lookup(self.stats, ROOTS[kind].path)
@@ -78,7 +86,11 @@ class Seen(NamedTuple):
 
 
 class Row(NamedTuple):
-    """A row of the page. `absent`: text for an unknown value; None leaves the row out."""
+    """A row of the page, made from one figure.
+
+    `text`: returns the text for a value. `absent`: text for an unknown value; None leaves the row out.
+    `level`: returns how severe a value is.
+    """
 
     section: Section
     label: str
@@ -88,17 +100,18 @@ class Row(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """Rows of the page that need more than the figure's value."""
+    """Rows of the page that are made from more than the value of the figure."""
 
     section: Section
     make: Callable[[Seen], Iterable[Cells]]
 
 
 class Entity(NamedTuple):
-    """An entity of Home Assistant: a sensor of the device, or of each axis for figures of axes.
+    """An entity of Home Assistant, which is a sensor of the device or of each axis of the device.
 
-    `key`: end of its identity. `unit`: `OF_AXIS` for the axis's own. `template`: extracts the value from the
-    record; empty for the value of the field. An entity with a template is the device's.
+    `key`: end of the entity's identifier. `unit`: `OF_AXIS` stands for the unit of the axis. `template`: Home
+    Assistant's expression that extracts the value from the record; empty for the value of the field. An
+    entity with a template belongs to the device, not to an axis.
     """
 
     key: str
@@ -115,7 +128,11 @@ OF_AXIS = "unit of the axis"
 
 
 class Figure(NamedTuple):
-    """A published figure. `kind`: the record, or part of a record, that has it. `field`: path from there."""
+    """A published figure, and how each place shows it.
+
+    `kind`: type of the record, or of the part of a record, that contains the figure. `field`: path of fields
+    from `kind` to the figure.
+    """
 
     kind: type
     field: str
@@ -127,7 +144,7 @@ class Figure(NamedTuple):
 
     @property
     def metric_name(self) -> str:
-        """Name of the metric as Prometheus stores it; empty if the figure is none."""
+        """Name of the figure's metric as Prometheus stores it; empty if the figure is not a metric."""
         if not isinstance(self.metric, Metric):
             return ""
         ending = "_total" if self.metric.kind == "counter" else ""
@@ -135,7 +152,7 @@ class Figure(NamedTuple):
 
     @property
     def path(self) -> str:
-        """Name of the record, and the path of the figure in it as the reference of records has it."""
+        """Name of the record and path of the figure in it, as in the documentation of the records."""
         root = ROOTS[self.kind]
         key = {"axes": ".<axis>", "outputs": ".<output>"}.get(root.path, "")
         return ".".join(
@@ -144,7 +161,7 @@ class Figure(NamedTuple):
 
     @property
     def places(self) -> list[str]:
-        """The names of the places beside the metrics that show the figure."""
+        """The names of the places that show the figure, except for the metrics."""
         where = {
             "page": self.page,
             "terminal": self.terminal,
@@ -155,7 +172,11 @@ class Figure(NamedTuple):
 
 
 class Root(NamedTuple):
-    """Where a part of a record stands. `metrics`: what its metrics begin with after `fltea_`."""
+    """Where a part of a record stands in the record.
+
+    `path`: path of fields to the part; empty for the whole record. `metrics`: beginning of the names of the
+    part's metrics, after `fltea_`.
+    """
 
     record: type[Record]
     path: str
@@ -163,7 +184,7 @@ class Root(NamedTuple):
 
     @property
     def by_axis(self) -> bool:
-        """Whether each axis has such a part."""
+        """Whether the record has one such part for each axis."""
         return self.path == "axes"
 
 
@@ -181,11 +202,14 @@ ROOTS: dict[type, Root] = {
     AxisFit: Root(Fit, "axes", "fit_"),
     DeviceAxisFit: Root(DeviceFits, "axes", "device_fit_"),
 }
-"""The parts of records that have figures."""
+"""For each type of a part that contains figures, where it stands in a record."""
 
 
 def lookup(record: Any, path: str) -> Any:
-    """Return the value of a path of fields; None if a part is absent; of a mapping the values by key."""
+    """Return the value at a path of fields in a record; None if a part of the path is absent.
+
+    If the path goes through a mapping, return a mapping of the same keys to the values.
+    """
     value = record
     while path and value is not None:
         if isinstance(value, Mapping):
@@ -196,12 +220,12 @@ def lookup(record: Any, path: str) -> Any:
 
 
 def is_optional(kind: type, field: str) -> bool:
-    """Return whether the records of a kind may lack an object; `field`: its name."""
+    """Return whether a field with an object may be None in records of a kind."""
     return types.NoneType in get_args(get_type_hints(kind)[field])
 
 
 def counter(name: str, text: str, *, factor: float = 1.0, key: str | None = None) -> Metric:
-    """Declare a metric that only grows; its name gets the ending `_total`."""
+    """Declare a metric that only grows. Prometheus adds the ending `_total` to its name."""
     return Metric("counter", name, text, factor, key)
 
 
@@ -213,17 +237,17 @@ def gauge(
     key: str | None = None,
     convert: Callable[[Any], float] | None = None,
 ) -> Metric:
-    """Declare a metric that may fall."""
+    """Declare a metric that may grow and fall."""
     return Metric("gauge", name, text, factor, key, convert)
 
 
 def thousands(value: int) -> str:
-    """Return a count with commas."""
+    """Return a count as text, with commas between thousands."""
     return f"{value:,}"
 
 
 def loss(section: Section, label: str, remark: str = "") -> Row:
-    """Declare a row for a count of unwanted events. `remark`: follows a count that is not zero."""
+    """Declare a row of the page for a count of unwanted events. `remark`: text after a count above zero."""
     return Row(
         section,
         label,

@@ -20,4 +20,4 @@ ONLY_METRIC = {
     "home_assistant": NO_ENTITY,
     "grafana": NO_PANEL,
 }
-"""The places of a figure that is a metric and nothing else."""
+"""How the other places declare a figure that is shown only as a metric."""

@@ -1,4 +1,4 @@
-"""Figures of an axis while samples come: its bias, the tracker of the bias, and the paper's filters."""
+"""Declare the figures of an axis that follow each sample: bias, tracker, and the paper's filters."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -46,7 +46,7 @@ MOVES = """{% set moved = namespace(now=false) %}{% for axis in value_json.axes.
 
 
 def three(value: float) -> str:
-    """Return a number with three decimals."""
+    """Return a number as text with three decimals."""
     return quantity(value, "", 3)
 
 

@@ -1,4 +1,4 @@
-"""Figures of a device that estimates itself: of its processor, its estimator and its estimates."""
+"""Declare the figures of a device that estimates noise itself: processor, estimator and estimates."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -39,7 +39,7 @@ _estimate = partial(Figure, DeviceAxisEstimate)
 
 
 def estimates_rate(stats: Stats | None, hello: Hello | None) -> str:
-    """Return how many estimates a second the device sends, as the end of a text; empty if unknown."""
+    """Return the end of a text that says how many estimates a second the device sends; empty if unknown."""
     own = stats.device_estimator if stats else None
     return (
         "" if own is None or hello is None or not own.every else f", {hello.rate_hz / own.every:g} a second"

@@ -1,4 +1,4 @@
-"""Figures of the paper's filters of an axis, and of what their innovations say."""
+"""Declare the figures of an axis's filters of the paper, and the checks of their innovations."""
 
 from collections.abc import Iterator
 from functools import partial

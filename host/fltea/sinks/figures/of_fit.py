@@ -1,4 +1,4 @@
-"""Figures of the fits: of this computer's, and of a device's own."""
+"""Declare the figures of the fits that this computer makes, and of those that a device makes itself."""
 
 from functools import partial
 
@@ -26,9 +26,9 @@ def _parameter(
     home_assistant: Entity | Hidden,
     grafana: tuple[Shown | Hidden, Shown | Hidden],
 ) -> tuple[Figure, ...]:
-    """Return the figures of a parameter: its value, and the ends of its interval.
+    """Return the figures of a fitted parameter: its value, and both ends of its 95 % interval.
 
-    `grafana`: for the value, and for the ends.
+    `grafana`: how Grafana shows the value, and how it shows the ends of the interval.
     """
     ends = home_assistant if isinstance(home_assistant, Hidden) else ATTRIBUTE
     return tuple(

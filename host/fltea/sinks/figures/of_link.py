@@ -1,4 +1,4 @@
-"""Figures of the link, the samples, the board and the outputs."""
+"""Declare the figures of the connection to the device, the samples, the board and the outputs."""
 
 from collections.abc import Iterator
 from functools import partial

@@ -1,4 +1,4 @@
-"""All published figures, and the numbers of the records that are shown nowhere, each with its reason."""
+"""List all published figures, and all numbers of the records that are shown nowhere, with the reasons."""
 
 from collections.abc import Iterator
 
@@ -26,7 +26,7 @@ from fltea.sinks.figures.figure import Cells, Figure, Row, Rows, Section, Seen, 
 FIGURES: tuple[Figure, ...] = tuple(
     figure for module in (of_link, of_fit, of_axis, of_filters, of_device) for figure in module.FIGURES
 )
-"""Each published figure. Rows of the page and entities of Home Assistant stand in this order."""
+"""All published figures, in the order of the page's rows and of Home Assistant's entities."""
 
 EVENT = "it tells an event, and people see the event as a sentence"
 _OF_MODEL = "it is for those who compare the device's fit with this computer's, who read the record"
@@ -42,7 +42,7 @@ WITHOUT_FIGURES: dict[type, str] = {
     Epoch: EVENT,
     Error: EVENT,
 }
-"""The records whose numbers are no figures, and why."""
+"""The types of records whose numbers are not published figures, with the reasons."""
 
 UNSHOWN: dict[tuple[type, str], str] = {
     (Stats, "fit_period_s"): "it is a setting, which only says how often to expect a fit",
@@ -74,11 +74,11 @@ UNSHOWN: dict[tuple[type, str], str] = {
         )
     },
 }  # fmt: skip
-"""Numbers that no place shows: the record, or part of a record, and the path from there; and the reason."""
+"""Numbers that are shown nowhere: for the type of a record or part, and the path in it, the reason."""
 
 
 def rows(section: Section, seen: Seen) -> Iterator[Cells]:
-    """Yield the rows of a section of the page."""
+    """Yield the rows of a section of the page. `seen`: the records to show."""
     for figure in FIGURES:
         match figure.page:
             case Row() as row if row.section == section:

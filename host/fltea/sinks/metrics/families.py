@@ -1,4 +1,4 @@
-"""Convert the newest records of all devices into families of metrics at each request."""
+"""Convert the newest records of all devices into Prometheus metrics at each request."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -28,22 +28,24 @@ from fltea.sinks.metrics.tables import AXIS, DEVICE, Labelled, counter, families
 from fltea.wire import layout as wire
 
 FRESH_NS = 5 * 10**9
-"""Age by its arrival up to which an estimate is shown: an older one means a lost or restarted device [ns]."""
+"""Largest time since the arrival of an estimate that is shown [ns]. An older estimate is not shown, since its
+device is lost or has restarted.
+"""
 
 LAST = Values(slice(-1, None))
 _BOUNDS_S = [repr(bound * 1e-3) for bound in LATENCY_BOUNDS_MS] + ["+Inf"]
 
 
 MOTIONS = (counter("motions", "Times that the sensor has begun to move."),)
-"""The one count that no record has: the records `motion` are counted here."""
+"""The only counter that is in no record: it counts the records `motion`."""
 
 FACTS = "source", "device_id", "sensor", "firmware_version", "sampling_mode"
-"""What a device states about itself, as labels of one metric."""
+"""Fields that a device states about itself, which become labels of one metric."""
 
 
 @dataclass
 class Newest:
-    """The newest record of each kind of one device.
+    """The newest record of each kind from one device.
 
     `estimate_ns`, `device_estimate_ns`: monotonic arrival times. `motions`: number of motions that have
     begun.
@@ -61,7 +63,7 @@ class Newest:
     motions: int = 0
 
     def take(self, block: Block) -> None:
-        """Remember samples and estimates; records are made of them at a request."""
+        """Remember samples and estimates, from which records are made only at a request."""
         self.block = block
         if block.estimates and block.due_rows:
             self.estimate, self.estimate_ns = block, host_ns()
@@ -76,7 +78,7 @@ class Newest:
 
 
 class Families(Collector):
-    """Collects the metrics for the registry, in any thread, while the sink writes."""
+    """Makes the metrics for Prometheus' library, in any thread, while the output receives new records."""
 
     def __init__(
         self,
@@ -89,14 +91,14 @@ class Families(Collector):
         self._sink_queues = sink_queues
 
     def describe(self) -> list[Metric]:
-        """Return nothing, so that registering does not collect."""
+        """Return nothing, so that the library does not call `collect` when this collector is registered."""
         return []
 
     def collect(self) -> Iterator[Metric]:
         """Yield every metric that has a value."""
         build = {"version": __version__, "protocol": f"{wire.PROTOCOL_MAJOR}.{wire.PROTOCOL_MINOR}"}
         yield InfoMetricFamily("fltea_build", "This program.", value=build)
-        devices = list(self._newest.copy().items())  # a copy, since the sink may be adding a device
+        devices = list(self._newest.copy().items())  # a copy, since the other thread may be adding a device
         yield _devices([(name, d.hello) for name, d in devices if d.hello])
         stats = [((name,), d.stats) for name, d in devices if d.stats]
         yield from _figures(LinkStats, DEVICE, [(names, s.link) for names, s in stats])
@@ -124,12 +126,12 @@ class Families(Collector):
 
 
 def _figures(kind: type, labels: tuple[str, ...], records: Labelled) -> Iterator[Metric]:
-    """Yield the metrics of all figures of a record, or of a part of a record."""
+    """Yield the metrics of all figures of records, or of parts of records, of a type."""
     yield from families(ROOTS[kind].metrics, labels, of_kind(kind), records)
 
 
 def _axes(records: Labelled) -> Labelled:
-    """Return the values that records have for each axis; a record may be None."""
+    """Return the part of each record for each axis, with the axis as a further label."""
     return [((*names, axis), one) for names, record in records if record for axis, one in record.axes.items()]
 
 

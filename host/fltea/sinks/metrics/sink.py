@@ -38,13 +38,14 @@ NOT_OURS = (
 
 
 class MetricsSink(Sink):
-    """Keeps the newest record of each kind and device; records become metrics at a request.
+    """Keeps the newest record of each kind from each device, and makes metrics of them at a request.
 
-    `sink_queues`: returns all outputs, each with its device or None.
+    `sink_queues`: returns all outputs, each with the name of its device, or with None if all devices share
+    it.
 
     Raises:
-        UsageError: this machine has no such address.
-        FlteaError: the port is taken.
+        UsageError: this machine does not have the address.
+        FlteaError: another program uses the network port.
     """
 
     name = "metrics"
@@ -74,7 +75,7 @@ class MetricsSink(Sink):
         self._thread.start()
 
     def write(self, item: Item) -> None:
-        """Remember a record in place of the previous one."""
+        """Remember a record in place of the previous record of the same kind and device."""
         if isinstance(item, Error):
             key = item.device or "", item.kind
             self._errors[key] = self._errors.get(key, 0) + 1
@@ -97,25 +98,28 @@ class MetricsSink(Sink):
                 newest.motions += 1
             case Hello():
                 newest.hello = self._introduced(item)
-            case Epoch():  # results of the previous epoch no longer hold
+            case Epoch():  # estimates and fits of the previous epoch no longer hold
                 newest.estimate = newest.device_estimate = newest.fit = None
                 newest.device_fits = {}
 
     def depart(self, departed: Departed) -> None:
-        """Show nothing more about a device."""
+        """Forget a device, so that its metrics end."""
         self._newest.pop(departed.device, None)
         self._identities.pop(departed.device, None)
         for key in [key for key in self._errors if key[0] == departed.device]:
             del self._errors[key]
 
     def close(self) -> None:
-        """Stop answering."""
+        """End the server."""
         self._server.shutdown()
         self._server.server_close()
         self._thread.join()
 
     def _introduced(self, hello: Hello) -> Hello:
-        """Return the HELLO; without facts that make new time series if the board changes them too often."""
+        """Return the HELLO; without the device's identity if the board changes it too often.
+
+        Each new identity would begin a new time series in Prometheus.
+        """
         device, now_ns = hello.device or "", host_ns()
         identities = self._identities.setdefault(device, FewIdentities())
         stated = hello.source, hello.device_id, hello.sensor, hello.firmware_version, hello.sampling_mode
@@ -133,12 +137,15 @@ class MetricsSink(Sink):
 
 
 class _Handler(MetricsHandler):
-    """Answers requests that name this machine."""
+    """Answers a request for the metrics if its header `Host` names this machine."""
 
     names: Collection[str] = ()
 
     def do_GET(self) -> None:
-        """Give the metrics, or say why not. A request without `Host` does not come from a browser."""
+        """Answer with the metrics, or with the reason for refusing.
+
+        A request without `Host` is answered, since it does not come from a browser.
+        """
         host = self.headers.get("Host")
         if host is None or is_own(host, self.names):
             super().do_GET()
@@ -155,12 +162,12 @@ class _Server(ThreadingHTTPServer):
     daemon_threads = True
 
     def server_bind(self) -> None:
-        """Bind as the base class does, without a lookup of the machine's name, which may be slow."""
+        """Bind as the base class does, but without looking up the machine's name, which may be slow."""
         socketserver.TCPServer.server_bind(self)
         self.server_name, self.server_port = "", self.server_address[1]
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """Ignore a client that has hung up."""
+        """Ignore errors of a client that has closed the connection."""
 
 
 class _Server6(_Server):
@@ -168,7 +175,7 @@ class _Server6(_Server):
 
 
 def _listen(host: str, port: int, handler: type[_Handler]) -> _Server:
-    handler.timeout = 10.0  # for a client that sends nothing
+    handler.timeout = 10.0  # ends the connection of a client that sends nothing
     try:
         return (_Server6 if ":" in host else _Server)((host, port), handler)
     except (OSError, UnicodeError) as error:

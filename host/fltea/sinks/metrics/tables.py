@@ -17,15 +17,15 @@ from fltea.sinks.figures.table import FIGURES
 DEVICE, AXIS = ("device",), ("device", "axis")
 
 Labelled = Sequence[tuple[tuple[str, ...], Any]]
-"""Records, each with the values of its labels."""
+"""Records or parts of records, each with the values of its metrics' labels."""
 
 
 class Row(NamedTuple):
-    """A metric made from a field of a record.
+    """How a metric is made from a field of a record.
 
-    `of`: the field, if its name differs from the metric's, or a function that gives the value from the
-    record. `factor`: factor from the field's unit to the base unit. `key`: label of the keys if the field is
-    a mapping; a field that is a word counts as a mapping of that word to 1.
+    `of`: name of the field, if it differs from the metric's, or a function that returns the value from the
+    record. `factor`: factor from the field's unit to the base unit. `key`: name of the label for the keys if
+    the field is a mapping. A field whose value is a word counts as a mapping of that word to 1.
     """
 
     make: type[CounterMetricFamily] | type[GaugeMetricFamily]
@@ -42,7 +42,7 @@ counter, gauge = partial(Row, CounterMetricFamily), partial(Row, GaugeMetricFami
 def families(
     prefix: str, labels: tuple[str, ...], rows: Sequence[Row], records: Labelled
 ) -> Iterator[Metric]:
-    """Yield the metrics of all records of a kind. `prefix`: what their names begin with after `fltea_`."""
+    """Yield the metrics of all records of a kind. `prefix`: beginning of their names, after `fltea_`."""
     for row in rows:
         names = labels if row.key is None else (*labels, row.key)
         yield filled(row.make(f"fltea_{prefix}{row.name}", row.text, labels=names), _values(row, records))
@@ -51,7 +51,7 @@ def families(
 def filled(
     family: CounterMetricFamily | GaugeMetricFamily, values: Sequence[tuple[tuple[str, ...], float]]
 ) -> Metric:
-    """Return the family with its values added, each with the values of its labels."""
+    """Return a metric with values added. `values`: each value with the values of its labels."""
     for names, value in values:
         family.add_metric(names, value)
     return family
@@ -72,7 +72,7 @@ def _values(row: Row, records: Labelled) -> list[tuple[tuple[str, ...], float]]:
 
 
 def of_kind(kind: type) -> tuple[Row, ...]:
-    """Return the metrics of a record, or of a part of a record, as the table of figures declares them."""
+    """Return the metrics that the declared figures of a type of records, or of parts, have."""
     return tuple(
         Row(
             CounterMetricFamily if metric.kind == "counter" else GaugeMetricFamily,

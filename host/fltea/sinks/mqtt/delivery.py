@@ -1,7 +1,7 @@
 """Send messages to a broker, and count which of them wait, are not acknowledged, or are lost.
 
-A broker does not acknowledge messages of QoS 0; a later acknowledgement on the same connection proves that
-they arrived.
+A broker does not acknowledge messages of QoS 0. When it acknowledges a later message on the same connection,
+this proves that the earlier ones have arrived.
 """
 
 import time
@@ -14,17 +14,19 @@ from fltea.mqtt.link import Link
 from fltea.records.ports import Report
 
 BACKLOG = 1000
-"""Most rare records that are kept while the broker is away; the oldest are dropped first."""
+"""Largest number of rare records that wait while there is no connection. The oldest are dropped first."""
 
 IN_FLIGHT = 2000
-"""Most unacknowledged messages; beyond it new ones are lost, since the network is too slow."""
+"""Largest number of unacknowledged messages. While there are as many, the network is too slow, and new
+messages are lost.
+"""
 
 
 class Message(NamedTuple):
     """A message to publish.
 
-    `retain`: the message is a state, published on each new connection. `again`: sent again if its connection
-    is lost.
+    `retain`: whether the message is a state, which is published on each new connection. `again`: whether it
+    is sent again if the connection is lost before it is acknowledged.
     """
 
     topic: str
@@ -35,7 +37,7 @@ class Message(NamedTuple):
 
 
 class Flight:
-    """The messages of one connection that are not acknowledged yet; its length is their number."""
+    """The messages sent over one connection that are not acknowledged yet. `len` returns their number."""
 
     def __init__(self) -> None:
         self._unacknowledged: dict[int, tuple[Message, int]] = {}
@@ -46,18 +48,21 @@ class Flight:
 
     @property
     def messages(self) -> list[Message]:
-        """Messages that the broker will acknowledge."""
+        """The unacknowledged messages that the broker acknowledges: those of QoS 1."""
         return [message for message, _ in self._unacknowledged.values()]
 
     def began(self, mid: int, message: Message) -> None:
-        """Note that a message was sent; `mid`: its number, which a message of QoS 0 does not need."""
+        """Note that a message was sent. `mid`: number of the message, which is not used for QoS 0."""
         if message.qos:
             self._unacknowledged[mid] = (message, self._unsure)
         else:
             self._unsure += 1
 
     def arrived(self, mid: int) -> Message | None:
-        """Return the acknowledged message; None for QoS 0, which only the socket acknowledges."""
+        """Return the message number `mid`, which is now acknowledged.
+
+        Return None for a message of QoS 0, of which only the writing to the socket is acknowledged.
+        """
         entry = self._unacknowledged.pop(mid, None)
         if entry is None:
             return None
@@ -66,14 +71,17 @@ class Flight:
         return message
 
     def end(self) -> tuple[int, list[Message]]:
-        """End with the connection; return how many of QoS 0 may be lost, and the unacknowledged messages."""
+        """Forget all messages, since the connection has ended.
+
+        Return the number of messages of QoS 0 that may be lost, and the unacknowledged messages of QoS 1.
+        """
         unsure, messages = self._unsure - self._sure, self.messages
         self._unacknowledged, self._unsure, self._sure = {}, 0, 0
         return unsure, messages
 
 
 class Delivery:
-    """Sends messages over a link, and counts the lost ones.
+    """Sends messages over the connection to a broker, and counts the lost ones.
 
     `introduce`: publishes the states of the device on a new connection. `lost`: number of messages that no
     broker took, or whose arrival is uncertain.
@@ -88,20 +96,23 @@ class Delivery:
         self._refusal_reported = False
 
     def begin(self) -> None:
-        """Begin with another device, for which a refusal is reported again."""
+        """Begin with another device. If the broker refuses messages again, that is reported again."""
         self._refusal_reported = False
 
     def state(self, message: Message) -> None:
-        """Publish a state if the broker is there; otherwise it is published on the next connection."""
+        """Publish a state if there is a connection.
+
+        Otherwise `introduce` publishes it on the next connection.
+        """
         if self._link.up:
             self._publish(message)
 
     def stream(self, message: Message) -> None:
-        """Publish a frequent message; it is lost if the broker is away or does not keep up."""
+        """Publish a frequent message, which is lost if the broker is away or too slow."""
         if self._link.up:
             self.lost += not (len(self._flight) < IN_FLIGHT and self._publish(message))
         elif not self._link.in_outage and len(self._waiting) < BACKLOG:
-            self._waiting.append(message)  # the first connection opens within milliseconds
+            self._waiting.append(message)  # the first connection opens soon, so the message waits for it
         else:
             self.lost += 1
 
@@ -113,14 +124,14 @@ class Delivery:
             self.lost += 1
 
     def send_waiting(self) -> None:
-        """Publish the waiting messages, as far as the broker keeps up."""
+        """Publish waiting messages until too many are unacknowledged."""
         while self._link.up and self._waiting and len(self._flight) < IN_FLIGHT:
             if not self._publish(self._waiting[0]):
                 return
             self._waiting.popleft()
 
     def poll(self) -> None:
-        """Handle what happened to the connection and to messages."""
+        """Handle the events of the connection: that it opened or was lost, and acknowledgements."""
         for event in self._link.events():
             if isinstance(event, Acknowledged):
                 self._on_acknowledged(event)
@@ -132,7 +143,10 @@ class Delivery:
                 self._take_back()
 
     def leave(self, farewell_s: float) -> None:
-        """End the connection once the broker has acknowledged everything, so that it publishes no will."""
+        """End the connection in an orderly way, so that the broker does not publish the will.
+
+        Wait at most `farewell_s` until the broker has acknowledged all messages.
+        """
         deadline_s = time.monotonic() + farewell_s
         self.send_waiting()
         while self._link.up and self._flight.messages and time.monotonic() < deadline_s:
@@ -155,7 +169,7 @@ class Delivery:
         return True
 
     def _take_back(self) -> None:
-        """Count lost messages of a connection that is gone, and keep those that are sent again."""
+        """Count the lost messages of a connection that has ended, and keep those to be sent again."""
         unsure, messages = self._flight.end()
         self.lost += unsure
         waiting, self._waiting = self._waiting, deque()
@@ -180,7 +194,7 @@ class Delivery:
     def _on_up(self) -> None:
         away_s = self._link.end_outage()
         lost_before, self._lost_before = self._lost_before, None
-        self.send_waiting()  # first, since an older status may be among these messages
+        self.send_waiting()  # waiting messages go first, since an older status may be among them
         self._introduce()
         if away_s is not None and lost_before is not None:
             lost = self.lost - lost_before

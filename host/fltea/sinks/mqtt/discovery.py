@@ -14,10 +14,10 @@ from fltea.sinks.figures.table import FIGURES
 
 
 def discovery_topic(prefix: str, level: str) -> str:
-    """Return the discovery topic of the device whose own topics have the level `level`.
+    """Return the discovery topic of the device whose own topics contain the name `level`.
 
-    Home Assistant accepts only letters, digits, _ and -. Any other character is replaced by its number, so
-    that different names have different topics.
+    Home Assistant accepts only letters, digits, _ and -. Any other character is replaced by its number in
+    Unicode, so that different names have different topics.
     """
     return f"{prefix}/device/{_object_id(level)}/config"
 
@@ -25,7 +25,8 @@ def discovery_topic(prefix: str, level: str) -> str:
 def discovery(topics: str, level: str, hello: Hello, axes: dict[str, AxisStats]) -> dict[str, object]:
     """Return the configuration of a device.
 
-    `topics`: the beginning of all its topics, `<mqtt.prefix>/<level>`. `axes`: its axes, by name.
+    `topics`: the beginning of all topics of the device, `<mqtt.prefix>/<level>`. `axes`: the axes of the
+    device, by name.
     """
     device = {
         "identifiers": [_object_id(level)],
@@ -59,7 +60,7 @@ def discovery(topics: str, level: str, hello: Hello, axes: dict[str, AxisStats])
 
 
 def _is_by_axis(figure: Figure, entity: Entity) -> bool:
-    """Return whether each axis has the entity; an entity with a template of its own is the device's."""
+    """Return whether each axis has such an entity. An entity with its own template belongs to the device."""
     return ROOTS[figure.kind].by_axis and not entity.template
 
 
@@ -85,14 +86,17 @@ def _component(
     }
     component |= {key: value for key, value in options.items() if value is not None}
     parent, _, leaf = figure.field.rpartition(".")
-    if leaf == "value":  # of an interval, whose ends become attributes
+    if leaf == "value":  # the figure is the value of an interval, whose ends become attributes
         component["json_attributes_topic"] = topic
         component["json_attributes_template"] = f"{{{{ {base}.{parent} | tojson }}}}"
     return component
 
 
 def _template(base: str, figure: Figure) -> str:
-    """Return the template that extracts a figure's value; "None" where the part that has it is absent."""
+    """Return Home Assistant's expression that extracts a figure's value.
+
+    Its result is "None" if the part of the record that contains the figure is absent.
+    """
     parent, _, leaf = figure.field.rpartition(".")
     if not parent or not is_optional(figure.kind, parent):
         return f"{{{{ {base}.{figure.field} }}}}"

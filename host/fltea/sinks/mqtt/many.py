@@ -1,9 +1,9 @@
 """Publish the records of many devices over one connection (host/docs/guide/ingest.md).
 
-Each device has an `MqttSink` without a thread or a connection of its own, so topics, states, retries and
-counts are the same as for a single device. A device's topics contain the name under which the broker let it
-publish, never what its HELLO states. The program has a status of its own, `<prefix>/<program>/ingest`, which
-is also the will.
+Each device has an `MqttSink`, but all of them share one thread and one connection. So topics, states, retries
+and counts are the same as for a single device. A device's topics contain the name under which the broker let
+it publish, never what its HELLO states. The program itself has a status in the topic
+`<prefix>/<program>/ingest`; the connection's last will publishes it, too.
 """
 
 import secrets
@@ -27,19 +27,19 @@ from fltea.sinks.mqtt.status import Status
 from fltea.sinks.opening import Opening
 
 LOOK_S = 0.5
-"""Time between two checks of all devices [s]; devices with new records are checked at once."""
+"""Time between two checks of all devices [s]. Devices with new records are checked at once."""
 
 IDLE_NS = 3600 * 10**9
 """Time after which a device without records is forgotten [ns]."""
 
 EVERY = 1000
-"""At most one in `EVERY` samples has its estimates published: one every ten seconds of most boards."""
+"""Estimates are published for at most one in `EVERY` samples, which is every ten seconds for most boards."""
 
 
 class ManyMqttSink(Sink):
-    """The sink for all devices of shared sources.
+    """Publishes the records of all devices behind brokers.
 
-    `program`: name for the program's own status. `apart`: names of devices that have sinks of their own.
+    `program`: name of this program in its status. `apart`: names of devices that have separate outputs.
 
     Raises:
         UsageError: settings or secrets cannot be used.
@@ -75,7 +75,7 @@ class ManyMqttSink(Sink):
         return self._gone_lost + sum(sink.lost for sink in self._sinks.values())
 
     def write(self, item: Item) -> None:
-        """Pass a record to its device's sink."""
+        """Pass a record to the output of its device."""
         if not isinstance(item, Record | Block) or not item.device or item.device in self._apart:
             return
         self._shared.pump()
@@ -89,12 +89,12 @@ class ManyMqttSink(Sink):
         self._touched.add(name)
 
     def depart(self, departed: Departed) -> None:
-        """Forget a device; if it has moved, another program publishes its status."""
+        """Forget a device. If it has moved to another program, that program publishes its status."""
         if departed.device in self._sinks:
             self._forget(departed.device, end=not departed.moved)
 
     def flush(self) -> None:
-        """Update the sinks with new records, and all sinks every `LOOK_S`."""
+        """Update the outputs of devices with new records; every `LOOK_S`, update those of all devices."""
         self._shared.pump()
         now_s = time.monotonic()
         touched, self._touched = self._touched, set()
@@ -151,11 +151,11 @@ class ManyMqttSink(Sink):
         self._gone_lost += sink.lost
 
     def _report_once(self, kind: str, message: str) -> None:
-        """Report only once a trouble of all devices, such as a broker that is away."""
+        """Report a trouble that all devices share, such as an absent broker, only once."""
         if self._once_a_minute.is_due(kind, host_ns()):
             self._report(kind, message)
 
 
 def open_output(opening: Opening) -> ManyMqttSink:
-    """Open the sink for the devices of all shared sources."""
+    """Open the output for all devices behind brokers."""
     return ManyMqttSink(opening.program.mqtt, opening.shared[0], opening.report, set(opening.apart))

@@ -1,7 +1,7 @@
-"""Share one connection to a broker among many devices, as if each had its own.
+"""Share one connection to a broker among many devices, as if each device had its own connection.
 
-Hundreds of connections would need a thread each. Sharing costs each device's last will, since a connection
-has only one; the program has a status of its own instead.
+Hundreds of connections would need hundreds of threads. But a connection has only one last will, so a device
+without its own connection cannot have one. Instead, the program publishes a status of itself.
 """
 
 from collections import deque
@@ -11,24 +11,24 @@ from fltea.mqtt.connection import Acknowledged, Connection, Down, Event, Session
 
 
 class View:
-    """A device's part of the shared connection; used like a `Connection`."""
+    """The shared connection as one device sees it. It is used like a `Connection`."""
 
     def __init__(self, shared: "SharedConnection") -> None:
         self.events: deque[Event] = deque()
         self._shared = shared
 
     def publish(self, topic: str, payload: bytes, qos: int, retain: bool) -> int | None:
-        """Pass a message on, as `Connection.publish` does."""
+        """Publish a message over the shared connection, as `Connection.publish` does."""
         return self._shared.publish(self, topic, payload, qos, retain)
 
     def close(self) -> None:
-        """Leave the connection, which stays open for the other devices."""
+        """Stop using the connection, which stays open for the other devices."""
         self._shared.leave(self)
         self.events.append(Down("broker_lost", "closed"))
 
 
 class SharedConnection:
-    """Opens the connection when the first view asks for one, and again after it was lost.
+    """Opens the connection for the first device that asks for one, and again whenever it was lost.
 
     One thread calls all methods. `will`: topic and payload that are published if the program vanishes.
     """
@@ -41,7 +41,7 @@ class SharedConnection:
         self.up = False
 
     def connect(self) -> View:
-        """Return a new view; it gets `Up` when the broker accepts the connection."""
+        """Return a new view of the connection. It receives `Up` when the broker accepts the connection."""
         view = View(self)
         self._views[view] = None
         if self._connection is None:
@@ -56,7 +56,7 @@ class SharedConnection:
         return len(self._mids)
 
     def pump(self) -> None:
-        """Pass the events of the connection on to the views."""
+        """Pass the events of the connection on to the views of the devices."""
         connection = self._connection
         while connection is not None and connection.events:
             event = connection.events.popleft()
@@ -77,7 +77,7 @@ class SharedConnection:
                     view.events.append(event)
 
     def publish(self, view: View, topic: str, payload: bytes, qos: int, retain: bool) -> int | None:
-        """Pass a view's message on."""
+        """Publish a message for a view."""
         if self._connection is None:
             return None
         mid = self._connection.publish(topic, payload, qos, retain)
@@ -86,11 +86,11 @@ class SharedConnection:
         return mid
 
     def leave(self, view: View) -> None:
-        """Forget a view."""
+        """Forget a view of the connection."""
         self._views.pop(view, None)
 
     def close(self, deadline_s: float) -> None:
-        """End the connection, and wait for its end, since otherwise the broker would publish the will."""
+        """End the connection, and wait until it has ended; otherwise the broker would publish the will."""
         connection, self._connection, up = self._connection, None, self.up
         self.up = False
         if connection is not None:

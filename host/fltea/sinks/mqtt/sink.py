@@ -26,23 +26,24 @@ FAREWELL_S = 5.0
 """Longest wait for the broker to acknowledge the last messages [s]."""
 
 LONGEST_NAME = 64
-"""Most characters of a device's name in its topics, since a recording may state an identifier of any
-length."""
+"""Largest number of characters of a device's name in its topics. A recording may state an identifier of any
+length.
+"""
 
 KINDS = {
     "sample": Wanted(samples=True),
     "estimate": Wanted(estimates=True),
     "corrected": Wanted(corrected=True),
 }
-"""What is printed for each kind of record that has one row per sample."""
+"""For each kind of record with one row per sample, which records of a block are printed."""
 
 
 @dataclass(slots=True)
 class Published:
-    """What is published for one device until another takes its place.
+    """What is published for one device until another device takes its place on the same port.
 
     `level`: the device's name in its topics. `fit`: newest fit, as JSON. `discovery`: configuration for Home
-    Assistant; `offered`: the HELLO and the units of the axes that it is made of.
+    Assistant. `offered`: the HELLO and the units of the axes from which this configuration was made.
     """
 
     hello: Hello
@@ -55,13 +56,15 @@ class Published:
 
 
 class MqttSink(Sink):
-    """Has one connection per device, since a connection has only one last will.
+    """Publishes the records of one device.
 
-    All methods run in the sink queue's thread, which calls `write` and `flush`; the network has another
-    thread.
+    It usually has its own connection, since a connection has only one last will.
 
-    `shared`: a connection shared by many devices. Their topics then contain each device's own name, since its
-    HELLO may state another device's identifier.
+    All methods run in the thread of the sink queue, which calls `write` and `flush`. Another thread handles
+    the network.
+
+    `shared`: a connection shared by many devices. The topics then contain the device's name and not the
+    identifier in its HELLO, which may be that of another device.
 
     Raises:
         UsageError: settings or secrets cannot be used.
@@ -88,11 +91,11 @@ class MqttSink(Sink):
 
     @property
     def lost(self) -> int:  # type: ignore[override]
-        """Number of records that the broker did not take, or whose arrival is uncertain."""
+        """Number of records that no broker accepted, or whose arrival is uncertain."""
         return self._delivery.lost
 
     def write(self, item: Item) -> None:
-        """Publish a record, or keep it until its device and the broker are known."""
+        """Publish a record, or keep it until its device is known and the broker is connected."""
         self._delivery.poll()
         if isinstance(item, Block):
             self._on_block(item)
@@ -111,7 +114,8 @@ class MqttSink(Sink):
             self._stream(_kind(item), record_json(item), 1, again=not isinstance(item, Stats))
         elif self._published is None:
             self._delivery.lost += 1
-        elif isinstance(item, Fit):  # a state, so that later subscribers get the newest
+        # a fit is published as a state, so that later subscribers get the newest one
+        elif isinstance(item, Fit):
             self._published.fit = record_json(item)
             self._publish_state("fit", self._published.fit)
         else:
@@ -137,12 +141,12 @@ class MqttSink(Sink):
                 self._stream(kind, line[:-1], self._settings.stream_qos)
 
     def _is_due(self, kind: str, seq: int, every: int) -> bool:
-        """Return whether a record is the first in `every` samples; that exact sample may be missing."""
+        """Return whether to publish a record: the first of each `every` samples, even if one is missing."""
         before, self._seen[kind] = self._seen.get(kind, seq), seq
         return seq % every == 0 or seq // every > before // every
 
     def flush(self) -> None:
-        """Maintain the connection and the status."""
+        """Handle the events of the connection, and publish the status if it is due."""
         self._delivery.poll()
         published = self._published
         if published is None:
@@ -154,7 +158,10 @@ class MqttSink(Sink):
         self._delivery.send_waiting()
 
     def close(self) -> None:
-        """Publish that the device is offline, and end the connection; undelivered messages are lost."""
+        """Publish that the device is offline, and end the connection.
+
+        Messages still waiting then are lost.
+        """
         self.end()
         self.leave(FAREWELL_S)
 
@@ -166,7 +173,7 @@ class MqttSink(Sink):
             self._publish_status()
 
     def leave(self, farewell_s: float = 0.0) -> None:
-        """Leave the connection; the owner of a shared connection waits for its end."""
+        """End the connection, or stop using a shared one, whose owner ends it."""
         self._delivery.leave(farewell_s)
         self._delivery.give_up()
         self._delivery.lost += len(self._early)
@@ -187,7 +194,7 @@ class MqttSink(Sink):
             self.write(self._early.popleft())
 
     def _begin(self, hello: Hello) -> None:
-        """Publish for this device from now on, with a will of its own."""
+        """Publish for this device from now on, over a new connection with this device's will."""
         self._retire()
         level = self._level_of(hello)
         client_id = f"fltea-{level}-{secrets.token_hex(4)}"
@@ -214,7 +221,7 @@ class MqttSink(Sink):
         self._published = None
 
     def _turn_away(self, hello: Hello) -> None:
-        """Give a device no topics; its records count as lost until an acceptable device comes."""
+        """Refuse to publish for a device. Records count as lost until an acceptable device comes."""
         self._retire()
         self._turned_away = True
         self._delivery.lost += 1
@@ -226,7 +233,7 @@ class MqttSink(Sink):
             self._report("too_many_devices", text)
 
     def _keep_early(self, record: AnyRecord) -> None:
-        """Keep a rare record until the first HELLO identifies its device."""
+        """Keep a rare record until the first HELLO tells which device it is from."""
         if isinstance(record, Estimate | DeviceEstimates | DeviceFits | Fit | Stats):
             return
         self._early.append(record)
@@ -235,7 +242,7 @@ class MqttSink(Sink):
             self._delivery.lost += 1
 
     def _level_of(self, hello: Hello) -> str:
-        """Return the device's name in the topics."""
+        """Return the name of the device in its topics."""
         return self._device if self._shared else device_level(hello, self._device)
 
     # --- messages ---
@@ -253,7 +260,7 @@ class MqttSink(Sink):
         self._publish_status()
 
     def _offer_discovery(self, stats: Stats) -> None:
-        """Publish the configuration for Home Assistant once the axes are known, and when they change."""
+        """Publish the configuration for Home Assistant when the axes become known or change."""
         published, root = self._published, self._settings.discovery
         units = {axis: one.unit for axis, one in stats.axes.items()}
         if root is None or published is None or not units or published.offered == (published.hello, units):
@@ -262,7 +269,7 @@ class MqttSink(Sink):
         level = published.level
         found = discovery(f"{self._settings.prefix}/{level}", level, published.hello, stats.axes)
         message = Message(discovery_topic(root, level), record_json(found), retain=True)
-        if message != published.discovery:  # a HELLO may differ only in its times
+        if message != published.discovery:  # no change if the new HELLO differs only in its times
             published.discovery = message
             self._delivery.state(message)
 
@@ -285,16 +292,16 @@ class MqttSink(Sink):
 
 
 def _kind(record: Record) -> str:
-    """Return the last level of a record's topic, which is the record's type."""
+    """Return the last part of a record's topic, which is the type of the record."""
     return str(record.__struct_config__.tag)
 
 
 def device_level(hello: Hello, device: str) -> str:
-    """Return the board's own identifier, or else the device's name, as one level of a topic."""
+    """Return the board's own identifier, or else the device's name, as one part of a topic."""
     name = (hello.device_id or device)[:LONGEST_NAME]
     return re.sub(r"[+#/\x00-\x1f\x7f-\x9f]", "_", name) or "_"
 
 
 def open_output(opening: Opening) -> MqttSink:
-    """Open the sink for one device."""
+    """Open the output to MQTT for one device."""
     return MqttSink(opening.program.mqtt, opening.device, opening.report)

@@ -1,4 +1,4 @@
-"""Follow the state of a device for its retained topic `<prefix>/<device_id>/status`."""
+"""Follow the state of a device for its status, which the broker retains (`<prefix>/<device_id>/status`)."""
 
 from typing import Literal
 
@@ -11,18 +11,20 @@ STALLED_NS = 2 * 10**9
 """Time without a sample after which a device is `stalled` [ns]."""
 
 REPEAT_NS = 30 * 10**9
-"""Time after which the status is published again, since an older connection's will may replace it [ns]."""
+"""Time after which the status is published again [ns], since an older connection's will may have replaced
+it.
+"""
 
 Level = Literal["online", "stalled", "offline"]
 Reason = Literal["ended", "connection_lost", "replaced"]
 
 
 class Status(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The payload of the topic.
+    """The content of the status topic, as JSON.
 
-    `since_ns`: Unix time since which the status holds; null if the broker publishes it as the will.
-    `reason`: why it is offline: `ended`, `connection_lost` (the broker lost the program), or `replaced` (by
-    another board on the same port).
+    `since_ns`: Unix time since which the status holds; null in a status that the broker publishes as the last
+    will. `reason`: why it is offline: `ended`, `connection_lost` (the broker lost the program), or `replaced`
+    (by another board on the same port).
     """
 
     status: Level
@@ -34,9 +36,9 @@ class Status(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class DeviceStatus:
-    """Follows one board, which begins as stalled; all times are on the clock of `host_ns`.
+    """Follows the state of one board, which is `stalled` at first. All times are on the clock of `host_ns`.
 
-    `current`: the present content of the topic.
+    `current`: the present status.
     """
 
     def __init__(self, device: str, hello: Hello, now_ns: int) -> None:
@@ -46,12 +48,12 @@ class DeviceStatus:
         self.change("stalled", hello, now_ns)
 
     def change(self, level: Level, hello: Hello, now_ns: int) -> None:
-        """Change the status, beginning now."""
+        """Change the status from now on."""
         reason: Reason | None = "ended" if level == "offline" else None
         self.current = status_of(level, hello, self._device, now_ns, reason)
 
     def on_sample(self, hello: Hello, now_ns: int) -> bool:
-        """Note a sample, and return whether it changed the status."""
+        """Note that a sample has arrived, and return whether that has changed the status."""
         self._sample_ns = now_ns
         if self.current.status == "online":
             return False
@@ -59,7 +61,10 @@ class DeviceStatus:
         return True
 
     def check(self, hello: Hello, now_ns: int) -> bool:
-        """Notice that samples have stopped; return whether the status is to be published, perhaps again."""
+        """Check whether samples have stopped.
+
+        Return whether to publish the status, be it new or unchanged.
+        """
         if self._sample_ns is not None and now_ns - self._sample_ns > STALLED_NS:
             self._sample_ns = None
             self.change("stalled", hello, now_ns)
@@ -67,7 +72,7 @@ class DeviceStatus:
         return now_ns - self._published_ns >= REPEAT_NS
 
     def take(self, now_ns: int) -> Status:
-        """Return the status, and note that it is published now."""
+        """Return the present status, and note that it is published now."""
         self._published_ns = now_ns
         return self.current
 
@@ -75,6 +80,6 @@ class DeviceStatus:
 def status_of(
     level: Level, hello: Hello, device: str, now_ns: int | None, reason: Reason | None = None
 ) -> Status:
-    """Return the status of a board; `now_ns`: None for a status that the broker publishes as the will."""
+    """Return the status of a board. `now_ns`: when it began; None for a status in the last will."""
     since_ns = None if now_ns is None else now_ns + unix_offset_ns()
     return Status(level, since_ns, hello.source, hello.device_id, device, reason)

@@ -1,1 +1,1 @@
-"""The live page."""
+"""Serve the live page, which shows the devices in a browser."""

@@ -28,7 +28,7 @@ HEADS: dict[VerdictKind, str] = {
 }
 
 WITH_ORDER = ("fractional", "fractional or relaxations", "undecided")
-"""Verdicts with which an order is shown; all other verdicts exclude it."""
+"""Verdicts with which an order α is shown. All other verdicts exclude an order."""
 
 SAYS_NOTHING = ("constant", "too few samples")
 UNSTABLE = "No stable verdict yet"
@@ -43,21 +43,26 @@ LEFT_OUT = {
     "bridged": "bridged",
     "limited": "limited to twelve deviations",
 }
-"""What happened to samples, by cause."""
+"""For each cause for which samples are left out of the fit, the words that follow their number."""
 
 BREAKS = {
     "steps": ("step of the offset", "steps of the offset"),
     "changes": ("lasting change of the power", "lasting changes of the power"),
 }
-"""What broke the record without leaving samples out, by cause: for one break, and for several."""
+"""For each cause that interrupts the record without leaving samples out, the words for one and for
+several.
+"""
 
 
 NARROW = 1.25
-"""An interval counts as narrow enough up to this ratio of its width to the target's."""
+"""An interval counts as narrow enough if it is at most this factor wider than the target."""
 
 
 class Figure(NamedTuple):
-    """A parameter with its interval. `large`: the data support a value, not only an interval."""
+    """A parameter with its 95 % interval, as text.
+
+    `large`: whether the interval is narrow enough to show the value itself.
+    """
 
     value: str
     interval: tuple[str, str]
@@ -65,7 +70,7 @@ class Figure(NamedTuple):
 
     @property
     def text(self) -> str:
-        """The value with its interval, or only the interval if it is wide."""
+        """The value with its interval, or only the interval if that is too wide."""
         low, high = self.interval
         return f"{self.value} ({low} … {high})" if self.large else f"{low} … {high}"
 
@@ -76,7 +81,11 @@ class Figure(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """The words for one axis. `kind`: of the verdict, empty without a fit. `alpha`, `f`: None if unknown."""
+    """The description of one axis in words.
+
+    `kind`: kind of the verdict, empty without a fit. `alpha`, `f`: None if unknown. `until`: when α will be
+    known.
+    """
 
     kind: str
     head: str
@@ -91,7 +100,8 @@ class Answer(NamedTuple):
 def answer(fit: AxisFit | None, left_s: float | None = None, *, off: bool = False) -> Answer:
     """Describe a fit in words.
 
-    `left_s`: time until the order is known, if fits agree on it [s]. `off`: nothing is fitted.
+    `left_s`: time until the order is known, if the last fits agree on this time [s]. `off`: fits are switched
+    off.
     """
     if fit is None:
         return Answer("", "No fit" if off else "No fit yet", OFF if off else NO_FIT, None, None, "", "", "")
@@ -111,7 +121,10 @@ def answer(fit: AxisFit | None, left_s: float | None = None, *, off: bool = Fals
 
 
 def _condition(fit: AxisFit) -> str:
-    """Return the condition under which the order holds, with its odds; empty if it holds anyway."""
+    """Return the condition under which the noise has this order, with its odds.
+
+    Empty if the order is certain.
+    """
     if fit.verdict not in WITH_ORDER[1:]:
         return ""
     known = "" if fit.odds is None else f" (odds {odds(fit.odds)})"
@@ -119,7 +132,7 @@ def _condition(fit: AxisFit) -> str:
 
 
 def sentence(found: Answer, level: str, bias: str) -> tuple[str, str]:
-    """Return all that is known about an axis in one sentence: its first words, and the rest.
+    """Return one sentence with everything known about an axis, as its first words and the rest.
 
     `level`: N and the error of the heading, as text. `bias`: the bias as text.
     """
@@ -139,7 +152,10 @@ def sentence(found: Answer, level: str, bias: str) -> tuple[str, str]:
 
 
 def order(fit: AxisFit) -> tuple[Interval | None, Interval | None]:
-    """Return α and f, each only if a stable verdict allows an order and the data define the figure."""
+    """Return α and f.
+
+    Each is None unless the verdict is stable and allows an order, and the data define it.
+    """
     if fit.verdict not in WITH_ORDER or not fit.stable:
         return None, None
     alpha, f = (p if _defined(p) else None for p in (fit.alpha, fit.f))
@@ -151,12 +167,12 @@ def _defined(p: Interval) -> bool:
 
 
 def figure_of(p: Interval) -> Figure | None:
-    """Return α as it is shown; None if it is undefined."""
+    """Return α as text with its interval; None if it is undefined."""
     return _figure(p, 2, 0.3) if _defined(p) else None
 
 
 def _figure(p: Interval | None, digits: int, widest: float) -> Figure | None:
-    """Return a figure with as many digits as its interval justifies.
+    """Return a parameter as text, with as many digits as its interval justifies.
 
     `digits`: fewest digits. `widest`: largest half-width at which the value itself is shown.
     """
@@ -169,13 +185,16 @@ def _figure(p: Interval | None, digits: int, widest: float) -> Figure | None:
 
 
 def _fixed(value: float, digits: int) -> str:
-    """Return a number with a true minus sign, which zero does not get."""
+    """Return a number as text with the character − (U+2212) as minus. Zero has no sign."""
     text = f"{value:.{digits}f}"
     return text.lstrip("-") if float(text) == 0 else text.replace("-", "\u2212")
 
 
 def _until(fit: AxisFit, left_s: float | None) -> str:
-    """Return in how much time the order is known well enough; a figure only if fits agree on it."""
+    """Return the text for the time until α is known well enough.
+
+    It names a time only if the last fits agree on it.
+    """
     until = fit.until_s
     if until is None or fit.verdict in SAYS_NOTHING:
         return ""
@@ -188,12 +207,13 @@ def _until(fit: AxisFit, left_s: float | None) -> str:
         return f"{target} in {about(left_s)}" if left_s else f"{target}: too early to say when"
     a = fit.alpha
     if a.low is None or a.high is None or a.high - a.low > 2 * NARROW * until.target:
-        return f"{target}: nobody can say when yet"  # the predicted interval was too narrow
+        # the time has passed, but the interval is wider than was predicted
+        return f"{target}: nobody can say when yet"
     return f"{target}: reached"
 
 
 def _left_out(fit: AxisFit) -> str:
-    """Return which samples and frequencies the fit leaves out."""
+    """Return the text for the samples and frequencies that the fit leaves out."""
     bands = [f"{low:.3g} to {high:.3g} Hz" for low, high in fit.rate_left_out]
     counts = [
         f"{count:,} {'sample' if count == 1 else 'samples'} {LEFT_OUT.get(cause, cause)}"

@@ -1,4 +1,4 @@
-"""Describe an axis in one sentence, for the page and for the table in a terminal."""
+"""Describe the noise of an axis in one sentence, for the page and for the table in a terminal."""
 
 from fltea.records.plus_minus import angle_within
 from fltea.records.records import AXES, AxisEstimate, Stats
@@ -10,7 +10,7 @@ from fltea.sinks.page.fits import Curves, Fits
 
 
 def answer_of(fits: Fits, stats: Stats | None, name: str) -> Answer:
-    """Return the description of an axis's fit."""
+    """Return the description of an axis's newest fit, in words."""
     off, told = stats is not None and stats.fit_period_s is None, fits.time_to_tell.get(name)
     return answer(fits.axes.get(name), told.left_s if told else None, off=off)
 
@@ -18,12 +18,12 @@ def answer_of(fits: Fits, stats: Stats | None, name: str) -> Answer:
 def axis_sentence(
     found: Answer, fits: Fits, stats: Stats | None, newest: AxisEstimate | None, name: str
 ) -> tuple[str, str]:
-    """Return the description of an axis with its level and bias: the first words, and the rest."""
+    """Return one sentence about an axis, its noise and its bias, as its first words and the rest."""
     return sentence(found, _level(fits, stats, name), bias_words(newest, unit_of(name)))
 
 
 def _level(fits: Fits, stats: Stats | None, name: str) -> str:
-    """Return N, and for a gyroscope the error of the heading a minute after a rest, if they are known."""
+    """Return N as text if it is known, and for a gyroscope the error of the heading a minute after a rest."""
     allan = fits.curves.get(name, Curves()).allan
     known = density(allan.N, name in AXES) if allan is not None and allan.N is not None else ""
     std = heading(stats, name).get(HEADING_AFTER_S) if name in AXES else None
@@ -32,6 +32,9 @@ def _level(fits: Fits, stats: Stats | None, name: str) -> str:
 
 
 def heading(stats: Stats | None, axis: str) -> dict[int, float]:
-    """Return the heading's standard deviation [deg] by the seconds after a rest; empty without a model."""
+    """Return the standard deviation of the heading [deg] for some times after a rest [s].
+
+    It is empty without a model of the noise.
+    """
     found = stats.axes.get(axis) if stats else None
     return found.tracker.heading_std if found and found.tracker else {}

@@ -1,4 +1,7 @@
-"""Keep the past of a device for figures over time: one row per sample with all axes, merged in buckets."""
+"""Keep the past of a device, from which the page draws diagrams over time.
+
+It consists of one row of numbers per sample for all axes. Rows of neighbouring samples are merged.
+"""
 
 from collections.abc import Mapping
 
@@ -11,7 +14,7 @@ SILENCE_MS = 1000.0
 """Pause after which a curve is interrupted [ms]."""
 
 STALE_MS = 5000.0
-"""Time for which an estimate is drawn if no other one comes [ms]."""
+"""Time for which an estimate is drawn if no newer estimate comes [ms]."""
 
 COMMON: dict[str, Kind] = {"time": "mean", "temperature": "mean"}
 
@@ -24,8 +27,9 @@ ESTIMATED: dict[str, Kind] = {
     "apart_high": "max",
     "f_apart": "max",
 }
-"""Columns of estimates. `apart`: α of the device minus α of the host; `f_apart`: size of the difference in
-f."""
+"""Columns of estimates, and how rows are merged. `apart`: α of the device minus α of this computer.
+`f_apart`: absolute difference between their f.
+"""
 
 OF_AXIS: dict[str, Kind] = {
     "y_low": "min",
@@ -34,21 +38,23 @@ OF_AXIS: dict[str, Kind] = {
     **dict.fromkeys(FIT, "mean"),
     **ESTIMATED,
 }
-"""Columns of each axis. `y`: the sample minus its offset; `state`: the bias minus that offset."""
+"""Columns of each axis, and how rows are merged. `y`: the sample minus an offset. `state`: the bias minus the
+same offset.
+"""
 
 DRAWN = ("y_low", "y", "y_high", "state", "state_std")
-"""Columns of the small drawing that the page shows for each axis."""
+"""Columns of the small diagram that the page shows for each axis."""
 
 
 class Course:
-    """Takes samples and estimates; a row is a sample with the estimates that are known then."""
+    """Makes rows of samples and estimates. A row is a sample with the newest estimates at its time."""
 
     def __init__(self) -> None:
         self._last_ms = -np.inf
         self.set_axes(())
 
     def set_axes(self, axes: tuple[str, ...]) -> None:
-        """Begin again with other axes."""
+        """Forget all rows, and begin again with other axes."""
         self.axes = axes
         self._row = np.full(len(COMMON) + len(axes) * len(OF_AXIS), np.nan)
         self._places = {axis: self.columns(axis) for axis in axes}
@@ -56,19 +62,19 @@ class Course:
         self._tiers = Tiers([*COMMON.values(), *[*OF_AXIS.values()] * len(axes)])
 
     def columns(self, axis: str) -> dict[str, int]:
-        """Return the index of each of an axis's columns in the rows."""
+        """Return, by name, the index in the rows of each column that belongs to an axis."""
         first = len(COMMON) + self.axes.index(axis) * len(OF_AXIS)
         return {name: i for i, name in enumerate(COMMON)} | {
             name: first + i for i, name in enumerate(OF_AXIS)
         }
 
     def drawn(self) -> dict[str, int]:
-        """Return the index of each column of the small drawings in the rows, by axis and column."""
+        """Return, by axis and name, the index in the rows of each column of the small diagrams."""
         places = {f"{axis} {name}": self.columns(axis)[name] for axis in self.axes for name in DRAWN}
         return {"time": 0} | places
 
     def know(self, axis: str, host_ns: int, values: Mapping[str, float | None]) -> None:
-        """Take what is known about an axis from a time on, by column."""
+        """Set values of an axis, by column, for all rows from now on."""
         places = self._places.get(axis)
         if places is None:
             return
@@ -78,7 +84,10 @@ class Course:
             self._estimated_ms[axis] = host_ns * 1e-6
 
     def begin(self, host_ns: int) -> None:
-        """Begin an epoch: interrupt all curves, and drop later rows, which a change of the date leaves."""
+        """Begin an epoch: interrupt all curves.
+
+        If the clock was set back, so that earlier rows have later times, forget all rows.
+        """
         time_ms = host_ns * 1e-6
         if time_ms < self._last_ms:
             self._tiers.clear()
@@ -89,7 +98,7 @@ class Course:
             self._forget(axis)
 
     def sample(self, host_ns: int, temperature_c: float | None, y: Mapping[str, float]) -> None:
-        """Append a row. `y`: the sample minus its offset, by axis."""
+        """Append a row. `y`: for each axis, the sample minus the offset."""
         time_ms = host_ns * 1e-6
         if time_ms - self._last_ms > SILENCE_MS and np.isfinite(self._last_ms):
             self._tiers.cut(self._last_ms)
@@ -105,11 +114,14 @@ class Course:
             self._tiers.append(row.copy())
 
     def read(self, window: int, cursor: Cursor) -> Rows:
-        """Return rows that the reader does not have yet; columns as in `columns`."""
+        """Return the rows that a page does not have yet. `columns` says what their columns are."""
         return self._tiers.read(window, cursor)
 
     def farthest(self, window: int, axis: str) -> tuple[float, float]:
-        """Return the largest differences in α and in f between device and host in a window; NaN: unknown."""
+        """Return the largest differences in α and in f between device and this computer in a time window.
+
+        An unknown difference is NaN.
+        """
         values, places = self.read(window, Cursor()).values, self._places[axis]
         shown: Array = values[values[:, 0] >= self._last_ms - WINDOWS[window].length_s * 1e3]
         low, high, f = (shown[:, places[name]] for name in ("apart_low", "apart_high", "f_apart"))

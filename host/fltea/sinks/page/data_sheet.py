@@ -1,4 +1,4 @@
-"""Format N of the fitted model, and B and K of the noise, in the units of data sheets."""
+"""Format N, B and K of an axis's noise in the units of data sheets."""
 
 from fltea.records.fit import FitAllan, Interval
 from fltea.records.quantity import coefficient_units, quantity_of
@@ -9,7 +9,7 @@ NAMES = {
     True: {"N": "angle random walk", "B": "bias instability", "K": "rate random walk"},
     False: {"N": "velocity random walk", "B": "bias instability", "K": "acceleration random walk"},
 }
-"""Names of the coefficients for a gyroscope (True), and for an accelerometer (False)."""
+"""Names of the coefficients N, B and K for a gyroscope (True) and for an accelerometer (False)."""
 
 UNITS = {
     True: {"N": ("(deg/s)/√Hz", "deg/√h"), "B": ("deg/s", "deg/h"), "K": ("(deg/s)/√s", "(deg/h)/√h")},
@@ -17,16 +17,16 @@ UNITS = {
 }
 """The two units in which each coefficient is shown."""
 OF_FIT = {True: coefficient_units("deg/s"), False: coefficient_units("m/s²")}
-"""The units that the coefficients have in a fit."""
+"""The units of N, B and K in a fit, for a gyroscope (True) and for an accelerometer (False)."""
 
 
 def density(N: float, gyroscope: bool) -> str:
-    """Return N in the unit of a gyroscope's or an accelerometer's data sheet."""
+    """Return N as text in the unit of data sheets of gyroscopes or of accelerometers."""
     return f"N = {_in(UNITS[gyroscope]['N'][int(gyroscope)], N, 'N', gyroscope)}"
 
 
 def coefficients(a: FitAllan, gyroscope: bool) -> list[list[str]]:
-    """Return for each coefficient its letter and name, and its value in two units or that it is not known."""
+    """Return for N, B and K the letter with the name, and the value in two units or that it is unknown."""
     rows = []
     for letter, value in (("N", a.N), ("B", a.B), ("K", a.K)):
         text = NOT_SEEN

@@ -27,7 +27,7 @@ NOT_SHOWN = "the Allan deviation does not show it yet: record longer"
 
 
 class Seen(NamedTuple):
-    """What both downloads are made of, taken from a history at one moment."""
+    """The data from which both downloads are made, copied from the history at one moment."""
 
     name: str
     when: datetime
@@ -42,15 +42,15 @@ class Seen(NamedTuple):
 
     @property
     def stem(self) -> str:
-        """Beginning of the file's name."""
+        """Beginning of the name of the downloaded file."""
         return f"fltea_{re.sub(r'[^A-Za-z0-9_.-]+', '_', self.name)}_{self.when:%Y%m%dT%H%M%SZ}"
 
 
 def seen(history: DeviceHistory) -> Seen:
-    """Return what is known about a device; the caller holds the history's lock.
+    """Copy what is known about a device. The caller holds the lock of the history.
 
     Raises:
-        UsageError: no fit exists yet.
+        UsageError: there is no fit yet.
     """
     fit, hello = history.fits.newest, history.hello
     if fit is None or hello is None:
@@ -81,7 +81,7 @@ def seen(history: DeviceHistory) -> Seen:
 
 
 def yaml_of(found: Seen) -> str:
-    """Return Kalibr's imu.yaml, with N and K of the live Allan deviations.
+    """Return the file imu.yaml for Kalibr, with N and K from the live Allan deviations.
 
     Raises:
         UsageError: no axis of the gyroscope has an Allan deviation yet.
@@ -123,7 +123,7 @@ def report_of(found: Seen) -> str:
 
 
 def _figures(fit: AxisFit) -> list[str]:
-    """Return the figures of an axis that exist."""
+    """Return the diagrams of an axis that can be drawn."""
     shown = [curves.spectrum(fit.spectrum, fit.unit, fit.rate_left_out)] if fit.spectrum else []
     return [*shown, curves.allan(fit.allan, fit.unit)] if fit.allan else shown
 

@@ -1,4 +1,4 @@
-"""Return what the page says in words and numbers, as plain data that the browser gets as JSON."""
+"""Return what the page says in words and numbers, as data that can be sent to the browser as JSON."""
 
 from typing import Any
 
@@ -34,18 +34,23 @@ STALL_NS = 1_500_000_000
 SHOWN_EVENTS = 12
 SHOWN_STEPS = 3
 FAR_PPM = 20_000
-"""Clock difference above which a warning is shown, since no crystal is so inaccurate [ppm]."""
+"""Difference between the clocks of device and computer above which a warning is shown [ppm]. No crystal is so
+inaccurate.
+"""
 
 
 def state(history: DeviceHistory, now_ns: int) -> dict[str, str]:
-    """Return the name of a device, its state, and what is wrong, if anything is."""
+    """Return the name of a device, its state, and a text that says what is wrong, if anything."""
     with history.lock:
         level, text = status(history, now_ns)
     return {"name": history.name, "level": level, "text": "" if level == "good" else text}
 
 
 def status(history: DeviceHistory, now_ns: int) -> tuple[Level, str]:
-    """Return the device's state in one line of text. `now_ns`: monotonic."""
+    """Return how severe the device's state is, and the state in one line of text.
+
+    `now_ns`: monotonic time.
+    """
     hello, epoch, heard_ns = history.hello, history.epoch, history.heard_ns
     error = history.error
     if heard_ns is None or hello is None or epoch is None:
@@ -79,7 +84,7 @@ def status(history: DeviceHistory, now_ns: int) -> tuple[Level, str]:
 
 
 def _startup_to_go(history: DeviceHistory, epoch: Epoch) -> int:
-    """Return the number of samples until the last start-up window is full, the device's own included."""
+    """Return the number of samples until all start-up windows are full, this computer's and the device's."""
     if epoch.reason == "resumed":
         return 0
     of_host = max((info.startup_samples for info in infos(epoch) if info.estimate_on != "device"), default=0)
@@ -87,7 +92,7 @@ def _startup_to_go(history: DeviceHistory, epoch: Epoch) -> int:
 
 
 def slow(stats: Stats | None) -> str:
-    """Return a warning if the device's clock and this computer's differ very much."""
+    """Return a warning if the rates of the device's clock and of this computer's differ very much."""
     if stats is None or stats.clock_ppm is None or abs(stats.clock_ppm) < FAR_PPM:
         return ""
     share = 1 + stats.clock_ppm * 1e-6
@@ -98,7 +103,7 @@ def slow(stats: Stats | None) -> str:
 
 
 def now(history: DeviceHistory, now_ns: int) -> dict[str, Any]:
-    """Return the state of a device, in a few words for each part that can be opened."""
+    """Return the state of a device, with a few words for each part of the page that can be opened."""
     level, text = status(history, now_ns)
     sample, newest = history.sample, list(history.happenings)[-1:]
     lost = [f"{label}: {value}" for label, value, of in link(history.stats) if of == "bad"]
@@ -134,7 +139,7 @@ def _axis(history: DeviceHistory, name: str) -> dict[str, Any]:
 
 
 def axis(history: DeviceHistory, name: str, window: int) -> dict[str, Any]:
-    """Return the details of an axis: of its fit, of the filter, and of the device's own estimates.
+    """Return details of an axis: about its fit, about the filters, and about the device's own estimates.
 
     `window`: index of the time window that is shown.
     """
@@ -156,15 +161,17 @@ def axis(history: DeviceHistory, name: str, window: int) -> dict[str, Any]:
 
 
 def _running(history: DeviceHistory, name: str) -> list[Cells]:
-    """Return what the filters that run sample by sample state about an axis, by label."""
+    """Return rows about the filters of an axis that run sample by sample."""
     seen = Seen(history.stats, history.hello, name, history.newest.get(name))
     return [[label, value] for label, value, *_ in rows("axis", seen)]
 
 
 def changes(history: DeviceHistory, name: str) -> list[tuple[str, int, str]]:
-    """Return the present motion and the newest steps of an axis: words, a time [ms], and words after it.
+    """Return the present motion and the newest steps of an axis.
 
-    The browser formats the time, since it knows its reader's time zone.
+    Each entry consists of words, a time [ms], and words after the time.
+
+    The browser formats the time, since it knows the reader's time zone.
     """
     newest: list[Step | Motion] = [] if history.marks.moving is None else [history.marks.moving]
     newest += list(history.marks.steps.get(name, ()))[-SHOWN_STEPS:][::-1]
@@ -176,7 +183,7 @@ def changes(history: DeviceHistory, name: str) -> list[tuple[str, int, str]]:
 
 
 def marks(history: DeviceHistory, name: str, window: int) -> dict[str, Any]:
-    """Return the steps of an axis and the motions within a window, as marks for its figures."""
+    """Return the steps of an axis and the motions within a time window, as marks for the diagrams."""
     end_ns = history.sample.host_ns if history.sample else 0
     return history.marks.within(name, end_ns - int(WINDOWS[window].length_s * 1e9), end_ns)
 
@@ -191,13 +198,13 @@ def fitted(history: DeviceHistory) -> str:
 
 
 def spectra(history: DeviceHistory) -> dict[str, str]:
-    """Return the small drawing of each axis's spectrum, where it exists."""
+    """Return the small diagrams of the axes' spectra that can be drawn, by axis."""
     drawn = history.fits.drawn
     return {name: drawn[name].svg(unit_of(name)) for name in history.axes if name in drawn}
 
 
 def curves(history: DeviceHistory, name: str) -> list[str]:
-    """Return the existing figures of an axis: spectrum, Allan deviation, and error of the heading."""
+    """Return the diagrams of an axis that can be drawn: spectrum, Allan deviation, error of the heading."""
     fit, found = history.fits.axes.get(name), history.fits.curves.get(name, Curves())
     board, unit, ahead = history.fits.device_spectra.get(name), unit_of(name), heading(history.stats, name)
     shown = []
@@ -215,7 +222,7 @@ def curves(history: DeviceHistory, name: str) -> list[str]:
 
 
 def _headings(history: DeviceHistory, name: str) -> list[list[str]]:
-    """Return the length of the rest, and the heading's error after some times, with 95 %."""
+    """Return rows: how long the sensor has rested, and the 95 % errors of the heading after some times."""
     rows = [[f"after {duration(t)}", angle_within(std)] for t, std in heading(history.stats, name).items()]
     rest_s = history.samples_of_epoch / history.rate_hz
     return [["rest so far", duration(rest_s)], *rows] if rows else []
@@ -227,12 +234,12 @@ def infos(epoch: Epoch) -> list[EstimatorInfo]:
 
 
 def link(stats: Stats | None) -> list[Cells]:
-    """Return the health of the link from the device to here: label, value, level."""
+    """Return rows about the connection to the device. Each row has a label, a value, and how severe it is."""
     return list(rows("link", Seen(stats))) if stats is not None else []
 
 
 def device(hello: Hello | None, temperature_c: float | None) -> list[list[str]]:
-    """Return what HELLO states about the device: label, value."""
+    """Return rows about the device, most of them from its HELLO. Each row has a label and a value."""
     if hello is None:
         return []
     chip = f"(WHO_AM_I 0x{hello.who_am_i:02x})" if hello.who_am_i is not None else None
@@ -254,7 +261,7 @@ def device(hello: Hello | None, temperature_c: float | None) -> list[list[str]]:
 
 
 def events(history: DeviceHistory) -> list[dict[str, Any]]:
-    """Return the last events, newest first."""
+    """Return the list of the last events, the newest event first."""
     newest = list(history.happenings)[-SHOWN_EVENTS:][::-1]
     return [
         {"time_ms": h.host_ns // 1_000_000, "kind": h.kind, "text": visible_lines(h.text)} for h in newest

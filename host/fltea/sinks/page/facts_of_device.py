@@ -1,4 +1,4 @@
-"""Return what the page says about a device that estimates itself, as plain data."""
+"""Return what the page says about a device that makes estimates itself, as data for the browser."""
 
 from typing import Any
 
@@ -28,20 +28,23 @@ def silent(history: DeviceHistory) -> bool:
 
 
 def startup_to_go(history: DeviceHistory) -> int:
-    """Return the samples until the start-up window is full, as a device that estimates alone states."""
+    """Return the number of samples until the start-up window is full, as the device states it.
+
+    It is 0 unless only the device estimates.
+    """
     own = history.stats.device_estimator if history.stats else None
     return own.startup_remaining if own is not None and silent(history) else 0
 
 
 def whose(history: DeviceHistory, estimate_on: str) -> str:
-    """Return the words that follow the name of the estimating side."""
+    """Return the words that follow where the estimates are made: the device, this computer, or both."""
     if estimate_on == "device":
         return f" (the device's own estimates as published{_rate(history)})"
     return f" (the host's estimates, and the device's own{_rate(history)})" if estimate_on == "both" else ""
 
 
 def own(history: DeviceHistory) -> list[Cells]:
-    """Return the state of the device's estimator: label, value, level. Empty if it has stated nothing."""
+    """Return rows about the device's estimator; no rows if the device has stated nothing about it."""
     stats = history.stats
     if stats is None or stats.device_estimator is None:
         return []
@@ -49,7 +52,10 @@ def own(history: DeviceHistory) -> list[Cells]:
 
 
 def compared(history: DeviceHistory, axis: str, window: int) -> dict[str, Any] | None:
-    """Return the device's figures for an axis that both estimate, and their differences from the host's."""
+    """Return the device's estimates of an axis, and their differences from this computer's estimates.
+
+    Return None unless both estimate the axis.
+    """
     if history.estimator(axis) != "both":
         return None
     farthest = history.course.farthest(window, axis)
@@ -74,7 +80,10 @@ def compared(history: DeviceHistory, axis: str, window: int) -> dict[str, Any] |
 
 
 def _bias(e: DeviceAxisEstimate | None) -> list[list[str]]:
-    """Return rows of the bias by the device's fit, and its difference from the host's; none without a fit."""
+    """Return rows about the bias by the device's fit, with its difference from this computer's bias.
+
+    Without a fit there are no rows.
+    """
     if e is None or e.tracker_bias is None:
         return []
     apart, std = e.tracker_bias_difference, e.tracker_bias_std
@@ -112,7 +121,10 @@ def fit(history: DeviceHistory, axis: str) -> dict[str, Any] | None:
 
 
 def _apart(newest: float | None, farthest: float) -> str:
-    """Return the newest and the largest difference; the newest may not be in any bucket yet."""
+    """Return the newest and the largest difference as text.
+
+    `farthest`: largest difference in the rows that are drawn, which may not include the newest one.
+    """
     if newest is None:
         return ""
     largest = max(abs(newest), farthest)  # if `farthest` is NaN, `max` returns the newest
@@ -124,5 +136,5 @@ def _difference(value: float | None, unit: str) -> str:
 
 
 def _rate(history: DeviceHistory) -> str:
-    """Return how many estimates a second the device sends, if that is known."""
+    """Return a text that says how many estimates a second the device sends; empty if unknown."""
     return estimates_rate(history.stats, history.hello)

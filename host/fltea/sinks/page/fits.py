@@ -1,4 +1,4 @@
-"""Keep the newest fits of a device's axes, this computer's and the device's own."""
+"""Keep the newest fits of a device's axes: those of this computer and those of the device itself."""
 
 from typing import NamedTuple
 
@@ -9,41 +9,43 @@ from fltea.records.fit import AxisFit, FitAllan, FitSpectrum, VerdictKind
 from fltea.records.records import DeviceFits, Fit
 
 AGREE, GROWTH, APART = 4, 1.1, 1.5
-"""The last `AGREE` fits, each of `GROWTH` times the samples of the one before, give the time until the order
-is known if their times differ by at most the ratio `APART`."""
+"""The page shows the time until the order is known if the times that the last `AGREE` fits predict differ by
+at most the factor `APART`. For this, each fit must have at least `GROWTH` times as many samples as the one
+before it.
+"""
 
 
 class Curves(NamedTuple):
-    """The newest curves of an axis."""
+    """The newest spectrum and Allan deviation of an axis."""
 
     spectrum: FitSpectrum | None = None
     allan: FitAllan | None = None
 
 
 class Drawn:
-    """The small drawing of an axis's spectrum, from a fit of `samples` samples with a verdict."""
+    """The small diagram of an axis's spectrum, from a fit of `samples` samples with a verdict."""
 
     def __init__(self, spectrum: FitSpectrum, samples: int, verdict: VerdictKind) -> None:
         self.samples, self.verdict = samples, verdict
         self._spectrum, self._svg = spectrum, ""
 
     def svg(self, unit: str) -> str:
-        """Return the drawing, which is made at the first call. `unit`: of the samples."""
+        """Return the diagram as SVG, which is made at the first call. `unit`: unit of the samples."""
         self._svg = self._svg or charts.spectrum(self._spectrum, unit, height=SMALL)
         return self._svg
 
 
 class TimeToTell:
-    """Predicts when the order of an axis will be known, with a steady time only while fits agree."""
+    """Predicts when the order of an axis will be known, but only while the last fits agree on the time."""
 
     def __init__(self) -> None:
         self._newest_s = self._taken_s = 0.0
         self._totals: list[float] = []
-        """Total time of samples that is needed, by each of the last fits [s]."""
+        """Duration of samples that is needed in total, as each of the last fits predicts it [s]."""
         self._steady_s: float | None = None
 
     def take(self, samples: int, rate_hz: float, fit: AxisFit) -> None:
-        """Take the time that a fit of `samples` samples predicts."""
+        """Note the time that a fit of `samples` samples predicts."""
         seconds = fit.until_s.seconds if fit.until_s and fit.stable else None
         self._newest_s = samples / rate_hz
         if not seconds:
@@ -60,17 +62,18 @@ class TimeToTell:
 
     @property
     def left_s(self) -> float | None:
-        """Time left after the newest fit [s]; None if it is not known."""
+        """Time from the newest fit until the order is known [s]; None if the fits do not agree on it."""
         return None if self._steady_s is None else max(self._steady_s - self._newest_s, 1.0)
 
 
 class Fits:
-    """Takes records of fits; the fits are kept through epochs of the same sensor.
+    """Keeps the newest fits. They are kept from one epoch to the next if the sensor is the same.
 
-    `newest`: the last record. `axes`, `curves`, `time_to_tell`: for each axis the last fit, the last curves,
-    and when the order will be known. `drawn`: for each axis the small drawing of its spectrum; since every
-    visitor gets it, it is renewed only for a tenth more samples or another verdict. `device`,
-    `device_spectra`: for each axis the device's own last fit of the epoch, and its last bins.
+    `newest`: the last record `fit`. `axes`, `curves`, `time_to_tell`: for each axis the last fit, the last
+    curves, and when the order will be known. `drawn`: for each axis the small diagram of its spectrum. Since
+    every visitor gets this diagram, it is made again only after a tenth more samples or with another verdict.
+    `device`: for each axis the device's own last fit in this epoch. `device_spectra`: for each axis the bins
+    of the device's last spectrum.
     """
 
     def __init__(self) -> None:
@@ -83,11 +86,14 @@ class Fits:
         self.device_spectra: dict[str, DeviceSpectrum] = {}
 
     def begin(self) -> None:
-        """Begin an epoch, and forget the device's own fits of the previous one."""
+        """Begin an epoch, and forget the device's own fits of the previous epoch."""
         self.device, self.device_spectra = {}, {}
 
     def take(self, record: Fit, rate_hz: float) -> None:
-        """Take a fit of this computer; a fit of fewer samples than before means another sensor."""
+        """Keep a fit of this computer.
+
+        If it has fewer samples than the one before, the sensor is another one.
+        """
         if self.newest is not None and record.samples < self.newest.samples:
             self.axes, self.curves, self.time_to_tell, self.drawn = {}, {}, {}, {}
         self.newest = record
@@ -104,7 +110,7 @@ class Fits:
                 self.drawn[axis] = Drawn(spectrum, record.samples, found.verdict)
 
     def take_device(self, record: DeviceFits) -> None:
-        """Take a fit of the device."""
+        """Keep the fits that the device has made itself."""
         self.device |= record.axes
         for axis, found in record.axes.items():
             if found.spectrum is not None:

@@ -7,7 +7,7 @@ from fltea.records.records import EpochReason, Motion
 from fltea.sinks.changes import moved, sentence
 
 MOST = 60
-"""Most entries that are kept."""
+"""Largest number of events that are kept."""
 
 EPOCH_WORDS: dict[EpochReason, str] = {
     "start": "the first since the program started",
@@ -21,7 +21,7 @@ EPOCH_WORDS: dict[EpochReason, str] = {
 
 
 class Happening(NamedTuple):
-    """An entry of the list. `host_ns`: Unix time as in the records."""
+    """An entry of the list of events. `host_ns`: Unix time, as in the records."""
 
     host_ns: int
     kind: Literal["epoch", "gap", "step", "motion", "error", "missed"]
@@ -29,7 +29,7 @@ class Happening(NamedTuple):
 
 
 class Happenings(deque[Happening]):
-    """The newest entries, oldest first; gaps in a row, or motions in a row, make one entry."""
+    """The newest events, the oldest first. Successive gaps make one entry, and so do successive motions."""
 
     def __init__(self) -> None:
         super().__init__(maxlen=MOST)
@@ -37,7 +37,7 @@ class Happenings(deque[Happening]):
         self._motions, self._moved, self._largest = 0, 0, 0.0
 
     def gap(self, host_ns: int, missing: int) -> None:
-        """Add a gap, or count it in the newest entry if that is one of gaps."""
+        """Add a gap, or count it in the newest entry if that is about gaps, too."""
         if self and self[-1].kind == "gap":
             self.pop()
         else:
@@ -48,7 +48,7 @@ class Happenings(deque[Happening]):
         self.append(Happening(host_ns, "gap", f"{what}: {self._missing} samples lost"))
 
     def motion(self, record: Motion) -> None:
-        """Add the begin or end of a motion, or count it in the newest entry if that is one of motions."""
+        """Add the begin or end of a motion, or count it in the newest entry if that is about motions, too."""
         if self and self[-1].kind == "motion":
             self.pop()
         else:

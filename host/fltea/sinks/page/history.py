@@ -1,4 +1,4 @@
-"""Keep what the page shows about one device: rows of its past, its last records, and its events."""
+"""Keep what the page shows about one device: its past for diagrams, its last records, and its events."""
 
 import threading
 from collections.abc import Sequence
@@ -37,18 +37,18 @@ from fltea.sinks.page.marks import Marks
 
 
 class HeardError(NamedTuple):
-    """An error, and the monotonic time of its arrival."""
+    """An `error` record, and the monotonic time of its arrival."""
 
     record: Error
     heard_ns: int
 
 
 class DeviceHistory:
-    """Takes the records of one device in one thread; other threads read it, holding `lock`.
+    """Keeps what is known about one device. One thread writes records to it; others read it and hold `lock`.
 
     `estimate_on`: where the gyroscope's axes are estimated. `newest`: for each axis, the last estimate of the
-    epoch. `compared`: for each axis, the device's estimate that is compared with it. `heard_ns`: monotonic
-    arrival time of the last sample.
+    epoch. `compared`: for each axis, the device's own estimate that is compared with the one in `newest`.
+    `heard_ns`: monotonic arrival time of the last sample.
     """
 
     def __init__(self, name: str, estimate_on: EstimateOn) -> None:
@@ -73,7 +73,7 @@ class DeviceHistory:
 
     @property
     def rate_hz(self) -> float:
-        """Sampling rate as HELLO states it; 100 Hz before."""
+        """Sampling rate as HELLO states it; 100 Hz before the first HELLO."""
         return self.hello.rate_hz if self.hello else 100.0
 
     @property
@@ -82,11 +82,11 @@ class DeviceHistory:
         return self.course.axes
 
     def estimator(self, axis: str) -> EstimateOn:
-        """Return where an axis is estimated."""
+        """Return where an axis is estimated: by this computer, by the device, or by both."""
         return self._estimate_on if axis in AXES else "host"
 
     def write(self, record: AnyRecord) -> None:
-        """Take a record."""
+        """Remember a record."""
         with self.lock:
             match record:
                 case Sample():
@@ -128,22 +128,25 @@ class DeviceHistory:
                     self.happenings.append(Happening(record.host_ns, "error", text))
 
     def missed(self, count: int) -> None:
-        """Note that `count` records did not reach the page."""
+        """Note that `count` records were lost before they reached the page."""
         with self.lock:
             host_ns = self.sample.host_ns if self.sample else 0
             text = f"the page missed {count} records: it was too slow"
             self.happenings.append(Happening(host_ns, "missed", text))
-            self.marks.end(host_ns)  # the record of the motion's end may be among the missed ones
+            self.marks.end(host_ns)  # the record about the end of the motion may be among the lost ones
 
     @property
     def samples_of_epoch(self) -> int:
-        """Number of the epoch's samples until the newest one, also those that did not reach the page."""
+        """Number of samples of this epoch so far, including those that did not reach the page."""
         if self.sample is None or self.epoch is None or self.sample.epoch != self.epoch.epoch:
             return 0
         return self.sample.seq - self.epoch.seq + 1 - self._lost
 
     def offset(self, axis: str) -> float:
-        """Return what is subtracted from an axis's samples: its bias, or their mean during start-up."""
+        """Return what is subtracted from an axis's samples in diagrams.
+
+        It is the bias, or during start-up the mean of the samples.
+        """
         stats = self._stats_of_epoch(axis)
         return stats.bias if stats and stats.bias is not None else self._means.get(axis, (0, 0.0))[1]
 
@@ -198,7 +201,7 @@ class DeviceHistory:
 
 
 def _compared(e: DeviceAxisEstimate) -> dict[str, float | None]:
-    """Return the device's own estimate, and its differences from the host's, by column."""
+    """Return the device's own estimate, and its differences from this computer's, by column of the rows."""
     apart, f_apart = e.alpha_difference, e.f_difference
     differences = dict.fromkeys(("apart_low", "apart", "apart_high"), apart)
     far = None if f_apart is None else abs(f_apart)

@@ -1,4 +1,4 @@
-"""Keep past steps and motions, as marks in the figures over time."""
+"""Keep past steps of the bias and motions of the sensor, which the diagrams over time mark."""
 
 from collections import deque
 from typing import Any
@@ -7,17 +7,24 @@ from fltea.records.records import Motion, Step
 from fltea.sinks.changes import short_size
 
 KEPT = 240
-"""Most remembered steps of an axis, and motions: with one every six minutes, those of a day."""
+"""Largest number of steps kept for an axis, and of motions. With one every six minutes, they are those of a
+day.
+"""
 
 MOST_STEPS = 40
-"""Most steps that a figure shows: the largest ones."""
+"""Largest number of steps that a diagram shows. If there are more, it shows the largest steps."""
 
 MOST_SPANS = 60
-"""Most motions that a figure shows: motions closer than this fraction of the window are merged."""
+"""Largest number of motions that a diagram shows. Motions closer than the window's length divided by this
+number are merged.
+"""
 
 
 class Marks:
-    """Takes steps, which are detected some time later, and motions. `moving`: the present motion, if any."""
+    """Keeps steps and motions. `moving`: the present motion, if any.
+
+    A step arrives some time after it occurred.
+    """
 
     def __init__(self) -> None:
         self.steps: dict[str, deque[Step]] = {}
@@ -25,11 +32,14 @@ class Marks:
         self._spans: deque[tuple[int, int]] = deque(maxlen=KEPT)
 
     def step(self, record: Step) -> None:
-        """Take a step."""
+        """Remember a step."""
         self.steps.setdefault(record.axis, deque(maxlen=KEPT)).append(record)
 
     def motion(self, record: Motion, rate_hz: float) -> None:
-        """Take the begin or end of a motion; if its begin was missed, it follows from the motion's length."""
+        """Remember the begin or end of a motion.
+
+        If the record of the begin was lost, the begin is computed from the end and the duration.
+        """
         if record.begins:
             self.end(record.host_ns)
             self.moving = record
@@ -45,14 +55,17 @@ class Marks:
         self.moving = None
 
     def begin(self, host_ns: int) -> None:
-        """Begin an epoch, and drop later marks, which a change of the date leaves."""
+        """Begin an epoch. If the clock was set back, drop marks with later times."""
         self.end(host_ns)
         self._spans = deque((span for span in self._spans if span[0] <= host_ns), maxlen=KEPT)
         for axis, steps in self.steps.items():
             self.steps[axis] = deque((one for one in steps if one.host_ns <= host_ns), maxlen=KEPT)
 
     def within(self, axis: str, begin_ns: int, end_ns: int) -> dict[str, Any]:
-        """Return the marks of an axis between two times, in ms; a motion that still lasts ends with None."""
+        """Return the steps of an axis and the motions between two times, with times in ms.
+
+        The end of a motion that still lasts is None.
+        """
         steps = [one for one in self.steps.get(axis, ()) if one.host_ns >= begin_ns]
         largest = sorted(steps, key=lambda one: -abs(one.size))[:MOST_STEPS]
         return {
@@ -61,7 +74,10 @@ class Marks:
         }
 
     def _joined(self, begin_ns: int, least_ns: int) -> list[list[int | None]]:
-        """Return motions that end after a time; merge those closer than `least_ns`."""
+        """Return the motions that end after `begin_ns`.
+
+        Motions closer to each other than `least_ns` are merged.
+        """
         found: list[list[int | None]] = []
         last_ns = begin_ns - least_ns
         lasts = [] if self.moving is None else [(self.moving.host_ns, None)]

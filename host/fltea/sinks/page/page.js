@@ -1,13 +1,15 @@
-// The live page: once a second it asks for the open parts, and gets those that have changed.
+// The live page. Once a second it asks the server for the parts of the page that are open, and gets those
+// that have changed.
 import {ask, button, byId, clock, draw, follow, make, put} from "./common.js"
 
 const choice = {device: "", axis: "", window: 1, course: false, ...fromHash()}
-const has = {}  // for each part, the checksum of the content that is shown
-let table = {cursor: "", columns: {}}  // rows for the figures over time of the open axis
-let drawn = {cursor: "", columns: {}}  // rows for the small drawings of all axes
-const isWide = matchMedia("(min-width: 601px)")  // a phone has room only for the first drawing
-let marks = {steps: [], motion: []}  // steps of the bias and motions of the sensor in the window
-let shown = ""  // device, axis and window that are shown
+const has = {}  // for each part of the page, the checksum of the content that it shows
+let table = {cursor: "", columns: {}}  // rows of numbers for the diagrams over time of the open axis
+let drawn = {cursor: "", columns: {}}  // rows of numbers for the small diagrams of all axes
+// a phone has room only for the first small diagram of an axis
+const isWide = matchMedia("(min-width: 601px)")
+let marks = {steps: [], motion: []}  // steps of the bias and motions of the sensor in the time window
+let shown = ""  // device, axis and time window that are shown
 
 function fromHash() {
   const found = new URLSearchParams(location.hash.slice(1))
@@ -31,9 +33,10 @@ const refresh = follow(async () => {
     parts: parts.map(part => `${part}:${has[part] ?? ""}`).join()}
   if (asked.course && asked.axis) query.cursor = table.cursor
   const found = await (await ask("state", query)).json()
-  if (["device", "axis", "window", "course"].some(name => asked[name] !== choice[name])) return  // the user chose meanwhile: ask again
+  // the user has chosen something else meanwhile, so this answer is not used
+  if (["device", "axis", "window", "course"].some(name => asked[name] !== choice[name])) return
   const of = [found.device, found.axis, found.window].join()
-  if (of !== shown) {  // the answer is incomplete, since it was asked for with the checksums of another axis
+  if (of !== shown) {  // the answer is incomplete, since the request contained the checksums of another axis
     const isFirst = !shown
     shown = of
     table.cursor = ""
@@ -78,7 +81,8 @@ const SHOW = {
     root.epoch = found.epoch ?? ""
     put(byId("status"), found.status.text)
     byId("status").dataset.level = found.status.level
-    if (root.told !== `${found.status.level} ${found.epoch}`) {  // only when it changes, so that a screen reader is not told each second
+    // set only when it changes, so that a screen reader does not speak each second
+    if (root.told !== `${found.status.level} ${found.epoch}`) {
       root.told = `${found.status.level} ${found.epoch}`
       put(byId("told"), found.status.text)
     }
@@ -99,9 +103,10 @@ const SHOW = {
   axes(found) {
     const place = byId("axes"), names = found.map(axis => axis.name).join()
     if (place.dataset.names !== names) {
-      place.append(byId("open"))  // kept, since it is shown below the open axis but is no axis itself
+      // the details of the open axis are kept: they stand between the axes, but are no axis
+      place.append(byId("open"))
       place.dataset.names = names
-      delete has.spectra  // ask for the spectra again, since their cards are replaced
+      delete has.spectra  // ask for the spectra again, since the elements that showed them are replaced
       place.replaceChildren(...found.map(axis => {
         const card = make("div", {class: "card axis", "data-axis": axis.name}, make("h2", {}, axis.name),
           make("p", {}, make("b"), make("span")))
@@ -175,7 +180,7 @@ const SHOW = {
   },
 }
 
-// The program draws these images itself, so there is no script in them.
+// The server draws these images itself, so they contain no scripts.
 const parse = text => document.importNode(new DOMParser().parseFromString(text, "image/svg+xml").documentElement, true)
 
 function rows(id, found) {
@@ -192,10 +197,11 @@ const upper = text => text[0].toUpperCase() + text.slice(1)
 
 const guard = (whose, found) => found.length ? `${whose}: ` + found.map(([words, count]) => `${words} (${count})`).join(", ") : ""
 
-// --- over time ---
+// --- diagrams over time ---
 
 const MOVES = "the sensor moves", CHECKED = 1000, NORMAL_95 = 1.96, FIGURES = [
-  // name, title, estimators for which it is shown, and curves: kind, label, and columns
+  // for each diagram: name, title, where the axis has to be estimated, and curves, each with kind, label and
+  // columns
   ["noise", "samples less the offset, and bias", "host device both", [["sample", "sample", "y", "y_low", "y_high"], ["state", "bias less the offset, 95 %", "state", "±"]]],
   ["alpha", "order α", "host device both", [["fit", "fit, 95 %", "alpha_mid", "alpha_low", "alpha_high"], ["estimate", "FLTEA, 95 %", "alpha", "±"], ["ink", "device", "device_alpha"]]],
   ["f", "parameter f [s^−α]", "host device both", [["fit", "fit, 95 %", "f_mid", "f_low", "f_high"], ["estimate", "FLTEA, 95 %", "f", "±"], ["ink", "device", "device_f"]]],
@@ -230,11 +236,11 @@ function longer(before, {rows, fresh, cursor, most}) {
   return {cursor, columns: kept}
 }
 
-// Returns one end of the 95 % interval of a column that has standard deviations.
+// Returns one end of the 95 % intervals for a column that has a column of standard deviations.
 const end = (columns, name, sign) => columns[name].map((v, i) =>
   v === null || columns[`${name}_std`]?.[i] == null ? null : v + sign * NORMAL_95 * columns[`${name}_std`][i])
 
-// Draws the last minutes of every axis, also of those that are not open.
+// Draws the small diagrams of the last two minutes for all axes.
 function drawings(found) {
   drawn = longer(drawn, found)
   const kept = drawn.columns, x = kept.time, from = found.end_ms - found.length_ms

@@ -6,18 +6,18 @@ from fltea.records.ports import RecordingView
 from fltea.records.visible import visible_lines
 
 STEADY_S = 20.0
-"""Time after which the recording's size per hour is shown, since it is uncertain before [s]."""
+"""Duration of a recording from which its size per hour is shown [s]. Before, that is too uncertain."""
 
 ELSEWHERE = "Recording from this page is off: start fltea with --record or --set dashboard.record=true."
 
 
 def nothing() -> dict[str, Any]:
-    """Return what is shown if no output can record."""
+    """Return what the page shows if no device can be recorded."""
     return {"on": False, "can": False, "level": "plain", "text": ""}
 
 
 def words(view: RecordingView, may_record: bool) -> dict[str, Any]:
-    """Return whether it records, whether the button works, and where the recording is written."""
+    """Return whether a recording runs, whether the button works, and a text about where the recording is."""
     level, text = _said(view)
     why_not = view.why_not or (ELSEWHERE if not may_record and not view.on else "")
     can = may_record and not view.fixed and not view.why_not

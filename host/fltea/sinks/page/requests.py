@@ -1,4 +1,4 @@
-"""Answer a page's requests: for its state, for a recording, and for downloads."""
+"""Answer the page's requests: for the state of devices, to record, and for downloads."""
 
 from collections.abc import Callable, Collection, Mapping
 from http import HTTPStatus
@@ -28,7 +28,7 @@ MOST_PARTS = 20
 
 
 class PageSite(Site):
-    """What all requests about devices share. `recorder`: None if pages may not record."""
+    """The data that all requests share. `recorder`: begins recordings; None if pages may not record."""
 
     def __init__(
         self,
@@ -40,7 +40,8 @@ class PageSite(Site):
         recorder: Recorder | None,
         password: str | None,
     ) -> None:
-        # Each page asks once a second; the extra room is for pages that ask early or were just opened.
+        # Each page asks once a second. The limit is a little higher for pages that ask early or were just
+        # opened.
         full = FULL.format(visitors, 2 * visitors)
         super().__init__(__package__, names, report, 1.2 * visitors + 1, full, password)
         self.histories, self.state, self.recorder = histories, state, recorder
@@ -59,10 +60,13 @@ class _Handler(Handler):
 
 
 class _State(_Handler):
-    """`GET /state?device=NAME&axis=NAME&window=N&parts=NAME:CHECKSUM,…&cursor=CURSOR&drawn=CURSOR`."""
+    """Handles the request for the state.
+
+    `GET /state?device=NAME&axis=NAME&window=N&parts=NAME:CHECKSUM,…&cursor=CURSOR&drawn=CURSOR`
+    """
 
     def get(self) -> None:
-        """Answer with what has changed."""
+        """Answer with the parts of the page that have changed."""
         state = self.site.state
         view = state.view(
             self.get_query_argument("device", "", strip=False),
@@ -82,10 +86,10 @@ class _State(_Handler):
 
 
 class _Recording(_Handler):
-    """`POST /recording?device=NAME&want=on|off`."""
+    """Handles `POST /recording?device=NAME&want=on|off`, which starts or stops a recording."""
 
     async def post(self) -> None:
-        """Start or stop a recording, and answer when that is done."""
+        """Start or stop the recording, and answer when it has started or stopped."""
         recorder, want = self.site.recorder, self.get_query_argument("want", "")
         if self.request.headers.get(BY_SCRIPT) is None:
             self.refuse(HTTPStatus.FORBIDDEN, "This is for the live page alone.")
@@ -112,14 +116,14 @@ class _Recording(_Handler):
 
 
 class _Download(_Handler):
-    """A file made in this thread from all data seen so far."""
+    """Handles a download: a file that is made, in the server's thread, from all data so far."""
 
     kind: ClassVar[str]
     ending: ClassVar[str]
     make: ClassVar[Callable[[Seen], str]]
 
     def get(self) -> None:
-        """Answer with the file."""
+        """Answer with the content of the file."""
         history = self.history
         try:
             with history.lock:
@@ -150,7 +154,7 @@ ROUTES: list[tuple[str, type[Handler]]] = [
 
 
 def _pairs(text: str) -> dict[str, str]:
-    """Return names with the text after their colon: `a:1,b:,c` gives a, b and c."""
+    """Return the names in a list with the text after each name's colon, as in `a:1,b:,c`."""
     found: dict[str, Any] = {}
     for pair in text.split(",")[:MOST_PARTS]:
         name, _, value = pair.partition(":")

@@ -1,4 +1,4 @@
-"""Serve the live page, which describes and draws every device's noise."""
+"""Serve the live page, which describes the noise of every device in words and diagrams."""
 
 import asyncio
 import threading
@@ -23,13 +23,14 @@ JOIN_S = 0.4
 
 
 class DashboardSink(Sink):
-    """Remembers what the page shows; browsers fetch it at their own pace, so no browser delays the program.
+    """Remembers what the page shows. Browsers ask for it when they need it, so none delays the program.
 
-    `devices`: for each device's name, where its gyroscope is estimated. `recorder`: what the page's record
-    button uses, if pages may record.
+    `devices`: for each device's name, where its gyroscope is estimated. `recorder`: begins and ends
+    recordings for the page's button, if pages may record.
 
     Raises:
-        FlteaError: the port is taken, the address is not this machine's, or the password's file is wrong.
+        FlteaError: another program uses the network port, this machine does not have the address, or the file
+            with the password cannot be used.
     """
 
     name = "dashboard"
@@ -71,7 +72,7 @@ class DashboardSink(Sink):
             history.missed(count)
 
     def close(self) -> None:
-        """End the server; open pages notice that it does not answer."""
+        """End the server. Pages that are open show that it no longer answers."""
         self._loop.add_callback(self._door.close)
         self._loop.add_callback(self._loop.stop)
         self._thread.join(JOIN_S)

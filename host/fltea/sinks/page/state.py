@@ -1,7 +1,9 @@
-"""Send pages the parts of the state that have changed; each part is made on request, once a second at most.
+"""Send to each page the parts of a device's state that have changed.
 
-Nothing is kept for a visitor. A request names each part that the page has, with its checksum, and how many
-rows the page has. So a page that was away, or that an earlier run of the program served, gets what it lacks.
+The server keeps nothing about a visitor. A request names the parts that the page shows, each with the
+checksum of its content, and how many rows of numbers the page has. So a page that did not ask for a while, or
+that comes from an earlier run of the program, gets what it lacks. A part is made when a page requests it, and
+at most about once a second.
 """
 
 import math
@@ -21,16 +23,16 @@ from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.tiers import MOST_ROWS, WINDOWS, Cursor
 
 FRESH_S = 0.8
-"""Time after which a part is made again at a request [s]: each page asks once a second."""
+"""Age from which a part is made again when it is requested [s]. Each page asks once a second."""
 
 MOST_KEPT = 256
 
 DRAWN_WINDOW = 1
-"""Index of the window of the small drawing that each axis has: 2 min."""
+"""Index of the time window of the small diagram that each axis has: 2 min."""
 
 
 class View(NamedTuple):
-    """What a visitor sees: a device, an axis or "", and the index of a time window."""
+    """What a visitor has chosen to see: a device, an axis or "", and the index of a time window."""
 
     device: str
     axis: str
@@ -38,7 +40,7 @@ class View(NamedTuple):
 
 
 class Part(NamedTuple):
-    """A part as JSON, with its checksum and the monotonic time when it was made."""
+    """A part of the state as JSON, with its checksum and the monotonic time when it was made."""
 
     json: bytes
     checksum: str
@@ -63,16 +65,16 @@ PARTS: dict[str, Callable[[DeviceHistory, View], Any]] = {
     "spectra": _of(facts.spectra),
     "curves": lambda history, view: facts.curves(history, view.axis) if view.axis else [],
 }
-"""How each part of a device is made, while the lock of its history is held."""
+"""For each part, the function that makes it. The caller holds the lock of the device's history."""
 
 OF_VIEW = {"axis", "curves", "marks"}
-"""Parts that depend on the whole view; all others depend only on the device."""
+"""Parts that depend on device, axis and window. All other parts depend only on the device."""
 
 
 class State:
-    """Answers pages' requests; all methods run in one thread.
+    """Answers the requests of pages. All methods run in one thread.
 
-    `recorder`: knows the state of the recordings. `may_record`: pages may begin and end recordings.
+    `recorder`: knows the state of the recordings. `may_record`: whether pages may begin and end recordings.
     """
 
     def __init__(
@@ -86,7 +88,10 @@ class State:
         self._kept: dict[tuple[str, View], Part] = {}
 
     def view(self, device: str, axis: str, window: int) -> View:
-        """Return the requested view, with existing values in place of unknown ones."""
+        """Return the requested device, axis and window.
+
+        Those that do not exist are replaced by existing ones.
+        """
         if device not in self._histories:
             device = next(iter(self._histories))
         return View(
@@ -100,8 +105,9 @@ class State:
     ) -> bytes:
         """Return what has changed, as JSON.
 
-        `had`: checksums of the parts that the page has, by name. `cursor`, `drawn`: how far the page has read
-        the rows of the open axis, and the rows of the small drawings; None if it wants none.
+        `had`: checksums of the parts that the page has, by name. `cursor`: how far the page has read the rows
+        for the diagrams of the open axis; None if it wants no rows. `drawn`: the same for the rows of the
+        small diagrams.
         """
         parts = {}
         for name in had:
@@ -144,7 +150,10 @@ class State:
     def _rows(
         self, device: str, window: int, cursor: str, places_of: Callable[[Course], dict[str, int]]
     ) -> dict[str, Any]:
-        """Return rows that the page lacks, and the figures' end; `places_of`: returns columns' indices."""
+        """Return the rows that the page lacks, and the time at which the diagrams end.
+
+        `places_of`: returns the index of each wanted column.
+        """
         history = self._histories[device]
         generation, _, rows = cursor.partition(".")
         known = Cursor(int(generation), int(rows)) if generation.isdigit() and rows.isdigit() else Cursor()
@@ -164,7 +173,7 @@ class State:
 
 
 def _short(values: Array, name: str) -> list[float | None]:
-    """Return numbers with as many digits as a figure shows; None for NaN."""
+    """Return numbers rounded to the digits that a diagram can show, with None in place of NaN."""
     if name == "time":
         return [round(v) for v in values.tolist()]
     return [float(f"{v:.5g}") if math.isfinite(v) else None for v in values.tolist()]

@@ -1,4 +1,4 @@
-"""Keep a past of limited size: for each time window that can be shown, buckets of rows."""
+"""Keep rows of numbers over time in limited memory, at a suitable resolution for each time window."""
 
 import itertools
 import secrets
@@ -12,14 +12,16 @@ from fltea.records.arrays import Array
 Kind = Literal["mean", "min", "max"]
 
 MOST_ROWS = 302
-"""Most rows of a window: the points that a figure has room for, and two for its ends."""
+"""Largest number of rows of a time window: as many points as a diagram can show, and two for its ends."""
 
 _generations = itertools.count(secrets.randbelow(2**40))
-"""Numbers of generations, which begin at random so that cursors of an earlier run do not fit."""
+"""Numbers of generations. They begin at a random number, so that cursors from an earlier run of the program
+are not valid.
+"""
 
 
 class Window(NamedTuple):
-    """A time window. `bucket_ms`: length of time that one row covers."""
+    """A time window that the page can show. `bucket_ms`: duration that one row of numbers covers [ms]."""
 
     label: str
     length_s: float
@@ -36,14 +38,20 @@ WINDOWS = (
 
 
 class Cursor(NamedTuple):
-    """How far a reader has come; the default stands for having read nothing."""
+    """How far a page has read the rows; the default stands for a page without rows.
+
+    `generation`: number that changes when all rows are forgotten.
+    """
 
     generation: int = -1
     rows: int = 0
 
 
 class Rows(NamedTuple):
-    """Rows that a reader lacks, (n, columns). `fresh`: the reader's earlier rows are no longer valid."""
+    """Rows that a page lacks, with shape (n, columns).
+
+    `fresh`: the page's earlier rows are no longer valid.
+    """
 
     values: Array
     fresh: bool
@@ -51,14 +59,14 @@ class Rows(NamedTuple):
 
 
 class Ring:
-    """The last rows, numbered from 0."""
+    """The last rows of a time window, numbered from 0 on."""
 
     def __init__(self, columns: int) -> None:
         self._rows = np.full((MOST_ROWS, columns), np.nan)
         self.end = 0
 
     def append(self, row: Array) -> None:
-        """Add a row in place of the oldest."""
+        """Add a row in place of the oldest row."""
         self._rows[self.end % MOST_ROWS] = row
         self.end += 1
 
@@ -69,9 +77,9 @@ class Ring:
 
 
 class Tiers:
-    """Rows of numbers at the resolutions of all windows; the first column is the time in ms.
+    """Keeps the rows of all time windows. The first column is the time in ms.
 
-    `kinds`: how each column is combined in a bucket; NaN is left out.
+    `kinds`: how the values of each column are merged into one row. NaN is ignored.
     """
 
     def __init__(self, kinds: Sequence[Kind]) -> None:
@@ -81,14 +89,18 @@ class Tiers:
         self.clear()
 
     def clear(self) -> None:
-        """Forget everything, and make readers' cursors invalid."""
+        """Forget all rows, so that the cursors of all pages become invalid."""
         self._generation = next(_generations)
         self._rings = [Ring(self._columns) for _ in WINDOWS]
         self._buckets = [0.0] * len(WINDOWS)
         self._waiting: list[list[Array]] = [[] for _ in WINDOWS]
 
     def append(self, row: Array, tier: int = 0) -> None:
-        """Add a row to the bucket of its time; a bucket that is complete goes to the coarser tiers."""
+        """Add a row to the rows that are merged next in a window.
+
+        Once they are complete, the merged row is added to this window, and to the next longer one. `tier`:
+        index of the window.
+        """
         bucket = row[0] // WINDOWS[tier].bucket_ms
         if bucket != self._buckets[tier]:
             self._close(tier)
@@ -96,7 +108,7 @@ class Tiers:
         self._waiting[tier].append(row)
 
     def cut(self, time_ms: float) -> None:
-        """Interrupt all curves, so that none joins earlier rows with later ones."""
+        """Interrupt all curves, so that no curve connects earlier rows with later ones."""
         gap = np.full(self._columns, np.nan)
         gap[0] = time_ms
         for tier, ring in enumerate(self._rings):
@@ -104,7 +116,7 @@ class Tiers:
             ring.append(gap)
 
     def read(self, window: int, cursor: Cursor) -> Rows:
-        """Return the rows of a window that a reader lacks."""
+        """Return the rows of a time window that a page lacks."""
         ring = self._rings[window]
         fresh = cursor.generation != self._generation
         return Rows(ring.since(0 if fresh else cursor.rows), fresh, Cursor(self._generation, ring.end))

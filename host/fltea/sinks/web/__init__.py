@@ -1,1 +1,1 @@
-"""Shared by the pages of one sensor and of a fleet: server, limits, and files for the browser."""
+"""Provide what the pages of a sensor and of a fleet share: web server, limits, files for the browser."""

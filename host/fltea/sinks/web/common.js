@@ -1,4 +1,5 @@
-// Shared by the pages of a sensor and of a fleet. Everything from a device is inserted as text, never as HTML.
+// Functions that the pages of a sensor and of a fleet share. Whatever comes from a device is inserted as
+// text, never as HTML.
 export const byId = id => document.getElementById(id)
 
 export function make(tag, attributes = {}, ...children) {
@@ -28,7 +29,8 @@ export async function ask(path, parameters = {}, method = "GET") {
   return answer
 }
 
-// Asks again and again while the page is visible. Without an answer the page turns grey and shows the time of the last one.
+// Asks the server again and again while the page is visible. If no answer comes, the page turns grey and
+// shows the time of the last answer.
 export function follow(turn, everyMs) {
   let timer, busy = false, again = false, last = null
   async function go() {
@@ -64,14 +66,16 @@ export const clock = date => date.toLocaleTimeString([], {hour12: false})
 
 export const short = value => value === null || value === undefined ? "" : String(Number(value.toPrecision(4))).replace("-", "\u2212")
 
-// --- A figure over time: curves with areas around them; x in ms. Five figures take 1.5 % of a core. A library (uPlot)
-// would have to be fetched at set-up, pinned and packaged. ---
+// --- A diagram over time: curves with areas around them; x is the time in ms. Five diagrams take 1.5 % of a
+// processor core. A library such as uPlot would have to be downloaded at set-up, fixed to a version, and
+// packaged. ---
 
 const LEFT = 58, RIGHT = 8, TOP = 6, BOTTOM = 22, HEIGHT = 170
 const STEPS_S = [5, 10, 30, 60, 120, 300, 600, 1200, 3600, 7200, 14400, 21600, 43200, 86400, 172800, 604800, 2592000]
 
-// lines: [{x, y, low, high, kind}], where low and high are the edges of the area. loose: the area may be cut off.
-// marks: [time, label]; spans: [begin, end], where end is null if the span still lasts.
+// lines: curves [{x, y, low, high, kind, loose}], where low and high are the edges of the area around the
+// curve; if loose is set, the diagram may cut this area off. marks: vertical marks [time, label]. spans:
+// periods [begin, end], where end is null if the period still lasts.
 export function draw(svg, {lines, from, to, log = false, always = [], band = null, marks = [], spans = [], height = HEIGHT}) {
   const width = svg.clientWidth || 600
   const good = v => v !== null && v !== undefined && (!log || v > 0)
@@ -127,7 +131,7 @@ export function draw(svg, {lines, from, to, log = false, always = [], band = nul
 
 const ends = values => values.reduce(([low, high], v) => [Math.min(low, v), Math.max(high, v)], [Infinity, -Infinity])
 
-// Returns the stretches without a missing value, so that no curve crosses a gap.
+// Returns the parts of a curve between missing values, so that no curve is drawn across a gap.
 function runs(points, isGood) {
   const found = [[]]
   for (const point of points)

@@ -1,4 +1,4 @@
-"""Accept the connections of a page, with limits per address, in all, and in time."""
+"""Accept the connections of browsers to a page, with limits on their number and on idle time."""
 
 import contextlib
 import logging
@@ -22,41 +22,48 @@ from fltea.records.repeat import OnceAMinute
 from fltea.sinks.listening import cannot_listen
 
 MOST = 128
-"""Most connections: a browser needs one, and six for a moment. At most a quarter of the descriptors is
-used."""
+"""Largest number of connections. A browser needs one connection, and for a moment six. At most a quarter of
+the file descriptors is used.
+"""
 
 IDLE_S, SWEEP_S = 30.0, 5.0
-"""`IDLE_S`: time after which a connection without a request, or whose answer is not read, is closed [s].
-`SWEEP_S`: time between two checks for that [s]."""
+"""`IDLE_S`: time after which a connection is closed that sends no request, or does not read its answer [s].
+`SWEEP_S`: time between two searches for such connections [s].
+"""
 
 REST_S = 1.0
-"""Time without new connections after an accept failed, for example for lack of descriptors [s]."""
+"""After a connection could not be accepted, for example for lack of file descriptors, none is accepted for
+this time [s].
+"""
 
 LARGEST_HEADER = 16_384
 UNREAD = 1 << 16
-"""Most bytes of an answer that the system buffers while a browser does not read; by default megabytes."""
+"""Bytes of an answer that the system may buffer while a browser does not read. By default these are
+megabytes.
+"""
 
 
 def bind(option: str, host: str, port: int) -> list[socket.socket]:
-    """Listen at an address. `option`: the setting that gave it.
+    """Listen at an address. `option`: name of the setting with the address.
 
     Raises:
-        FlteaError: the address is taken, or not this machine's.
+        FlteaError: another program uses the address, or this machine does not have it.
     """
     try:
         sockets = bind_sockets(port, host)
     except (OSError, UnicodeError) as error:
         raise cannot_listen(option, host, port, error) from error
-    for one in sockets:  # connections inherit the option from these sockets
+    for one in sockets:  # accepted connections inherit this option from the listening sockets
         one.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, UNREAD)
     return sockets
 
 
 class Door(HTTPServerConnectionDelegate):
-    """Serves an application on sockets, in the event loop of the thread that makes it.
+    """Serves a web application on sockets, in the event loop of the thread that creates this object.
 
-    If there is no room for a new connection, the connection that has been idle longest is closed: one of the
-    same address if that address has half of all connections, otherwise one of any address.
+    If there is no room for a new connection, the connection that has been idle longest is closed. If the
+    address of the new connection has half of all connections, only connections of this address are
+    considered.
     """
 
     def __init__(self, sockets: Sequence[socket.socket], application: Application, report: Report) -> None:
@@ -64,7 +71,9 @@ class Door(HTTPServerConnectionDelegate):
         self._application, self._report = application, report
         self._http = HTTPServer(self, max_body_size=0, max_header_size=LARGEST_HEADER)
         self._open: dict[IOStream, tuple[str, float]] = {}
-        """For each connection its address, and when it last began to wait for a request; oldest first."""
+        """For each connection, its address and when it began to wait for a request; the longest wait comes
+        first.
+        """
         self._often = OnceAMinute()
         self._closed_for_room = 0
         self.most = min(MOST, resource.getrlimit(resource.RLIMIT_NOFILE)[0] // 4)
@@ -86,7 +95,7 @@ class Door(HTTPServerConnectionDelegate):
             stream.close()
 
     def start_request(self, server_conn: object, request_conn: HTTPConnection) -> HTTPMessageDelegate:
-        """Note that a connection waits for a request from now on; the library calls this."""
+        """Note that a connection waits for a request from now on. The library calls this method."""
         stream = cast(HTTP1ServerConnection, server_conn).stream
         if (found := self._open.pop(stream, None)) is not None:
             self._open[stream] = found[0], time.monotonic()
@@ -149,7 +158,8 @@ class Door(HTTPServerConnectionDelegate):
 class LibraryErrors(logging.Handler):
     """Reports the library's errors, at most one a minute, in place of the library's own log handlers.
 
-    Those handlers would write to stderr. Messages below errors are dropped.
+    The library's own log handlers would write to stderr. Messages that are less severe than errors are
+    dropped.
     """
 
     def __init__(self, report: Report) -> None:
@@ -169,5 +179,6 @@ class LibraryErrors(logging.Handler):
         what = (record.getMessage().strip().splitlines() or [""])[0]
         error = record.exc_info[1] if record.exc_info else None
         cause = "" if error is None else f" ({type(error).__name__}: {error})"
-        with contextlib.suppress(Exception):  # otherwise an error here would be reported as well
+        # an error inside this method must not be reported as another error
+        with contextlib.suppress(Exception):
             self._report("page_fault", f"the page has a fault; all else goes on. {what}{cause}")

@@ -19,14 +19,15 @@ from fltea.sinks.listening import is_from_here, is_own
 
 TYPES = {"html": "text/html", "css": "text/css", "js": "text/javascript"}
 WRONG_PASSWORD_S = 0.5
-"""Time after which a wrong password is answered [s]."""
+"""Time before a request with a wrong password is answered [s], which slows guessing."""
 
 BY_SCRIPT = "X-Fltea"
-"""A header that the page sends. Another site's page cannot: its browser would ask us first, without an
-answer."""
+"""A header that only our own page can send. For a page of another site, the browser would first ask this
+server for permission, and get none.
+"""
 
 BURST = 10
-"""The requests of this many seconds may come at once."""
+"""As many requests as are allowed in this many seconds may come at once."""
 
 TRY_AGAIN_S = 10
 HEADERS = {
@@ -41,14 +42,14 @@ Routes = Sequence[tuple[str, type["Handler"]]]
 
 
 class Room:
-    """Limits the requests per second; more are allowed only for a moment."""
+    """Limits the average number of requests per second. For a moment, more are allowed (see `BURST`)."""
 
     def __init__(self, a_second: float) -> None:
         self._a_second = a_second
         self._left, self._refilled = a_second * BURST, time.monotonic()
 
     def take(self) -> bool:
-        """Count one more request; return whether the limit allows it."""
+        """Count one more request, and return whether the limit allows this request."""
         now = time.monotonic()
         self._left += (now - self._refilled) * self._a_second
         self._left, self._refilled = min(self._left, self._a_second * BURST), now
@@ -59,11 +60,11 @@ class Room:
 
 
 class Site:
-    """What all requests to a page share.
+    """The data that all requests to a page share.
 
     `package`: contains the files page.html, page.css and page.js. `names`: host names of the page.
-    `password`: USER:PASSWORD, or None. `a_second`: number of requests answered per second; more only for a
-    moment. `full`: answer to requests beyond that.
+    `password`: USER:PASSWORD, or None. `a_second`: average number of requests per second that are answered.
+    `full`: text of the answer to further requests.
     """
 
     def __init__(
@@ -87,10 +88,10 @@ class Site:
         self._visitors, self._strangers = Room(a_second), Room(a_second)
 
     def has_room(self, *, for_visitor: bool) -> bool:
-        """Return whether one more request is answered now; a refusal is reported once a minute.
+        """Return whether one more request is answered now. Refusals are reported at most once a minute.
 
-        `for_visitor`: the request has the password, or none is needed. Other requests have a limit of their
-        own, so that guessing the password takes nothing from visitors who know it.
+        `for_visitor`: the request has the right password, or no password is needed. All other requests have a
+        separate limit, so that somebody who guesses passwords does not slow visitors who know it.
         """
         if (self._visitors if for_visitor else self._strangers).take():
             return True
@@ -99,7 +100,7 @@ class Site:
         return False
 
     def application(self, routes: Routes) -> Application:
-        """Return the application that answers requests for the files and for the routes."""
+        """Return the web application that answers requests for the page's files and for the given routes."""
         given = {"site": self}
         files = (r"/(|page\.css|page\.js|common\.css|common\.js)", File, given)
         return Application(
@@ -112,10 +113,10 @@ class Site:
 
 
 class Handler(RequestHandler):
-    """A request to a page; requests that are not allowed are refused."""
+    """Handles a request to a page, and refuses it if it is not allowed."""
 
     def initialize(self, site: Site) -> None:
-        """Take the arguments of the route."""
+        """Remember the argument that every route has."""
         self.site = site
 
     def set_default_headers(self) -> None:
@@ -125,7 +126,10 @@ class Handler(RequestHandler):
         self.clear_header("Server")
 
     async def prepare(self) -> None:
-        """Refuse requests to a foreign name, from another site's page, without the password, or too many.
+        """Refuse a request that is not allowed.
+
+        It is refused if it names another host, comes from another site's page, lacks the password, or exceeds
+        the limit.
 
         Another site's page cannot read ours, since its `Origin` differs. It cannot pose as ours by letting
         its name resolve to this machine either, since its `Host` is not one of our names.
@@ -152,11 +156,11 @@ class Handler(RequestHandler):
         return scheme.lower() == "basic" and hmac.compare_digest(found, password)
 
     def write_error(self, status_code: int, **kwargs: Any) -> None:
-        """Answer with the error as text."""
+        """Answer with an HTTP error as text."""
         self.refuse(status_code, f"{status_code} {self._reason}")
 
     def refuse(self, status: int, text: str) -> None:
-        """Answer with a message for people."""
+        """Answer with an HTTP status and a message for people."""
         self.set_status(status)
         self.set_header("Content-Type", "text/plain; charset=utf-8")
         self.finish(f"{text}\n")
@@ -167,7 +171,7 @@ class Handler(RequestHandler):
         self.write(msgspec.json.encode(found))
 
     def number(self, name: str, usual: int, most: int) -> int:
-        """Return an argument that is a whole number from 0 to `most`; `usual` if it is missing."""
+        """Return the request's argument `name`, an integer from 0 to `most`; `usual` if it is missing."""
         text = self.get_argument(name, str(usual))
         if not (text.isascii() and text.isdigit()) or len(text) > 9:
             raise HTTPError(HTTPStatus.BAD_REQUEST)
@@ -178,7 +182,7 @@ class File(Handler):
     """A file of the page."""
 
     def get(self, name: str) -> None:
-        """Answer with the file."""
+        """Answer with the content of the requested file."""
         kind, content = self.site.files[name]
         self.set_header("Content-Type", f"{kind}; charset=utf-8")
         self.write(content)
@@ -188,7 +192,7 @@ class NotFound(Handler):
     """A request for something that does not exist."""
 
     async def prepare(self) -> None:
-        """Check the request, and answer that nothing was found."""
+        """Check whether the request is allowed, and answer that nothing was found."""
         await super().prepare()
         if not self._finished:
             raise HTTPError(HTTPStatus.NOT_FOUND)
