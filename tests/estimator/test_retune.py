@@ -184,7 +184,7 @@ def test_deviations_count_what_the_fit_leaves_open_and_how_far_the_filter_has_go
 
 
 @pytest.mark.parametrize(
-    "belief",
+    "filter_model",
     [
         BELIEF._replace(alpha=2.1),
         BELIEF._replace(alpha=-0.1),

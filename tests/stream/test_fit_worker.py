@@ -14,7 +14,7 @@ from fltea.estimator.offset_walk import Followed
 from fltea.estimator.tracker import Remembered, TrackerModel
 from fltea.records.events import LinkDown
 from fltea.records.records import Estimate, Fit
-from fltea.stream import fit_times, learning, live
+from fltea.stream import fit_times, live, tracked_models
 from fltea.stream.fit_worker import FitThread, FitWorker
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
@@ -72,7 +72,7 @@ def test_fits_count_from_the_same_sample_however_long_they_take_and_the_blocks_a
 ) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(live, "LiveAxes", Noticing)
-        patch.setattr(learning, "ENOUGH", 0)
+        patch.setattr(tracked_models, "ENOUGH", 0)
         block = raw(k for k in range(1300) if k not in lost)
         items, pipeline = run_pipeline([hello(), block])
         whole = ndjson([*records_of(items), *pipeline.finish()])
@@ -86,15 +86,15 @@ def test_what_the_tracker_goes_by_is_made_with_the_looks_and_outlives_the_epoch(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     made: list[object] = []
-    of_parts = learning.system_of
+    of_parts = tracked_models.system_of
 
     def system_of(*args: Any, **options: Any) -> Followed:
         made.append(args)
         return of_parts(*args, **options)
 
     monkeypatch.setattr(live, "LiveAxes", Noticing)
-    monkeypatch.setattr(learning, "ENOUGH", 0)
-    monkeypatch.setattr(learning, "system_of", system_of)
+    monkeypatch.setattr(tracked_models, "ENOUGH", 0)
+    monkeypatch.setattr(tracked_models, "system_of", system_of)
     fit_worker = Unhurried([0.0])
     _, pipeline = run_pipeline([hello(), raw(range(700))], fit_worker=fit_worker)
     count = len(made)
@@ -120,7 +120,7 @@ def test_what_is_remembered_is_filtered_with_the_looks_and_only_the_last_samples
 
     monkeypatch.setattr(TrackerModel, "refilter", noted)
     monkeypatch.setattr(live, "LiveAxes", Noticing)
-    monkeypatch.setattr(learning, "ENOUGH", 0)
+    monkeypatch.setattr(tracked_models, "ENOUGH", 0)
 
     def records(samples: int) -> list[bytes]:
         monkeypatch.setattr(live, "REFILTERED", samples)

@@ -6,7 +6,7 @@ import pytest
 
 from tools.validation.gallery import against, records
 from tools.validation.gallery.noises import NOISES
-from tools.validation.gallery.records import look, pictures, summary, tables, tasks
+from tools.validation.gallery.records import analyse, pictures, summary, tables, tasks
 from tools.validation.runner import Options, Row
 from tools.validation.tables import Table
 
@@ -26,7 +26,7 @@ LOOKED_AT = (
 @pytest.mark.parametrize("name", LOOKED_AT)
 def test_verdicts(name: str) -> None:
     """The verdicts on one record of 10 min at 100 Hz of each noise are right."""
-    (row,) = look(name, 100.0, 600.0, 0)
+    (row,) = analyse(name, 100.0, 600.0, 0)
     assert row["outcome"] != "wrong", row["text"]
     if row["kind"] == "fractional":
         assert row["has_order"]
@@ -98,7 +98,7 @@ def test_true_orders() -> None:
 
 
 def test_what_is_said_of_a_line() -> None:
-    (row,) = look("line", 100.0, 30.0, 7)
+    (row,) = analyse("line", 100.0, 30.0, 7)
     assert row["record"] == 7
     assert row["lines_hz"] == pytest.approx([23.01], abs=0.05)
     assert row["alpha"][1] is None or row["alpha"][1] <= row["alpha"][0]
@@ -115,14 +115,14 @@ def test_tasks() -> None:
 
 
 def test_constant_record() -> None:
-    found = (look("rounded, 0.1 LSB", 5.0, 30.0, i)[0] for i in range(100))
+    found = (analyse("rounded, 0.1 LSB", 5.0, 30.0, i)[0] for i in range(100))
     constant = next(row for row in found if row["kind"] == "constant")
     assert (constant["outcome"], constant["ahead"], constant["alpha"]) == ("cannot be told", None, None)
 
 
 @pytest.mark.slow
 def test_pictures() -> None:
-    rows: list[Any] = [row for name in ("white", "rounded, 1 LSB") for row in look(name, 5.0, 30.0, 0)]
+    rows: list[Any] = [row for name in ("white", "rounded, 1 LSB") for row in analyse(name, 5.0, 30.0, 0)]
     drawn = pictures(rows)
     assert set(drawn) == {"cells", "spectra"}
     assert all(data.startswith(b"\x89PNG") for data in drawn.values())
