@@ -73,11 +73,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-# Every run tries the same examples. There is no deadline, so a slow or busy machine fails nothing.
+# Every run tries the same examples: 25, or as many as a test names that needs more to reach what it is about.
+# There is no deadline, so a slow or busy machine fails nothing.
 # To try more and other examples, as in the hours before a release:
 # make test ARGS=--hypothesis-profile=thorough
 ANY_PACE = {"database": None, "deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
-settings.register_profile("fixed", derandomize=True, max_examples=50, **ANY_PACE)
+settings.register_profile("fixed", derandomize=True, max_examples=25, **ANY_PACE)
 settings.register_profile("thorough", max_examples=1000, print_blob=True, **ANY_PACE)
 settings.load_profile("fixed")
 

@@ -63,7 +63,6 @@ small_variances = st.one_of(st.just(0.0), st.floats(-9, 9).map(lambda exponent: 
 
 
 @pytest.mark.parametrize("tuning", GUARDED, ids=kind)
-@settings(max_examples=60)
 @given(data=st.data())
 def test_no_input_and_no_settings_leave_the_bounds(tuning: LaneSettings, data: Any) -> None:
     n = data.draw(st.integers(1, 40))

@@ -102,7 +102,7 @@ def test_two_separate_systems_in_one_keep_apart() -> None:
         assert step.P.ravel() == pytest.approx([a.P[0, 0], 0, 0, b.P[0, 0]], rel=1e-12)
 
 
-@settings(derandomize=True, deadline=None, max_examples=60)
+@settings(derandomize=True, deadline=None, max_examples=30)
 @given(
     N=st.integers(1, 3),
     p=st.integers(1, 2),

@@ -68,7 +68,7 @@ def blocks(draw: st.DrawFn) -> Block:
 
 
 @given(blocks(), st.tuples(*[st.booleans()] * 4), st.data())
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_lines_are_what_msgspec_makes_of_the_records(
     block: Block, wanted: tuple[bool, ...], data: st.DataObject
 ) -> None:
