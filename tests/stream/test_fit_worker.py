@@ -225,7 +225,7 @@ def test_a_snapshot_in_the_middle_of_a_look_changes_nothing() -> None:
 def test_what_is_noticed_is_looked_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     usual, _ = run_pipeline([hello(), raw(range(1300))], live__period_s=5)
     assert [f.seq for f in of(Fit, usual)] == [499, 999]
-    monkeypatch.setattr(fit_times, "LOOK_GROWTH", 1)
+    monkeypatch.setattr(fit_times, "REFIT_GROWTH", 1)
     monkeypatch.setattr(fit_times, "SEARCH_GROWTH", 1)
     usual, _ = run_pipeline([hello(), raw(range(1300))])
     assert [f.seq for f in of(Fit, usual)] == [99, 199, 399, 799]
