@@ -147,6 +147,19 @@ def test_a_length_that_lies_costs_no_chunk_and_is_named(case: Case, which: int, 
         assert [item.size for item in damages] == [0]
 
 
+def test_an_index_whose_wrong_length_ends_where_a_later_record_begins_costs_no_chunk(case: Case) -> None:
+    """The chunk behind the index ends there, and would be lost in silence."""
+    first = next(k for k, (kind, _, _) in enumerate(case.places) if kind == Opcode.MESSAGE_INDEX)
+    begin = case.places[first][1]
+    end = next(end for kind, at, end in case.places if kind == Opcode.CHUNK and at > begin)
+    lie = end - begin - HEAD.size
+    case.lie(begin, lie)
+    damages = [item for item in Scan(case.path) if isinstance(item, Damage)]
+    assert [item.size for item in damages] == [0]
+    assert f"a message index that claims to have {lie} bytes" in damages[0].text
+    assert case.read() == case.all
+
+
 def test_of_a_wrong_length_it_is_not_said_that_the_recording_is_short(case: Case) -> None:
     begin, end = case.chunks[3]
     case.lie(begin, 10**9, end)

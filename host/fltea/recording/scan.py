@@ -1,5 +1,6 @@
 """Reads as much as possible of an MCAP file, which may be truncated, damaged, or have holes."""
 
+import struct
 import zlib
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
@@ -35,6 +36,9 @@ from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
 CHUNK_HEAD_BYTES = 1 << 10
 """Largest number of bytes that precede the data in a chunk."""
+
+INDEX_HEAD = struct.Struct("<HI")
+"""Channel of a message index, and length of its entries [bytes]."""
 
 MAX_DESCRIPTION_BYTES = 16 << 20
 """Longest metadata, schema or channel record [bytes]; fltea's records are a thousand times shorter.
@@ -148,8 +152,9 @@ class Scan:
             while size - at >= HEAD.size:
                 file.seek(at)
                 kind, length = HEAD.unpack(file.read(HEAD.size))
-                if kind == Opcode.CHUNK and (other := self._true_length(file, at, length)) is not None:
-                    text = f"a chunk that claims to have {length} bytes, and has {other}, which are read"
+                if (other := self._true_length(file, at, kind, length)) is not None:
+                    what = "chunk" if kind == Opcode.CHUNK else "message index"
+                    text = f"a {what} that claims to have {length} bytes, and has {other}, which are read"
                     yield Damage(at, text, 0)
                     length = other
                 elif not begins_record(file, at, size):
@@ -167,16 +172,24 @@ class Scan:
                 yield from self._items(kind, length, file)
             self.lost_bytes = size - at
 
-    def _true_length(self, file: BinaryIO, at: int, length: int) -> int | None:
-        """Return a chunk's length by its fields if its header states another one and a record follows.
+    def _true_length(self, file: BinaryIO, at: int, kind: int, length: int) -> int | None:
+        """Return the length that the fields of a chunk or a message index give, if a record follows there.
 
-        Otherwise, return None.
+        Return None if the header claims the same length, or the record is of another kind. A wrong length
+        could end exactly where a later record begins, and the chunks between would be lost in silence.
         """
-        found = chunk_length(file, at)
-        if found is None or found.by_fields == length:
+        if kind == Opcode.CHUNK:
+            found = chunk_length(file, at)
+            by_fields = length if found is None else found.by_fields
+        elif kind == Opcode.MESSAGE_INDEX and self._size - at >= HEAD.size + INDEX_HEAD.size:
+            file.seek(at + HEAD.size)
+            _, entries_bytes = INDEX_HEAD.unpack(file.read(INDEX_HEAD.size))
+            by_fields = INDEX_HEAD.size + entries_bytes
+        else:
             return None
-        end = at + HEAD.size + found.by_fields
-        return found.by_fields if end <= self._size and begins_record(file, end, self._size) else None
+        end = at + HEAD.size + by_fields
+        follows = by_fields != length and end <= self._size and begins_record(file, end, self._size)
+        return by_fields if follows else None
 
     def _hole(self, file: BinaryIO, at: int, kind: int, length: int) -> tuple[Damage | None, int]:
         """Return the damage at byte `at`, and the offset at which to continue.
