@@ -201,7 +201,7 @@ def test_a_model_that_is_the_same_is_not_made_again(monkeypatch: pytest.MonkeyPa
     made: list[int] = []
     use_model = Tracker.use_model
     monkeypatch.setattr(
-        Tracker, "go_by", lambda self, lane, model: (made.append(lane), use_model(self, lane, model))
+        Tracker, "use_model", lambda self, lane, model: (made.append(lane), use_model(self, lane, model))
     )
     one = sensor()
     one.run(drifting(4000, 0.0))
