@@ -120,10 +120,11 @@ def test_any_hole_costs_the_chunks_that_it_touches_and_no_other(case: Case, at: 
     begin = first + int(at * (last - first))
     end = min(begin + size, last)
     case.punch(begin, end)
+    # A chunk of which only the length is hit is read, since its fields tell the length, too.
     kept = [
         messages
         for (b, e), messages in zip(case.chunks, case.messages, strict=True)
-        if not case.whole[max(b, begin) : max(b, min(e, end))].strip(b"\0")
+        if not case.whole[max(b, begin) : max(b, min(e, end))].strip(b"\0") or b < begin < end <= b + 9
     ]
     assert case.read() == list(chain(*kept))
 

@@ -176,7 +176,7 @@ def running(hub: Hub) -> Iterator[Callable[..., Running]]:
     def start(*lines: Line) -> Running:
         one = Running(hub, *lines).start()
         for line in lines:
-            wait_until(lambda line=line: line.source.line.counts()[3] == 1, "all to be open")
+            wait_until(lambda line=line: line.source.decoder.counts()[3] == 1, "all to be open")
         return one
 
     yield from each_ended(start, Running.end)
@@ -259,7 +259,7 @@ def test_at_the_end_nothing_waits_for_more(hub, lines, monkeypatch, running) -> 
     (line,) = lines(1)
     one = running(line)
     line.send(40)
-    wait_until(lambda: line.source.line.counts()[1] == 41, "all frames")
+    wait_until(lambda: line.source.decoder.counts()[1] == 41, "all frames")
     assert not line.heard
     one.end()
     assert line.heard == list(range(40))

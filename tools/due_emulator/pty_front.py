@@ -35,7 +35,7 @@ class Pace:
         self._speed: float | None = None
         self._warned_s = -math.inf
 
-    def look(self, real_s: float, board_s: float) -> str | None:
+    def check(self, real_s: float, board_s: float) -> str | None:
         """Return the warning that is due now, or None.
 
         `real_s`: real time since the beginning [s]. `board_s`: the board's virtual time since then [s].
@@ -102,7 +102,7 @@ class Front:
             due_s = time.monotonic() - begin_s
             done_s = board.now_s - board_begin_s
             if not board.memory.is_blank:
-                if (warning := pace.look(due_s, done_s)) is not None:
+                if (warning := pace.check(due_s, done_s)) is not None:
                     print(f"due_emulator: {warning}", file=sys.stderr, flush=True)
                 self.worst_lag_s = max(self.worst_lag_s, pace.worst_lag_s)
                 # Run for a limited time only, so that the port is checked often even if the board lags.

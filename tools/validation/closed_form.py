@@ -68,7 +68,7 @@ def _density(part: p.Part, lam: Array, h: float) -> Array:
         case p.Rise(power, delta):
             found = power * (np.abs(1 - z) / 2) ** (2 * delta)
         case _:
-            raise AssertionError(part)
+            raise AssertionError(f"tools/validation/closed_form.py has no spectrum of {part}")
     return np.asarray(found)
 
 
@@ -90,5 +90,5 @@ def _gain(part: p.Part, lam: Array, h: float) -> Array:
         case p.Mean(samples):
             found = (np.sin(samples * lam / 2) / (samples * np.sin(lam / 2))) ** 2
         case _:
-            raise AssertionError(part)
+            raise AssertionError(f"tools/validation/closed_form.py has no spectrum of {part}")
     return np.asarray(found)
