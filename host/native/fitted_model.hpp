@@ -10,7 +10,7 @@
 #include "whittle_fit.hpp"
 
 namespace fltea {
-namespace whittle {
+namespace noise_models {
 
 struct FittedModel {
     Terms terms;
@@ -44,5 +44,5 @@ struct FittedModel {
     }
 };
 
-}  // namespace whittle
+}  // namespace noise_models
 }  // namespace fltea

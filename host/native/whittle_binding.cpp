@@ -22,7 +22,7 @@ namespace nb = nanobind;
 
 namespace {
 
-using namespace fltea::whittle;
+using namespace fltea::noise_models;
 using Column = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using OutColumn = nb::ndarray<double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
@@ -148,7 +148,7 @@ class Fitted {
         for (const double value : last)
             if (!std::isfinite(value)) refuse("parameters must be finite numbers");
         const nb::gil_scoped_release release;
-        const NullTest found = fltea::whittle::null_test(bins_, last);
+        const NullTest found = fltea::noise_models::null_test(bins_, last);
         std::vector<double> eta = found.order.eta;
         eta.insert(eta.end(), found.missing.eta.begin(), found.missing.eta.end());
         return {2 * (found.white.nll - found.order.nll), 2 * (found.white.nll - found.missing.nll), eta};

@@ -13,7 +13,7 @@
 #include "whittle_kernel.hpp"
 
 namespace fltea {
-namespace whittle {
+namespace noise_models {
 
 // Allocates memory that begins at a cache line, because writing a pack that extends over two cache lines
 // takes twice as long. C++11 has no allocation with such an alignment, so the original pointer is stored in
@@ -123,5 +123,5 @@ inline double end_power(const Bins& bins, bool highest) {
     return some[count / 2];
 }
 
-}  // namespace whittle
+}  // namespace noise_models
 }  // namespace fltea

@@ -12,7 +12,7 @@
 #include "whittle_bins.hpp"
 
 namespace fltea {
-namespace whittle {
+namespace noise_models {
 
 typedef std::vector<Term> Terms;
 
@@ -283,5 +283,5 @@ inline double score(const Bins& bins, const Terms& terms, double* eta, int held,
     return score(room, terms, eta, held, patience);
 }
 
-}  // namespace whittle
+}  // namespace noise_models
 }  // namespace fltea

@@ -12,7 +12,7 @@
 #include "whittle_fit.hpp"
 
 namespace fltea {
-namespace whittle {
+namespace noise_models {
 
 // A part that may be added to a model. `shape` is its spectrum for the parameters `eta` or, for a filter, the
 // logarithm of its gain.
@@ -278,5 +278,5 @@ std::shared_ptr<const Candidates> shared(const Bins& bins) {
     return made.candidates;
 }
 
-}  // namespace whittle
+}  // namespace noise_models
 }  // namespace fltea

@@ -8,7 +8,7 @@
 #include "whittle_fit.hpp"
 
 namespace fltea {
-namespace whittle {
+namespace noise_models {
 
 constexpr double kNoWhite = 0.01;  // white noise is negligible if removing it raises -log L by less than this
 
@@ -122,5 +122,5 @@ inline double interval_end(const Bins& bins, const Terms& terms, const std::vect
     return outside.value;
 }
 
-}  // namespace whittle
+}  // namespace noise_models
 }  // namespace fltea

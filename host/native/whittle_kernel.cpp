@@ -11,7 +11,7 @@
 #include "set_name.hpp"
 
 namespace fltea {
-namespace whittle {
+namespace noise_models {
 inline namespace FLTEA_INSTRUCTION_SET {
 namespace {
 
@@ -414,5 +414,5 @@ void derivatives(const Columns& b, const double* total, int free, const double* 
 extern const Kernel FLTEA_JOIN(kernel_, FLTEA_INSTRUCTION_SET) = {
     FLTEA_STRING(FLTEA_INSTRUCTION_SET), term_at, nll, whole, derivatives, dots, times, plus, inverted};
 
-}  // namespace whittle
+}  // namespace noise_models
 }  // namespace fltea

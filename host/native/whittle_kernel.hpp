@@ -13,7 +13,7 @@
 #include "whittle_parts.hpp"
 
 namespace fltea {
-namespace whittle {
+namespace noise_models {
 
 constexpr double kPi = 3.14159265358979323846;
 
@@ -77,5 +77,5 @@ extern const Kernel kernel_baseline;
 extern const Kernel kernel_avx2;
 extern const Kernel kernel_avx512;
 
-}  // namespace whittle
+}  // namespace noise_models
 }  // namespace fltea

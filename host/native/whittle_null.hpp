@@ -12,7 +12,7 @@
 #include "whittle_gains.hpp"
 
 namespace fltea {
-namespace whittle {
+namespace noise_models {
 
 // The models that the null test compares.
 struct NullTest {
@@ -110,5 +110,5 @@ inline NullTest null_test(Bins& bins, const std::vector<double>& last) {
     return fits.from(*shared<filters_to_add>(bins), *shared<orders_to_add>(bins));
 }
 
-}  // namespace whittle
+}  // namespace noise_models
 }  // namespace fltea

@@ -8,7 +8,7 @@
 #pragma once
 
 namespace fltea {
-namespace whittle {
+namespace noise_models {
 
 constexpr double kLn2 = 0.69314718055994530942;
 constexpr double kHighestOrder = 1.999;
@@ -224,5 +224,5 @@ inline int power_of(Part part) {
     return -1;
 }
 
-}  // namespace whittle
+}  // namespace noise_models
 }  // namespace fltea

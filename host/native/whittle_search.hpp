@@ -13,7 +13,7 @@
 #include "whittle_null.hpp"
 
 namespace fltea {
-namespace whittle {
+namespace noise_models {
 
 struct Frontier {
     FittedModel white, null, plain, rich, pure,
@@ -330,5 +330,5 @@ class Search {
     static constexpr double kLeastOrder = 0.15, kMostOrder = 0.85;
 };
 
-}  // namespace whittle
+}  // namespace noise_models
 }  // namespace fltea

@@ -1,10 +1,9 @@
-"""Cause faults as `make faults` does.
+"""Play faults as `make faults` does: each leads to what stands with it, and every record is accounted for."""
 
-Each fault must have its expected outcome, and every record must be accounted for.
-"""
-
+from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import replace
+from functools import cache
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
@@ -18,59 +17,59 @@ from tools.faults.expected import SOME, Expected
 from tools.faults.outcome import LOST, Outcome
 from tools.faults.program import Skip
 
-AT_ONCE = 5
-"""Number of faults that are caused at the same time. They mostly wait."""
-SERVERS: dict[str, tuple[str, ...]] = {
-    "daemon": (),
-    "fleet": ("mosquitto",),
-    "ingest": ("nats-server", "mosquitto"),
-}
-"""Parts of the system whose faults are caused here, and the servers that they need. The board's faults are in
-tests/e2e/test_due_faults.py, those of a cluster in tests/cluster.
+AT_ONCE = {"daemon": 5, "fleet": 1, "ingest": 1}
+"""Parts whose faults are played here, and how many at a time. tests/e2e/test_due_faults.py plays the board's
+faults; those of a cluster are in tests/cluster.
 """
+SERVERS = {"fleet": ("mosquitto",), "ingest": ("nats-server", "mosquitto")}
 
 
 class Fault(NamedTuple):
-    """A fault, and the part of the system that it concerns."""
+    """A fault and its part."""
 
     part: str
     case: Case
 
 
-FAULTS = [Fault(part, case) for part in SERVERS for case in PARTS[part].cases if case.tested]
+FAULTS = [Fault(part, case) for part in AT_ONCE for case in PARTS[part].cases if case.tested]
+
+
+Playing = Callable[[str], dict[str, "Future[Outcome]"]]
 
 
 @pytest.fixture(scope="module")
-def playing(request: pytest.FixtureRequest) -> dict[str, "Future[Outcome]"]:
-    """Begin to cause the requested faults of all parts, several at the same time."""
+def playing(request: pytest.FixtureRequest) -> Playing:
+    """Return a function that begins to play the requested faults of a part, several at a time, once."""
     parameters = (getattr(item, "callspec", None) for item in request.session.items)
     wanted = [one.params.get("fault") for one in parameters if one is not None]
-    # The faults that take longest are the last in the tables of their parts, so the tables are read
-    # backwards.
-    return play_all(
-        [fault.case for fault in reversed(FAULTS) if fault in wanted], short=True, at_once=AT_ONCE
-    )
+
+    @cache
+    def begin(part: str) -> dict[str, "Future[Outcome]"]:
+        cases = [fault.case for fault in wanted if isinstance(fault, Fault) and fault.part == part]
+        return play_all(cases, short=True, at_once=AT_ONCE[part])
+
+    return begin
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: f"{fault.part}: {fault.case.name}")
-def test_a_fault_leads_to_what_is_expected(fault: Fault, playing: dict[str, "Future[Outcome]"]) -> None:
-    for server in SERVERS[fault.part]:
+def test_a_fault_leads_to_what_is_expected(fault: Fault, playing: Playing) -> None:
+    for server in SERVERS.get(fault.part, ()):
         needed(server)
     try:
-        outcome = playing[fault.case.name].result()
+        outcome = playing(fault.part)[fault.case.name].result()
     except Skip as why:
         missing(str(why))
     assert (outcome.wrong, outcome.uncounted) == ([], 0)
 
 
-# --- every fault has an expected outcome, with which its outcome is compared ---
+# --- every fault has its expectation, and the expectation is compared ---
 
 
 def test_every_fault_has_a_name_of_its_own_and_an_expectation() -> None:
-    names = [case.name for cases, _ in PARTS.values() for case in cases]
-    assert len(set(names)) == len(names)
     for part, (cases, _) in PARTS.items():
+        names = [case.name for case in cases]
+        assert len(set(names)) == len(names), part
         for case in cases:
             assert isinstance(case.expected, Expected), (part, case.name)
 

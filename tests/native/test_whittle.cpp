@@ -13,7 +13,7 @@
 
 namespace {
 
-using namespace fltea::whittle;
+using namespace fltea::noise_models;
 
 // Returns bins whose width is proportional to the frequency, like those of the live spectrum. Their powers
 // are 1.
