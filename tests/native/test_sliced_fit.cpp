@@ -15,12 +15,12 @@
 namespace {
 
 using namespace fltea::whittle;
-namespace noise_models = fltea::noise_models;
+namespace models = fltea::noise_models;
 
 // Converts the device's bins to those of the host.
 template <class Any>
-noise_models::Bins on_host(const Any& bins) {
-    noise_models::Numbers lam, counts, power;
+models::Bins on_host(const Any& bins) {
+    models::Numbers lam, counts, power;
     std::vector<int> order;
     for (int i = 0; i < bins.size(); ++i) order.push_back(i);
     std::sort(order.begin(), order.end(), [&](int a, int b) { return bins.lam(a) < bins.lam(b); });
@@ -29,8 +29,8 @@ noise_models::Bins on_host(const Any& bins) {
         counts.push_back(static_cast<double>(bins.counts(i)));
         power.push_back(static_cast<double>(bins.power(i)));
     }
-    const noise_models::Numbers none(lam.size());
-    return noise_models::Bins(noise_models::kernel_baseline, lam, counts, power, none, none, 1);
+    const models::Numbers none(lam.size());
+    return models::Bins(models::kernel_baseline, lam, counts, power, none, none, 1);
 }
 
 // The result of the host's fit from many starting points. The model is white noise and one more part.
@@ -39,11 +39,10 @@ struct HostFit {
     double nll;
 };
 // `order`: the fixed order of the part, if it has an order; -1: the order is fitted.
-HostFit host_fit(noise_models::Bins bins, noise_models::Part part, double highest_order, double order = -1) {
-    const noise_models::Terms terms = {noise_models::Term{noise_models::kWhite, 0},
-                                       noise_models::Term{part, 0}};
+HostFit host_fit(models::Bins bins, models::Part part, double highest_order, double order = -1) {
+    const models::Terms terms = {models::Term{models::kWhite, 0}, models::Term{part, 0}};
     bins.highest_order = highest_order;
-    noise_models::Patience patience;
+    models::Patience patience;
     patience.steps = 200;
     patience.slowest = 1000;
     std::mt19937 random(1);
@@ -52,49 +51,46 @@ HostFit host_fit(noise_models::Bins bins, noise_models::Part part, double highes
     HostFit best = {{}, std::numeric_limits<double>::infinity()};
     for (int k = 0; k < 40; ++k) {
         std::vector<double> eta = {power + some(random)};
-        if (part == noise_models::kOrder) eta.push_back(0.05 + highest_order * (k % 10) / 10);
-        if (part == noise_models::kRelaxation) eta.push_back(power + some(random));
+        if (part == models::kOrder) eta.push_back(0.05 + highest_order * (k % 10) / 10);
+        if (part == models::kRelaxation) eta.push_back(power + some(random));
         eta.push_back(some(random));
-        if (part == noise_models::kOrder) eta.push_back(power + some(random));
+        if (part == models::kOrder) eta.push_back(power + some(random));
         if (order >= 0) eta[1] = order;
-        const double nll = noise_models::score(bins, terms, eta.data(), order >= 0 ? 1 : -1, patience);
+        const double nll = models::score(bins, terms, eta.data(), order >= 0 ? 1 : -1, patience);
         if (nll < best.nll) best = {eta, nll};
     }
     return best;
 }
 
 // Returns -log L of white noise.
-double white_fit(const noise_models::Bins& bins) {
+double white_fit(const models::Bins& bins) {
     double eta = std::log(bins.mean);
-    return noise_models::score(bins, {noise_models::Term{noise_models::kWhite, 0}}, &eta, -1,
-                               noise_models::Patience());
+    return models::score(bins, {models::Term{models::kWhite, 0}}, &eta, -1, models::Patience());
 }
 
 // Returns the standard deviation of α from the curvature in double, at the result of the device.
 template <class Any>
 double order_std_in_double(const Any& bins, const FitFigures& found) {
-    const noise_models::Bins on = on_host(bins);
+    const models::Bins on = on_host(bins);
     const double share = static_cast<double>(-found.g) * std::exp2(-static_cast<double>(found.alpha));
     const double eta[] = {std::log(static_cast<double>(found.R)), static_cast<double>(found.alpha),
                           std::log(share / (1 - share)), std::log(static_cast<double>(found.s2))};
-    noise_models::Spectrum at(on);
-    REQUIRE(std::isfinite(at.at(
-        {noise_models::Term{noise_models::kWhite, 0}, noise_models::Term{noise_models::kOrder, 0}}, eta)));
-    double gradient[noise_models::kMostFree], information[noise_models::kMostFree][noise_models::kMostFree];
+    models::Spectrum at(on);
+    REQUIRE(std::isfinite(at.at({models::Term{models::kWhite, 0}, models::Term{models::kOrder, 0}}, eta)));
+    double gradient[models::kMostFree], information[models::kMostFree][models::kMostFree];
     at.derivatives(4, gradient, information);
-    REQUIRE(noise_models::factor(4, information));
+    REQUIRE(models::factor(4, information));
     double column[] = {0, 1, 0, 0};
-    noise_models::substitute(4, information, column, true);
+    models::substitute(4, information, column, true);
     return std::sqrt(column[1]);
 }
 
 // Returns the difference in 2 log L between the best fit with this order and the best fit of all, in double.
 template <class Any>
 double below_best(const Any& bins, double order) {
-    const noise_models::Bins on = on_host(bins);
-    const double highest = noise_models::kHighestOrder,
-                 best = host_fit(on, noise_models::kOrder, highest).nll;
-    return 2 * (host_fit(on, noise_models::kOrder, highest, order).nll - best);
+    const models::Bins on = on_host(bins);
+    const double highest = models::kHighestOrder, best = host_fit(on, models::kOrder, highest).nll;
+    return 2 * (host_fit(on, models::kOrder, highest, order).nll - best);
 }
 
 template <class Any>
@@ -132,10 +128,10 @@ TEST_CASE("sliced fit: answers are the host's of the same bins") {
             for (int k = 0; k < n; ++k) axis->octaves.add(next());
             axis->fit_now();
             const FitFigures cold = axis->memory.figures();
-            const noise_models::Bins host = on_host(axis->bins);
-            const HostFit full = host_fit(host, noise_models::kOrder, noise_models::kHighestOrder);
-            const HostFit up_to_one = host_fit(host, noise_models::kOrder, 1);
-            const HostFit relaxation = host_fit(host, noise_models::kRelaxation, 1);
+            const models::Bins host = on_host(axis->bins);
+            const HostFit full = host_fit(host, models::kOrder, models::kHighestOrder);
+            const HostFit up_to_one = host_fit(host, models::kOrder, 1);
+            const HostFit relaxation = host_fit(host, models::kRelaxation, 1);
             CAPTURE(kind);
             CAPTURE(n);
             CAPTURE(cold.alpha);
@@ -354,7 +350,7 @@ TEST_CASE("sliced fit: float has enough digits for a year of samples") {
             FitMemory memory;
             fit(bins, *sliced, memory);
             const FitFigures& found = memory.figures();
-            const HostFit full = host_fit(on_host(bins), noise_models::kOrder, noise_models::kHighestOrder);
+            const HostFit full = host_fit(on_host(bins), models::kOrder, models::kHighestOrder);
             CAPTURE(ordinates);
             CAPTURE(kind);
             CAPTURE(found.alpha);
