@@ -4,6 +4,7 @@ A piece is the file's schemas and channels, followed by some of its chunks.
 """
 
 import struct
+from bisect import bisect_left
 from io import BytesIO
 from typing import NamedTuple
 
@@ -124,7 +125,9 @@ def _head(source: Ranges, summary: _Summary, session: PartInfo | None, number: i
     out = RecordBuilder()
     if session is not None:
         if number:  # write the metadata as if the recorder had begun a new file with this piece
-            heard = [one for one in summary.metadata if one.name == HELLO and one.offset < begin]
+            # A chunk is written when it ends, so a HELLO right before it came while it was filled.
+            before = summary.chunks[bisect_left(summary.chunks, begin) - 1]
+            heard = [one for one in summary.metadata if one.name == HELLO and one.offset < before]
             hello = session.hello
             if heard:
                 hello = msgspec.convert(_metadata(source, heard[-1].offset), Hello, strict=False)

@@ -38,7 +38,10 @@ HALVINGS = 40
 FINE_COUNTS = 3.0
 """Standard deviation of the steps in LSB, above which rounding no longer changes their density."""
 UNIFORM_LSB = 0.7
-"""σ in LSB above which the signal is spread evenly between two counts, also with heavy tails."""
+"""σ in LSB above which the signal is spread evenly between two counts, also with heavy tails.
+
+The sums of neighbours have to be spread as evenly; of white noise they are larger by √2.
+"""
 LONG = 1 << 20
 """Number of steps above which the correlation is computed from evenly spaced ones only."""
 DIFFERENT = 0.9
@@ -182,7 +185,9 @@ def _of_one_axis(samples: Array, count: float | None) -> Repeats:
     if spread >= FINE_COUNTS:
         expected = pairs / (spread * math.sqrt(2 * math.pi))
         return Repeats(same, pairs, expected, same > 3 + 1.5 * expected + 6 * math.sqrt(expected), every)
-    if float(samples.std()) < UNIFORM_LSB * count:
+    # Neighbours of opposite sign, both near the middle of a count, are equal however large their steps are.
+    sums = samples[1:] + samples[:-1]
+    if min(float(samples.std()), float(sums.std()) / math.sqrt(2)) < UNIFORM_LSB * count:
         return Repeats(same, pairs, float(same), False, every)
     none, one, two = (_shares(sizes == k) for k in (0, 1, 2))
     over = none.mean() - TAILS * _none(one.mean(), two.mean())
