@@ -16,10 +16,10 @@ import pytest
 from fltea import _native
 from hypothesis import HealthCheck, settings
 
+from tests.rig.tiers import may_be_slow
+
 ROOT = Path(__file__).resolve().parents[1]
 RECORDINGS = ROOT.parent / "shared/recordings"
-
-from tests.rig.tiers import may_be_slow  # noqa: E402
 
 
 def pytest_configure() -> None:

@@ -13,7 +13,6 @@ from fltea.records.device_fit import DeviceAxisFit
 from fltea.records.fit import AxisFit, Until
 from fltea.records.ports import Latency
 from fltea.records.records import (
-    AnyRecord,
     DeviceAxisEstimate,
     DeviceEstimates,
     DeviceFits,
@@ -145,7 +144,7 @@ EVERY_DEVICE_ESTIMATE = DeviceEstimates(
 )
 DEVICE_FIT = DeviceAxisFit("fractional", 3, 701, 640, 99.0, 230, True, True, True, 40.0, 9.5)
 EVERY_DEVICE_FIT = DeviceFits(**PLACE, axes={AXIS: completed(DEVICE_FIT)}, device="due")
-Records = dict[type, AnyRecord]
+Records = dict[type, Any]
 
 EVERYTHING: Records = {
     type(record): record
@@ -217,12 +216,12 @@ class _Output:
 def metrics(records: Records) -> str:
     """Return the text that Prometheus reads for these records."""
     newest = _Held()
-    newest.hello, newest.stats, newest.fit = records[type(HELLO)], records[Stats], records[Fit]  # type: ignore[assignment]
-    newest.sample = records[Sample]  # type: ignore[assignment]
-    newest.estimate, newest.estimate_ns = records.get(Estimate), host_ns()  # type: ignore[assignment]
-    newest.device_estimate, newest.device_estimate_ns = records[DeviceEstimates], host_ns()  # type: ignore[assignment]
-    newest.device_fits = records[DeviceFits].axes  # type: ignore[union-attr,assignment]
-    outputs = [("due", _Output(one)) for one in records[Stats].outputs.values()]  # type: ignore[union-attr]
+    newest.hello, newest.stats, newest.fit = records[type(HELLO)], records[Stats], records[Fit]
+    newest.sample = records[Sample]
+    newest.estimate, newest.estimate_ns = records.get(Estimate), host_ns()
+    newest.device_estimate, newest.device_estimate_ns = records[DeviceEstimates], host_ns()
+    newest.device_fits = records[DeviceFits].axes
+    outputs = [("due", _Output(one)) for one in records[Stats].outputs.values()]
     registry = CollectorRegistry()
     registry.register(Families({"due": newest}, {}, lambda: outputs))
     return generate_latest(registry).decode()
@@ -235,9 +234,9 @@ def home_assistant(records: Records) -> str:
         f"fltea/due/{record.__struct_config__.tag}": json.loads(msgspec.json.encode(record))
         for record in records.values()
     }
-    config = discovery("fltea/due", "due", records[type(HELLO)], stats.axes)  # type: ignore[arg-type,union-attr]
+    config = discovery("fltea/due", "due", records[type(HELLO)], stats.axes)
     found = {}
-    for key, one in config["components"].items():  # type: ignore[attr-defined]
+    for key, one in config["components"].items():
         for template, topic in (
             ("value_template", "state_topic"),
             ("json_attributes_template", "json_attributes_topic"),

@@ -14,6 +14,9 @@ from fltea.settings.mqtt import MqttConfig
 RETRY_S = 0.1
 """Time between two checks whether a new connection is due, during an outage [s]."""
 
+PLAIN = Session()
+"""A session without a will, for which the broker keeps nothing."""
+
 FAREWELL_S = 1.0
 """Longest wait for the end of a connection that is closed [s]."""
 
@@ -42,7 +45,7 @@ class Subscriber:
         report: Report,
         on_back: Callable[[], None],
         *,
-        session: Session = Session(),  # noqa: B008
+        session: Session = PLAIN,
         longest_wait_s: float,
     ) -> None:
         self.broker = Broker(settings)
@@ -62,18 +65,18 @@ class Subscriber:
 
     def publish(self, topic: str, payload: bytes, *, retain: bool) -> None:
         """Publish a message with QoS 1; it is lost if the broker is away."""
-        if self._connection is not None and self.is_up.is_set():
-            self._connection.publish(topic, payload, 1, retain)
+        if (connection := self._working()) is not None:
+            connection.publish(topic, payload, 1, retain)
 
     def subscribe(self, subscriptions: Sequence[Subscription]) -> None:
         """Subscribe to more topics, for the present connection."""
-        if self._connection is not None and self.is_up.is_set():
-            self._connection.subscribe(subscriptions)
+        if (connection := self._working()) is not None:
+            connection.subscribe(subscriptions)
 
     def unsubscribe(self, topics: list[str]) -> None:
         """End subscriptions of the present connection."""
-        if self._connection is not None and self.is_up.is_set():
-            self._connection.unsubscribe(topics)
+        if (connection := self._working()) is not None:
+            connection.unsubscribe(topics)
 
     def close(self) -> None:
         """End the connection, and receive no further messages."""
@@ -81,6 +84,9 @@ class Subscriber:
         self._wake.set()
         if self._thread.is_alive():
             self._thread.join(2 * FAREWELL_S)
+
+    def _working(self) -> Connection | None:
+        return self._connection if self.is_up.is_set() else None
 
     def _run(self) -> None:
         while not self._stop.is_set():
