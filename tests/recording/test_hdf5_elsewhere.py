@@ -102,3 +102,12 @@ def test_parts_of_a_table_of_pandas(kind: str, tmp_path: Path, other: Path) -> N
         KINDS[kind][0](file, "imu/block0_values", other)
     with pytest.raises(UsageError, match=r"imu: its part block0_values (is|stands)"):
         hdf5.read(tmp_path / "a.h5", "")
+
+
+def test_a_group_that_only_says_it_is_a_table_of_pandas(tmp_path: Path) -> None:
+    """The group lacks the fields and the attributes that PyTables writes."""
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file.create_group("imu").attrs["pandas_type"] = "frame_table"
+        file["imu/table"] = GYRO
+    assert "the table of pandas has no fields" in refusal(path)

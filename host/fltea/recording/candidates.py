@@ -57,7 +57,7 @@ def units_table(values: Floats, rate_hz: float | None, when: Mapping[str, str] |
     `values`: (n, axes) as in the file. `rate_hz`: sampling rate; if None, the table shows σ instead of N.
     `when`: candidate units, each with the case in which it applies; None: the usual units.
     """
-    values = values[np.isfinite(values).all(axis=1)] if values.size else values
+    values = values[(np.abs(values) < NOBODY_MEASURES).all(axis=1)] if values.size else values
     if len(values) < 3:
         return ""
     is_whole = bool((values == np.rint(values)).all())

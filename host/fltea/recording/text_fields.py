@@ -230,7 +230,7 @@ def _rows(lines: Sequence[str], names: Sequence[str], width: int, tag: str) -> l
 @lru_cache(maxsize=8)
 def _numbers(lines: Sequence[str], names: Sequence[str], width: int, tag: str) -> Floats:
     rows = [[_value(field) for field in row] for row in _rows(lines, names, width, tag)]
-    found = np.array(rows, np.float64).reshape(-1, width)
+    found = np.array(rows, np.float64).reshape(len(rows), width)
     found.setflags(write=False)
     return found
 

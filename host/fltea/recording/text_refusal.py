@@ -55,7 +55,8 @@ def refusal(
         else:
             names = list(decode_object(rows[0]) if kind == "object" else values_in(rows[0]))
             at = f"{where}:{lines.index(rows[0]) + 1}"
-            choose(at, names, None, len(names), how, facts(names, len(names), ""))
+            if names:
+                choose(at, names, None, len(names), how, facts(names, len(names), ""))
     except UsageError as error:
         return error
     return UsageError(f"{where}: no line of numbers; the first line is {shown(lines[0].strip())}.")

@@ -36,7 +36,11 @@ def is_table(group: Any) -> bool:
 
 
 def columns_of(group: Any) -> dict[str, BlockColumn]:
-    """Return the columns of a table by name; the index is a column if it has a name or holds times."""
+    """Return the columns of a table by name; the index is a column if it has a name or holds times.
+
+    Raises:
+        KeyError, ValueError: the group lacks parts that PyTables writes for each table of pandas.
+    """
     return dict(_of_rows(group, group["table"]) if "table" in group else _of_blocks(group))
 
 
@@ -52,6 +56,8 @@ def _of_blocks(group: Any) -> Iterator[tuple[str, BlockColumn]]:
 def _of_rows(group: Any, table: Any) -> Iterator[tuple[str, BlockColumn]]:
     said = _strings(group.attrs.get("info", b""))
     named = said[said.index("index_name") + 1] if "index_name" in said[:-1] else ""
+    if table.dtype.names is None:
+        raise ValueError("the table of pandas has no fields")
     for field in table.dtype.names:
         if field == "index":
             yield from _of_index(table, field, _text(table, "index_kind"), named)
@@ -77,5 +83,13 @@ def _decoded(value: Any) -> str:
 
 
 def _strings(pickled: bytes) -> list[str]:
-    """Return the texts in a pickle of pandas without loading it, since loading may run any program."""
+    """Return the texts in a pickle of pandas without loading it, since loading may run any program.
+
+    `pickled`: empty if the file has no such attribute; then there are no texts.
+
+    Raises:
+        ValueError: the pickle is damaged.
+    """
+    if not pickled:
+        return []
     return [str(text) for code, text, _ in pickletools.genops(bytes(pickled)) if code.name in STRINGS]
