@@ -7,7 +7,7 @@
 #   make flash PORT=/dev/ttyACM0                the board's programming port, if it is not the only one
 #   make emulate ARGS='--virtual 20 --json'     arguments for the emulated Due
 
-.PHONY: help setup hashes run near test test-slow test-all test-prepared lint lint-types lint-style lint-cppcheck lint-generated gen bench validate reproduce \
+.PHONY: help setup hashes run near test test-slow test-all test-long test-prepared lint lint-types lint-style lint-cppcheck lint-generated gen bench validate reproduce \
         firmware flash emulate mutants faults docs man dist clean install-service install-udev uninstall-service
 .DELETE_ON_ERROR:
 
@@ -49,15 +49,18 @@ TWO_WORKERS := -n 2 --dist loadfile --no-loadscope-reorder
 near: .venv/.dev  ## two minutes: style, types and tests near what has changed; ARGS: of tools/near.py
 	@$(PY) -m tools.near $(ARGS)
 
-# The first tier is every test without the mark `slow`, the second every test with it (tests/README.md).
+# The mark `slow` keeps a test out of the first tier, the mark `long` out of the second as well (tests/README.md).
 test: .venv/.dev  ## the first tier of tests, 6 minutes; ARGS: of pytest
 	@$(TESTS) $(TWO_WORKERS) -m "not slow" $(ARGS)
 
 test-slow: .venv/.dev  ## the second tier, 8 minutes
-	@$(TESTS) $(TWO_WORKERS) -m slow $(ARGS)
+	@$(TESTS) $(TWO_WORKERS) -m "slow and not long" $(ARGS)
 
 test-all: test  ## both tiers
 	@$(MAKE) --no-print-directory test-slow
+
+test-long: .venv/.dev  ## the third tier, before a release: what repeats a proof many times over
+	@$(TESTS) $(TWO_WORKERS) -m long $(ARGS)
 
 # What the tests need compiled, made while something else takes the other core: .ci/run.
 test-prepared: .venv/.dev

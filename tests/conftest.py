@@ -16,7 +16,7 @@ import pytest
 from fltea import _native
 from hypothesis import HealthCheck, settings
 
-from tests.rig.tiers import may_be_slow
+from tests.rig.tiers import LATER_TIERS, names_a_tier
 
 ROOT = Path(__file__).resolve().parents[1]
 RECORDINGS = ROOT.parent / "shared/recordings"
@@ -52,26 +52,37 @@ def pytest_collection() -> Generator[None, object, object]:
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """Leave out files that have no test of the second tier when only that tier is wanted.
+    """Leave out files that have no test of the second or third tier when only that tier is wanted.
 
-    Three quarters of the files have none, and each of the two workers would import them all.
+    Most files have none, and each of the two workers would import them all.
     """
+    tier = LATER_TIERS.get(config.option.markexpr)
     is_test = collection_path.name.startswith("test_") and collection_path.suffix == ".py"
-    only_slow = config.option.markexpr == "slow"
-    return True if only_slow and is_test and not may_be_slow(collection_path) else None
+    return True if tier is not None and is_test and not names_a_tier(collection_path, tier) else None
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Refuse a test of the second tier that `pytest_ignore_collect` would leave out."""
+    """Refuse a test of a later tier that `pytest_ignore_collect` would leave out.
+
+    A test with the mark `long` gets the mark `slow`, too.
+    """
     for item in items:
-        if item.get_closest_marker("slow") and not may_be_slow(item.path):
-            raise pytest.UsageError(f"{item.path} gets the mark `slow` from elsewhere: name it in this file")
+        for tier in LATER_TIERS.values():
+            if item.get_closest_marker(tier) and not names_a_tier(item.path, tier):
+                raise pytest.UsageError(
+                    f"{item.path} gets the mark `{tier}` from elsewhere: name it in this file"
+                )
+        if item.get_closest_marker("long"):
+            item.add_marker("slow")
 
 
-# A shell starts background jobs with SIGINT ignored, and programs that tests start would inherit that.
+# A shell starts background jobs with SIGINT ignored, and `nohup` ignores SIGHUP: programs that tests start
+# would inherit that.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 # Every run tries the same examples: 25, or as many as a test names that needs more to reach what it is about.
 # There is no deadline, so a slow or busy machine fails nothing.

@@ -187,6 +187,7 @@ def check(line: list[str], codes: tuple[int, ...] = (0, 1, 2)) -> str:
     return done.stderr
 
 
+@pytest.mark.slow
 def test_options_take_any_word() -> None:
     for line in random.Random(150).sample(lines(), 75):
         check(line)

@@ -11,6 +11,7 @@ import pytest
 from fltea.identification.workers import Processes
 
 from tests.rig.host_support import PATIENCE_S
+from tests.rig.tiers import slow
 
 COMMAND = [str(Path(sys.executable).with_name("fltea"))]
 MODULE = [sys.executable, "-m", "fltea"]
@@ -57,7 +58,7 @@ def marks(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.glob("*.ran"))
 
 
-@pytest.mark.parametrize("arguments", [WORKERS, APART], ids=["workers", "process apart"])
+@pytest.mark.parametrize("arguments", [slow(WORKERS), APART], ids=["workers", "process apart"])
 @pytest.mark.parametrize(
     ("command", "names"), [(COMMAND, sys.stdlib_module_names | LIBRARIES), (MODULE, LATE)]
 )

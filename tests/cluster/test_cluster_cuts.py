@@ -27,6 +27,7 @@ from pyarrow import parquet
 from tests.rig.bag_support import even, write_bag, write_mcap
 from tests.rig.cluster_support import ASK
 from tests.rig.mcap_support import sink_in, transport
+from tests.rig.tiers import slow
 
 N = 3000
 GYRO = np.round(np.random.default_rng(5).normal(0.1, 0.05, (N, 3)), 5)
@@ -118,7 +119,7 @@ def cut_up(make: Callable[[Path], Path], folder: Path) -> tuple[Loaded, list[Loa
     return load(ask.request(Path(file.path))), pieces
 
 
-@pytest.mark.parametrize("make", [npy, npy_with_fields, csv, csv_of_windows, table, ros1, ros2])
+@pytest.mark.parametrize("make", [npy, npy_with_fields, csv, csv_of_windows, slow(table), ros1, ros2])
 def test_all_samples_once(make: Callable[[Path], Path], tmp_path: Path) -> None:
     whole, pieces = cut_up(make, tmp_path)
     for name, series in whole.axes.items():

@@ -181,6 +181,7 @@ def server(files: Path) -> Iterator[ThreadingHTTPServer]:
         yield one
 
 
+@pytest.mark.slow
 def test_https_with_a_certificate_of_ones_own(
     server: ThreadingHTTPServer, files: Path, tmp_path: Path
 ) -> None:

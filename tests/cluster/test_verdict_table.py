@@ -76,6 +76,7 @@ os.kill(os.getpid(), 9)
 """
 
 
+@pytest.mark.slow
 def test_a_kill_takes_nothing_that_was_added(tmp_path: Path) -> None:
     out = tmp_path / "v.parquet"
     script = SCRIPT.format(path=sys.path, journal=1500, out=str(out))

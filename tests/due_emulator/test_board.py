@@ -188,6 +188,7 @@ def test_a_reboot_begins_anew_and_is_no_loss(ours):
     assert found["step_us"]["min"] >= 9_950, "no step leads from one boot into the next"
 
 
+@pytest.mark.slow
 def test_a_reset_may_come_at_any_moment_of_a_sampling_period(ours):
     # Each boot takes the same time, so the resets come at 25 moments of the sampling period, 0.4 ms apart. A
     # read of the sensor takes 0.6 ms.

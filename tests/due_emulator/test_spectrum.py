@@ -17,6 +17,7 @@ def due():
     return on_due(SAMPLES)
 
 
+@pytest.mark.slow
 def test_the_board_has_the_bits_of_a_pc(due):
     pc = on_pc(SAMPLES)
     assert due.hash == pc.hash

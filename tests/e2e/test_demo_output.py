@@ -108,6 +108,7 @@ def test_setup_says_which_step_of_how_many_it_is_at(setup: list[str]) -> None:
     assert [line.split()[1] for line in told] == ["1/3", "2/3", "3/3", "ready"]
 
 
+@pytest.mark.slow
 def test_setup_shows_seconds_and_what_it_does_on_a_terminal(setup: list[str]) -> None:
     terminal, far_end = os.openpty()
     subprocess.run(setup, stderr=far_end, check=True, env={**os.environ, "PAUSE": "0.7"})

@@ -173,7 +173,7 @@ def by_edges(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     return build("data_ready", tmp_path_factory.mktemp("data_ready"))
 
 
-@pytest.mark.parametrize("percent", [1, -1])
+@pytest.mark.parametrize("percent", [slow(1), slow(-1)])
 def test_with_the_data_ready_pin_each_conversion_is_read_once(by_edges: bytes, percent: int) -> None:
     run = DueRun(by_edges, faults=[f"sensor_clock percent={percent}"])
     edges_ps: list[int] = []

@@ -122,6 +122,7 @@ def test_after_each_fault_it_begins_anew_or_goes_on_as_the_host_does() -> None:
     assert begun[-1] == 1
 
 
+@pytest.mark.slow
 def test_alone_its_estimates_are_what_is_published() -> None:
     run = DueRun(image(), noise=NOISE, settings={"estimator.estimate_on": "device"}).run_until(6.0)
     found = [record for record in run.records if isinstance(record, Estimate)]

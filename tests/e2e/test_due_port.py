@@ -30,6 +30,7 @@ def session_of(leader: int) -> list[int]:
     return found
 
 
+@pytest.mark.slow
 def test_the_chain_publishes_what_the_engine_gives_on_the_quantised_noise(
     processes: Processes, tmp_path: Path
 ) -> None:

@@ -78,6 +78,7 @@ def load(port: int, sensors: int = SENSORS, rounds: int = 1) -> dict[str, Any]:
     return found
 
 
+@pytest.mark.slow
 def test_of_200_sensors_the_three_bad_ones_stand_out(
     stage: Stage, broker: Mosquitto, start: Start, tmp_path: Path, chromium: Browser
 ) -> None:

@@ -265,6 +265,7 @@ def test_each_topic_is_a_device_and_nothing_of_it_is_lost(stage: Stage, processe
         assert (last_word["status"], last_word["reason"]) == ("offline", "ended")
 
 
+@pytest.mark.slow
 def test_a_broker_that_goes_and_comes_back(stage: Stage, processes: Processes) -> None:
     broker = stage.broker()
     url = f"mqtt://localhost:{broker.port}"

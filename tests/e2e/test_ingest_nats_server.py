@@ -169,6 +169,7 @@ def test_a_consumer_or_a_stream_that_somebody_deletes_is_made_again(
     assert "never retrieved" not in caplog.text
 
 
+@pytest.mark.slow
 def test_a_server_killed_before_it_read_all_is_a_lost_connection_and_no_traceback(
     serving: tuple[Server, Worker], caplog: pytest.LogCaptureFixture
 ) -> None:

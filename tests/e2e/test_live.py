@@ -117,6 +117,7 @@ def test_a_signal_ends_a_run_whose_output_nobody_reads(port: Path, processes: Pr
         wait_until(lambda: _in_pipe(pipe) > 45_000, "the pipe to be full")
 
 
+@pytest.mark.slow
 def test_a_signal_ends_a_run_that_waits_for_its_reader_at_its_end() -> None:
     """All samples are read and queued, and nothing reads the rest of the output."""
     with unread("-s", "synthetic:?n=1000", "--pace", "fast", "--once") as (run, pipe):
@@ -125,6 +126,7 @@ def test_a_signal_ends_a_run_that_waits_for_its_reader_at_its_end() -> None:
         assert run.poll() is None
 
 
+@pytest.mark.slow
 def test_a_signal_ends_a_run_whose_log_nobody_reads(tmp_path: Path) -> None:
     reader, writer = os.pipe()
     os.set_blocking(writer, False)

@@ -99,6 +99,7 @@ def test_each_axis_is_drawn_without_being_opened(seen: Watched) -> None:
         assert boxes[0]["x"] + boxes[0]["width"] <= boxes[1]["x"], "side by side"
 
 
+@pytest.mark.slow
 def test_a_phone_has_the_first_drawing_alone(sink: DashboardSink, chromium: Browser) -> None:
     one = Watched(chromium, sink.url, viewport={"width": 390, "height": 844})
     one.wait("document.querySelectorAll('.rate svg polyline').length >= 6")
@@ -235,6 +236,7 @@ def test_nobody_is_left_out(sink: DashboardSink, chromium: Browser, width: int, 
     assert one.complaints == []
 
 
+@pytest.mark.slow
 def test_a_keyboard_is_enough(sink: DashboardSink, chromium: Browser) -> None:
     one = Watched(chromium, sink.url)
     one.wait("document.querySelectorAll('.axis').length === 3")
@@ -261,6 +263,7 @@ def test_a_keyboard_is_enough(sink: DashboardSink, chromium: Browser) -> None:
     assert one.page.get_attribute("[data-axis=gyro_z] button", "aria-expanded") == "true"
 
 
+@pytest.mark.slow
 def test_the_theme_is_the_systems_or_the_one_chosen(sink: DashboardSink, chromium: Browser) -> None:
     ground = "getComputedStyle(document.body).backgroundColor"
     light, dark = (Watched(chromium, sink.url, color_scheme=scheme) for scheme in ("light", "dark"))
@@ -274,6 +277,7 @@ def test_the_theme_is_the_systems_or_the_one_chosen(sink: DashboardSink, chromiu
     assert light.page.evaluate(ground) == colours[1], "the choice is remembered"
 
 
+@pytest.mark.slow
 def test_report_and_yaml_are_downloaded_and_the_report_is_complete_in_itself(
     seen: Watched, chromium: Browser
 ) -> None:
@@ -298,6 +302,7 @@ def test_report_and_yaml_are_downloaded_and_the_report_is_complete_in_itself(
     assert report.complaints == []
 
 
+@pytest.mark.slow
 def test_a_button_whose_daemon_is_gone_says_so_and_all_is_grey(
     sink: DashboardSink, chromium: Browser
 ) -> None:

@@ -42,6 +42,7 @@ def through_the_pi() -> Pi:
     return pi.run_until(begin_ns / S + SECONDS)
 
 
+@pytest.mark.slow
 def test_the_same_noise_gives_the_same_samples() -> None:
     due, pi = gyro(through_the_due().samples), gyro(through_the_pi().of(Sample))
     n = min(len(due), len(pi))

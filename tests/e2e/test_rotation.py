@@ -112,7 +112,7 @@ def synthetic(folder: Path) -> Iterator[list[str]]:
     yield ["synthetic:?seed=1&rate_hz=500"]
 
 
-KINDS = [port, text, i2c, *map(slow, (tcp, text_port, synthetic))]
+KINDS = [port, *map(slow, (text, i2c, tcp, text_port, synthetic))]
 START = ["--startup", "20"]
 REPLAY = ["run", "--once", "--samples", *START]
 IDENTIFY = ["identify", "--json", "--shuffles", "0", *START]

@@ -67,6 +67,7 @@ def test_a_signal_ends_all_devices_and_everything_is_written(
     assert set(saved) == {"a", "b"}
 
 
+@pytest.mark.slow
 def test_a_restarted_daemon_goes_on_where_it_stopped(processes: Processes, tmp_path: Path) -> None:
     port, state = tmp_path / "port", tmp_path / "state"
     arguments = ("-s", f"serial:{port}", *QUICK, "--state", state)
@@ -92,6 +93,7 @@ def test_a_restarted_daemon_goes_on_where_it_stopped(processes: Processes, tmp_p
         assert abs(estimate["bias"] - before["bias"]) < 3 * before["bias_std"]
 
 
+@pytest.mark.slow
 def test_without_a_reader_of_stdout_other_outputs_go_on(processes: Processes, tmp_path: Path) -> None:
     port = tmp_path / "port"
     processes.stand_in(port)
@@ -135,6 +137,7 @@ def test_a_service_manager_hears_ready_alive_and_stopping(
         assert said == b"STOPPING=1"
 
 
+@pytest.mark.slow
 def test_a_terminal_that_is_closed_ends_it_in_order(processes: Processes, tmp_path: Path) -> None:
     processes.stand_in(tmp_path / "port")
     daemon = processes.daemon("-s", f"serial:{tmp_path / 'port'}", *QUICK)

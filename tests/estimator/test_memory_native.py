@@ -12,7 +12,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from tests.rig.memory_probe import DIRECT, SETS, Memory, math
-from tests.rig.tiers import slow
+from tests.rig.tiers import slow, slow_but
 
 EPS = {"f": 2.0**-24, "d": 2.0**-53, "w": 2.0**-53}
 
@@ -65,7 +65,7 @@ def to_more_digits(function: Callable[[float], Any], x: np.ndarray) -> np.ndarra
 
 
 @pytest.mark.parametrize("instruction_set", SETS)
-@pytest.mark.parametrize("kind", "fdw")
+@pytest.mark.parametrize("kind", slow_but("dw", "fdw"))
 def test_exp_to_two_units_in_the_last_place(kind: str, instruction_set: str) -> None:
     x, expected = exact_exp("d" if kind == "w" else kind)
     up, down, _ = math(kind, x, instruction_set)

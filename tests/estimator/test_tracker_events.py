@@ -11,6 +11,7 @@ from fltea.noise.system import System, system
 from fltea.records.arrays import Array
 from scipy.signal import butter, lfilter
 
+from tests.rig.tiers import slow
 from tests.rig.tracker_support import SYSTEMS, H, fixed, kalman, of, run, simulated, tracker, walk, white
 
 N, AT = 12_000, 4000
@@ -263,7 +264,7 @@ def test_a_system_found_after_hours(s: System) -> None:
     np.testing.assert_allclose(found.bias_std, expected.bias_std, rtol=0.05)
 
 
-@pytest.mark.parametrize("name", ["white", "order", "resonance"])
+@pytest.mark.parametrize("name", [slow("white"), slow("order"), "resonance"])
 def test_means_of_samples_tell_bounds_of_a_walk_as_the_samples_do(name: str) -> None:
     """A relaxation changes within the time of a mean, and faster parts are not white in the means."""
     bare = {"white": white(1.0), "order": of(Order(0.7, -1.0, 0.3 / H**1.4)), "resonance": RESONANT}[name]
@@ -338,8 +339,8 @@ def test_an_order_with_a_slow_pole_pair_behind_a_sharpening_is_filtered_or_refus
         Order(1.1196194747243926, -0.16690594775213122, 0.019831870167406847),
     ]
     y = 0.1 * np.random.default_rng(1).standard_normal(4200)
-    for slow in (-0.05, -0.16690594775213122, -0.5):
-        parts[2] = Order(1.1196194747243926, slow, 0.019831870167406847)
+    for f in (-0.05, -0.16690594775213122, -0.5):
+        parts[2] = Order(1.1196194747243926, f, 0.019831870167406847)
         one = Tracker([None])
         run(one, y[:4189])
         one.set(0, system(parts, 0.01, 4189, found=True).with_offset())

@@ -148,6 +148,7 @@ def test_one_register_an_offset_but_for_alternatives() -> None:
     assert table()["TC0"]["registers"]["CMR0_WAVE_EQ_1"]["alternate_of"] == "CMR0"
 
 
+@pytest.mark.slow
 def test_another_description_is_refused(tmp_path: Path) -> None:
     """A description in which one register has another address is refused."""
     fetched = run_tool("generated", ROOT, "gen_registers", "--check")

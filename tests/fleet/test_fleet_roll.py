@@ -99,6 +99,7 @@ def test_the_bias_is_shown_beside_the_newest_fit_and_nobody_is_judged_by_it() ->
         assert rows(roll, seen, 5.0)[7]["bias"] is None
 
 
+@pytest.mark.slow
 @given(st.text(max_size=80), st.one_of(st.binary(max_size=300), st.sampled_from([HELLO, fit(), b"{}"])))
 def test_any_message_at_all(topic: str, payload: bytes) -> None:
     roll = Roll()

@@ -32,6 +32,7 @@ def fails(found: Judgement) -> tuple[bool, bool]:
     return any(one.fails for one in found.heading), any(one.fails for one in found.bias)
 
 
+@pytest.mark.slow
 def test_right_models_hold() -> None:
     # amplitude that the relaxation has in a spectrum that does not show its corner
     slow = 0.05 * math.sqrt(2 / 8)

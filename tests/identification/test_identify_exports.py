@@ -291,6 +291,7 @@ def test_nothing_is_written_of_bad_data(flag: str, tmp_path: Path) -> None:
     assert (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_no_figure_goes_on_from_an_axis_that_is_bad(tmp_path: Path) -> None:
     """Comparison with a data sheet, forecast and heading do not use the bad axis.
 

@@ -261,6 +261,7 @@ def test_the_command_writes_what_run_reads(tmp_path: Path) -> None:
     assert not (tmp_path / "b.npz").exists()
 
 
+@pytest.mark.slow
 def test_the_offset_walks_in_a_simulation_as_in_the_forecast() -> None:
     """The walk is not one of the parts of the noise. The simulated recording still has the same forecast."""
     y = draw(AxisModel((White(0.01), Walk(0.0007))), H, 60_000, np.random.default_rng(2))[0]

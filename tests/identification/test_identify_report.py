@@ -185,6 +185,7 @@ def test_each_figure_is_a_chart_with_units_and_numbers(
         assert len(words) > 2 + 2 + 2 + 1, path.name
 
 
+@pytest.mark.slow
 def test_the_report_of_three_axes_of_a_long_recording_is_small(tmp_path: Path) -> None:
     path = npz(tmp_path / "long.npz", counts(60_000))
     settings = Settings(IdentifyOptions(shuffles=5), QUICK, figures=True, forecast=True)

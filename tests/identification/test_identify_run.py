@@ -214,6 +214,7 @@ def test_a_process_that_dies_costs_nothing(known: Known, tmp_path: Path) -> None
     assert len(mark.read_text()) == 2
 
 
+@pytest.mark.slow
 def test_what_kills_its_process_is_told_from_the_others(known: Known, tmp_path: Path) -> None:
     requests, alone = known
     mark = tmp_path / "mark"
@@ -318,6 +319,7 @@ def test_dask_with_a_worker_killed(known: Known, cluster: Any) -> None:
     assert len(told) == len(set(told)) == 3 + 6 + 3 + 6 + 6 + 3
 
 
+@pytest.mark.slow
 def test_a_second_ctrl_c_does_not_tear_down_what_ends(tmp_path: Path) -> None:
     """No thread in native code is left when the interpreter ends."""
     path = npz(tmp_path / "a.npz", counts(1_500_000))

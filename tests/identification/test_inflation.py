@@ -126,6 +126,7 @@ def test_each_axis_has_its_own_factor_and_the_worst_counts() -> None:
     assert "of gyro_x; 2 times the measured" in text
 
 
+@pytest.mark.slow
 def test_the_command_inflates_by_the_recording(tmp_path: Path) -> None:
     noise = np.stack([at_rest(1), at_rest(2, 0.05)], axis=1)
     np.savez(tmp_path / "rest.npz", gyro_dps=np.column_stack([noise, at_rest(3)]), fs_hz=1 / H)

@@ -35,6 +35,7 @@ def mean_step(one: FittedSystem) -> float:
     return float(one.walk.weights @ one.walk.steps)
 
 
+@pytest.mark.slow
 def test_together_they_know_their_walk_better() -> None:
     """Three axes together give a smaller error of K than each alone, by a factor of about √3."""
     off: dict[str, list[float]] = {"own": [], "shared": []}

@@ -180,6 +180,7 @@ def test_a_walk_that_only_the_tracker_sees_is_in_all_figures() -> None:
     assert axis.walk.K.low < 1e-3 < axis.walk.K.high
 
 
+@pytest.mark.slow
 def test_k_is_the_middle_of_what_is_likely() -> None:
     """The median K of 20 axes is known to some 5 %."""
     found = []

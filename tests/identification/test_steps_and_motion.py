@@ -26,6 +26,7 @@ from scipy.signal import lfilter
 from tests.rig.identify_files import LSB_PER_DPS, QUICK, RATE_HZ, settings
 from tests.rig.identify_one import identify_series
 from tests.rig.identify_support import H
+from tests.rig.tiers import slow
 
 N_TRUE, SIGMA, SAMPLES = 0.01, 0.1, 60_000
 LSB_PER_G = 16384.0
@@ -133,7 +134,7 @@ NOISES = {
 }
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, slow(2), slow(3)])
 @pytest.mark.parametrize("name", NOISES)
 def test_noise_without_steps_has_none(name: str, seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -177,6 +178,7 @@ def test_a_turn_about_z_is_motion_of_all_axes_and_in_no_figure(tmp_path: Path) -
     assert said["now"]["bias_s"] == 1.0
 
 
+@pytest.mark.slow
 def test_a_tilt_that_only_the_accelerometer_shows_is_motion_of_the_gyroscope(tmp_path: Path) -> None:
     """This holds even if the accelerometer is not identified, too. In the API it always is."""
     accel = still()
@@ -192,6 +194,7 @@ def test_a_tilt_that_only_the_accelerometer_shows_is_motion_of_the_gyroscope(tmp
         assert (span.begin_s, span.end_s) == (pytest.approx(200, abs=2), pytest.approx(210, abs=2))
 
 
+@pytest.mark.slow
 def test_the_api_tells_the_same_as_the_command(tmp_path: Path) -> None:
     y = white(7, 3)
     y[40_000:, 1] += 0.1

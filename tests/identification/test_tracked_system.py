@@ -53,6 +53,7 @@ def test_three_answers() -> None:
     assert bounded >= 0.9 * told
 
 
+@pytest.mark.slow
 def test_as_long_a_record_as_is_said_would_tell() -> None:
     not_notified = [
         offset_walk_found(fitted_system([White(0.01)], walking(100.0, k), H), H, Interval())
@@ -93,6 +94,7 @@ def test_kalibr_gets_all_of_a_walk_that_has_bounds_in_the_filter() -> None:
     assert axis_noise(axis).K.value == axis.result.level.K.value
 
 
+@pytest.mark.slow
 def test_no_record_is_said_to_have_no_walk() -> None:
     for share, said in ((0.0, "as good as constant"), (30.0, "too short to tell")):
         texts = [imu_yaml({"gyro_x": axis_noise(report(walking(share, k)))}, 100.0, "a") for k in range(6)]

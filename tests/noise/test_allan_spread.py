@@ -14,6 +14,8 @@ from fltea.noise.parts import Order, Relaxation, Resonance, Walk, White
 from fltea.spectrum.allan_dof import full_overlap
 from scipy import special, stats
 
+from tests.rig.tiers import slow_but
+
 H = 0.01
 N = 4096
 SIMULATIONS = 200
@@ -31,7 +33,7 @@ MODELS = {
 }
 
 
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("name", slow_but(["relaxation", "order", "wide line"], MODELS))
 def test_mean_and_spread_are_those_of_simulations(name: str) -> None:
     """Mean and degrees of freedom agree within their errors.
 

@@ -25,6 +25,7 @@ def decode(data: bytes) -> Frame | Refused | BadFrame:
     return found
 
 
+@pytest.mark.slow
 @given(messages, sequences, times)
 @fixed(300)
 def test_decode_undoes_encode(message: wire.Message, sequence: int, device_us: int) -> None:
@@ -152,6 +153,7 @@ def test_messages(message: wire.Message, sequence: int, device_us: int) -> None:
     assert _native.encode_message(message.TYPE, sequence, device_us, tuple(message)) == expected
 
 
+@pytest.mark.slow
 @given(st.integers(0, 255), sequences, times, st.binary(max_size=wire.MAX_PAYLOAD))
 @fixed(500)
 def test_frames(kind: int, sequence: int, device_us: int, payload: bytes) -> None:

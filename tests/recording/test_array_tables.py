@@ -153,6 +153,7 @@ def test_what_is_null_or_nan_is_missing(tmp_path: Path) -> None:
         assert "row 1: the first of 2 rows (of 4)" in found.notes[0].text
 
 
+@pytest.mark.slow
 def test_bad_parquet(tmp_path: Path) -> None:
     gx = {"gyro_x_dps": GYRO[:, 0]}
     assert "nothing says which columns are the gyroscope's axes" in refusal(
@@ -171,6 +172,7 @@ def test_bad_parquet(tmp_path: Path) -> None:
         assert "cannot be read as Parquet (" in refusal(open_parquet, path, How(rate_hz=1.0))
 
 
+@pytest.mark.slow
 def test_tables_are_replayed(tmp_path: Path) -> None:
     table(tmp_path, {"gyro_x_dps": GYRO[:, 0]}, rate_hz=100.0)
     npy(tmp_path, GYRO, rate_hz=100.0, units="dps")
@@ -183,6 +185,7 @@ def test_tables_are_replayed(tmp_path: Path) -> None:
         assert straight == GYRO[:, 0].tolist() == sorted(mixed, key=straight.index) != mixed
 
 
+@pytest.mark.slow
 def test_parquet_without_its_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     table(tmp_path, {"gyro_x_dps": GYRO[:, 0]}, rate_hz=100.0)
     monkeypatch.setitem(sys.modules, "pyarrow", None)

@@ -18,6 +18,7 @@ from fltea.sources.replay import ReplaySource
 
 from tests.rig.blocks import samples_of
 from tests.rig.corpus_files import HERE, N, text
+from tests.rig.tiers import slow_but
 
 
 def archive(path: Path, **files: bytes) -> Path:
@@ -81,8 +82,8 @@ INSIDE = {
 PACK = {"gz": gzip.compress, "bz2": bz2.compress, "xz": lzma.compress}
 
 
-@pytest.mark.parametrize("packer", [*PACK, "zip"])
-@pytest.mark.parametrize("name", INSIDE)
+@pytest.mark.parametrize("packer", slow_but(["gz", "zip"], [*PACK, "zip"]))
+@pytest.mark.parametrize("name", slow_but(["objects.ndjson", "rest.json", "rest"], INSIDE))
 def test_what_is_packed_is_read_as_what_it_is(name: str, packer: str, tmp_path: Path) -> None:
     path = tmp_path / f"{name}.{packer}"
     if packer == "zip":
@@ -134,6 +135,7 @@ def test_a_library_that_is_missing_is_named_with_what_installs_it(
         ReplaySource(HERE / next(iter(form.corpus)))
 
 
+@pytest.mark.slow
 def test_a_topic_of_px4_that_is_not_there() -> None:
     assert len(samples_of(ReplaySource(HERE / "px4.ulg", how=How(topic="sensor_combined")).events())) == N
     with pytest.raises(

@@ -139,6 +139,7 @@ def imu_rows(name: str, number: int | None, values: Any) -> list[tuple[Any, ...]
     ]
 
 
+@pytest.mark.slow
 def test_one_of_several_ardupilot_sensors_is_asked_for_by_number(tmp_path: Path) -> None:
     path = tmp_path / "log.bin"
     pairs = zip(imu_rows("IMU", 0, RADS), imu_rows("IMU", 1, OTHER), strict=True)
@@ -172,6 +173,7 @@ def test_ardupilots_raw_messages_come_before_the_filtered_ones(tmp_path: Path) -
     assert "GYR is read; there is IMU too (--topic)." in found.notes[-1].text
 
 
+@pytest.mark.slow
 def test_batches_of_ardupilot_have_a_scale_and_a_rate(tmp_path: Path) -> None:
     """Batches of the accelerometer and of other sensors stand between those of the gyroscope.
 
@@ -228,6 +230,7 @@ def test_tdms_has_units_and_the_step_of_its_samples(tmp_path: Path) -> None:
     assert rates_of(opened("tdms", path, units="dps")) == pytest.approx(RADS)
 
 
+@pytest.mark.slow
 def test_tdms_has_units_of_its_step_and_rates_of_groups_and_files(tmp_path: Path) -> None:
     path = tmp_path / "a.tdms"
     of_channel = {"wf_increment": 5.0, "wf_xunit_string": "ms", "unit_string": "rad/s"}
@@ -296,6 +299,7 @@ def test_groups_of_mf4_keep_their_clocks(tmp_path: Path) -> None:
         opened("mf4", path, columns=mixed, time_column="left.time")
 
 
+@pytest.mark.slow
 def test_what_mf4_says_is_not_valid_is_missing(tmp_path: Path) -> None:
     bad = np.zeros(N, bool)
     bad[[5, 6, 100]] = True

@@ -117,6 +117,7 @@ def test_a_summary_before_the_data_is_none(tmp_path: Path) -> None:
     assert is_right(workbook(tmp_path, {"Summary": summary, "Data": sheet(DPS, *STATED)}))
 
 
+@pytest.mark.slow
 def test_a_sheet_of_names_and_values_states_facts(tmp_path: Path) -> None:
     names, *rows = sheet(DPS, *STATED)
     bare = [names[1:], *(row[1:] for row in rows)]

@@ -25,6 +25,7 @@ from pyarrow import parquet
 from tests.rig.corpus_edits import Case, Figures, falsified, figures, text_of
 from tests.rig.corpus_files import ACCEL_MS2, GYRO_DPS, HERE, RATE_HZ, TIMES_S
 from tests.rig.corpus_reading import OPTIONS, UNREAD_DIALECTS, how_of, pairs
+from tests.rig.tiers import slow_but
 
 pytestmark = pytest.mark.filterwarnings(
     "ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning"
@@ -127,7 +128,7 @@ def wrong_in_silence(case: Case, truth: Figures, read: Callable[[], Figures]) ->
     return f"{case.kind} ({case.what}): {rates}, mean {found.means.round(3)}; {said}; {found.notes}"
 
 
-@pytest.mark.parametrize("name", TEXT)
+@pytest.mark.parametrize("name", slow_but(sorted(TEXT)[::4], TEXT))
 def test_no_falsified_text_is_wrong_in_silence(name: str) -> None:
     one = text_of(name)
     cases = list(falsified(one))

@@ -132,6 +132,7 @@ def test_any_hole_costs_the_chunks_that_it_touches_and_no_other(case: Case, at: 
 LIES = [0, 1, 20, 1000, WINDOW_BYTES, 10**6, 2**31, 2**40, 2**63, 2**64 - 1]
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(which=st.integers(0, 10_000), lie=st.one_of(st.sampled_from(LIES), st.integers(0, 200_000)))
 def test_a_length_that_lies_costs_no_chunk_and_is_named(case: Case, which: int, lie: int) -> None:

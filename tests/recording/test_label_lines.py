@@ -92,6 +92,7 @@ def test_other_quantities_come_when_they_come(tmp_path: Path) -> None:
     assert stored.whole().gyro.tolist() == GYRO.tolist()
 
 
+@pytest.mark.slow
 def test_axes_on_lines_that_hold_more_are_refused(tmp_path: Path) -> None:
     lines = of_samples(lambda k, axis, v: f"g{axis}: {v} t{axis}: {k}")
     with pytest.raises(UsageError, match="stands on another line, so which numbers are of one sample"):

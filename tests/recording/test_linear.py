@@ -32,6 +32,8 @@ from fltea.records.errors import UsageError
 from fltea.settings.how import How
 from fltea.sources.text_events import TextEvents
 
+from tests.rig.tiers import slow_but
+
 ROWS = 4000
 """Number of rows. It exceeds the number of first rows by which the columns' meaning is found, since these are
 examined repeatedly.
@@ -196,7 +198,7 @@ def assert_linear(done: list[Counter[str]]) -> None:
         assert count <= 2.1 * small[what] + 200, f"{what}: {small[what]} and {count}"
 
 
-@pytest.mark.parametrize("name", TEXTS)
+@pytest.mark.parametrize("name", slow_but(sorted(TEXTS)[::4], TEXTS))
 def test_twice_the_rows_is_twice_the_work(name: str, work: Counter[str], tmp_path: Path) -> None:
     lines, how = TEXTS[name]
     done = []

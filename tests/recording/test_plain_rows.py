@@ -15,6 +15,8 @@ from fltea.settings.how import How
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from tests.rig.tiers import slow_but
+
 THREE = How(columns=["2", "3", "1"], rate_hz=9.0, units="dps")
 MARKS = {",": ",", ";": ";", "\t": "\t", "blanks": " "}
 
@@ -101,7 +103,7 @@ FIELDS = st.sampled_from(
 )
 
 
-@pytest.mark.parametrize("separator", MARKS)
+@pytest.mark.parametrize("separator", slow_but([","], MARKS))
 @settings(max_examples=300)
 @given(
     fields=st.lists(FIELDS, max_size=6),

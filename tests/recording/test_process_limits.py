@@ -17,6 +17,7 @@ from fltea.records.errors import FlteaError, UsageError
 from fltea.settings.limits import Limits
 
 from tests.rig.corpus_files import HERE
+from tests.rig.tiers import slow
 
 LIMITED = """
 import resource, sys
@@ -31,7 +32,7 @@ GB, NONE = 1 << 30, resource.RLIM_INFINITY
 
 @pytest.mark.parametrize(
     ("what", "soft", "hard"),
-    [(resource.RLIMIT_AS, GB, GB), (resource.RLIMIT_AS, GB, NONE), (resource.RLIMIT_CPU, 12, 12)],
+    [slow(resource.RLIMIT_AS, GB, GB), (resource.RLIMIT_AS, GB, NONE), slow(resource.RLIMIT_CPU, 12, 12)],
     ids=["addresses", "addresses, soft", "processor time"],
 )
 def test_lower_limits_of_a_session_are_kept(what: int, soft: int, hard: int) -> None:

@@ -22,6 +22,7 @@ from fltea.settings.limits import Limits
 from fltea.sources.replay import ReplaySource
 
 from tests.rig.corpus_files import HERE, N
+from tests.rig.tiers import slow
 
 MB = 1_000_000
 SMALL = Limits(max_mb=64.0)
@@ -58,6 +59,7 @@ def refusal(path: Path, limits: Limits = SMALL, how: How = AS_IT_SAYS) -> str:
     return str(caught.value)
 
 
+@pytest.mark.slow
 def test_text_that_unpacks_without_end(tmp_path: Path) -> None:
     path = tmp_path / "a.csv.gz"
     path.write_bytes(gzip.compress(b"time_s,gyro_x_dps\n" + b"0,1\n" * 2 * MB, 9))
@@ -97,7 +99,7 @@ def test_libraries_that_are_kept_busy(tmp_path: Path, monkeypatch: pytest.Monkey
 
 
 @pytest.mark.parametrize(
-    "name", ["px4.ulg", "matlab.mat", "h5py.h5", "phyphox.xlsx", "pandas.feather", "numpy.npz"]
+    "name", ["h5py.h5", "numpy.npz", *map(slow, ("px4.ulg", "matlab.mat", "phyphox.xlsx", "pandas.feather"))]
 )
 def test_damaged_files_are_refused_or_read(name: str, tmp_path: Path) -> None:
     data = bytearray((HERE / name).read_bytes())
@@ -111,6 +113,7 @@ def test_damaged_files_are_refused_or_read(name: str, tmp_path: Path) -> None:
             ReplaySource(tmp_path / name)
 
 
+@pytest.mark.slow
 def test_json_in_json_without_end(tmp_path: Path) -> None:
     path = tmp_path / "a.json"
     path.write_bytes(b'[{"a":' * 100_000)
@@ -121,7 +124,7 @@ def test_json_in_json_without_end(tmp_path: Path) -> None:
     assert "is of the app Sensor Logger, without a gyroscope; it has Barometer" in refusal(path)
 
 
-@pytest.mark.parametrize("entry", ["", ".", "here"], ids=["empty", "relative", "absolute"])
+@pytest.mark.parametrize("entry", [slow(""), ".", slow("here")], ids=["empty", "relative", "absolute"])
 def test_code_in_the_current_folder_is_not_run(
     entry: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -38,7 +38,7 @@ from tests.rig.bag_support import even, write_bag
 from tests.rig.corpus_files import HERE
 from tests.rig.hostile_files import Files
 from tests.rig.mcap_support import record, transport
-from tests.rig.tiers import slow_but
+from tests.rig.tiers import slow, slow_but
 
 LIMITS = Limits(max_chunk_mb=1, max_mb=1)
 MOST_BYTES = 40_000_000
@@ -170,11 +170,14 @@ KINDS = [
 ]
 
 
+KINDS_OF_FLTEA = KINDS[:5]
+"""Files that fltea reads without a reader process."""
+
 BY_LIBRARY = ("rest.parquet", "rest.feather", "rest.h5")
 """Files that a library reads in a reader process."""
 
 
-@pytest.mark.parametrize("name", KINDS)
+@pytest.mark.parametrize("name", slow_but(KINDS_OF_FLTEA, KINDS))
 def test_the_real_files_are_read(name: str, real: Files, folder: Path) -> None:
     (folder / name).write_bytes(real[name])
     how = How(rate_hz=100.0, units="dps") if name == "rest.npy" else AS_IT_SAYS
@@ -215,14 +218,14 @@ IN_THIS_ONE = [name for name in [*KINDS, "noending"] if name not in IN_A_PROCESS
 
 @given(data=st.binary(max_size=300))
 @settings(max_examples=30)
-@pytest.mark.parametrize("name", slow_but([*KINDS[:5], "ros2.db3", "noending"], IN_THIS_ONE))
+@pytest.mark.parametrize("name", slow_but(["due.mcap", "rest.csv", "ros2.db3", "noending"], IN_THIS_ONE))
 def test_any_bytes(name: str, folder: Path, data: bytes) -> None:
     check(folder, name, data)
 
 
 @given(data=st.binary(max_size=300))
 @settings(max_examples=4)
-@pytest.mark.parametrize("name", slow_but(["rest.parquet"], IN_A_PROCESS))
+@pytest.mark.parametrize("name", [*map(slow, IN_A_PROCESS)])
 def test_any_bytes_in_a_process(name: str, folder: Path, data: bytes) -> None:
     check(folder, name, data)
 
@@ -272,6 +275,7 @@ def test_npz_with_odd_numbers(
     check(folder, "rest.npz", buffer.getvalue())
 
 
+@pytest.mark.slow
 @given(how=changes, name=st.sampled_from(ARRAYS))
 @settings(max_examples=50)
 def test_npz_with_changed_arrays(real: Files, folder: Path, how: list[Change], name: str) -> None:
@@ -323,6 +327,7 @@ text = st.sampled_from(
 )
 
 
+@pytest.mark.slow
 @given(
     st.lists(
         st.tuples(

@@ -120,6 +120,7 @@ def test_csv_replays_to_the_same_estimates_where_nothing_is_lost(tmp_path: Path)
     assert comparable(again, Estimate) == comparable(live, Estimate)
 
 
+@pytest.mark.slow
 def test_estimates_are_those_that_were_published(tmp_path: Path) -> None:
     """The exported estimates include the result of the whiteness test."""
     live, _ = record(tmp_path / "rec", transport(samples=1_100))

@@ -234,6 +234,7 @@ FIELDS = st.lists(
 )
 
 
+@pytest.mark.slow
 @given(
     fields=FIELDS,
     lengths=st.lists(st.integers(0, 5), min_size=3, max_size=3),

@@ -1,5 +1,6 @@
-"""Distribute the parameters of one test between the two tiers of tests (tests/README.md)."""
+"""Distribute the parameters of one test between the tiers of tests (tests/README.md)."""
 
+import re
 from collections.abc import Container, Iterable
 from functools import cache
 from pathlib import Path
@@ -7,18 +8,34 @@ from typing import Any
 
 import pytest
 
+LATER_TIERS = {"slow and not long": "slow", "long": "long"}
+"""The mark of the second and of the third tier, by the expression that selects the tier (Makefile).
+
+The first tier has the tests without a mark.
+"""
+
 
 def slow(*values: Any) -> Any:
     """Return a set of parameters that only the second tier tries."""
     return pytest.param(*values, marks=pytest.mark.slow)
 
 
+def long(*values: Any) -> Any:
+    """Return a set of parameters that only the third tier tries."""
+    return pytest.param(*values, marks=pytest.mark.long)
+
+
 def slow_but(quick: Container[Any], values: Iterable[Any]) -> list[Any]:
-    """Return all values of a parameter; the first tier of tests tries only the values in `quick`."""
+    """Return all values of a parameter; the first tier tries only those in `quick`, the second the others."""
     return [value if value in quick else slow(value) for value in values]
 
 
+def long_but(usual: Container[Any], values: Iterable[Any]) -> list[Any]:
+    """Return all values of a parameter; the third tier tries the values that are not in `usual`."""
+    return [value if value in usual else long(value) for value in values]
+
+
 @cache
-def may_be_slow(file: Path) -> bool:
-    """Return whether a test file contains the name of the mark `slow`; otherwise none of its tests has it."""
-    return "slow" in file.read_text(encoding="utf-8")
+def names_a_tier(file: Path, tier: str) -> bool:
+    """Return whether a test file names the mark `tier`, or a function of this module that gives it."""
+    return re.search(rf"\b(mark\.{tier}\b|{tier}(_but)?\()", file.read_text(encoding="utf-8")) is not None

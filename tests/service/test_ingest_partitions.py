@@ -146,6 +146,7 @@ def unbroken(seconds: int) -> dict[int, tuple[Any, ...]]:
     return worker.end().estimates()
 
 
+@pytest.mark.slow
 def test_what_nobody_had_between_the_snapshot_and_the_next_message_is_counted() -> None:
     """Messages 7 to 9 have never reached the stream, as happens in an outage of the server."""
     first, second = Worker(), Worker()
@@ -162,6 +163,7 @@ def test_what_nobody_had_between_the_snapshot_and_the_next_message_is_counted() 
     assert (last.delivered, last.lost, last.gaps) == (300, 300, 1)
 
 
+@pytest.mark.slow
 def test_a_snapshot_is_not_stored_before_outputs_have_what_it_follows() -> None:
     """Otherwise, samples before the snapshot would be lost if the worker is killed.
 
@@ -181,6 +183,7 @@ def test_a_snapshot_is_not_stored_before_outputs_have_what_it_follows() -> None:
     worker.end()
 
 
+@pytest.mark.slow
 def test_another_worker_goes_on_with_the_very_same_estimates() -> None:
     first, second = Worker(), Worker()
     first.hear(range(6))

@@ -266,6 +266,7 @@ def test_at_the_end_nothing_waits_for_more(hub, lines, monkeypatch, running) -> 
     assert line.finished == 1
 
 
+@pytest.mark.slow
 def test_who_has_nothing_to_say_is_told_that_time_passes(page, lines, running) -> None:
     talks, is_silent = lines(2)
     running(talks, is_silent)

@@ -225,6 +225,7 @@ def test_all_devices_are_written_at_the_end_and_found_again(tmp_path: Path) -> N
     assert sorted(p.name for p in tmp_path.iterdir()) == [".fltea.state.lock", "fltea.state"]
 
 
+@pytest.mark.slow
 def test_a_second_program_is_told_who_has_the_file(tmp_path: Path) -> None:
     path = tmp_path / "state"
     held, _ = state_file(path)

@@ -79,6 +79,7 @@ def with_unknown(events: Iterable[Event]) -> Iterator[Event]:
         yield event
 
 
+@pytest.mark.slow
 @given(st.sampled_from(SETTINGS), wanted, st.lists(st.integers(1, 300), min_size=1), st.booleans())
 @settings(max_examples=15)
 def test_a_device_prints_what_its_blocks_are_printed_as(

@@ -150,6 +150,7 @@ def test_who_guesses_the_password_takes_no_room_from_who_knows_it(serve: Serve) 
     assert served.reports[0][0] == "too_many_visitors"
 
 
+@pytest.mark.slow
 def test_idle_connections_are_few_and_a_reader_still_gets_its_page(serve: Serve) -> None:
     """Once, 330 idle connections used all file descriptors of the daemon, so that its recording failed."""
     served = serve()

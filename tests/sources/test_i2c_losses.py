@@ -159,6 +159,7 @@ def test_errors_at_random_tear_no_sample_and_hide_no_loss(seed: int, share: floa
     assert pi.status.i2c_errors > 0
 
 
+@pytest.mark.slow
 def test_refusals_alone_lose_nothing() -> None:
     pi = disturbed(Pi(), 1, 0.1, [errno.EREMOTEIO]).run_until(SETTLED_S + 10)
     pi.check()

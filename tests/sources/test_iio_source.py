@@ -297,6 +297,7 @@ def test_urls_that_are_none(rest: str) -> None:
         IioSource(rest)
 
 
+@pytest.mark.slow
 def test_the_real_command(tmp_path: Path) -> None:
     """With `--once`, the command ends when the device is lost.
 

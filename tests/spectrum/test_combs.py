@@ -20,6 +20,7 @@ from scipy.signal import butter, lfilter, sawtooth
 
 from tests.rig.identify_support import H, ar, white
 from tests.rig.numpy_octaves import fed
+from tests.rig.tiers import slow_but
 
 RATE_HZ = 1 / H
 
@@ -106,7 +107,7 @@ NO_COMB: dict[str, Callable[[int, int], Array]] = {
 }
 
 
-@pytest.mark.parametrize("name", list(NO_COMB))
+@pytest.mark.parametrize("name", slow_but(["white", "low-pass", "two outliers"], NO_COMB))
 def test_no_comb_where_there_is_none(name: str) -> None:
     for n, seeds in ((3000, 15), (20_000, 5)):
         for seed in range(seeds):

@@ -18,6 +18,7 @@ from scipy.signal import butter, lfilter
 from tests.rig.identify_support import H, ar, long_recursion, white
 from tests.rig.numpy_octaves import fed
 from tests.rig.peak_oracle import strongest
+from tests.rig.tiers import slow
 
 N = 60_000
 
@@ -151,7 +152,7 @@ def test_a_resonance_is_found_with_its_width(search: Search) -> None:
 
 
 @both
-@pytest.mark.parametrize("n", [3000, N])
+@pytest.mark.parametrize("n", [3000, slow(N)])
 def test_a_resonance_above_slow_noise_stays_one(search: Search, n: int) -> None:
     """The minimum between the resonance and the slow noise is the noise floor, not a notch of a filter."""
     for seed in range(3):

@@ -65,6 +65,7 @@ class Unhurried(FitWorker):
 PAUSES_S = st.lists(st.sampled_from([0.0, 1e-4, 2e-3]), min_size=1, max_size=5)
 
 
+@pytest.mark.slow
 @given(cuts(1300), st.sets(st.integers(1, 1298), max_size=5), PAUSES_S)
 @settings(max_examples=6)
 def test_fits_count_from_the_same_sample_however_long_they_take_and_the_blocks_are_cut(

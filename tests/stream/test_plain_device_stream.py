@@ -111,7 +111,7 @@ EVENTFUL = [
 ]
 
 
-@pytest.mark.parametrize("channels", [["gyro_z"], ["gyro_z", "accel_x"]])
+@pytest.mark.parametrize("channels", [slow(["gyro_z"]), ["gyro_z", "accel_x"]])
 def test_a_step_a_knock_and_a_turn_are_those_of_the_oracle(channels: list[str]) -> None:
     source = Source(unix_offset_ns=10**18)
     events = Device(source, Birth(65_000, 2**32 - 10**7)).does(EVENTFUL)

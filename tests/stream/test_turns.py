@@ -2,6 +2,7 @@
 
 from itertools import pairwise
 
+import pytest
 from fltea.records.records import Stats
 from fltea.stream.fit_worker import FitWorker
 from hypothesis import given, settings
@@ -32,6 +33,7 @@ def test_of_few_devices_all_come_with_the_second() -> None:
     assert times_ns(12, 11) == times_ns(1, 0)
 
 
+@pytest.mark.slow
 @given(cuts(450), st.integers(0, 30))
 @settings(max_examples=25, deadline=None)
 def test_they_do_not_depend_on_how_samples_were_put_together(places: list[int], number: int) -> None:

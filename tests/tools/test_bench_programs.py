@@ -50,6 +50,7 @@ def said_by(program: Program) -> str:
     ).stdout.strip()
 
 
+@pytest.mark.slow
 def test_a_commit_is_built_once_and_says_what_it_said_then(
     repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

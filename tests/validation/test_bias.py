@@ -257,6 +257,7 @@ def test_errors_and_false_alarms(monkeypatch: pytest.MonkeyPatch) -> None:
     assert false_alarms.tables([rows[0] | {"events": 3}])[0].rows[0][2:4] == ("3", "1.7e+04")
 
 
+@pytest.mark.slow
 def test_headings_and_the_filter_from_the_file(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(headings, "REST", 6_000)
     headings.best_stds.cache_clear()

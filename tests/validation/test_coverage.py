@@ -21,6 +21,7 @@ def test_each_published_interval_has_a_row_or_a_reason() -> None:
     assert all(one.why for one in FIGURES.values() if isinstance(one, Elsewhere))
 
 
+@pytest.mark.slow
 def test_each_row_is_measured() -> None:
     """The populations contain every kind of part of noise models; a new kind needs a population."""
     rows = [row for name in POPULATIONS for row in run.count(name, 1)]

@@ -143,6 +143,7 @@ def test_up_to_three_thousand_samples_live_is_the_whole_record() -> None:
     np.testing.assert_array_equal(live.published, whole.published)
 
 
+@pytest.mark.slow
 def test_strong_noise_is_found_and_its_intervals_hold() -> None:
     """Of the intervals for 60 series of 20,000 samples, 95 % hold the truth.
 

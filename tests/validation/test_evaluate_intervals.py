@@ -62,6 +62,7 @@ def test_mixtures_are_not_called_fractional() -> None:
     assert len({len(mixture(rng)) for _ in range(50)}) > 2
 
 
+@pytest.mark.slow
 def test_three_answers_to_the_same_series() -> None:
     """For weakly dependent noise the three methods have similar errors.
 
@@ -76,6 +77,7 @@ def test_three_answers_to_the_same_series() -> None:
         assert 0.5 <= found[f"{fit}_coverage"] <= 1
 
 
+@pytest.mark.slow
 def test_only_series_of_which_both_publish_an_order_are_compared(monkeypatch: pytest.MonkeyPatch) -> None:
     whole, live = fits.whole_reading, fits.live_readings
     first, all_of_them = np.array([True, False]), np.array([True, True])

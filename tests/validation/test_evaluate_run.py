@@ -85,6 +85,7 @@ def test_rows(tiny: list[Row]) -> None:
                 assert abs(row["bias"]) < 0.35
 
 
+@pytest.mark.slow
 def test_where_Q_and_R_come_from(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fitted values of Q and R come from another record than the one on which the filter is run."""
     given: list[tuple[Any, Any]] = []

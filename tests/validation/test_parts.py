@@ -108,6 +108,7 @@ def test_estimates_are_related_to_white_noise_that_is_not_there() -> None:
     cells(bound.tables([*bound.critical_values(), *rows]))
 
 
+@pytest.mark.slow
 def test_equal_sensors_are_hardly_ever_odd() -> None:
     rows = [row for first in (0, 10) for row in fleet.fitted("white", first, 10, [3_000], 100.0)]
     (equal, differing) = cells(fleet.tables(rows))
