@@ -27,40 +27,40 @@ constexpr EstimatorVariant kVariant = EstimatorVariant::FLTEA_VARIANT;
 constexpr EstimatorGuard kGuard = EstimatorGuard::consistent;
 // The guard softens larger innovations. [standard deviations]
 constexpr float kGate = 10.0f;
-// Variance of the state at the start. [(deg/s)²]
+// Initial variance P of the state. [(deg/s)²]
 constexpr float kStateP0 = 0.01f;
 // Variance of one step of the noise, h^2α included. [(deg/s)²]
 constexpr float kStateQ = 0.15f;
-// State at the start. [deg/s]
+// Initial state x. [deg/s]
 constexpr float kStateX0 = 0.0f;
-// Variance of the order at the start.
+// Initial variance P of the order.
 constexpr float kOrderP0 = 0.01f;
-// Variance of one step of its random walk, at the start.
+// Initial variance Q of one step of the order, which walks at random.
 constexpr float kOrderQ0 = 0.1f;
-// Order at the start.
+// Initial order α.
 constexpr float kOrderAlpha0 = 1.0f;
-// How fast the variance of the random walk follows the innovations (forgetting factor of Robbins and Monro).
-// 0: it stays Q0.
+// Forgetting factor of Robbins and Monro: how fast the variance Q of the random walk follows the innovations.
+// 0: Q stays Q0.
 constexpr float kOrderDelta = 0.5f;
-// Variance of f at the start. [(s^-α)²]
+// Initial variance P of the parameter f. [(s^-α)²]
 constexpr float kParameterP0 = 0.01f;
-// Variance of one step of its random walk, at the start. [(s^-α)²]
+// Initial variance Q of one step of f, which walks at random. [(s^-α)²]
 constexpr float kParameterQ0 = 0.1f;
-// Parameter f at the start. [s^-α]
+// Initial parameter f. [s^-α]
 constexpr float kParameterF0 = 0.0f;
-// How fast the variance of the random walk follows the innovations (forgetting factor of Robbins and Monro).
-// 0: it stays Q0.
+// Forgetting factor of Robbins and Monro: how fast the variance Q of the random walk follows the innovations.
+// 0: Q stays Q0.
 constexpr float kParameterDelta = 0.5f;
-// Variance of α and of β at the start.
+// Initial variance P of α and of β.
 constexpr float kJointP0 = 0.06f;
-// Variance of one step of their random walks, at the start.
+// Initial variance Q of one step of α and of β, which walk at random.
 constexpr float kJointQ0 = 0.0f;
-// Order α at the start.
+// Initial order α.
 constexpr float kJointAlpha0 = 0.5f;
-// β at the start.
+// Initial β = h^α f.
 constexpr float kJointBeta0 = -0.1f;
-// How fast the variance of the random walk follows the innovations (forgetting factor of Robbins and Monro).
-// 0: it stays Q0.
+// Forgetting factor of Robbins and Monro: how fast the variance Q of the random walk follows the innovations.
+// 0: Q stays Q0.
 constexpr float kJointDelta = 0.0f;
 
 }  // namespace settings

@@ -11,7 +11,8 @@ namespace fltea {
 constexpr uint8_t kProtocolMajor = 1;
 constexpr uint8_t kProtocolMinor = 5;
 constexpr uint32_t kSchemaHash = 0xFC5D01AB;
-// Whether frames of a device of this version can be decoded. Additions of later minor versions are ignored.
+// Returns whether this program can decode the frames of a device with these versions. It ignores what later
+// minor versions added.
 inline bool can_read(uint8_t major, uint8_t minor, uint32_t schema_hash) {
     bool known = minor > kProtocolMinor;
     const uint32_t hashes[] = {0xFC5D01AB};
@@ -27,45 +28,46 @@ constexpr size_t kMaxFrame = 251;
 constexpr size_t kMaxWire = 253;
 
 enum class SamplingMode : uint8_t {
-    // the device's timer
+    // a timer of the device starts each reading
     timer = 0,
-    // the sensor's data-ready pin
+    // an edge on the sensor's data-ready pin starts each reading
     data_ready = 1,
-    // the sensor's own clock, read through its FIFO
+    // the sensor's own clock: samples are read from the sensor's FIFO
     fifo = 2,
-    // no sensor: simulated noise of known order
+    // there is no sensor; the samples are simulated noise of known order
     simulated = 3,
 };
 
 enum class ResetCause : uint8_t {
-    // power applied (RSTC_SR.RSTTYP 0)
+    // power was applied (RSTTYP 0 in the SAM3X register RSTC_SR)
     power_up = 0,
-    // return from backup mode (1)
+    // return from backup mode (RSTTYP 1)
     backup = 1,
-    // the watchdog was not fed (2)
+    // the watchdog was not restarted in time (RSTTYP 2)
     watchdog = 2,
-    // requested by a program (3)
+    // a program requested the reset (RSTTYP 3)
     software = 3,
-    // reset pin: button, or the port was opened (4)
+    // the reset pin was pulled, by the button or because a program opened the port (RSTTYP 4)
     user = 4,
-    // not known
+    // the cause is not known
     unknown = 255,
 };
 
 enum class FaultCode : uint8_t {
-    // no answer on the bus; detail: I2C address
+    // the sensor does not answer on the bus; detail is its I2C address
     sensor_missing = 1,
-    // unknown WHO_AM_I; detail: its value
+    // the sensor's register WHO_AM_I has an unknown value; detail is this value
     sensor_unknown = 2,
-    // a register did not keep its setting; detail: register << 16 | written << 8 | read
+    // a register of the sensor did not keep its setting; detail is register << 16 | value written << 8 |
+    // value read
     readback_mismatch = 3,
-    // SDA or SCL stayed low after nine clocks; detail: 1 SDA, 2 SCL, 3 both
+    // SDA or SCL stayed low after nine clock pulses; detail is 1 for SDA, 2 for SCL, 3 for both
     bus_held = 4,
-    // the sensor stopped answering; detail: errors in a row
+    // the sensor stopped answering; detail is the number of successive errors
     sensor_lost = 5,
-    // no edge on the data-ready pin; detail: microseconds since the last edge
+    // no edge came on the data-ready pin; detail is the time since the last edge in microseconds
     data_ready_missing = 6,
-    // all channels stayed constant; detail: equal samples in a row
+    // all channels of the sensor stayed constant; detail is the number of successive equal samples
     sensor_frozen = 7,
 };
 
@@ -79,27 +81,28 @@ enum class Axis : uint8_t {
 };
 
 enum class EstimatorVariant : uint8_t {
-    // three filters, as published
+    // three Kalman filters, as in the paper
     triple = 0,
-    // one filter on the order and h^alpha f
+    // one filter for the order alpha and for h^alpha f
     joint = 1,
 };
 
 enum class EstimatorGuard : uint8_t {
-    // no guard: the algorithm as printed
+    // no guard: the algorithm as the paper prints it
     off = 0,
-    // the printed algorithm within bounds
+    // the paper's algorithm, kept within bounds
     faithful = 1,
-    // as faithful, and with the variance of the state, which the printed algorithm leaves out
+    // as faithful, and with the variance of the state, which the paper's algorithm leaves out
     consistent = 2,
 };
 
 enum class FitVerdict : uint8_t {
-    // the spectrum is empty, since the axis is constant or has too many gaps; all numbers are 0
+    // the spectrum is empty, since the axis is constant or has too many gaps; all numbers of the FIT are 0
     none = 0,
     // white noise is not rejected at 5 %
     white = 1,
-    // white noise is rejected, and a relaxation is worse by more than 6 in 2 log L
+    // white noise is rejected, and twice the log-likelihood of a relaxation is more than 6 below that of the
+    // fractional model
     fractional = 2,
     // white noise is rejected, and a relaxation describes the noise no worse than the fractional model
     relaxation = 3,
@@ -108,35 +111,36 @@ enum class FitVerdict : uint8_t {
 namespace sample_flags {
 // the sample was read more than a tenth of a period late
 constexpr uint8_t late = 1u << 0;
-// the first transfer failed; a second transfer gave this value
+// the first I2C transfer failed, and a second one gave this sample
 constexpr uint8_t retried = 1u << 1;
-// a gyroscope axis is at the end of its range
+// the value of a gyroscope axis is at the end of its range
 constexpr uint8_t saturated = 1u << 2;
-// all channels equal the sample before: the sensor may not have updated
+// all channels equal those of the sample before: the sensor may not have measured again
 constexpr uint8_t repeated = 1u << 3;
 }  // namespace sample_flags
 
 namespace estimate_flags {
-// the estimate may be used; otherwise the axis was constant, needs its guard too often, or starts again
+// the estimate may be used; without this flag the axis was constant, its guard corrects too often, or its
+// filters are starting again
 constexpr uint8_t valid = 1u << 0;
-// the axis did not change over the start-up window, so it has no R
+// the axis did not change over the start-up window, so that R is not known
 constexpr uint8_t constant = 1u << 1;
-// the last step had no measurement
+// the last step of the filters had no measurement, since its sample is missing
 constexpr uint8_t missing = 1u << 2;
 // samples were skipped since the start-up window, so a host cannot reproduce the estimate
 constexpr uint8_t skipped = 1u << 3;
 // Q and R are those of a FIT, no longer those of ESTIMATOR and the start-up window
 constexpr uint8_t tuned = 1u << 4;
-// the fields of the tracker are valid, since there is a FIT of the axis
+// the fields tracker_bias to tracker_state_std are valid, since there is a FIT of the axis
 constexpr uint8_t tracked = 1u << 5;
 }  // namespace estimate_flags
 
 namespace fit_flags {
-// the data define the order: its interval covers less than nearly the whole range
+// the data determine the order: the interval of alpha does not cover nearly all possible orders
 constexpr uint8_t alpha_defined = 1u << 0;
-// the fit searched a grid, since there was no earlier fit, or one with far fewer samples
+// the fit searched a grid of parameters, since there was no earlier fit or the last one had far fewer samples
 constexpr uint8_t searched = 1u << 1;
-// there was no room for all bins: some of the lowest frequencies are missing
+// the memory was too small for all bins of the spectrum, so that some of the lowest frequencies are missing
 constexpr uint8_t bins_left_out = 1u << 2;
 // the filters of the axis now use s2 as Q and r as R
 constexpr uint8_t tuned = 1u << 3;
@@ -147,14 +151,16 @@ struct Hello {
     static constexpr uint8_t type() { return 1; }
     // Size of the payload [bytes].
     static constexpr size_t size() { return 68; }
-    // Size of the payload in the oldest supported version [bytes]; fields missing after it are 0.
+    // Size of the payload from a device of the oldest supported version [bytes]. Decoding sets the fields that
+    // the payload lacks to 0.
     static constexpr size_t least() { return 68; }
 
     // major version of this protocol; another major version is refused
     uint8_t protocol_major;
     // minor version: number of additions within the major version
     uint8_t protocol_minor;
-    // CRC-32 of the layout (see Versions); the hash of an unknown layout is refused
+    // CRC-32 of the layout of all messages (protocol/README.md, Versions); a host refuses a hash that it does
+    // not know
     uint32_t schema_hash;
     // identifier of this boot, another one after each restart
     uint32_t boot_id;
@@ -162,24 +168,24 @@ struct Hello {
     uint8_t device_id[16];
     // version and build of the firmware
     char firmware_version[24];
-    // WHO_AM_I register of the sensor; 0 while no sensor has answered
+    // value of the sensor's register WHO_AM_I; 0 while no sensor has answered
     uint8_t who_am_i;
-    // how often the sensor was set up since boot, 0 = not yet; when this number changes, samples before and
-    // after do not belong together
+    // how often the sensor was set up since boot, 0 if not yet; when this number changes, the samples before
+    // and after the change do not form one series
     uint16_t sensor_starts;
-    // nominal rate of SAMPLE [0.001 Hz]
+    // nominal rate of the SAMPLE messages [0.001 Hz]
     uint32_t sample_rate;
-    // full scale, plus and minus [deg/s]
+    // full scale of the gyroscope; it measures rates from minus to plus this value [deg/s]
     uint16_t gyro_range;
     // sensitivity of the gyroscope [0.1 LSB per deg/s]
     uint16_t gyro_lsb;
-    // full scale, plus and minus [g]
+    // full scale of the accelerometer; it measures from minus to plus this value [g]
     uint16_t accel_range;
     // sensitivity of the accelerometer [LSB per g]
     uint16_t accel_lsb;
     // bandwidth of the gyroscope's digital low-pass filter [Hz]
     uint16_t gyro_dlpf;
-    // what starts a sample
+    // what starts the reading of a sample
     SamplingMode sampling_mode;
 
     // Calls visitor(name, field) for every field, in the order of the wire. Self may be const.
@@ -203,28 +209,29 @@ struct Hello {
     }
 };
 
-// One burst read of the sensor; device_us is the moment its read began (timer) or that of the edge
-// (data_ready).
+// One reading of all channels of the sensor. Its device_us is the time at which the reading began
+// (sampling_mode timer), or the time of the edge on the data-ready pin (sampling_mode data_ready).
 struct Sample {
     static constexpr uint8_t type() { return 2; }
     // Size of the payload [bytes].
     static constexpr size_t size() { return 15; }
-    // Size of the payload in the oldest supported version [bytes]; fields missing after it are 0.
+    // Size of the payload from a device of the oldest supported version [bytes]. Decoding sets the fields that
+    // the payload lacks to 0.
     static constexpr size_t least() { return 15; }
 
     // rate about x; HELLO gives the scale [LSB]
     int16_t gyro_x;
-    // rate about y [LSB]
+    // rate about y; HELLO gives the scale [LSB]
     int16_t gyro_y;
-    // rate about z [LSB]
+    // rate about z; HELLO gives the scale [LSB]
     int16_t gyro_z;
     // specific force along x; HELLO gives the scale [LSB]
     int16_t accel_x;
-    // specific force along y [LSB]
+    // specific force along y; HELLO gives the scale [LSB]
     int16_t accel_y;
-    // specific force along z [LSB]
+    // specific force along z; HELLO gives the scale [LSB]
     int16_t accel_z;
-    // die temperature; the scale follows from who_am_i [LSB]
+    // temperature of the sensor chip; the scale depends on the chip, which who_am_i of HELLO identifies [LSB]
     int16_t temperature;
     // reasons to doubt this sample
     uint8_t flags;
@@ -243,30 +250,32 @@ struct Sample {
     }
 };
 
-// Health of the device, sent every second. Counters count from boot and do not wrap in practice.
+// Health of the device, sent every second. All counters start at 0 at boot and do not overflow in practice.
 struct Status {
     static constexpr uint8_t type() { return 3; }
     // Size of the payload [bytes].
     static constexpr size_t size() { return 27; }
-    // Size of the payload in the oldest supported version [bytes]; fields missing after it are 0.
+    // Size of the payload from a device of the oldest supported version [bytes]. Decoding sets the fields that
+    // the payload lacks to 0.
     static constexpr size_t least() { return 27; }
 
-    // I2C transfers that failed, or gave a wrong byte first and the right one on repetition
+    // number of I2C transfers that failed, or whose first attempt gave a wrong byte and whose repetition gave
+    // the right one
     uint32_t i2c_errors;
-    // how often the bus was freed after a time-out or a short read: clocks while SDA was low, STOP,
-    // controller set up again
+    // how often the I2C bus was freed after a time-out or an incomplete read, by clock pulses while SDA was
+    // low, a STOP condition, and setting up the I2C controller again
     uint32_t bus_recoveries;
     // how often the sensor was set up again
     uint32_t sensor_reinits;
-    // sampling instants that passed without a sample
+    // number of sampling instants that passed without a sample
     uint32_t overruns;
-    // whole frames not sent because the transmit ring was full
+    // number of frames that were not sent because the transmit buffer was full
     uint32_t dropped_frames;
     // cause of the last start of the device
     ResetCause reset_cause;
-    // share of the time since the previous STATUS in which the main loop was busy [0.01 %]
+    // proportion of the time since the previous STATUS in which the main loop was busy [0.01 %]
     uint16_t cpu_share;
-    // longest pass of the main loop since the previous STATUS [us]
+    // duration of the longest pass of the main loop since the previous STATUS [us]
     uint32_t longest_step;
 
     // Calls visitor(name, field) for every field, in the order of the wire. Self may be const.
@@ -288,12 +297,13 @@ struct Fault {
     static constexpr uint8_t type() { return 4; }
     // Size of the payload [bytes].
     static constexpr size_t size() { return 5; }
-    // Size of the payload in the oldest supported version [bytes]; fields missing after it are 0.
+    // Size of the payload from a device of the oldest supported version [bytes]. Decoding sets the fields that
+    // the payload lacks to 0.
     static constexpr size_t least() { return 5; }
 
-    // what happened
+    // kind of the fault
     FaultCode code;
-    // see the code
+    // number that describes the fault; the list of fault codes states its meaning for each code
     uint32_t detail;
 
     // Calls visitor(name, field) for every field, in the order of the wire. Self may be const.
@@ -304,60 +314,62 @@ struct Fault {
     }
 };
 
-// The device's own estimate of one axis after one sample. The counts, from order_box to memory_order, say how
-// often the guard stepped in since the axis last started.
+// The device's own estimate of one axis after one sample. The fields from order_box to memory_order count how
+// often the guard corrected the filters since they last started on this axis.
 struct Estimate {
     static constexpr uint8_t type() { return 5; }
     // Size of the payload [bytes].
     static constexpr size_t size() { return 84; }
-    // Size of the payload in the oldest supported version [bytes]; fields missing after it are 0.
+    // Size of the payload from a device of the oldest supported version [bytes]. Decoding sets the fields that
+    // the payload lacks to 0.
     static constexpr size_t least() { return 84; }
 
     // axis of the estimate
     Axis axis;
-    // properties of the estimate
+    // bits with properties of the estimate
     uint8_t flags;
-    // sequence of the SAMPLE that the estimate belongs to
+    // sequence number of the SAMPLE to which the estimate belongs
     uint16_t sample;
-    // samples since the start-up window, missing samples included
+    // number of samples since the end of the start-up window, missing samples included
     uint32_t age;
-    // order alpha; while the axis is not valid, this and the fields up to innovation are 0
+    // order alpha; while the flag valid is not set, this field and the next ones up to innovation are 0
     float alpha;
-    // standard deviation of alpha, by the filter
+    // standard deviation of alpha as the filter computes it
     float alpha_std;
     // parameter f [s^-alpha]
     float f;
-    // standard deviation of f, by the filter [s^-alpha]
+    // standard deviation of f as the filter computes it [s^-alpha]
     float f_std;
-    // noise state x, bias removed [deg/s]
+    // state x of the noise, without the bias [deg/s]
     float state;
     // measurement minus prediction; 0 without a measurement [deg/s]
     float innovation;
-    // how often the order left [0, 2]
+    // how often the guard brought the order back into the range from 0 to 2
     uint32_t order_box;
-    // how often a sigma point of the order left [-1/2, 5/2]
+    // how often a sigma point of the order filter left the range from -1/2 to 5/2
     uint32_t order_sigma;
     // how often the variance of the order exceeded 1/3
     uint32_t order_variance;
     // how often the innovation of the order filter exceeded its gate
     uint32_t order_gate;
-    // how often h^alpha f left its bounds
+    // how often the parameter h^alpha f left its bounds
     uint32_t parameter_box;
     // how often the variance of h^alpha f exceeded its bound
     uint32_t parameter_variance;
     // how often the innovation of the parameter filter exceeded its gate
     uint32_t parameter_gate;
-    // how often the innovation of the state exceeded 4 sigma, or a prediction exceeded all earlier samples
+    // how often the innovation of the state filter exceeded 4 standard deviations, or its prediction was
+    // larger than all earlier samples
     uint32_t state_bound;
-    // how often the memory was asked for an order outside its range
+    // how often the order was outside the range for which the filters can sum the past states (their memory)
     uint32_t memory_order;
-    // bias to subtract from the samples of the next second, by the tracker that uses the device's FIT: the
-    // offset plus the expected mean of tracker_state over that second; this and the next three fields are 0
-    // unless the flag tracked is set [deg/s]
+    // bias to subtract from the samples of the next second: the offset plus the expected mean of
+    // tracker_state over that second, estimated by a Kalman filter (the tracker) with the model of the
+    // device's last FIT; this field and the next three are 0 unless the flag tracked is set [deg/s]
     float tracker_bias;
     // standard deviation of tracker_bias, without the white noise; it grows while the sensor moves [deg/s]
     float tracker_bias_std;
-    // state of the coloured part of the noise, without the offset; 0 for white noise [deg/s]
+    // state of the coloured part of the noise, without the offset; it is 0 for white noise [deg/s]
     float tracker_state;
     // standard deviation of tracker_state [deg/s]
     float tracker_state_std;
@@ -397,7 +409,8 @@ struct Estimator {
     static constexpr uint8_t type() { return 6; }
     // Size of the payload [bytes].
     static constexpr size_t size() { return 106; }
-    // Size of the payload in the oldest supported version [bytes]; fields missing after it are 0.
+    // Size of the payload from a device of the oldest supported version [bytes]. Decoding sets the fields that
+    // the payload lacks to 0.
     static constexpr size_t least() { return 106; }
 
     // kind of filter for order and parameter
@@ -408,66 +421,66 @@ struct Estimator {
     uint16_t startup;
     // longest gap in samples that is bridged by prediction; after a longer gap the estimator starts again
     uint16_t max_gap;
-    // ESTIMATE is sent for samples whose sequence is a multiple of this
+    // ESTIMATE is sent for each sample whose sequence number is a multiple of this number
     uint16_t every;
-    // samples until the start-up window is full
+    // number of samples until the start-up window is full
     uint16_t remaining;
     // how often the estimator started with a new start-up window since boot
     uint16_t begun;
-    // samples from one round of FITs to the next; 0: the device makes no fits
+    // number of samples between the FITs of an axis; 0 if the device makes no fits
     uint16_t fit_every;
-    // samples that wait for the estimator
+    // number of samples that were read and wait for the estimator
     uint16_t queue;
-    // samples since boot that the estimator skipped, because it had fallen behind
+    // number of samples since boot that the estimator skipped because it was too slow
     uint32_t skipped;
-    // longest computing time of one step of one axis since boot [us]
+    // longest computing time since boot of one step of the filters of one axis [us]
     uint32_t longest_axis;
-    // longest slice of computing time for a fit since boot [us]
+    // longest time since boot for which a fit kept the processor without a break [us]
     uint32_t longest_slice;
-    // how often the filters of x started again since the start-up window
+    // how often the filters of axis x started again since the start-up window
     uint16_t restarts_x;
-    // how often the filters of y started again since the start-up window
+    // how often the filters of axis y started again since the start-up window
     uint16_t restarts_y;
-    // how often the filters of z started again since the start-up window
+    // how often the filters of axis z started again since the start-up window
     uint16_t restarts_z;
-    // mean of x in the start-up window, 0 while it fills [deg/s]
+    // mean of the rate about x in the start-up window; 0 until the window is full [deg/s]
     float bias_x;
-    // mean of y in the start-up window, 0 while it fills [deg/s]
+    // mean of the rate about y in the start-up window; 0 until the window is full [deg/s]
     float bias_y;
-    // mean of z in the start-up window, 0 while it fills [deg/s]
+    // mean of the rate about z in the start-up window; 0 until the window is full [deg/s]
     float bias_z;
-    // variance of x in the start-up window, R of the filters; 0 while the window fills and for a constant
-    // axis [(deg/s)^2]
+    // variance of the rate about x in the start-up window, which the filters use as R; 0 until the window is
+    // full, and for a constant axis [(deg/s)^2]
     float r_x;
-    // variance of y in the start-up window, R of the filters; 0 while the window fills and for a constant
-    // axis [(deg/s)^2]
+    // variance of the rate about y in the start-up window, which the filters use as R; 0 until the window is
+    // full, and for a constant axis [(deg/s)^2]
     float r_y;
-    // variance of z in the start-up window, R of the filters; 0 while the window fills and for a constant
-    // axis [(deg/s)^2]
+    // variance of the rate about z in the start-up window, which the filters use as R; 0 until the window is
+    // full, and for a constant axis [(deg/s)^2]
     float r_z;
-    // initial state [deg/s]
+    // initial state x of the filters [deg/s]
     float state_x0;
-    // variance of the initial state [(deg/s)^2]
+    // initial variance P of the state [(deg/s)^2]
     float state_p0;
-    // variance of one step of the state (Q) [(deg/s)^2]
+    // variance Q of one step of the state [(deg/s)^2]
     float state_q;
-    // initial order
+    // initial order alpha
     float alpha0;
-    // variance of the initial order
+    // initial variance P of the order
     float alpha_p0;
     // initial variance of one step of the order's random walk
     float alpha_q0;
     // forgetting factor of the variance of the order's steps
     float alpha_delta;
-    // initial f (triple) or h^alpha f (joint)
+    // initial parameter: f for the variant triple, h^alpha f for the variant joint
     float parameter0;
-    // variance of parameter0
+    // initial variance P of the parameter
     float parameter_p0;
     // initial variance of one step of the parameter's random walk
     float parameter_q0;
     // forgetting factor of the variance of the parameter's steps
     float parameter_delta;
-    // size of an innovation, in standard deviations, from which on the guard softens it
+    // the guard reduces innovations that are larger than this number of standard deviations
     float gate;
 
     // Calls visitor(name, field) for every field, in the order of the wire. Self may be const.
@@ -516,28 +529,33 @@ struct Fit {
     static constexpr uint8_t type() { return 7; }
     // Size of the payload [bytes].
     static constexpr size_t size() { return 47; }
-    // Size of the payload in the oldest supported version [bytes]; fields missing after it are 0.
+    // Size of the payload from a device of the oldest supported version [bytes]. Decoding sets the fields that
+    // the payload lacks to 0.
     static constexpr size_t least() { return 47; }
 
-    // axis of the noise
+    // axis whose noise is fitted
     Axis axis;
-    // kind of the noise
+    // kind of noise that the fit found
     FitVerdict verdict;
-    // properties of the fit
+    // bits with properties of the fit
     uint8_t flags;
-    // number of fits of this axis since its start-up window, this one included, modulo 65536
+    // number of fits of this axis since its start-up window, including this fit, modulo 65536
     uint16_t number;
-    // number of samples from the start-up window to the fit's spectrum, lost samples included, modulo 2^32
+    // number of samples from the start-up window to the end of the fit's spectrum, lost samples included,
+    // modulo 2^32
     uint32_t age;
-    // number of samples in the spectrum, modulo 2^32; the others were lost, or belong to knocks and steps
+    // number of samples in the spectrum, modulo 2^32; samples that were lost or belong to knocks and steps
+    // are not in it
     uint32_t used;
-    // number of evaluations of the likelihood; a grid search takes far more than a start from the last fit
+    // number of evaluations of the likelihood; a search over a grid takes far more of them than a fit that
+    // starts at the result of the last fit
     uint16_t evaluations;
     // effective number of independent ordinates of the spectrum
     float ordinates;
     // order alpha; for white noise alpha, alpha_std, f and s2 are 0
     float alpha;
-    // standard deviation of alpha: the longer side of the likelihood interval divided by 1.96; 0 if not known
+    // standard deviation of alpha: distance from alpha to the farther end of its 95 % likelihood interval,
+    // divided by 1.96; 0 if not known
     float alpha_std;
     // parameter f [s^-alpha]
     float f;
@@ -545,9 +563,11 @@ struct Fit {
     float s2;
     // variance of the white noise, R of the filters; for white noise, the power of the axis [(deg/s)^2]
     float r;
-    // 2 log L of the fractional model with orders up to 1, minus 2 log L of white noise
+    // twice the log-likelihood of the fractional model with orders up to 1, minus twice the log-likelihood of
+    // white noise
     float ratio_white;
-    // 2 log L of the fractional model minus 2 log L of a relaxation, AR(1)
+    // twice the log-likelihood of the fractional model, minus twice the log-likelihood of a relaxation (AR(1)
+    // process)
     float ratio_relaxation;
 
     // Calls visitor(name, field) for every field, in the order of the wire. Self may be const.
@@ -571,48 +591,49 @@ struct Fit {
     }
 };
 
-// Some bins of the spectrum of a FIT. The messages with all bins follow, in order, every tenth FIT of an
-// axis.
+// Up to five bins of the spectrum of a FIT. Every tenth FIT of an axis is followed by as many of these
+// messages as all its bins need, in order.
 struct Spectrum {
     static constexpr uint8_t type() { return 8; }
     // Size of the payload [bytes].
     static constexpr size_t size() { return 65; }
-    // Size of the payload in the oldest supported version [bytes]; fields missing after it are 0.
+    // Size of the payload from a device of the oldest supported version [bytes]. Decoding sets the fields that
+    // the payload lacks to 0.
     static constexpr size_t least() { return 65; }
 
-    // axis of the noise
+    // axis to which the spectrum belongs
     Axis axis;
-    // number of the FIT
+    // number of the FIT to which the spectrum belongs
     uint16_t number;
-    // number of the first bin of this message, from 0
+    // index of the first bin in this message, counted from 0
     uint8_t first;
-    // number of bins of the spectrum; bins of this message beyond it are 0
+    // number of bins of the whole spectrum; bins in this message beyond the last one are 0
     uint8_t total;
-    // frequency of bin first + 0 [Hz]
+    // frequency of the bin with the index first + 0 [Hz]
     float frequency_0;
     // effective number of independent ordinates in the bin
     float ordinates_0;
     // one-sided power density of the bin [(deg/s)^2/Hz]
     float density_0;
-    // frequency of bin first + 1 [Hz]
+    // frequency of the bin with the index first + 1 [Hz]
     float frequency_1;
     // effective number of independent ordinates in the bin
     float ordinates_1;
     // one-sided power density of the bin [(deg/s)^2/Hz]
     float density_1;
-    // frequency of bin first + 2 [Hz]
+    // frequency of the bin with the index first + 2 [Hz]
     float frequency_2;
     // effective number of independent ordinates in the bin
     float ordinates_2;
     // one-sided power density of the bin [(deg/s)^2/Hz]
     float density_2;
-    // frequency of bin first + 3 [Hz]
+    // frequency of the bin with the index first + 3 [Hz]
     float frequency_3;
     // effective number of independent ordinates in the bin
     float ordinates_3;
     // one-sided power density of the bin [(deg/s)^2/Hz]
     float density_3;
-    // frequency of bin first + 4 [Hz]
+    // frequency of the bin with the index first + 4 [Hz]
     float frequency_4;
     // effective number of independent ordinates in the bin
     float ordinates_4;

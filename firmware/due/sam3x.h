@@ -11,7 +11,7 @@ namespace sam3x {
 
 // TC0
 
-// Number of its interrupt in the NVIC, and of its clock in the PMC.
+// Number of TC0's interrupt in the NVIC, which is also the number of its clock in the PMC.
 constexpr uint32_t TC0_IRQ = 27;
 
 // Channel Control Register (channel = 0)
@@ -43,7 +43,7 @@ struct TC0_IER0 : WriteOnly<0x40080024> {
 
 // TWI1
 
-// Number of its interrupt in the NVIC, and of its clock in the PMC.
+// Number of TWI1's interrupt in the NVIC, which is also the number of its clock in the PMC.
 constexpr uint32_t TWI1_IRQ = 23;
 
 // Control Register
@@ -89,7 +89,7 @@ struct TWI1_THR : WriteOnly<0x40090034> {};
 
 // TRNG
 
-// Number of its interrupt in the NVIC, and of its clock in the PMC.
+// Number of TRNG's interrupt in the NVIC, which is also the number of its clock in the PMC.
 constexpr uint32_t TRNG_IRQ = 41;
 
 // Control Register
@@ -108,7 +108,7 @@ struct TRNG_ODATA : ReadOnly<0x400BC050> {};
 
 // PMC
 
-// Number of its interrupt in the NVIC, and of its clock in the PMC.
+// Number of PMC's interrupt in the NVIC, which is also the number of its clock in the PMC.
 constexpr uint32_t PMC_IRQ = 5;
 
 // Peripheral Clock Enable Register 0
@@ -151,7 +151,7 @@ struct PMC_PCER1 : WriteOnly<0x400E0700> {};
 
 // UART
 
-// Number of its interrupt in the NVIC, and of its clock in the PMC.
+// Number of UART's interrupt in the NVIC, which is also the number of its clock in the PMC.
 constexpr uint32_t UART_IRQ = 8;
 
 // Control Register
@@ -193,7 +193,7 @@ struct UART_PTCR : WriteOnly<0x400E0920> {
 
 // EFC0
 
-// Number of its interrupt in the NVIC, and of its clock in the PMC.
+// Number of EFC0's interrupt in the NVIC, which is also the number of its clock in the PMC.
 constexpr uint32_t EFC0_IRQ = 6;
 
 // EEFC Flash Mode Register
@@ -216,7 +216,7 @@ struct EFC0_FSR : ReadOnly<0x400E0A08> {
 
 // EFC1
 
-// Number of its interrupt in the NVIC, and of its clock in the PMC.
+// Number of EFC1's interrupt in the NVIC, which is also the number of its clock in the PMC.
 constexpr uint32_t EFC1_IRQ = 7;
 
 // EEFC Flash Mode Register
@@ -226,7 +226,7 @@ struct EFC1_FMR : ReadWrite<0x400E0C00> {
 
 // PIOA
 
-// Number of its interrupt in the NVIC, and of its clock in the PMC.
+// Number of PIOA's interrupt in the NVIC, which is also the number of its clock in the PMC.
 constexpr uint32_t PIOA_IRQ = 11;
 
 // PIO Disable Register
@@ -237,7 +237,7 @@ struct PIOA_ABSR : ReadWrite<0x400E0E70> {};
 
 // PIOB
 
-// Number of its interrupt in the NVIC, and of its clock in the PMC.
+// Number of PIOB's interrupt in the NVIC, which is also the number of its clock in the PMC.
 constexpr uint32_t PIOB_IRQ = 12;
 
 // PIO Enable Register

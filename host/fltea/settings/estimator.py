@@ -24,8 +24,8 @@ sample, so this takes seconds.
 
 SQUARED = "(deg/s)²"
 DELTA = Setting(
-    "How fast the variance of the random walk follows the innovations (forgetting factor of Robbins and "
-    "Monro). 0: it stays Q0.",
+    "Forgetting factor of Robbins and Monro: how fast the variance Q of the random walk follows the "
+    "innovations. 0: Q stays Q0.",
     least=0,
     most=1,
     board=True,
@@ -43,36 +43,42 @@ def _variance(meaning: str, unit: str = "") -> Setting:
 class StateSettings(Table, frozen=True):
     """Settings of KFx, the filter of the state."""
 
-    P0: Annotated[float, _variance("Variance of the state at the start.", SQUARED)] = 0.01
+    P0: Annotated[float, _variance("Initial variance P of the state.", SQUARED)] = 0.01
     Q: Annotated[float, _variance("Variance of one step of the noise, h^2α included.", SQUARED)] = 0.15
-    x0: Annotated[float, _number("State at the start.", "deg/s")] = 0.0
+    x0: Annotated[float, _number("Initial state x.", "deg/s")] = 0.0
 
 
 class OrderSettings(Table, frozen=True):
     """Settings of KFo, the filter of the order, which has no unit. P0 = Q0 = 0 keeps the order at alpha0."""
 
-    P0: Annotated[float, _variance("Variance of the order at the start.")] = 0.01
-    Q0: Annotated[float, _variance("Variance of one step of its random walk, at the start.")] = 0.1
-    alpha0: Annotated[float, _number("Order at the start.")] = 1.0
+    P0: Annotated[float, _variance("Initial variance P of the order.")] = 0.01
+    Q0: Annotated[float, _variance("Initial variance Q of one step of the order, which walks at random.")] = (
+        0.1
+    )
+    alpha0: Annotated[float, _number("Initial order α.")] = 1.0
     delta: Annotated[float, DELTA] = 0.5
 
 
 class ParameterSettings(Table, frozen=True):
     """Settings of KFw, the filter of the parameter f. P0 = Q0 = 0 keeps f at f0."""
 
-    P0: Annotated[float, _variance("Variance of f at the start.", "(s^-α)²")] = 0.01
-    Q0: Annotated[float, _variance("Variance of one step of its random walk, at the start.", "(s^-α)²")] = 0.1
-    f0: Annotated[float, _number("Parameter f at the start.", "s^-α")] = 0.0
+    P0: Annotated[float, _variance("Initial variance P of the parameter f.", "(s^-α)²")] = 0.01
+    Q0: Annotated[
+        float, _variance("Initial variance Q of one step of f, which walks at random.", "(s^-α)²")
+    ] = 0.1
+    f0: Annotated[float, _number("Initial parameter f.", "s^-α")] = 0.0
     delta: Annotated[float, DELTA] = 0.5
 
 
 class JointSettings(Table, frozen=True):
     """Settings of the joint filter of α and β = h^α f, which both have no unit."""
 
-    P0: Annotated[float, _variance("Variance of α and of β at the start.")] = 0.06
-    Q0: Annotated[float, _variance("Variance of one step of their random walks, at the start.")] = 0.0
-    alpha0: Annotated[float, _number("Order α at the start.")] = 0.5
-    beta0: Annotated[float, _number("β at the start.")] = -0.1
+    P0: Annotated[float, _variance("Initial variance P of α and of β.")] = 0.06
+    Q0: Annotated[float, _variance("Initial variance Q of one step of α and of β, which walk at random.")] = (
+        0.0
+    )
+    alpha0: Annotated[float, _number("Initial order α.")] = 0.5
+    beta0: Annotated[float, _number("Initial β = h^α f.")] = -0.1
     delta: Annotated[float, DELTA] = 0.0
 
 

@@ -79,49 +79,50 @@ class SamplingMode(IntEnum):
     """Sampling mode."""
 
     TIMER = 0
-    """The device's timer."""
+    """A timer of the device starts each reading."""
     DATA_READY = 1
-    """The sensor's data-ready pin."""
+    """An edge on the sensor's data-ready pin starts each reading."""
     FIFO = 2
-    """The sensor's own clock, read through its FIFO."""
+    """The sensor's own clock: samples are read from the sensor's FIFO."""
     SIMULATED = 3
-    """No sensor: simulated noise of known order."""
+    """There is no sensor; the samples are simulated noise of known order."""
 
 
 class ResetCause(IntEnum):
     """Reset cause."""
 
     POWER_UP = 0
-    """Power applied (RSTC_SR.RSTTYP 0)."""
+    """Power was applied (RSTTYP 0 in the SAM3X register RSTC_SR)."""
     BACKUP = 1
-    """Return from backup mode (1)."""
+    """Return from backup mode (RSTTYP 1)."""
     WATCHDOG = 2
-    """The watchdog was not fed (2)."""
+    """The watchdog was not restarted in time (RSTTYP 2)."""
     SOFTWARE = 3
-    """Requested by a program (3)."""
+    """A program requested the reset (RSTTYP 3)."""
     USER = 4
-    """Reset pin: button, or the port was opened (4)."""
+    """The reset pin was pulled, by the button or because a program opened the port (RSTTYP 4)."""
     UNKNOWN = 255
-    """Not known."""
+    """The cause is not known."""
 
 
 class FaultCode(IntEnum):
     """Fault code."""
 
     SENSOR_MISSING = 1
-    """No answer on the bus; detail: I2C address."""
+    """The sensor does not answer on the bus; detail is its I2C address."""
     SENSOR_UNKNOWN = 2
-    """Unknown WHO_AM_I; detail: its value."""
+    """The sensor's register WHO_AM_I has an unknown value; detail is this value."""
     READBACK_MISMATCH = 3
-    """A register did not keep its setting; detail: register << 16 | written << 8 | read."""
+    """A register of the sensor did not keep its setting; detail is register << 16 | value written << 8 |
+    value read."""
     BUS_HELD = 4
-    """SDA or SCL stayed low after nine clocks; detail: 1 SDA, 2 SCL, 3 both."""
+    """SDA or SCL stayed low after nine clock pulses; detail is 1 for SDA, 2 for SCL, 3 for both."""
     SENSOR_LOST = 5
-    """The sensor stopped answering; detail: errors in a row."""
+    """The sensor stopped answering; detail is the number of successive errors."""
     DATA_READY_MISSING = 6
-    """No edge on the data-ready pin; detail: microseconds since the last edge."""
+    """No edge came on the data-ready pin; detail is the time since the last edge in microseconds."""
     SENSOR_FROZEN = 7
-    """All channels stayed constant; detail: equal samples in a row."""
+    """All channels of the sensor stayed constant; detail is the number of successive equal samples."""
 
 
 class Axis(IntEnum):
@@ -139,31 +140,33 @@ class EstimatorVariant(IntEnum):
     """Estimator variant."""
 
     TRIPLE = 0
-    """Three filters, as published."""
+    """Three Kalman filters, as in the paper."""
     JOINT = 1
-    """One filter on the order and h^alpha f."""
+    """One filter for the order alpha and for h^alpha f."""
 
 
 class EstimatorGuard(IntEnum):
     """Estimator guard."""
 
     OFF = 0
-    """No guard: the algorithm as printed."""
+    """No guard: the algorithm as the paper prints it."""
     FAITHFUL = 1
-    """The printed algorithm within bounds."""
+    """The paper's algorithm, kept within bounds."""
     CONSISTENT = 2
-    """As faithful, and with the variance of the state, which the printed algorithm leaves out."""
+    """As faithful, and with the variance of the state, which the paper's algorithm leaves out."""
 
 
 class FitVerdict(IntEnum):
     """Fit verdict."""
 
     NONE = 0
-    """The spectrum is empty, since the axis is constant or has too many gaps; all numbers are 0."""
+    """The spectrum is empty, since the axis is constant or has too many gaps; all numbers of the FIT are
+    0."""
     WHITE = 1
     """White noise is not rejected at 5 %."""
     FRACTIONAL = 2
-    """White noise is rejected, and a relaxation is worse by more than 6 in 2 log L."""
+    """White noise is rejected, and twice the log-likelihood of a relaxation is more than 6 below that of the
+    fractional model."""
     RELAXATION = 3
     """White noise is rejected, and a relaxation describes the noise no worse than the fractional model."""
 
@@ -174,40 +177,42 @@ class SampleFlags(IntFlag):
     LATE = 1 << 0
     """The sample was read more than a tenth of a period late."""
     RETRIED = 1 << 1
-    """The first transfer failed; a second transfer gave this value."""
+    """The first I2C transfer failed, and a second one gave this sample."""
     SATURATED = 1 << 2
-    """A gyroscope axis is at the end of its range."""
+    """The value of a gyroscope axis is at the end of its range."""
     REPEATED = 1 << 3
-    """All channels equal the sample before: the sensor may not have updated."""
+    """All channels equal those of the sample before: the sensor may not have measured again."""
 
 
 class EstimateFlags(IntFlag):
     """Estimate flags."""
 
     VALID = 1 << 0
-    """The estimate may be used; otherwise the axis was constant, needs its guard too often, or starts
-    again."""
+    """The estimate may be used; without this flag the axis was constant, its guard corrects too often, or its
+    filters are starting again."""
     CONSTANT = 1 << 1
-    """The axis did not change over the start-up window, so it has no R."""
+    """The axis did not change over the start-up window, so that R is not known."""
     MISSING = 1 << 2
-    """The last step had no measurement."""
+    """The last step of the filters had no measurement, since its sample is missing."""
     SKIPPED = 1 << 3
     """Samples were skipped since the start-up window, so a host cannot reproduce the estimate."""
     TUNED = 1 << 4
     """Q and R are those of a FIT, no longer those of ESTIMATOR and the start-up window."""
     TRACKED = 1 << 5
-    """The fields of the tracker are valid, since there is a FIT of the axis."""
+    """The fields tracker_bias to tracker_state_std are valid, since there is a FIT of the axis."""
 
 
 class FitFlags(IntFlag):
     """Fit flags."""
 
     ALPHA_DEFINED = 1 << 0
-    """The data define the order: its interval covers less than nearly the whole range."""
+    """The data determine the order: the interval of alpha does not cover nearly all possible orders."""
     SEARCHED = 1 << 1
-    """The fit searched a grid, since there was no earlier fit, or one with far fewer samples."""
+    """The fit searched a grid of parameters, since there was no earlier fit or the last one had far fewer
+    samples."""
     BINS_LEFT_OUT = 1 << 2
-    """There was no room for all bins: some of the lowest frequencies are missing."""
+    """The memory was too small for all bins of the spectrum, so that some of the lowest frequencies are
+    missing."""
     TUNED = 1 << 3
     """The filters of the axis now use s2 as Q and r as R."""
 
@@ -218,7 +223,8 @@ class _HelloFields(NamedTuple):
     protocol_minor: int
     """Minor version: number of additions within the major version."""
     schema_hash: int
-    """CRC-32 of the layout (see Versions); the hash of an unknown layout is refused."""
+    """CRC-32 of the layout of all messages (protocol/README.md, Versions); a host refuses a hash that it does
+    not know."""
     boot_id: int
     """Identifier of this boot, another one after each restart."""
     device_id: bytes
@@ -226,24 +232,24 @@ class _HelloFields(NamedTuple):
     firmware_version: str
     """Version and build of the firmware."""
     who_am_i: int
-    """WHO_AM_I register of the sensor; 0 while no sensor has answered."""
+    """Value of the sensor's register WHO_AM_I; 0 while no sensor has answered."""
     sensor_starts: int
-    """How often the sensor was set up since boot, 0 = not yet; when this number changes, samples before and
-    after do not belong together."""
+    """How often the sensor was set up since boot, 0 if not yet; when this number changes, the samples before
+    and after the change do not form one series."""
     sample_rate: int
-    """Nominal rate of SAMPLE [0.001 Hz]."""
+    """Nominal rate of the SAMPLE messages [0.001 Hz]."""
     gyro_range: int
-    """Full scale, plus and minus [deg/s]."""
+    """Full scale of the gyroscope; it measures rates from minus to plus this value [deg/s]."""
     gyro_lsb: int
     """Sensitivity of the gyroscope [0.1 LSB per deg/s]."""
     accel_range: int
-    """Full scale, plus and minus [g]."""
+    """Full scale of the accelerometer; it measures from minus to plus this value [g]."""
     accel_lsb: int
     """Sensitivity of the accelerometer [LSB per g]."""
     gyro_dlpf: int
     """Bandwidth of the gyroscope's digital low-pass filter [Hz]."""
     sampling_mode: int
-    """What starts a sample; a SamplingMode."""
+    """What starts the reading of a sample; a SamplingMode."""
 
 
 class Hello(_HelloFields, _Packed, type=1, layout="<BBII16s24sBHIHHHHHB", least=68):
@@ -279,17 +285,18 @@ class _SampleFields(NamedTuple):
     gyro_x: int
     """Rate about x; HELLO gives the scale [LSB]."""
     gyro_y: int
-    """Rate about y [LSB]."""
+    """Rate about y; HELLO gives the scale [LSB]."""
     gyro_z: int
-    """Rate about z [LSB]."""
+    """Rate about z; HELLO gives the scale [LSB]."""
     accel_x: int
     """Specific force along x; HELLO gives the scale [LSB]."""
     accel_y: int
-    """Specific force along y [LSB]."""
+    """Specific force along y; HELLO gives the scale [LSB]."""
     accel_z: int
-    """Specific force along z [LSB]."""
+    """Specific force along z; HELLO gives the scale [LSB]."""
     temperature: int
-    """Die temperature; the scale follows from who_am_i [LSB]."""
+    """Temperature of the sensor chip; the scale depends on the chip, which who_am_i of HELLO identifies
+    [LSB]."""
     flags: int
     """Reasons to doubt this sample; a SampleFlags."""
 
@@ -297,8 +304,8 @@ class _SampleFields(NamedTuple):
 class Sample(_SampleFields, _Packed, type=2, layout="<hhhhhhhB", least=15):
     """Message SAMPLE: type 2, 15 bytes of payload.
 
-    One burst read of the sensor; device_us is the moment its read began (timer) or that of the edge
-    (data_ready).
+    One reading of all channels of the sensor. Its device_us is the time at which the reading began
+    (sampling_mode timer), or the time of the edge on the data-ready pin (sampling_mode data_ready).
     """
 
     __slots__ = ()
@@ -306,28 +313,29 @@ class Sample(_SampleFields, _Packed, type=2, layout="<hhhhhhhB", least=15):
 
 class _StatusFields(NamedTuple):
     i2c_errors: int
-    """I2C transfers that failed, or gave a wrong byte first and the right one on repetition."""
+    """Number of I2C transfers that failed, or whose first attempt gave a wrong byte and whose repetition gave
+    the right one."""
     bus_recoveries: int
-    """How often the bus was freed after a time-out or a short read: clocks while SDA was low, STOP,
-    controller set up again."""
+    """How often the I2C bus was freed after a time-out or an incomplete read, by clock pulses while SDA was
+    low, a STOP condition, and setting up the I2C controller again."""
     sensor_reinits: int
     """How often the sensor was set up again."""
     overruns: int
-    """Sampling instants that passed without a sample."""
+    """Number of sampling instants that passed without a sample."""
     dropped_frames: int
-    """Whole frames not sent because the transmit ring was full."""
+    """Number of frames that were not sent because the transmit buffer was full."""
     reset_cause: int
     """Cause of the last start of the device; a ResetCause."""
     cpu_share: int
-    """Share of the time since the previous STATUS in which the main loop was busy [0.01 %]."""
+    """Proportion of the time since the previous STATUS in which the main loop was busy [0.01 %]."""
     longest_step: int
-    """Longest pass of the main loop since the previous STATUS [us]."""
+    """Duration of the longest pass of the main loop since the previous STATUS [us]."""
 
 
 class Status(_StatusFields, _Packed, type=3, layout="<IIIIIBHI", least=27):
     """Message STATUS: type 3, 27 bytes of payload.
 
-    Health of the device, sent every second. Counters count from boot and do not wrap in practice.
+    Health of the device, sent every second. All counters start at 0 at boot and do not overflow in practice.
     """
 
     __slots__ = ()
@@ -338,9 +346,9 @@ class Status(_StatusFields, _Packed, type=3, layout="<IIIIIBHI", least=27):
 
 class _FaultFields(NamedTuple):
     code: int
-    """What happened; a FaultCode."""
+    """Kind of the fault; a FaultCode."""
     detail: int
-    """See the code."""
+    """Number that describes the fault; the list of fault codes states its meaning for each code."""
 
 
 class Fault(_FaultFields, _Packed, type=4, layout="<BI", least=5):
@@ -356,51 +364,52 @@ class _EstimateFields(NamedTuple):
     axis: int
     """Axis of the estimate; a Axis."""
     flags: int
-    """Properties of the estimate; a EstimateFlags."""
+    """Bits with properties of the estimate; a EstimateFlags."""
     sample: int
-    """Sequence of the SAMPLE that the estimate belongs to."""
+    """Sequence number of the SAMPLE to which the estimate belongs."""
     age: int
-    """Samples since the start-up window, missing samples included."""
+    """Number of samples since the end of the start-up window, missing samples included."""
     alpha: float
-    """Order alpha; while the axis is not valid, this and the fields up to innovation are 0."""
+    """Order alpha; while the flag valid is not set, this field and the next ones up to innovation are 0."""
     alpha_std: float
-    """Standard deviation of alpha, by the filter."""
+    """Standard deviation of alpha as the filter computes it."""
     f: float
     """Parameter f [s^-alpha]."""
     f_std: float
-    """Standard deviation of f, by the filter [s^-alpha]."""
+    """Standard deviation of f as the filter computes it [s^-alpha]."""
     state: float
-    """Noise state x, bias removed [deg/s]."""
+    """State x of the noise, without the bias [deg/s]."""
     innovation: float
     """Measurement minus prediction; 0 without a measurement [deg/s]."""
     order_box: int
-    """How often the order left [0, 2]."""
+    """How often the guard brought the order back into the range from 0 to 2."""
     order_sigma: int
-    """How often a sigma point of the order left [-1/2, 5/2]."""
+    """How often a sigma point of the order filter left the range from -1/2 to 5/2."""
     order_variance: int
     """How often the variance of the order exceeded 1/3."""
     order_gate: int
     """How often the innovation of the order filter exceeded its gate."""
     parameter_box: int
-    """How often h^alpha f left its bounds."""
+    """How often the parameter h^alpha f left its bounds."""
     parameter_variance: int
     """How often the variance of h^alpha f exceeded its bound."""
     parameter_gate: int
     """How often the innovation of the parameter filter exceeded its gate."""
     state_bound: int
-    """How often the innovation of the state exceeded 4 sigma, or a prediction exceeded all earlier
-    samples."""
+    """How often the innovation of the state filter exceeded 4 standard deviations, or its prediction was
+    larger than all earlier samples."""
     memory_order: int
-    """How often the memory was asked for an order outside its range."""
+    """How often the order was outside the range for which the filters can sum the past states (their
+    memory)."""
     tracker_bias: float
-    """Bias to subtract from the samples of the next second, by the tracker that uses the device's FIT: the
-    offset plus the expected mean of tracker_state over that second; this and the next three fields are 0
-    unless the flag tracked is set [deg/s]."""
+    """Bias to subtract from the samples of the next second: the offset plus the expected mean of
+    tracker_state over that second, estimated by a Kalman filter (the tracker) with the model of the device's
+    last FIT; this field and the next three are 0 unless the flag tracked is set [deg/s]."""
     tracker_bias_std: float
     """Standard deviation of tracker_bias, without the white noise; it grows while the sensor moves
     [deg/s]."""
     tracker_state: float
-    """State of the coloured part of the noise, without the offset; 0 for white noise [deg/s]."""
+    """State of the coloured part of the noise, without the offset; it is 0 for white noise [deg/s]."""
     tracker_state_std: float
     """Standard deviation of tracker_state [deg/s]."""
 
@@ -408,8 +417,8 @@ class _EstimateFields(NamedTuple):
 class Estimate(_EstimateFields, _Packed, type=5, layout="<BBHIffffffIIIIIIIIIffff", least=84):
     """Message ESTIMATE: type 5, 84 bytes of payload.
 
-    The device's own estimate of one axis after one sample. The counts, from order_box to memory_order, say
-    how often the guard stepped in since the axis last started.
+    The device's own estimate of one axis after one sample. The fields from order_box to memory_order count
+    how often the guard corrected the filters since they last started on this axis.
     """
 
     __slots__ = ()
@@ -425,66 +434,66 @@ class _EstimatorFields(NamedTuple):
     max_gap: int
     """Longest gap in samples that is bridged by prediction; after a longer gap the estimator starts again."""
     every: int
-    """ESTIMATE is sent for samples whose sequence is a multiple of this."""
+    """ESTIMATE is sent for each sample whose sequence number is a multiple of this number."""
     remaining: int
-    """Samples until the start-up window is full."""
+    """Number of samples until the start-up window is full."""
     begun: int
     """How often the estimator started with a new start-up window since boot."""
     fit_every: int
-    """Samples from one round of FITs to the next; 0: the device makes no fits."""
+    """Number of samples between the FITs of an axis; 0 if the device makes no fits."""
     queue: int
-    """Samples that wait for the estimator."""
+    """Number of samples that were read and wait for the estimator."""
     skipped: int
-    """Samples since boot that the estimator skipped, because it had fallen behind."""
+    """Number of samples since boot that the estimator skipped because it was too slow."""
     longest_axis: int
-    """Longest computing time of one step of one axis since boot [us]."""
+    """Longest computing time since boot of one step of the filters of one axis [us]."""
     longest_slice: int
-    """Longest slice of computing time for a fit since boot [us]."""
+    """Longest time since boot for which a fit kept the processor without a break [us]."""
     restarts_x: int
-    """How often the filters of x started again since the start-up window."""
+    """How often the filters of axis x started again since the start-up window."""
     restarts_y: int
-    """How often the filters of y started again since the start-up window."""
+    """How often the filters of axis y started again since the start-up window."""
     restarts_z: int
-    """How often the filters of z started again since the start-up window."""
+    """How often the filters of axis z started again since the start-up window."""
     bias_x: float
-    """Mean of x in the start-up window, 0 while it fills [deg/s]."""
+    """Mean of the rate about x in the start-up window; 0 until the window is full [deg/s]."""
     bias_y: float
-    """Mean of y in the start-up window, 0 while it fills [deg/s]."""
+    """Mean of the rate about y in the start-up window; 0 until the window is full [deg/s]."""
     bias_z: float
-    """Mean of z in the start-up window, 0 while it fills [deg/s]."""
+    """Mean of the rate about z in the start-up window; 0 until the window is full [deg/s]."""
     r_x: float
-    """Variance of x in the start-up window, R of the filters; 0 while the window fills and for a constant
-    axis [(deg/s)^2]."""
+    """Variance of the rate about x in the start-up window, which the filters use as R; 0 until the window is
+    full, and for a constant axis [(deg/s)^2]."""
     r_y: float
-    """Variance of y in the start-up window, R of the filters; 0 while the window fills and for a constant
-    axis [(deg/s)^2]."""
+    """Variance of the rate about y in the start-up window, which the filters use as R; 0 until the window is
+    full, and for a constant axis [(deg/s)^2]."""
     r_z: float
-    """Variance of z in the start-up window, R of the filters; 0 while the window fills and for a constant
-    axis [(deg/s)^2]."""
+    """Variance of the rate about z in the start-up window, which the filters use as R; 0 until the window is
+    full, and for a constant axis [(deg/s)^2]."""
     state_x0: float
-    """Initial state [deg/s]."""
+    """Initial state x of the filters [deg/s]."""
     state_p0: float
-    """Variance of the initial state [(deg/s)^2]."""
+    """Initial variance P of the state [(deg/s)^2]."""
     state_q: float
-    """Variance of one step of the state (Q) [(deg/s)^2]."""
+    """Variance Q of one step of the state [(deg/s)^2]."""
     alpha0: float
-    """Initial order."""
+    """Initial order alpha."""
     alpha_p0: float
-    """Variance of the initial order."""
+    """Initial variance P of the order."""
     alpha_q0: float
     """Initial variance of one step of the order's random walk."""
     alpha_delta: float
     """Forgetting factor of the variance of the order's steps."""
     parameter0: float
-    """Initial f (triple) or h^alpha f (joint)."""
+    """Initial parameter: f for the variant triple, h^alpha f for the variant joint."""
     parameter_p0: float
-    """Variance of parameter0."""
+    """Initial variance P of the parameter."""
     parameter_q0: float
     """Initial variance of one step of the parameter's random walk."""
     parameter_delta: float
     """Forgetting factor of the variance of the parameter's steps."""
     gate: float
-    """Size of an innovation, in standard deviations, from which on the guard softens it."""
+    """The guard reduces innovations that are larger than this number of standard deviations."""
 
 
 class Estimator(_EstimatorFields, _Packed, type=6, layout="<BBHHHHHHHIIIHHHffffffffffffffffff", least=106):
@@ -499,28 +508,29 @@ class Estimator(_EstimatorFields, _Packed, type=6, layout="<BBHHHHHHHIIIHHHfffff
 
 class _FitFields(NamedTuple):
     axis: int
-    """Axis of the noise; a Axis."""
+    """Axis whose noise is fitted; a Axis."""
     verdict: int
-    """Kind of the noise; a FitVerdict."""
+    """Kind of noise that the fit found; a FitVerdict."""
     flags: int
-    """Properties of the fit; a FitFlags."""
+    """Bits with properties of the fit; a FitFlags."""
     number: int
-    """Number of fits of this axis since its start-up window, this one included, modulo 65536."""
+    """Number of fits of this axis since its start-up window, including this fit, modulo 65536."""
     age: int
-    """Number of samples from the start-up window to the fit's spectrum, lost samples included, modulo
-    2^32."""
+    """Number of samples from the start-up window to the end of the fit's spectrum, lost samples included,
+    modulo 2^32."""
     used: int
-    """Number of samples in the spectrum, modulo 2^32; the others were lost, or belong to knocks and steps."""
+    """Number of samples in the spectrum, modulo 2^32; samples that were lost or belong to knocks and steps
+    are not in it."""
     evaluations: int
-    """Number of evaluations of the likelihood; a grid search takes far more than a start from the last
-    fit."""
+    """Number of evaluations of the likelihood; a search over a grid takes far more of them than a fit that
+    starts at the result of the last fit."""
     ordinates: float
     """Effective number of independent ordinates of the spectrum."""
     alpha: float
     """Order alpha; for white noise alpha, alpha_std, f and s2 are 0."""
     alpha_std: float
-    """Standard deviation of alpha: the longer side of the likelihood interval divided by 1.96; 0 if not
-    known."""
+    """Standard deviation of alpha: distance from alpha to the farther end of its 95 % likelihood interval,
+    divided by 1.96; 0 if not known."""
     f: float
     """Parameter f [s^-alpha]."""
     s2: float
@@ -528,9 +538,11 @@ class _FitFields(NamedTuple):
     r: float
     """Variance of the white noise, R of the filters; for white noise, the power of the axis [(deg/s)^2]."""
     ratio_white: float
-    """2 log L of the fractional model with orders up to 1, minus 2 log L of white noise."""
+    """Twice the log-likelihood of the fractional model with orders up to 1, minus twice the log-likelihood of
+    white noise."""
     ratio_relaxation: float
-    """2 log L of the fractional model minus 2 log L of a relaxation, AR(1)."""
+    """Twice the log-likelihood of the fractional model, minus twice the log-likelihood of a relaxation (AR(1)
+    process)."""
 
 
 class Fit(_FitFields, _Packed, type=7, layout="<BBBHIIHffffffff", least=47):
@@ -546,39 +558,39 @@ class Fit(_FitFields, _Packed, type=7, layout="<BBBHIIHffffffff", least=47):
 
 class _SpectrumFields(NamedTuple):
     axis: int
-    """Axis of the noise; a Axis."""
+    """Axis to which the spectrum belongs; a Axis."""
     number: int
-    """Number of the FIT."""
+    """Number of the FIT to which the spectrum belongs."""
     first: int
-    """Number of the first bin of this message, from 0."""
+    """Index of the first bin in this message, counted from 0."""
     total: int
-    """Number of bins of the spectrum; bins of this message beyond it are 0."""
+    """Number of bins of the whole spectrum; bins in this message beyond the last one are 0."""
     frequency_0: float
-    """Frequency of bin first + 0 [Hz]."""
+    """Frequency of the bin with the index first + 0 [Hz]."""
     ordinates_0: float
     """Effective number of independent ordinates in the bin."""
     density_0: float
     """One-sided power density of the bin [(deg/s)^2/Hz]."""
     frequency_1: float
-    """Frequency of bin first + 1 [Hz]."""
+    """Frequency of the bin with the index first + 1 [Hz]."""
     ordinates_1: float
     """Effective number of independent ordinates in the bin."""
     density_1: float
     """One-sided power density of the bin [(deg/s)^2/Hz]."""
     frequency_2: float
-    """Frequency of bin first + 2 [Hz]."""
+    """Frequency of the bin with the index first + 2 [Hz]."""
     ordinates_2: float
     """Effective number of independent ordinates in the bin."""
     density_2: float
     """One-sided power density of the bin [(deg/s)^2/Hz]."""
     frequency_3: float
-    """Frequency of bin first + 3 [Hz]."""
+    """Frequency of the bin with the index first + 3 [Hz]."""
     ordinates_3: float
     """Effective number of independent ordinates in the bin."""
     density_3: float
     """One-sided power density of the bin [(deg/s)^2/Hz]."""
     frequency_4: float
-    """Frequency of bin first + 4 [Hz]."""
+    """Frequency of the bin with the index first + 4 [Hz]."""
     ordinates_4: float
     """Effective number of independent ordinates in the bin."""
     density_4: float
@@ -588,8 +600,8 @@ class _SpectrumFields(NamedTuple):
 class Spectrum(_SpectrumFields, _Packed, type=8, layout="<BHBBfffffffffffffff", least=65):
     """Message SPECTRUM: type 8, 65 bytes of payload.
 
-    Some bins of the spectrum of a FIT. The messages with all bins follow, in order, every tenth FIT of an
-    axis.
+    Up to five bins of the spectrum of a FIT. Every tenth FIT of an axis is followed by as many of these
+    messages as all its bins need, in order.
     """
 
     __slots__ = ()
