@@ -26,6 +26,12 @@ PAGE = (ROOT / "host/docs/guide/files.md").read_text()
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 CORPUS = {path.name for path in HERE.iterdir()} - {"README.md"}
 
+WITHOUT_MAGIC = {
+    **dict.fromkeys(("csv", "json", "ndjson"), "text may begin with anything"),
+    **dict.fromkeys(("xlsx", "npz", "arrays"), "a zip archive, which its members tell from others"),
+}
+"""Formats that have no fixed first bytes, and why."""
+
 formats = pytest.mark.parametrize("kind", FORMATS)
 
 
@@ -62,6 +68,13 @@ def test_each_format_has_a_reader_and_each_library_an_extra(kind: str) -> None:
     if form.extra:
         (every,) = extras["files"]
         assert form.extra in re.findall(r"\w+", every)
+
+
+@formats
+def test_each_format_states_its_first_bytes(kind: str) -> None:
+    """Without them, a file is recognised by its name only, and a renamed file is read as text."""
+    stated = bool(FORMATS[kind].magic)
+    assert stated != (kind in WITHOUT_MAGIC), f"formats.py: {kind} needs its first bytes as `magic`"
 
 
 def test_no_ending_and_no_beginning_is_of_two_formats() -> None:

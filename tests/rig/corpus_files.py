@@ -284,12 +284,12 @@ def write_libraries() -> None:
     (HERE / "phyphox.xlsx").write_bytes(timeless(saved))
 
 
+def made_without_libraries() -> dict[str, bytes]:
+    """Return the example files that are put together from bytes or text."""
+    return {**packed(), "px4.ulg": px4(), "ardupilot.bin": ardupilot(), "fltea.ndjson": printed()}
+
+
 if __name__ == "__main__":
-    for name, data in {
-        **packed(),
-        "px4.ulg": px4(),
-        "ardupilot.bin": ardupilot(),
-        "fltea.ndjson": printed(),
-    }.items():
+    for name, data in made_without_libraries().items():
         (HERE / name).write_bytes(data)
     write_libraries()

@@ -35,6 +35,14 @@ def by_path(one: Declared) -> str:
     return one.path
 
 
+@pytest.mark.parametrize("one", [one for one in ALL if one.setting.flags], ids=by_path)
+def test_a_flag_with_a_value_names_the_value_in_the_help(one: Declared) -> None:
+    """The help shows the words of a choice by itself."""
+    chosen = (types.BoolType, types.LiteralType, types.NoneType)
+    if not any(isinstance(kind, chosen) for kind in one.kinds):
+        assert one.setting.metavar, f"{one.path} needs a `metavar`"
+
+
 def another(one: Declared) -> Any:
     """Return a valid value that differs from the setting's default."""
     if one.setting.example is not None:

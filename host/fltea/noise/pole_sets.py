@@ -88,13 +88,3 @@ def of_high_pass(lam: float, poles: float) -> Complex:
     half = 1 - c * np.exp(1j * math.pi * (2 * np.arange(n) + 1) / n) / 2
     z = half + np.sqrt(half**2 - 1 + 0j)
     return np.asarray(np.where(np.abs(z) < 1, z, 1 / z))
-
-
-def of_notch(lam: float, width: float) -> list[complex]:
-    """Return the poles of a notch at λ, by the bilinear transform of an analog notch.
-
-    `width`: width of the notch as a ratio to λ.
-    """
-    centre = math.tan(lam / 2)
-    s = np.roots([1.0, centre * width, centre**2])
-    return list((1 + s) / (1 - s))
