@@ -3,8 +3,9 @@
 import sys
 from pathlib import Path
 
-# `python -m` looks for modules in the current folder first: a random.py beside a recording would be run for
-# Python's own. Only where fltea itself is there it stays.
+# `python -m` searches the current folder first, so it would import a random.py that lies next to a recording
+# in place of Python's own module. So the current folder is removed from the search path, unless the package
+# fltea itself is in it.
 if not sys.flags.safe_path and Path(sys.path[0]) != Path(__file__).parents[1]:
     del sys.path[0]
 

@@ -76,7 +76,8 @@ def in_python(text: str) -> str:
 def _call(command: str) -> str | None:
     """Return a command with a file and flags as a Python call.
 
-    None if the text is no complete command, but a sentence that goes on.
+    Return None if the text is not a complete command, for instance because a sentence goes on after the
+    file's name.
     """
     try:
         path, *words = shlex.split(command)
@@ -143,7 +144,7 @@ def scale(unit: str | None, y: Array | None = None, rate_hz: float | None = None
     try:
         factor, lsb = parse_units(str(unit))
     except UsageError as error:
-        # without the text on counts, as N counts are 1 deg/s here and not 1 g
+        # Leave out the help on `lsb:N`: it says that N counts are 1 g, but for `unit` they are 1 deg/s.
         accel = ACCEL_UNITS_HELP.partition(", or")[0]
         raise ValueError(
             f"unit is that of the samples, of a gyroscope {UNITS_HELP}; of an accelerometer {accel}; "

@@ -58,6 +58,6 @@ def _interval(one: Interval) -> str:
 
 
 def _quantity(one: Quantity) -> str:
-    """Return the value with its interval, as far as they are known, or its upper bound."""
+    """Return the text of a figure: its value with the interval if they are known, or else its upper bound."""
     value, interval = texts(one)
     return value + (interval and f" <small>{interval}</small>")

@@ -22,7 +22,7 @@ T_co = TypeVar("T_co", bound=FittedAxis, covariant=True)
 
 
 class ByAxis(Mapping[str, T_co]):
-    """The results by the names of the axes. A notebook shows all axes."""
+    """The results of all axes: a mapping from the axis's name to its result. A notebook shows all axes."""
 
     def __init__(self, axes: Mapping[str, T_co]) -> None:
         self._axes = dict(axes)
@@ -48,9 +48,13 @@ class ByAxis(Mapping[str, T_co]):
 
 
 def row(axis: str, fitted: FittedAxis) -> dict[str, Any]:
-    """Return the row of one axis: each parameter with the ends of its interval, `_low` and `_high`.
+    """Return the row of one axis.
 
-    N, B and K of a recording also have `_at_most`: the upper bound if the value is not known.
+    Each parameter has three columns: its value, and the ends of its interval, whose columns end in `_low` and
+    `_high`.
+
+    N, B and K of a recording also have a column that ends in `_at_most`: the upper bound if the value is not
+    known.
     """
     found: dict[str, Any] = {
         "axis": axis,
@@ -82,7 +86,7 @@ def figures(fitted: FittedAxis) -> tuple[Quantity, Quantity, Quantity]:
 
 
 def _details(fitted: FittedAxis) -> AxisResult | None:
-    """Return all figures of a whole recording's axis; None for a live fit."""
+    """Return the detailed figures of an axis if a whole recording was identified; None for a live fit."""
     found: AxisResult | None = getattr(fitted, "details", None)
     return found
 

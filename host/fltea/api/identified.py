@@ -44,9 +44,10 @@ class Identified(FittedAxis, frozen=True, kw_only=True):
     std: float
     """Standard deviation of the samples, in `unit`."""
     spectrum: FitSpectrum
-    """The noise density, and that of the fitted model."""
+    """The measured noise density, and the noise density of the fitted model."""
     allan_curve: Allan | None
-    """The Allan deviation, and N, B and K read from it, with intervals and reasons.
+    """The Allan deviation with its intervals, and N, B and K with their intervals. If N, B or K is not known,
+    the reason is given.
 
     `allan` has the same points without intervals. None if the record is too short.
     """
@@ -65,9 +66,9 @@ class Identified(FittedAxis, frozen=True, kw_only=True):
     data_checks: tuple[DataCheck, ...]
     """Findings of the data checks: properties of the samples that can mislead the analysis."""
     withheld: str
-    """Why `now`, `forecast`, `walk` and `filter` are None.
+    """The reason why `now`, `forecast`, `walk` and `filter` are None; "" if the data are good.
 
-    It names the fault in the data and its remedy; "" if the data are good.
+    The text names the fault in the data and its remedy.
     """
     details: AxisResult
     """All figures of `fltea identify`: parts, N, K, models that were not chosen, peaks, FLTEA."""
@@ -132,7 +133,7 @@ class Identified(FittedAxis, frozen=True, kw_only=True):
 
 
 class Report(ByAxis[Identified]):
-    """The results by the names of the axes. A notebook shows all axes."""
+    """The results of all axes: a mapping from the axis's name to its result. A notebook shows all axes."""
 
     def __repr__(self) -> str:
         return f"Report({', '.join(f'{name}: {found.verdict}' for name, found in self.items())})"

@@ -28,8 +28,8 @@ from fltea.stream.tracking import SensorTracks
 class Corrected(NamedTuple):
     """Bias and rate for given samples, estimated from these and all earlier samples.
 
-    Arrays have the shape of the samples, with NaN as long as nothing is known. They are in deg/s, or m/s² for
-    an accelerometer.
+    Arrays have the shape of the samples. Rates and biases are NaN until the bias is known. They are in deg/s,
+    or m/s² for an accelerometer.
     """
 
     rate: Array
@@ -43,7 +43,7 @@ class Corrected(NamedTuple):
 
 
 class BiasStep(NamedTuple):
-    """A step of a bias."""
+    """A step (sudden change) of the bias of one axis."""
 
     axis: str
     """Name of the axis."""
@@ -56,7 +56,10 @@ class BiasStep(NamedTuple):
 
 
 class LiveReport(ByAxis[AxisFit]):
-    """The fits by the names of the axes, all to the same samples. A notebook shows all axes."""
+    """The fits of all axes to the same samples: a mapping from the name of each axis to its fit.
+
+    A notebook shows all axes.
+    """
 
     def __init__(self, axes: Mapping[str, AxisFit], samples: int, rate_hz: float) -> None:
         super().__init__(axes)
@@ -209,8 +212,8 @@ class Live:
 
         It is the standard deviation of the integral of `Corrected.rate` over `t_s` seconds.
 
-        The sensor rests for as long as the record of the newest fit lasts. The result is NaN before the first
-        fit that finds a noise model.
+        The rest before is assumed to last as long as the record of the newest fit. The result is NaN before
+        the first fit that finds a noise model.
 
         Raises:
             ValueError: t_s is not positive.

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 
 IN_NAMES = {kind.text_unit: kind.column_unit for kind in SENSOR_KINDS}
-"""How each unit is written in the names of columns."""
+"""How each unit of the samples is written in the names of a table's columns."""
 
 
 class Recording(Mapping[str, Array]):
@@ -81,7 +81,7 @@ class Recording(Mapping[str, Array]):
     def time_s(self) -> Array:
         """Time of each sample since the first one [s], (n,). The time of lost samples is included.
 
-        If the number of lost samples is not known, as at a restart, no time is added.
+        For a gap whose number of lost samples is not known, as at a restart, no time is added.
         """
         gaps = next(iter(self._loaded.axes.values())).gaps
         number = np.arange(self.counts.used)

@@ -60,7 +60,7 @@ def identify(
         lsb: size of one count in the unit of y, if known.
         from_hz: lowest frequency in use, in Hz.
         notch_hz: bands (low, high) in Hz that are left out.
-        forecast: True: forecast the error of the heading, and judge the forecast by the second half. A `Goal`
+        forecast: True: forecast the error of the heading, and check it on the record's second half. A `Goal`
             also asks how long the sensor has to rest, a `Drive` how long the heading is good after a rest. A
             list may hold several of both.
 
@@ -83,7 +83,7 @@ def identify(
 
 
 class Examined(NamedTuple):
-    """An analysed axis, still without bias, forecast and filter."""
+    """An axis whose noise was analysed, before its bias, forecast and filter are computed."""
 
     series: Series
     analysis: AxisAnalysis
@@ -120,7 +120,8 @@ def watched_looks(
         if not again:
             break
         for name in again:
-            # too few samples are left, so the result with all samples is kept
+            # ValueError means that too few samples are left. Then the axis keeps the result of its last
+            # analysis.
             with contextlib.suppress(ValueError):
                 last[name] = examine(axes[name], h, options, last[name].known, events[name].left_out)
     fits = fltea_fits([fltea_axis(one.analysis, one.series.lsb, options) for one in last.values()], h)
@@ -130,7 +131,7 @@ def watched_looks(
 
 
 def agreed(examined: Mapping[str, Examined], h: float) -> dict[str, FittedSystem]:
-    """Return the tracked systems (models for the tracker) of a recording's axes by name, as far as known."""
+    """Return the tracked system (the model for the tracker) of each axis of a recording, by its name."""
     return in_agreement({name: one.tracked for name, one in examined.items()}, h)
 
 
@@ -169,7 +170,7 @@ def of_series(
 ) -> Identified:
     """Return the results for an axis with its steps and motion.
 
-    `tracked`: its tracked system, the model for the tracker.
+    `tracked`: the axis's tracked system, which is the model for the tracker.
     """
     (series, analysis, found, data_checks, _, _, _, out), events = watched
     is_left_out = out.is_like(events.left_out)
