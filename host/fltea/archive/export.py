@@ -64,7 +64,7 @@ def export(
     suffix = out.suffix.lower()
     if suffix not in (".csv", ".npz"):
         raise UsageError(f"--to {out}: give a name that ends in .csv or .npz.")
-    if not force and os.path.lexists(out):  # true also for a broken link
+    if not force and os.path.lexists(out):  # a broken link exists, too
         raise UsageError(f"--to {out}: exists already; give another name, or --force to replace it.")
     with whole_file(out) as file:
         # files of other programs hold no published records
@@ -107,7 +107,10 @@ def _source(paths: Sequence[Path], limits: Limits, how: How) -> Any:
 
 
 class DeviceTime:
-    """Seconds since the first sample by the device's clock. At its restarts, the host's clock is used."""
+    """Computes the time of each sample since the first sample [s] by the device's clock.
+
+    At restarts of the device, it uses the host's clock.
+    """
 
     def __init__(self) -> None:
         self._origin_us: int | None = None
@@ -116,7 +119,7 @@ class DeviceTime:
         self._last: tuple[int, int, float] = (0, 0, 0.0)
 
     def add(self, found: Decoded) -> Array:
-        """Return the times of the next samples [s], (n,), strictly increasing."""
+        """Return the times of the next block of samples [s], (n,), strictly increasing."""
         block = found.block
         seq, device_us, time_s = self._last
         first_us = int(block.device_us[0])
@@ -213,7 +216,10 @@ def _counts(values: Values) -> NDArray[np.int32]:
 
 
 def gather_rows(spool: Spool, table: Table) -> int:
-    """Write a table to `spool` as arrays, with NaN for invalid values; return the number of rows."""
+    """Write the columns of a table to `spool` as arrays; return the number of rows.
+
+    Invalid values become NaN.
+    """
     count = 0
     while rows := list(islice(table.rows, AT_ONCE)):
         for name, values in zip(table.columns, zip(*rows, strict=True), strict=True):

@@ -110,7 +110,7 @@ def summarise(
         tally.take(event)
     count, first_ns, longest = tally.decoder.counts, tally.first_ns, tally.longest
     unread = mcap.unread if mcap else []
-    troubles = tally.troubles if mcap is None else []  # fltea's own files state them below
+    troubles = tally.troubles if mcap is None else []  # other fields state the faults of fltea's own files
     cut = any(trouble.kind in ("cut_recording", "recording_gap") for trouble in troubles)
     return Summary(
         name=name,
@@ -151,7 +151,10 @@ def summarise(
 def _open(
     paths: Sequence[Path], limits: Limits, how: How
 ) -> "tuple[McapRecording | ReplaySource, McapRecording | None, list[Path], str]":
-    """Return the recording, the same if fltea wrote it, its files, and its name."""
+    """Return the recording, its files and its name.
+
+    The second value is the recording again if fltea wrote it, else None.
+    """
     if len(paths) == 1 and is_one_file(paths[0]):
         return ReplaySource(paths[0], how=how, limits=limits), None, list(paths), str(paths[0])
     mcap = open_mcap(paths, str(paths[0]), limits)()
@@ -164,7 +167,10 @@ def _open(
 
 
 class _Longest(NamedTuple):
-    """The epoch with the most samples: how many, and the rate [Hz] and the clock [ppm] at its end."""
+    """The epoch with the most samples.
+
+    The sampling rate [Hz] and the clock deviation [ppm] are those at its end.
+    """
 
     samples: int = 0
     rate_hz: float | None = None
@@ -172,7 +178,7 @@ class _Longest(NamedTuple):
 
 
 class _Tally:
-    """What the events of a recording say, counted."""
+    """Counts what the events of a recording report, such as samples, epochs and boots."""
 
     def __init__(self, source: "McapRecording | ReplaySource", device: str | None, max_gap: Duration) -> None:
         self._source, self._device = source, device
@@ -184,7 +190,7 @@ class _Tally:
         self.first_ns: int | None = None
         self.last_ns = 0
         self.has_arrivals = False
-        """Whether the recording has arrival times. If not, the device's times stand in their place."""
+        """Whether the recording has arrival times. If not, `host_ns` holds the device's times."""
         self.troubles: list[Trouble] = []
         self._of_epoch = 0
 
@@ -270,13 +276,13 @@ def _state(s: Summary) -> str:
     if s.being_written:
         faults.append("still being written")
     if not faults and not s.whole:
-        remedy = "" if s.about or _is_foreign(s) else " (fltea recover)"  # applies to fltea's files only
+        remedy = "" if s.about or _is_foreign(s) else " (fltea recover)"  # repairs fltea's files only
         faults.append(f"not finished: killed, cut or damaged{remedy}")
     return ", ".join(faults) or "whole"
 
 
 def _missed(s: Summary) -> str:
-    """Return a text on what is missing in the recording, as far as the loss was counted."""
+    """Return a text on the items that were not recorded, and on the bytes that cannot be read."""
     found = ""
     if s.unrecorded_items:
         found += f"; {s.unrecorded_items} items with {s.unrecorded_bytes} bytes of the wire were not recorded"

@@ -67,7 +67,7 @@ OF_A_CORRECTED_AXIS = {
     "moving": "moving_{axis}",
 }
 NAMED = {"estimates": OF_AN_AXIS, "device_estimates": OF_A_DEVICE_AXIS, "corrected": OF_A_CORRECTED_AXIS}
-"""Columns for the per-axis fields of each kind of record."""
+"""Columns of the table for the fields that each kind of record has for every axis."""
 
 OF_A_FIT = {
     "alpha": "alpha{end}_{axis}",
@@ -237,7 +237,7 @@ def _published(recording: "McapRecording | None", topic: str) -> Iterator[Any]:
         if entry.topic == topic:
             try:
                 yield decode(entry.data)
-            except (ValueError, RecursionError) as error:  # damaged, or nested too deeply
+            except (ValueError, RecursionError) as error:  # the JSON is damaged or nested too deeply
                 raise UsageError(f"{part.path}: a {topic} in it is damaged ({error}).") from error
 
 

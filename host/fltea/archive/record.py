@@ -93,7 +93,10 @@ class _Recorder:
 
     @property
     def lost(self) -> int:
-        """Number of items that were written to no file, plus bytes that were discarded earlier."""
+        """Number of items that were written to no file, plus the number of discarded bytes.
+
+        Bytes from the port are discarded when the disk is too slow.
+        """
         return self._sink.lost + self._source.link_stats().overflow_bytes
 
     def close(self) -> None:
@@ -135,7 +138,7 @@ class _Recorder:
         self._say(f"{kind}: {message}")
 
     def _say(self, text: str, passing: bool = False) -> None:
-        """Write a line to stderr. On a terminal, the next line replaces it if it is `passing`."""
+        """Write a line to stderr. If `passing` is true, the next line replaces this line on a terminal."""
         text = visible_lines(text)
         if self._live:
             sys.stderr.write(f"\r\x1b[K{text}" + ("" if passing or not text else "\n"))
