@@ -54,7 +54,7 @@ def main() -> None:
     # All matrices are small. OpenBLAS's threads would only wait in a loop, which takes 1.5 % of a core.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     if not os.environ.get("COLUMNS", "1").strip("0"):
-        # the terminal does not know its width and states 0, with which nothing would be printed
+        # A terminal that does not know its width states 0. With this width nothing would be printed.
         del os.environ["COLUMNS"]
     gc.freeze()  # the loaded modules are never freed, so the garbage collector need not search them
     # otherwise the interpreter searches all objects for cycles at exit, which takes 40 ms

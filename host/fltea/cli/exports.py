@@ -51,7 +51,7 @@ def parse_inflation(text: str | None, wanted: object) -> Inflate:
     """Return the factors for noise densities and for random walks from a text such as `10` or `5,10`.
 
     `text`: the option's text; None gives the factors 1, `auto` is returned as it is.
-    `wanted`: the file or program that the factors are for; None: there is none.
+    `wanted`: the file or the program for which the user gives the factors; None if the user asks for neither.
 
     Raises:
         UsageError: the factors are no numbers or below 1, or no file is asked for to which they apply.
@@ -112,7 +112,7 @@ def lines_for(report: "FileReport", program: str, up_to_s: float | None, inflate
     """Return the lines of settings with which another program takes a recording's noise.
 
     `program`: name of the program.
-    `up_to_s`: time for which the heading has to hold [s]; None: the default.
+    `up_to_s`: time up to which the heading's error must not be underestimated [s]; None: the default.
 
     Raises:
         FlteaError: no axis was identified, or the data are bad.
@@ -136,7 +136,7 @@ def lines_for(report: "FileReport", program: str, up_to_s: float | None, inflate
 
 
 def withheld(report: "FileReport", flags: Sequence[str], of_axes: Sequence[str]) -> Iterator[FlteaError]:
-    """Yield the error that files or figures are withheld because the data are bad, if they are.
+    """If files or figures are withheld because the data are bad, yield the error that says so.
 
     `flags`: options in use that ask for one file of all axes.
     `of_axes`: options in use that ask for figures of each axis; sound axes still have them.
@@ -153,7 +153,7 @@ def withheld(report: "FileReport", flags: Sequence[str], of_axes: Sequence[str])
         f"{where and f'{where}: '}{data_check.text} {data_check.remedy}" for where, data_check in bad
     )
     gyro = [name for name in rest if name in AXES]
-    # A model file that has gyro_y also has gyro_x.
+    # A model file can hold gyro_y only together with gyro_x.
     possible = rest and flags and ("--export-model" not in flags or gyro == list(AXES[: len(gyro)]))
     others = f" The others are sound: --channels {','.join(rest)}." if possible else ""
     what = ", ".join((*flags, *of_axes))

@@ -33,7 +33,7 @@ FIRST_S = 10.0
 
 @dataclass(frozen=True)
 class PageOptions:
-    """Where the page is, and who may see it."""
+    """The address of the fleet's web page, and who may see the page."""
 
     listen: Annotated[
         str,
@@ -69,7 +69,7 @@ class PageOptions:
             raise UsageError(f"--listen {self.listen}: {error}.") from error
 
     def password(self, host: str) -> str | None:
-        """Return USER:PASSWORD that the page on `host` asks for; None: it asks for none.
+        """Return USER:PASSWORD, the login that the page on `host` asks for; None if it needs no login.
 
         Raises:
             UsageError: the file cannot be used, or the page would be open to others by mistake.
@@ -87,7 +87,7 @@ class PageOptions:
 
 @dataclass(frozen=True)
 class HistoryOptions:
-    """Where the history is kept, and for how long."""
+    """Where the history of fits and alerts is kept, and for how long."""
 
     history: Annotated[
         Path | None,
@@ -112,7 +112,7 @@ class HistoryOptions:
 
 @dataclass(frozen=True)
 class SensorOptions:
-    """When a sensor is silent, when all are compared, and how many there may be."""
+    """When a sensor counts as silent, how often all sensors are compared, and how many sensors are kept."""
 
     silent_after: Annotated[
         str, typer.Option(metavar="TIME", help="A sensor that sends nothing for this time is silent.")
@@ -127,7 +127,7 @@ class SensorOptions:
 
 @dataclass(frozen=True)
 class PrintOptions:
-    """What is printed instead of a page."""
+    """What is printed to stdout instead of a web page."""
 
     json: Annotated[
         bool,

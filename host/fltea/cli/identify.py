@@ -96,7 +96,10 @@ def identify(
 
 
 def _flags_of_one(shown: ShownOptions, questions: QuestionOptions, export: ExportOptions) -> list[str]:
-    """Return the flags in use that are for one recording or a few, and not for a table."""
+    """Return the flags in use that work for one recording or a few.
+
+    The table of --out does not allow these flags.
+    """
     return [
         *flags_in_use(shown, "as_json", "report"),
         *flags_in_use(export, "export_model", "imu_yaml", "gauss_markov", "allan_csv"),
@@ -157,7 +160,7 @@ def _settings(
         options,
         config.estimator,
         config.accel,
-        details=shown.needs_details,  # the plain text output shows no details
+        details=shown.needs_details,  # the plain answer needs no details
         figures=shown.report is not None,
         forecast=forecast,
         live=config.live,
@@ -240,7 +243,7 @@ def _show(reports: "Sequence[FileReport]", *, details: bool) -> None:
 
     from fltea.identification.terminal import show, summary
 
-    # the text is collected first, since rich would end the program if stdout cannot be written
+    # The text is collected first, since rich would end the program if it could not write to stdout.
     text = io.StringIO()
     console = Console(file=text, force_terminal=sys.stdout.isatty() or None)
     for number, one in enumerate(reports):
@@ -253,7 +256,7 @@ def _show(reports: "Sequence[FileReport]", *, details: bool) -> None:
 def _fail(reports: "Sequence[FileReport]", files: Sequence[str], of_axes: Sequence[str]) -> None:
     """Report all failures and raise the first.
 
-    `files`, `of_axes`: options in use that ask for files, and for figures of axes.
+    `files`: options in use that ask for files. `of_axes`: options in use that ask for figures of axes.
     """
     from fltea.identification.axis_report import Failure
 

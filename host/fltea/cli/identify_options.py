@@ -61,7 +61,7 @@ class ShownOptions:
 
 @dataclass(frozen=True)
 class QuestionOptions:
-    """What is asked about each axis, and of which frequencies."""
+    """Further questions about each axis, such as a forecast, and the frequencies that are used."""
 
     forecast: Annotated[
         bool,
@@ -116,14 +116,14 @@ class QuestionOptions:
 
     @property
     def flags(self) -> list[str]:
-        """The flags in use that ask for figures of axes."""
+        """The flags that the user has given and that ask for figures of single axes."""
         return flags_in_use(self, "sheet", "forecast", "rest_for", "drive_for")
 
     def part(self) -> str | None:
-        """Return the part of --sheet, or its noise density; None: there is nothing to compare with.
+        """Return the gyroscope's name or the noise density that the user gave with --sheet, or None.
 
         Raises:
-            UsageError: the part is not known, or no gyroscope has this density.
+            UsageError: no data sheet of this gyroscope is known, or no gyroscope has this density.
         """
         if self.sheet is None:
             return None
@@ -132,17 +132,17 @@ class QuestionOptions:
         return sheet_name(self.sheet)
 
     def asked(self) -> "Asked":
-        """Return what has to be forecast.
+        """Return whether a forecast is wanted, and which questions it has to answer.
 
         Raises:
-            UsageError: a text is not DEG@SECONDS.
+            UsageError: the text of an option is not DEG@SECONDS.
         """
         from fltea.identification.forecast import asked_by
 
         return asked_by(self.forecast, self.rest_for, self.drive_for)
 
     def of_each_axis(self) -> "IdentifyOptions":
-        """Return the options for each axis.
+        """Return the settings with which each axis is identified.
 
         Raises:
             UsageError: a number or a band of frequencies cannot be used.
@@ -158,7 +158,7 @@ class QuestionOptions:
 
 @dataclass(frozen=True)
 class ExportOptions:
-    """What is written for other programs."""
+    """The files and settings that are written for other programs."""
 
     export_model: Annotated[
         Path | None,
@@ -213,14 +213,14 @@ class ExportOptions:
 
     @property
     def has_both_sensors(self) -> bool:
-        """Whether an export describes the accelerometer too.
+        """Whether the user asks for an export that also describes the accelerometer.
 
-        It is read for these alone, since three more axes double the time.
+        The accelerometer is read only for such exports, since three more axes double the time.
         """
         return self.imu_yaml is not None or self.for_program is not None
 
     def program(self) -> tuple[str, float | None] | None:
-        """Return the program whose settings are asked for, and the time [s] in the text; None: none is.
+        """Return the program whose settings the user asks for, and the time [s] given with it, or None.
 
         Raises:
             UsageError: there is no such program, or the time is not valid.
@@ -228,7 +228,7 @@ class ExportOptions:
         return None if self.for_program is None else exports.parse_program(self.for_program)
 
     def files(self) -> exports.Files:
-        """Return the files that are asked for.
+        """Return the files that the user asks for.
 
         Raises:
             UsageError: the factors of --inflate cannot be used.
@@ -239,7 +239,7 @@ class ExportOptions:
 
 @dataclass(frozen=True)
 class WorkerOptions:
-    """Where the work is done."""
+    """Which processes do the work: on this machine, or in a Dask cluster."""
 
     jobs: Annotated[
         int | None,

@@ -43,7 +43,9 @@ def takes_groups(command: Command) -> Command:
 
 
 def flags_in_use(group: Any, *names: str) -> list[str]:
-    """Return the flags of those of the named options of a group that the user has given, in this order.
+    """Return the flags of the options in `names` that the user has given, in the order of `names`.
+
+    `group`: the group that holds the options.
 
     An option whose value is false, such as None or 0, counts as not given.
     """
@@ -53,6 +55,7 @@ def flags_in_use(group: Any, *names: str) -> list[str]:
 
 def _flag(name: str, annotation: Any) -> str:
     option = next(one for one in get_args(annotation) if isinstance(one, OptionInfo))
-    # Typer keeps the first name of an annotated option as its default, which an annotated option cannot have.
+    # Typer stores the first name of an annotated option in its attribute `default`: the true default of such
+    # an option stands elsewhere.
     names = (option.default, *(option.param_decls or ()))
     return next((text for text in names if isinstance(text, str)), "--" + name.replace("_", "-"))

@@ -24,7 +24,7 @@ READINGS_SEEDS = 32
 
 @dataclass(frozen=True)
 class WantedOptions:
-    """Tables and figures, and the runs of each."""
+    """Which tables and figures of the paper are made, and with how many runs of each experiment."""
 
     table: Annotated[
         list[str] | None,
@@ -64,7 +64,7 @@ class FilterOptions:
     ] = "direct"
 
     def options(self) -> "Options":
-        """Return them for the engine."""
+        """Return these options in the form that runs of the engine take."""
         from fltea.lab.reproduce.runs import Options
 
         return Options(self.variant, self.guard, self.memory)
@@ -132,7 +132,7 @@ def reproduce(
 ) -> None:
     """Run the paper's experiments again: tables next to the paper's numbers, figures as PNG.
 
-    Without --table and --figure, all tables and figures are made. The paper prints neither amplitude nor
+    Without --table and --figure, all tables and figures are made. The paper states neither amplitude nor
     period of the saw-tooth; fltea uses ±1 at 1 Hz. Without --recording, the gyroscope's figures are made from
     white noise with the paper's R.
 
@@ -140,9 +140,10 @@ def reproduce(
     order is ever beyond ±10 or the state ever more than 10 standard deviations (of R) off. Both are counted;
     medians and 5–95 % ranges are of all finite runs, far off or not.
 
-    In tables 2 to 4 every number of the paper has its percentile: the share of finite seeds whose number is
-    smaller. So do the changes from L = 4,000 to the shortest length. Tables 3 and 4 are compared with both
-    examples 2 and 3, with the evidence that the paper prints them exchanged; that is an inference.
+    In tables 2 to 4 each number of the paper is shown with its percentile: the percentage of the finite runs
+    whose number is smaller. The changes of the paper's numbers from L = 4,000 to the shortest L have
+    percentiles, too. Tables 3 and 4 are each compared with example 2 and with example 3, since they seem to
+    be exchanged in the paper. The evidence for this is shown, but it remains an inference.
 
     For example:
 
