@@ -1,6 +1,7 @@
 """Reads a file exactly as it was listed.
 
-If it changed afterwards, that is an error, so that no result mixes two contents.
+If the file has changed since it was listed, that is an error, so that no result mixes two contents of the
+file.
 
 Requests to a web server name the listed content (`If-Match`, `If-Unmodified-Since`). The headers of each
 answer are compared too, since not all servers honour such requests. Other files are compared before and after
@@ -37,8 +38,8 @@ def open_bytes(file: File, *, whole: bool = False) -> Iterator[BinaryIO]:
     """
     system = file_system(file.protocol)
     if file.protocol in WEB:
-        # All bytes of one answer belong to the same content. If fsspec is given the size, it does not ask the
-        # server for it.
+        # With block size 0 the file comes in one answer, whose bytes all belong to the same content. If the
+        # size is passed to fsspec, it does not ask the server for the size.
         blocks = {"block_size": 0} if whole else {}
         asked = {"headers": _conditions(file), "raise_for_status": _check_of(file)}
         with system.open(
@@ -75,7 +76,7 @@ def _check(file: File, about: Mapping[str, Any]) -> None:
     )  # a local file that only grew still has the listed bytes
     known = {
         _bare(str(about[key])) for key in STAMPS if about.get(key)
-    }  # a listing may hold fewer of the facts that change with a file than `info`
+    }  # the stamp may be any of these facts, since a listing may hold fewer of them than `info`
     is_other = bool(file.stamp and known) and _bare(file.stamp) not in known
     if (is_other and not has_grown) or (size is not None and 0 <= size < file.size):
         raise changed(file)
@@ -90,7 +91,7 @@ def _conditions(file: File) -> dict[str, str]:
 
     A weak entity tag is not used, since `If-Match` does not accept it.
     """
-    found = {"Accept-Encoding": "identity"}  # compressed answers would have other ranges and tags
+    found = {"Accept-Encoding": "identity"}  # compressed data have other ranges and tags
     if file.stamp.startswith('"') and _is_tag(file.stamp):
         found["If-Match"] = file.stamp
     elif file.stamp.endswith("GMT"):

@@ -20,7 +20,7 @@ from fltea.records.errors import UsageError
 from fltea.settings.how import How
 
 NEAR_BYTES = 1 << 12
-"""Number of bytes in which the end of a line of text is searched for at first."""
+"""The end of a line of text is searched for in this many bytes at first, and then in a longer range."""
 NPY_HEAD_BYTES = 1 << 16
 BAG_HEADER_BYTES = 4096 + 256
 MOST_INDEX_BYTES = 256 << 20

@@ -57,7 +57,7 @@ def local_copy(file: File, folder: Path, limits: Limits = DEFAULT_LIMITS) -> Pat
                     f"{file.url}: has more than {file.size} bytes now, and had {file.size} when listed."
                 )
             size_text = _mb(file.size) if known else f"of unknown size, and after {_mb(copied)}"
-            # checked again for each block, since other programs use the same disk
+            # The free space is checked again for each block, since other programs write to the same disk.
             check_room(file, len(data), folder, size_text)
             out.write(data)
     if known and copied < file.size:

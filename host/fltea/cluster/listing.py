@@ -1,6 +1,6 @@
 """Lists recordings on any file system that fsspec supports.
 
-For each, it finds address, size and stamp (a text that changes with the file).
+For each recording, this module finds the address, the size and a stamp (a text that changes with the file).
 """
 
 import hashlib
@@ -36,7 +36,7 @@ PACKAGES = {"gs": "gcsfs", "gcs": "gcsfs", "abfs": "adlfs", "az": "adlfs"}
 DESCRIBE = (".json", ".yaml", ".yml")
 """Endings of files that usually only describe recordings; such a file is read only if the user names it."""
 JOURNAL = "_journal.ndjson"
-"""Name of the journal's file in a table of results.
+"""Name of the journal, which is the file with new rows in the folder of a table of results.
 
 Readers of Parquet ignore files whose names begin with `_`.
 """
@@ -135,7 +135,7 @@ def files_of(patterns: Sequence[str]) -> Iterator[File | Unlisted]:
             for file in _matching(system, protocol, path):
                 found += 1
                 yield file
-        except FileNotFoundError as error:  # fsspec raises this for silent web servers, too
+        except FileNotFoundError as error:  # a silent web server has this effect, too
             cause = error.__cause__
             if cause is not None and getattr(cause, "status", 0) != 404:
                 raise FlteaError(f"{pattern}: cannot be read ({type(cause).__name__}: {cause}).") from error
@@ -162,7 +162,7 @@ def _matching(system: Any, protocol: str, path: str) -> Iterator[File | Unlisted
     if protocol == "file":
         path = _one_name(path)
     magic = (MAGIC if protocol not in WEB else MAGIC_OF_WEB).search(path)
-    if magic is None or system.isfile(path):  # the name of an existing file may contain brackets
+    if magic is None or system.isfile(path):  # a file's name may contain brackets
         about = system.info(path)
         if about["type"] != "directory":
             yield _file(system, protocol, about)
@@ -234,14 +234,14 @@ def _of_its_target(system: Any, about: dict[str, Any]) -> dict[str, Any]:
         return about
     try:
         found: dict[str, Any] = system.info(about["name"])
-    except OSError:  # a broken link; reading the file reports this
+    except OSError:  # a broken link, which reading the file reports
         return {**about, "type": "file"}
     return found
 
 
 def _file(system: Any, protocol: str, about: dict[str, Any]) -> File:
     name = str(about["name"])
-    if about.get("size") is None:  # web servers list no sizes
+    if about.get("size") is None:  # web servers do not list sizes
         about = system.info(name)
     stamp = next((str(about[key]) for key in STAMPS if about.get(key)), "")
     size = about.get("size")
@@ -250,7 +250,7 @@ def _file(system: Any, protocol: str, about: dict[str, Any]) -> File:
 
 def _url(protocol: str, name: str) -> str:
     url = name if protocol in LIKE_NAMES else f"{protocol}://{name.lstrip('/')}"
-    if protocol in WEB and "?" in url:  # the query may be a secret signature, and the table is public
+    if protocol in WEB and "?" in url:  # the query may be a secret, but the table is public
         place, _, query = url.partition("?")
         url = f"{place}?…{hashlib.blake2b(query.encode(), digest_size=4).hexdigest()}"
     return url.encode(errors="replace").decode()  # a name may hold bytes that are no valid text

@@ -1,6 +1,6 @@
 """Rows of the table of results.
 
-A recording has one for each axis, or one with the reason for its failure.
+A recording has one row for each axis, or a single row with the reason for its failure.
 """
 
 from collections.abc import Iterable
@@ -56,7 +56,9 @@ class Row(msgspec.Struct, kw_only=True, omit_defaults=True):
     std: float | None = None
     lsb: float | None = None
     values: dict[str, float | None] = {}
-    """Values by the names of their columns; `VALUE_COLUMNS` lists the names."""
+    """Figures of the fit and of the Allan deviation, and the ends of their intervals, by the names of their
+    columns (`VALUE_COLUMNS`).
+    """
     fltea_alpha: float | None = None
     """Last α of the FLTEA filter; None if the file was read in pieces, since the filter needs all samples."""
     fltea_f: float | None = None
@@ -74,7 +76,7 @@ class Key(msgspec.Struct, frozen=True):
     settings: str
 
     def row(self, **values: Any) -> Row:
-        """Return a row for the file; `values` are its further fields."""
+        """Return a row for the file. `values`: the row's further fields."""
         file = self.file
         return Row(file=file.url, size=file.size, stamp=file.stamp, settings=self.settings, **values)
 

@@ -83,7 +83,7 @@ def chart(
 ) -> str:
     """Return the chart, or an empty text if no value can be shown.
 
-    The first curve shows values at the pointer.
+    When the pointer rests on the first curve, the values at that point are shown.
 
     `height`: height of the chart without its legend [px].
     """

@@ -16,11 +16,17 @@ from fltea.records.version import __version__
 Figure = Literal["N", "K", "sigma", "tau", "B"]
 Sensor = Literal["gyro", "accel"]
 WALKS = "K", "sigma"
-"""Figures that are multiplied by the inflation factor of random walks; the others have that of densities."""
+"""Figures that are multiplied by the inflation factor for random walks. N is multiplied by the factor for
+noise densities; τ and B are not multiplied.
+"""
 
 
 class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One parameter of a program. Its value is scale · (figure · √rate)^power."""
+    """One parameter in the settings of a program.
+
+    Its value is scale · (figure · √rate)^power. The rate is 1, or the rate of samples or steps if `per` says
+    so.
+    """
 
     name: str
     sensor: Sensor
@@ -48,7 +54,7 @@ class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Checked(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """An example from the program's own files: the value of a parameter, and the figure that it means."""
+    """An example from the program's own files: a parameter's value, and the noise figure that it means."""
 
     name: str
     value: float
@@ -88,7 +94,7 @@ def programs() -> dict[str, Program]:
 class FilterFigures(NamedTuple):
     """The figures of one axis for a filter, in the axis's unit (deg/s or m/s²) and s.
 
-    `said`: a remark on all of them.
+    `said`: a remark on all these figures.
     """
 
     N: Shown
