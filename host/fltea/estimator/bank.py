@@ -101,7 +101,7 @@ class Bank:
         return LaneBlock._make((*out, valid, [Lost(*one) for one in lost], white))
 
     def fill(self) -> None:
-        """Begin to estimate with the next sample, since the start-up window of the native bank is full."""
+        """Start the lanes, so that estimates begin with the next sample: the start-up window is full."""
         window = [Moments(*axis) for axis in self.native.window(self._rule.resolution)]
         self._begin(self._rule.baseline_of(window))
 
@@ -119,9 +119,9 @@ class Bank:
         """Change the variances of axes from the next sample on, also for later restarts of the filters.
 
         The filters keep their states and memory. `filter_models`: orders and parameters with which some of
-        these axes continue, since their present estimates were made with other variances. Raises ValueError,
-        and changes nothing, in the start-up window, for unknown or constant axes, and for variances and
-        beliefs that no filter works with.
+        these axes continue, since their present estimates belong to the old variances. Raises ValueError, and
+        changes nothing, in the start-up window, for unknown or constant axes, and for variances or filter
+        models with which no filter works.
         """
         filter_models = filter_models or {}
         if self.baseline is None or self._settings is None:
@@ -217,9 +217,9 @@ class Bank:
         return LaneSettings(self._config, self._h, R, {"state.Q": Q})
 
     def _by_axis(self, values: Callable[[], Sequence[_T]], otherwise: _T) -> dict[str, _T]:
-        """Return a value for each axis.
+        """Return for each axis the value that `values` gives.
 
-        It is `otherwise` for a constant axis, and for all axes in the start-up window.
+        The value is `otherwise` for a constant axis, and for all axes in the start-up window.
         """
         if self.baseline is None:
             return dict.fromkeys(self.axes, otherwise)

@@ -27,7 +27,7 @@ class Baseline(NamedTuple):
     R: tuple[float, ...]
     """Measurement variance in (deg/s)²; NaN for the axes in `constant_axes`."""
     constant_axes: tuple[str, ...]
-    """Axes whose samples never changed. Such an axis gives no R, so it is invalid."""
+    """Axes whose samples never changed. Such an axis gives no R, so its estimates are invalid."""
 
 
 class Moments(NamedTuple):

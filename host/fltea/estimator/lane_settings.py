@@ -56,7 +56,7 @@ class LaneSettings:
     def kind(self) -> dict[str, object]:
         """The settings that cannot change while an engine runs.
 
-        Its memory and filters are made for them.
+        The engine's memory and filters are made for these settings.
         """
         c = self.config
         return {
@@ -68,7 +68,7 @@ class LaneSettings:
         }
 
     def digest(self, lanes: int) -> str:
-        """Return a text that is the same for all settings with which engines are the same."""
+        """Return a digest of the settings: two engines with equal digests have equal settings."""
         kind = json.dumps(self.kind, sort_keys=True).encode()
         return hashlib.sha256(kind + self.table(lanes).astype("<f8").tobytes()).hexdigest()
 
@@ -103,7 +103,10 @@ class LaneSettings:
         return np.ascontiguousarray(np.column_stack(columns))
 
     def native(self, instruction_set: str, table: Array) -> NativeArguments:
-        """Return the arguments of each native class that runs the engine; `table`: a result of `table`."""
+        """Return the arguments of each native class that runs the engine.
+
+        `table`: what `self.table` returned.
+        """
         c = self.config
         return (
             instruction_set,
@@ -136,9 +139,9 @@ class LaneSettings:
 
 
 def native_table(table: Array) -> Array:
-    """Return `table` in the form for the native engine: with ln h in place of h."""
+    """Return `table` in the form for the native engine: the column of h holds ln h."""
     result = table.copy()
-    # This is math.log, since the last digit of numpy's logarithm depends on the processor.
+    # The logarithm is math.log, since the last digit of numpy's logarithm depends on the processor.
     result[:, 0] = [math.log(h) for h in table[:, 0]]
     return result
 

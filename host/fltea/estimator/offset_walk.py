@@ -36,8 +36,8 @@ BOUNDS = tuple(2.0**k / (20 * math.pi) for k in range(7))
 even the shortest of these relaxations.
 """
 BOUNDS_FOUND = tuple(one / 4 for one in BOUNDS[:2]) + BOUNDS
-"""Ratios as in `BOUNDS`, for a random walk that the fit of the spectrum has found and that may really be a
-relaxation.
+"""Correlation times that are tried, as ratios to the record's length (as `BOUNDS`), if the fit of the
+spectrum has found a random walk. This walk may really be a relaxation.
 """
 SLOW = BOUNDS_FOUND[1]
 """The ratio in `BOUNDS_FOUND` for the fastest relaxation that may be confused with a random walk."""
@@ -51,8 +51,8 @@ has a slope (RAMPS).
 """
 CERTAIN = 0.95
 LEAST = 0.05
-"""A component of the drift gets a state in the filter only if its share of the drift is at least this
-large.
+"""A random walk, a relaxation or a slope of the offset gets a state in the filter only if its weight is at
+least this large. The weight of a slope is the mean proportion by which it explains the samples' trend.
 """
 LEAST_RIVAL = 0.02
 """Smallest probability of a walking offset, and of a constant one, with which both are kept as rival
@@ -92,7 +92,9 @@ class OffsetWalk(NamedTuple):
     """Standard deviation of the offset's slope, per sample."""
     weights: Array
     is_found: bool = False
-    """Whether the fit of the spectrum has found the walk, or a slow relaxation in its place."""
+    """Whether the fit of the spectrum has found a walk of the offset, or a slow relaxation in place of the
+    walk.
+    """
     likelihood: float = -math.inf
     """2 log L of the samples, with the likelihood averaged over all possible drifts."""
 
@@ -144,7 +146,8 @@ class OffsetWalk(NamedTuple):
         walking = self._replace(weights=np.where(stays, 0.0, self.weights) / likely)
         system = walking.system(bare, samples)
         n, Q, P0 = len(bare.a), system.Q.copy(), system.P0.copy()
-        # index of the offset; the state before it is the offset's relaxation
+        # `still`: index of the offset in the state. The elements from n to `still` are the offset's
+        # relaxation.
         still = np.flatnonzero(system.a[n:] == 1.0)[0] + n
         Q[n:, :] = Q[:, n:] = 0.0
         P0[n:still, :] = P0[:, n:still] = 0.0
@@ -167,7 +170,7 @@ class OffsetWalk(NamedTuple):
 
     @property
     def by_walk(self) -> tuple[Array, Array, Array, Array]:
-        """Step variance and correlation time of each walk, each slope, and weights (walks, slopes)."""
+        """Step variances of the walks, their correlation times, the slopes, and weights (walks, slopes)."""
         count = int((np.diff(self.slopes) <= 0).argmax()) + 1 if len(self.slopes) > 1 else 1
         steps, taus = (one[::count] for one in (self.steps, self.taus))
         return steps, taus, self.slopes[:count], self.weights.reshape(-1, count)
@@ -184,11 +187,12 @@ class OffsetWalk(NamedTuple):
         return [(w, _one(bare, samples, q, tau, slope)) for w, q, tau, slope in found if w >= least]
 
     def _with_slope(self, found: System, samples: int) -> System:
-        """Return the system with the slope added, if the slope explains enough of the samples.
+        """Return the system with a slope of the offset, if a slope explains enough of the samples' trend.
 
-        Let v be the variance of the slope of a straight line fitted to the samples. Then a slope of prior
-        variance s² explains the share s² / (s² + v). A single Gaussian slope that explains the mean of these
-        shares stands for all slopes.
+        Let v be the error variance of the slope of a straight line that is fitted to the samples. Then a
+        slope of prior variance s² explains the proportion s² / (s² + v) of the fitted slope's variance. A
+        single Gaussian slope that explains the mean of these proportions stands for all slopes that are
+        tried.
         """
         most = float(self.slopes.max())
         if most == 0:
@@ -219,8 +223,8 @@ class Followed(NamedTuple):
     system: System
     walk: OffsetWalk
     parts: Sequence[Part]
-    """The parts of the noise by the fit of the spectrum, perhaps with a random walk in place of the slowest
-    relaxation.
+    """The parts of the noise that the fit of the spectrum has found. A random walk may stand in place of the
+    slowest relaxation.
     """
     rivals: "Rivals"
     """The models between which later samples may decide."""
@@ -333,7 +337,7 @@ def walks_tried(
 
 
 def _parted(first: float, others: Sequence[float], weight: float) -> list[tuple[float, float]]:
-    """Return values with weights that sum to 1: `weight` for `first`, and equal weights for `others`."""
+    """Return the values, each with its weight; `first` has `weight`, and `others` share the rest equally."""
     if not others:
         return [(first, 1.0)]
     return [(first, weight), *((one, (1 - weight) / len(others)) for one in others)]
@@ -342,7 +346,7 @@ def _parted(first: float, others: Sequence[float], weight: float) -> list[tuple[
 def _offset(power: float, samples: int, q: float, tau: float, slope: float) -> list[Coordinate]:
     """Return the states of an offset with its relaxation and slope.
 
-    `power`: as in `offset_of`, without the relaxation of the offset.
+    `power`: variance of a sample, without the offset and its relaxation, before the first sample.
     """
     found = []
     if math.isfinite(tau):

@@ -70,7 +70,7 @@ class TrackerEvent(NamedTuple):
     """Number of samples since the event began, including the newest sample; 0 for the end of motion."""
     size: float
     """Size of a step, in the unit of the samples. For the end of motion: largest distance of a sample from
-    the bias.
+    the bias during the motion.
     """
     size_std: float
     samples: int
@@ -78,13 +78,14 @@ class TrackerEvent(NamedTuple):
 
 
 class TrackerRules(NamedTuple):
-    """Settings of a tracker, in samples and in their unit.
+    """Settings of a tracker; times are in samples, sizes in the unit of the samples.
 
     `ahead`: number of coming samples whose mean bias is estimated; 0 means the newest sample alone.
     `checked`: numbers of later samples with whose mean the bias is compared. `largest_step`: a larger change
-    within a second is motion, not a step. `largest_gravity_step`: the same for the accelerometer. `still`:
-    number of samples at rest at another value after which that value becomes the new offset. This holds if
-    `settles` is set, if the caller knows that the sensor is at rest, or if the value is nearer to 0.
+    within a second is motion, not a step. `largest_gravity_step`: a larger change of the accelerometer's
+    samples within a second is motion. `still`: number of samples at rest at another value after which that
+    value becomes the new offset. This holds if `settles` is set, if the caller knows that the sensor is at
+    rest, or if the value is nearer to 0.
     `patience`: number of such samples after which the value becomes the new offset in any case.
     """
 
@@ -108,9 +109,9 @@ class Checked(NamedTuple):
 
 
 class TrackerFigures(NamedTuple):
-    """Figures of the tracker of an axis.
+    """Figures that show how well the tracker of an axis works.
 
-    Those of the innovations are None until there are enough innovations.
+    Figures of the innovations are None until there are enough innovations.
     """
 
     moved: int
@@ -147,9 +148,10 @@ class Remembered:
         return self.native.likelihoods(bare.numbers, more)
 
     def likelihood_of_walks(self) -> float:
-        """Return 2 log L for the bank of random walks.
+        """Return 2 log L of the samples for the bank of random walks.
 
-        NaN with too few samples, or after a noise model is set.
+        The result is NaN if there are too few samples, or if the tracker has a noise model in place of the
+        bank.
         """
         return self.native.of_walks()
 
@@ -157,8 +159,8 @@ class Remembered:
 class TrackerModel:
     """A noise model for the tracker of an axis, which any thread may make.
 
-    The tracker has to have the same rules. `rival`: a second model with the same number of states; later
-    samples decide between `system` and `rival`. `likely`: present probability of `system`.
+    The tracker that uses the model must have the same `rules`. `rival`: a second model with the same number
+    of states; later samples decide between `system` and `rival`. `likely`: present probability of `system`.
 
     Raises ValueError if no filter works with the model.
     """
@@ -259,9 +261,9 @@ class Tracker:
         return Remembered(self.native.remembered(lane))
 
     def x(self, lane: int) -> tuple[float, Array]:
-        """Return a constant of an axis, and the state x of its system relative to it, after the last sample.
+        """Return the constant that is subtracted from an axis's samples, and the state x after them.
 
-        The constant was subtracted from the samples. Without a system x is empty.
+        x is the state of the axis's linear system for the remaining samples. Without a system x is empty.
         """
         origin, x = self.native.x(lane)
         return origin, np.array(x)
