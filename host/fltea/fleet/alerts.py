@@ -65,7 +65,10 @@ class _Seen(NamedTuple):
 
 
 class Alerts:
-    """Keeps the current alerts. `dropped`: number of alerts that were dropped because there was no room."""
+    """Keeps the current alerts.
+
+    `dropped`: number of alerts that were dropped because `MOST` alerts were kept already.
+    """
 
     def __init__(self, silent_s: float = SILENT_S) -> None:
         self._silent_s = silent_s

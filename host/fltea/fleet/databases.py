@@ -27,7 +27,8 @@ AGAIN_S = 5.0
 """Pause after a failed connection, before the next attempt [s]."""
 
 OPTIONS = "-c statement_timeout=10s -c lock_timeout=5s"
-"""Options for the server's session."""
+"""Options of PostgreSQL for this program's session: longest times for a command and for the wait for a lock.
+"""
 
 SILENT_MS = 10_000
 """Time without acknowledgement from the server after which the connection is closed [ms]."""
@@ -205,19 +206,19 @@ class Postgres:
                 connection.execute("INSERT INTO fltea_fleet VALUES (%s)", (SCHEMA_VERSION,))
 
     def cause(self, error: Exception) -> tuple[str, str]:
-        """See `Sqlite`."""
+        """Return the kind of an error, and a question for the user, as `Sqlite.cause` does."""
         code = getattr(error, "sqlstate", None) or ""
         kind, question = SAYS.get(code) or SAYS.get(code[:2]) or ("history_lost", "is the server away?")
         return kind, f"{question} It is tried again."
 
     def rows(self, query: str, parameters: Sequence[Any] = ()) -> Iterator[Row]:
-        """See `Sqlite`."""
+        """Yield the rows of a query, as `Sqlite.rows` does."""
         connection = self._connected()
         with connection.transaction(), connection.cursor(name="fltea") as cursor:
             yield from cursor.execute(query.replace("?", "%s"), parameters)
 
     def write(self, commands: Sequence[tuple[str, Sequence[Row]]]) -> None:
-        """See `Sqlite`.
+        """Run commands in one transaction, as `Sqlite.write` does.
 
         If a connection breaks during a COMMIT, the server is asked afterwards whether that transaction took
         place.
@@ -242,14 +243,14 @@ class Postgres:
         """
         try:
             (status,) = connection.execute("SELECT txid_status(%s)", (number,)).fetchone()
-        except self.of_a_row:  # this is another server, which has not reached that transaction number
+        except self.of_a_row:  # another server, which has not reached that number
             return False
         if status == "in progress":
             raise self._library.OperationalError("what was written last is still under way")
         return bool(status == "committed")
 
     def delete_older(self, table: str, before_unix_s: float, most: int) -> int:
-        """See `Sqlite`."""
+        """Delete old rows, as `Sqlite.delete_older` does."""
         chosen = f"SELECT ctid FROM {table} WHERE unix_s < %s LIMIT {most}"
         done = self._connected().execute(
             f"DELETE FROM {table} WHERE ctid = ANY(ARRAY({chosen}))", (before_unix_s,)
@@ -257,7 +258,7 @@ class Postgres:
         return int(done.rowcount)
 
     def interrupt(self) -> None:
-        """See `Sqlite`.
+        """Abort the command that another thread is running, as `Sqlite.interrupt` does.
 
         The connection is shut down, since a server that hangs would ignore a request to cancel.
         """
@@ -267,7 +268,7 @@ class Postgres:
                     connection.shutdown(socket.SHUT_RDWR)
 
     def close(self) -> None:
-        """See `Sqlite`."""
+        """Close the connection, as `Sqlite.close` does."""
         with contextlib.suppress(self.failures):
             if self._connection is not None:
                 self._connection.close()
@@ -284,7 +285,7 @@ class Postgres:
                 connect_timeout=CONNECT_S,
                 tcp_user_timeout=SILENT_MS,
                 options=self._options,
-                # with this setting the server reports characters that its database cannot store
+                # With this setting the server reports an error for characters that its database cannot store.
                 client_encoding="utf8",
             )
         except self.failures as error:
@@ -298,5 +299,5 @@ Database = Sqlite | Postgres
 
 
 def _check_version(name: str, version: int) -> None:
-    if version not in (0, SCHEMA_VERSION):  # 0 is the version of a new database
+    if version not in (0, SCHEMA_VERSION):  # a new database has version 0
         raise UsageError(f"{name}: is a history of another version of fltea ({version}). Give a new file.")

@@ -84,7 +84,7 @@ class History:
         self._last: dict[str, dict[str, _Kept]] = {}
         self._waiting: deque[tuple[str, Row]] = deque()
         self._batch: list[tuple[str, Row]] = []
-        """Rows of the current transaction, or of a failed one that is tried again unchanged."""
+        """Rows of the current transaction. After a failure the same rows are tried again unchanged."""
         self._lock = threading.Lock()
         self._thread = ThreadPoolExecutor(1, "history")
         self._work: Future[None] | None = None

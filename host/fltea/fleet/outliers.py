@@ -5,9 +5,9 @@ and estimate i has an error s_i, known from its interval. So estimate i is norma
 fleet's middle μ with variance τ² + s_i². μ and τ are estimated robustly, so that outliers do not move them: μ
 is a weighted median, and τ makes the median of |estimate - μ| / √(τ² + s_i²) equal to that of a standard
 normal variable. A sensor is reported if the p-value of its distance from μ is below `level`, after
-Bonferroni's correction for all comparisons made at the same time. So at most the share `level` of fleets
-without true outliers shows one in a comparison. p-values are those of Student's t, since τ is estimated from
-few sensors.
+Bonferroni's correction for all comparisons made at the same time. So if a fleet has no true outliers, a
+comparison reports one with a probability of at most `level`. p-values are those of Student's t, since τ is
+estimated from few sensors.
 """
 
 import math
@@ -25,7 +25,7 @@ FEWEST = 8
 """Fewest sensors of a kind that are compared; with fewer sensors, μ and τ are not known well enough."""
 
 LEVEL = 0.001
-"""Share of fleets without true outliers in which a comparison of all sensors reports an outlier.
+"""Probability that a comparison of all sensors reports an outlier although the fleet has no true outliers.
 
 Fits change as samples are added, so the comparisons of one day are worth some tens of independent
 comparisons. With a level of 1 %, one tenth of healthy fleets of 60 sensors raised an alert on the first day;
@@ -124,8 +124,11 @@ def _spread(away: Floats, std: Floats) -> float:
 
 
 def _weighted_median(value: Floats, weight: Floats) -> float:
-    """Return the value with half of the total weight on either side; between two such values, their mean."""
-    weight = np.minimum(weight, 3 * np.median(weight))  # so that a single precise sensor does not decide
+    """Return the weighted median: half of the total weight lies on either side of it.
+
+    If two values are equally close to the middle of the weights, their mean is returned.
+    """
+    weight = np.minimum(weight, 3 * np.median(weight))  # limits the weight of one precise sensor
     order = np.argsort(value)
     value, below = value[order], np.cumsum(weight[order])
     half = below[-1] / 2

@@ -24,7 +24,7 @@ from fltea.fleet.summary import Comparison, compare, counts
 from fltea.settings.mqtt import MqttConfig
 
 ASK_AT_ONCE, ASK_TIMES, ASK_EVERY_S = 200, 3, 30.0
-"""Limits for requests for retained messages.
+"""Limits for requests to the broker to send retained messages again.
 
 They are the number of sensors in one call of `turn`, the number of requests for a sensor whose messages do
 not come, and the time between such requests [s].

@@ -17,7 +17,7 @@ SOME = 20
 """Largest number of names that a summary lists."""
 
 Group = tuple[str, str, str]
-"""Kind of sensor, axis, and quantity. The values of all sensors with the same group are compared."""
+"""A group: kind of sensor, axis, and quantity. The values of all sensors in one group are compared."""
 
 
 class Oddity(msgspec.Struct, frozen=True):

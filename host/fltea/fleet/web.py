@@ -37,7 +37,7 @@ ROWS_S = 2.0
 
 
 class FleetSite(Site):
-    """The data that all requests about a fleet share."""
+    """The data that all requests for the fleet's page share."""
 
     def __init__(self, fleet: Fleet, names: Collection[str], password: str | None) -> None:
         super().__init__(__package__, names, fleet.report, REQUESTS_A_SECOND, FULL, password)
