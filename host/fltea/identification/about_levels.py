@@ -20,7 +20,7 @@ from fltea.spectrum.verdict import Verdict
 NO_MEMORY: tuple[VerdictKind, ...] = "white", "undecided", "line", "line or resonance", "resonance"
 """Verdicts that are replaced by "relaxations" on an axis that steps between levels.
 
-Such steps have the spectrum of a relaxation.
+Steps between levels have the spectrum of a relaxation.
 """
 
 
@@ -85,7 +85,7 @@ def _analysed_part(rest: Series, whole: Series, telegraph: Telegraph | None, out
 
 
 def _with_levels(verdict: Verdict, telegraph: Telegraph, unit: str) -> Verdict:
-    """Return a verdict on samples without their levels, after the levels were added to its text."""
+    """Return the verdict on samples whose levels were subtracted, with the levels described in its text."""
     what = f"{telegraph_words(telegraph, unit)} About the levels: {verdict.what}"
     then = (
         f"In a navigation filter the levels are a Gauss–Markov process of σ {telegraph.sigma:.2g} {unit} and "

@@ -31,7 +31,7 @@ NOT_RUN = "nobody asked for it"
 class IdentifyOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """How to identify an axis.
 
-    If `bias` and `R` in `estimator` are numbers, they are those of this axis.
+    If `bias` and `R` in `estimator` are numbers, they are the values for this axis.
     """
 
     estimator: EstimatorConfig = EstimatorConfig()
@@ -65,9 +65,9 @@ class NullResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     critical_5_percent: float
     critical_1_percent: float
     p_without_peaks: float
-    """The p-value if the spectral lines and resonances that were found are left out."""
+    """The p-value of the test if the spectral lines and resonances that were found are left out."""
     p_clean: float
-    """The p-value of the ordinates in `band` if the lines and resonances are left out."""
+    """The p-value of the test on the ordinates in `band`, with spectral lines and resonances left out."""
     level: float
     """The p-value below which white noise is rejected."""
     shuffled: ShuffledBand | None
@@ -100,7 +100,7 @@ class AxisResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     level: Level
     """N and K of the chosen model."""
     drift_rate: Interval
-    """Slope of the straight line through the longest stretch, per second."""
+    """Slope of the straight line fitted to the longest stretch, in the unit of the samples per second."""
     band: Band
     models: dict[str, ModelSummary]
     """All candidate models (`fltea.spectrum.candidate_models`), also those that were not chosen."""
@@ -133,7 +133,7 @@ class AxisAnalysis(NamedTuple):
     stretches: Sequence[Stretch]
     """The stretches of samples between breaks.
 
-    If the spectrum showed a comb of lines, the pattern behind it was removed.
+    If the spectrum showed a comb of lines, the pattern that makes the comb was removed from the stretches.
     """
     summed: Summed
     verdict: Verdict

@@ -1,4 +1,4 @@
-"""The results of a recording's axes, or the reason why there are none."""
+"""The results of a recording's axes, or the reason why there are no results."""
 
 from dataclasses import dataclass, field
 

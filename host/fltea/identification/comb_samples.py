@@ -2,9 +2,9 @@
 
 A comb comes from a pattern that recurs in each period. The record is folded: all its periods are laid over
 each other. The pattern is the mean at each phase. If the pattern is a short glitch, the samples in it tell
-nothing about the noise. They are replaced by random ones, as lost samples are (`gaps`). So the glitches of
-different periods need not be alike. If the pattern fills much of the period, it is a wave, and its harmonics
-are subtracted.
+nothing about the noise. They are replaced by random ones, as lost samples are (`gaps`). So the method also
+works if the glitches of different periods are not alike. If the pattern fills much of the period, it is a
+wave, and its harmonics are subtracted.
 """
 
 import math
@@ -19,21 +19,24 @@ from fltea.records.arrays import Array, Mask
 from fltea.spectrum.comb import FEWEST_PERIODS, Comb
 
 MOST_OF_A_PERIOD = 0.25
-"""Longest glitch as a share of the period; a longer pattern is a wave."""
+"""Ratio of the longest glitch to the period; a longer pattern counts as a wave."""
 STANDS_OUT = 4.0
-"""Number of standard errors above which the mean at a phase belongs to the glitch."""
+"""A phase of the period belongs to the glitch if the mean at this phase is more than this many standard
+errors from the usual mean.
+"""
 MARGIN = 1
 """Number of phases that are added to a glitch on each side, since it may begin between two samples."""
 LEAST_SIGN, NEARLY_ALL = 3.3, 0.85
 """Thresholds for the number of periods that show the average pattern.
 
-The number of periods that show it must be above one half by at least LEAST_SIGN standard deviations. With few
-periods, it is enough to reach the share NEARLY_ALL of what all periods together would give.
+More than half of the periods must show the pattern, by at least LEAST_SIGN standard deviations of a count by
+chance. With few periods even all of them may not reach that many standard deviations. Then the fraction
+NEARLY_ALL of the excess that all periods together would give is enough.
 """
 SEEN = 12.0
-"""Ratio of a harmonic's power to that of the noise, above which the harmonic is counted to a wave.
+"""Ratio of a harmonic's power to the noise's power, above which the harmonic belongs to the wave.
 
-Noise alone exceeds it once in 160,000 cases.
+Noise alone exceeds this ratio once in 160,000 cases.
 """
 
 
@@ -66,7 +69,7 @@ class _Folded(NamedTuple):
 
 
 def without_comb(stretches: Sequence[Stretch], comb: Comb) -> WithoutComb | None:
-    """Return the stretches without the pattern that each period repeats.
+    """Return the stretches after the pattern that each period repeats was removed from them.
 
     Returns None if only a few periods have the pattern.
     """
@@ -133,7 +136,7 @@ def _in_most_periods(found: _Folded, window: Mask) -> bool:
 
     Each period is compared with the mean of all other periods.
     """
-    periods = int(found.period[-1])  # the last period is incomplete, so it is not counted
+    periods = int(found.period[-1])  # does not count the last period, which is incomplete
     inside = window[found.phase]
     values = np.where(inside, found.values, 0.0)
     alike = np.bincount(found.period, values * (found.profile[found.phase] - values / max(periods, 1)))
@@ -158,7 +161,7 @@ def _without_profile(one: Stretch, mask: Mask, period: float) -> Stretch:
 def _without_wave(one: Stretch, period: float, found: _Folded) -> Stretch:
     """Return a stretch from which a wave was subtracted.
 
-    The harmonics of the wave are those of the longest stretch.
+    The wave consists of the harmonics that stand out in the longest stretch (`found`).
     """
     amplitudes = np.fft.rfft(found.profile)
     noise = found.spread**2 * len(found.profile) ** 2 / len(found.values)

@@ -43,14 +43,14 @@ class Compared(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     file: str
     against: str
     ratio: Interval
-    """The figure divided by that of `against`, with the 95 % interval.
+    """The figure divided by the same figure of the recording `against`, with the 95 % interval.
 
-    All its values are null for a bias, and if one of the two figures is not known.
+    All values of the ratio are null for a bias, and if one of the two figures is not known.
     """
     difference: Interval
     """Difference of two biases, in `unit`; null for other figures."""
     differs: bool | None
-    """Whether the figures differ by more than chance; null if that is not known.
+    """Whether the two figures differ by more than chance; null if that is not known.
 
     The threshold takes into account how many comparisons are made.
     """
@@ -137,7 +137,7 @@ def _of_two(
     for cells in zip(*of_files, strict=True):
         pairs = [_beside(pair) for _, pair in cells if pair is not None]
         lines.append([_named(cells[0][0]), *(_shown(one) for one, _ in cells), *pairs])
-    is_compared = len(lines[0]) > 1 + len(files)  # figures in different units are not compared
+    is_compared = len(lines[0]) > 1 + len(files)  # does not compare figures in different units
     lines.append(["verdict", *kinds, *[""] * is_compared])
     return ["", *files, *["second beside first"] * is_compared], lines
 

@@ -40,7 +40,7 @@ class Conclusions(NamedTuple):
     now: Now | None
     forecast: Forecast | None
     drift_rate: Interval
-    """Slope of the straight line through the longest stretch, per second."""
+    """Slope of the straight line fitted to the longest stretch, in the unit of the samples per second."""
 
 
 def tracked_of(analysis: AxisAnalysis, telegraph: Telegraph | None = None) -> FittedSystem | None:
@@ -65,7 +65,8 @@ def _with_levels(tracked: FittedSystem, telegraph: Telegraph, h: float) -> Fitte
 def in_agreement(tracked: Mapping[str, FittedSystem | None], h: float) -> dict[str, FittedSystem]:
     """Return the tracked systems of a recording's axes by name, with the same random walk if possible.
 
-    The axes of the gyroscope may share one figure for it, and so may those of the accelerometer.
+    The axes of the gyroscope may share one figure for the random walk, and so may the axes of the
+    accelerometer.
 
     Axes for which no filter works are left out.
     """
@@ -112,7 +113,7 @@ def conclude(
 
     bias, ahead = found(tracked, y, h, series.unit, first if forecast else None, forecast, at_end)
     plain = None
-    with contextlib.suppress(ValueError, ArithmeticError):  # no filter works with this system
+    with contextlib.suppress(ValueError, ArithmeticError):  # raised if no filter works with this system
         # The filter starts with the bias after the last step, even if only a few samples follow that step.
         newest = stretches[-1] if at_end is not None and at_end.has_stepped else y
         # the filter has a state for the levels, so its bias is the mean of the levels

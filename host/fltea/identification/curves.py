@@ -37,7 +37,7 @@ class Spectrum(NamedTuple):
 
 
 class Path(NamedTuple):
-    """FLTEA's estimates over time, and how far its estimates for white noise scatter.
+    """FLTEA's estimates over time, and how far FLTEA's estimates for white noise scatter.
 
     `white_alpha` and `white_f` are quantiles over copies of the data with white noise, (points, 3).
     """
@@ -60,7 +60,7 @@ class Curves(NamedTuple):
     deviance: Array
     """2 log L of the best fit, minus 2 log L of the fit in which the order is held at each of `orders`."""
     path: Path | None
-    """None where FLTEA was not run."""
+    """FLTEA's estimates over time; None if FLTEA was not run."""
     autocorrelation: Array
     """Autocorrelation of FLTEA's innovations in the last two thirds of the record, at lags 1 to `LAGS`."""
     innovations: int

@@ -180,7 +180,7 @@ def _too_short(n: int, h: float, longer: str) -> Iterator[DataCheck]:
 def _unbroken(y: Array, gaps: Gaps) -> Array:
     """Return the longest part of y without a step of the bias or a restart.
 
-    The mean may jump at these.
+    At a step or a restart, the mean may jump.
     """
     begin, end, _ = max(cut(len(y), gaps, sys.maxsize), key=lambda part: part[1] - part[0])
     return y[begin:end] if end - begin >= 2 * BLOCKS else y
@@ -202,8 +202,8 @@ def _offset_and_drift(y: Array, h: float, unit: str) -> Iterator[DataCheck]:
     k = np.arange(BLOCKS) - (BLOCKS - 1) / 2
     slope = float(k @ means / (k @ k))
     left = means - means.mean() - slope * k
-    # The error is assumed to be at least that of white noise, since twenty means may lie on a straight line
-    # by chance.
+    # The error of the slope is assumed to be at least that in white noise, since twenty means may lie on a
+    # straight line by chance. Then their scatter would give too small an error.
     residual = max(math.sqrt(float(left @ left) / (BLOCKS - 2)), noise / math.sqrt(block))
     t = slope * math.sqrt(float(k @ k)) / residual
     change = slope * BLOCKS
@@ -240,10 +240,11 @@ def _outliers(y: Array, h: float, lsb: float | None, unit: str, gaps: Gaps) -> I
     r = y[:-2] + y[2:]
     r /= 2
     np.subtract(y[1:-1], r, out=r)
-    # With coarse counts r is a multiple of half an LSB, so its median is no more exact than that.
+    # r: each sample less the mean of its neighbours. With coarse counts r is a multiple of half an LSB, so
+    # the median of |r| may be wrong by a quarter of an LSB. That is added.
     scale = _scale(thin(r)) + 1.4826 / 4 * (lsb or step(y) or 0.0) or float(r.std())
     size = np.abs(r, out=r)
-    # During a gap, slow noise and the offset change.
+    # Samples next to a gap are not checked, since slow noise and the offset change during the gap.
     neighbours = np.concatenate([gaps.at - 2, gaps.at - 1])
     size[neighbours[(neighbours >= 0) & (neighbours < len(size))]] = 0.0
     is_top = size > OUTLIER * scale
@@ -281,8 +282,8 @@ def _median_or_outliers(y: Array, h: float, lsb: float | None, unit: str, gaps: 
     found = find_median_filter(y)
     if found is None or found.replaces_outliers:
         yield from _outliers(y, h, lsb, unit, gaps)
-    # A median filter lets no outlier pass. It also repeats so many values that the usual difference of
-    # neighbours is small.
+    # Outliers are not searched for if all samples went through a median filter. Such a filter lets no outlier
+    # pass, and it repeats so many values that the usual difference of neighbours is small.
     if found is not None:
         yield DataCheck(
             "median filter",
@@ -305,7 +306,7 @@ def _saturation(y: Array, lsb: float | None) -> Iterator[DataCheck]:
 
 
 def _stuck(y: Array) -> Iterator[DataCheck]:
-    """Yield the data check on a value that is repeated longer than by chance."""
+    """Yield the data check on a value that the sensor repeats for longer than chance explains."""
     n = len(y)
     same = np.concatenate([[False], y[1:] == y[:-1], [False]])
     edges = np.flatnonzero(same[1:] != same[:-1]).reshape(-1, 2)
@@ -313,7 +314,7 @@ def _stuck(y: Array) -> Iterator[DataCheck]:
         return
     lengths = edges[:, 1] - edges[:, 0]
     longest, first = int(lengths.max()), int(edges[lengths.argmax(), 0])
-    # Leave out the longest run of equal values itself, to see how often chance repeats a value.
+    # How often chance repeats a value is computed without the longest run of equal values, which is tested.
     others = thin(y) if n > LONG else np.delete(y, slice(first, first + longest + 1))
     commonest = np.unique(others, return_counts=True)[1].max(initial=1) / (len(others) if n > LONG else n)
     share = min(max((lengths.sum() - longest) / n, commonest), 0.999)

@@ -16,7 +16,7 @@ MOST_TOLD = 3
 POPCORN = 6
 """Least number of steps for which a test for popcorn noise is made (a bias that jumps between two levels)."""
 ALTERNATE = 0.9
-"""Least share of successive steps in opposite directions for popcorn noise."""
+"""Least proportion of steps that go in the direction opposite to the step before, for popcorn noise."""
 AGREE = 5.0
 """Largest scatter of the step sizes in popcorn noise.
 
@@ -64,9 +64,9 @@ def _stepped(steps: Sequence[BiasStep], unit: str) -> str:
 
 
 def popcorn_noise(steps: Sequence[BiasStep]) -> tuple[float, float] | None:
-    """Return two figures of popcorn noise; None if the steps are not popcorn noise.
+    """Return two figures of popcorn noise from the steps of a bias; None if they are not popcorn noise.
 
-    The figures are the distance between its two levels and the mean time between steps [s].
+    The figures are the distance between the two levels and the mean time between steps [s].
 
     Steps of popcorn noise go up and down alternately, and their sizes agree within their σ.
     """

@@ -27,7 +27,9 @@ Dashed curves are drawn over solid ones, so that both are visible where models a
 """
 MODEL_POINTS = 300
 SETTLED = 3.0
-"""Largest ratio of the bias's σ to the median σ at which a point counts for the range of the axis."""
+"""The y axis of the picture of the bias is made for the points whose σ is at most this multiple of the median
+σ.
+"""
 
 Ends = tuple[float, float]
 
@@ -223,7 +225,7 @@ def _bias(title: str, axis: AxisReport, curves: Curves) -> str:
     known = np.isfinite(high - low)
     if known.any():
         usual = float(np.median(c.bias_std[known]))
-        # excludes the beginning and the time just after a step
+        # Points at the beginning and just after a step, whose σ is large, are excluded.
         accepted = c.bias[known & (c.bias_std <= SETTLED * usual)]
         bottom, top = float(accepted.min()), float(accepted.max())
         margin = 4 * usual + 0.1 * (top - bottom)
@@ -322,4 +324,4 @@ SEEN = ("spectrum", "allan", "bias", "forecast")
 WHY = ("profile",)
 """The pictures of the reasons for the verdict."""
 FLTEA = ("alpha", "f", "innovations")
-"""The pictures of FLTEA's estimates, the online algorithm."""
+"""The pictures of the estimates that FLTEA, the online algorithm, makes over time."""

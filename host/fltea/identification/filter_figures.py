@@ -26,7 +26,8 @@ LONG_S = 4 * 3600.0
 It is much longer than the filter runs without new samples at rest.
 """
 NEGLIGIBLE = 0.1
-"""Largest ratio of K to the walk that replaces the slow states, at which K is negligible."""
+"""K is negligible if it is at most this multiple of the K of the random walk that replaces the slow states.
+"""
 WITHOUT_SLOW = ("white", "line", "resonance", "line or resonance", "comb")
 """Verdicts on noise that has no slow component."""
 UP_TO_S = 60.0
@@ -38,7 +39,7 @@ UP_TO_S = 60.0
 def filter_figures(axis: AxisReport, up_to_s: float = UP_TO_S) -> FilterFigures:
     """Return the figures of the axis for a filter that does not underestimate its heading error.
 
-    `up_to_s`: time up to which this holds [s].
+    `up_to_s`: time up to which the error is not underestimated [s].
     """
     base, plain = axis_noise(axis), axis.filter
     N, K, said, tau_s = base.N._replace(slower=()), base.K, "", LONG_S
@@ -59,9 +60,9 @@ def filter_figures(axis: AxisReport, up_to_s: float = UP_TO_S) -> FilterFigures:
 
 
 def _is_unlearnt(axis: AxisReport, K: Shown) -> bool:
-    """Whether the slow states replace a random walk that was not observed.
+    """Whether the filter's slow states only stand for a random walk that was not observed.
 
-    The upper bound of K is shown then.
+    In that case the upper bound of K is shown.
     """
     return K.value is None and axis.result.verdict.kind in WITHOUT_SLOW
 
@@ -93,7 +94,7 @@ def _said(
     (N, K), own = as_written, plain.N**2 * t_s + plain.K**2 * t_s**3 / 3
     for state in (*fast, *slow):
         over = t_s / state.tau_s
-        # growth of the heading's variance if the state is known at first
+        # growth of the heading's variance by this state, if the state's value is known at first
         grown = 2 * over - 3 + 4 * math.exp(-over) - math.exp(-2 * over)
         own += (state.sigma * state.tau_s) ** 2 * grown
     ratio = math.sqrt((N**2 * t_s + K**2 * t_s**3 / 3) / own)

@@ -73,7 +73,7 @@ def _axis(axis: AxisReport | Failure) -> dict[str, Any]:
 def sheets(axes: Mapping[str, AxisReport]) -> list[str]:
     """Return sentences that compare each axis with the data sheet that the user named.
 
-    They name the source of the sheet, too.
+    The sentences also name the source of the data sheet.
     """
     found = [(name, axis.sheet) for name, axis in axes.items() if axis.sheet is not None]
     sources = dict.fromkeys(f"Data sheet of the {one.part}: {one.source}." for _, one in found if one.part)
@@ -118,7 +118,7 @@ def doubts(report: FileReport) -> list[str]:
 def data_checks(report: FileReport) -> list[tuple[str, DataCheck]]:
     """Return all data checks of a recording with their axes, the worst first.
 
-    A finding that several axes share is returned once, with all of them.
+    A finding that several axes share is returned once, with the names of all these axes.
     """
     found: dict[tuple[str, str], tuple[list[str], DataCheck]] = {}
     of_axes = [(name, axis.data_checks) for name, axis in report.axes.items() if isinstance(axis, AxisReport)]
@@ -133,7 +133,7 @@ def data_checks(report: FileReport) -> list[tuple[str, DataCheck]]:
 
 
 def rows(axis: AxisReport) -> list[Row]:
-    """Return the rows of one axis for the report."""
+    """Return the rows of figures of one axis for the report."""
     r = axis.result
     unit = axis.unit
     found = [
@@ -211,7 +211,7 @@ def part_rows(axis: AxisReport) -> list[Row]:
     counted: dict[str, int] = {}
     for part in r.parts:
         counted[part.part] = number = counted.get(part.part, 0) + 1
-        if part.part in ("white", "walk"):  # its figure is N or K, which has a row already
+        if part.part in ("white", "walk"):  # N and K have rows of their own
             continue
         for name, value in part.values.items():
             if part.part == "order" and name in ("alpha", "f"):  # α and f have rows of their own
@@ -227,7 +227,7 @@ def part_rows(axis: AxisReport) -> list[Row]:
 
 
 def _estimate(one: Quantity) -> str:
-    """Return the value and its interval, or its bound, and whether a value has no interval."""
+    """Return as text the value and its interval, or the upper bound; a missing interval is remarked."""
     _, interval = texts(one)
     return without_unit(one) + ("" if one.value is None or interval else ", not known well")
 
@@ -255,7 +255,7 @@ def settings(axis: AxisReport) -> str:
 def remarks(axes: Mapping[str, AxisReport]) -> list[str]:
     """Return sentences on figures that are missing or do not describe the noise.
 
-    They name the axes concerned.
+    The sentences name the axes concerned.
     """
     names: dict[str, list[str]] = {}
     for name, axis in axes.items():
@@ -307,7 +307,8 @@ def side_by_side(
 ) -> list[tuple[str, list[str]]]:
     """Return a table of several axes: each row has a label and one value for each axis.
 
-    `rows_of` makes the rows of an axis. The value is empty if `rows_of` gives no such row for an axis.
+    `rows_of` makes the rows of an axis. The value is empty for an axis for which `rows_of` gives no row with
+    this label.
     """
     columns = [_keyed(rows_of(axis)) for axis in axes.values()]
     labels: list[tuple[str, str]] = []
@@ -323,9 +324,9 @@ def side_by_side(
 
 
 def _keyed(found: list[Row]) -> dict[tuple[str, str], str]:
-    """Return the values by a pair of labels: the row's own, and that of the last row without indentation.
+    """Return each row's value by two labels: that of the last row without indentation, and the row's own.
 
-    Indented labels may occur more than once.
+    Both are needed since the same indented label may stand below several rows.
     """
     keyed, above = {}, ""
     for label, value in found:

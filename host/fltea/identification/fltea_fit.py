@@ -41,7 +41,7 @@ class FlteaFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     alpha_std: float | None
     """The filter's own standard deviation of α.
 
-    It says how much the estimate moves, but not how far it is from the truth.
+    This standard deviation says how much the estimate moves, but not how far it is from the truth.
     """
     f: float | None
     """The parameter f of s^-α."""
@@ -64,16 +64,18 @@ class FlteaFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     interventions: dict[str, int]
     """Number of interventions of the guard since FLTEA's last start, by their cause."""
     alpha_drift: float | None
-    """Change of α over the last third of the record: the mean of its second half less that of its first."""
+    """Change of α over the last third of the record: mean over the third's second half less mean over its
+    first half.
+    """
     f_drift: float | None
     converged: bool
     """Whether `alpha_drift` is less than `alpha_std`, or less than 0.02."""
     describes_noise: bool | None
     """Whether α and f describe the noise.
 
-    False: the innovations of the last two thirds are not white, or the noise has no order or another one.
-    Then α, f and their standard deviations say nothing about the noise. None: too few innovations, or no
-    verdict.
+    False: the innovations of the last two thirds are not white, or by the verdict the noise has no order or a
+    different order. Then α, f and their standard deviations say nothing about the noise. None: too few
+    innovations, or no verdict.
     """
     settings: EstimatorConfig
     """All settings of FLTEA: length of the memory, start-up, tuning."""
@@ -91,13 +93,13 @@ class FlteaAxis(NamedTuple):
     gaps: Gaps
     """The gaps between the samples."""
     config: EstimatorConfig
-    """Settings of FLTEA. If `bias` and `R` are numbers, they are those of this axis."""
+    """Settings of FLTEA. If `bias` and `R` are numbers, they are the values for this axis."""
     lsb: float | None
     """One count in the unit of y, if known. The variance of rounding to counts is the smallest R."""
     alpha: Interval | None
-    """Order of the noise by the verdict; None without a verdict.
+    """Order of the noise by the verdict, with its interval; None without a verdict.
 
-    Its ends are null if the noise has no order.
+    The ends of the interval are null if the noise has no order.
     """
 
     def why_not(self, h: float) -> str:
@@ -332,9 +334,9 @@ def _rows(own: Sequence[_Lane], begin: int, end: int) -> tuple[Array, Mask | Non
 
 
 class _Drift:
-    """How far a value drifts over samples begin … end - 1.
+    """Computes how far a value drifts over samples begin … end - 1.
 
-    It is the mean of the finite values in the second half less that in the first half.
+    The drift is the mean of the finite values in the second half less the mean in the first half.
     """
 
     def __init__(self, begin: int, end: int) -> None:

@@ -20,22 +20,22 @@ LEAST_HEIGHT = 30.0
 With a smaller ratio, the hump near 0 cannot be told from the white noise.
 """
 EDGE = 1.1
-"""Ratio of the spectral density to the white noise's at which the hump near frequency 0 ends."""
+"""The hump near frequency 0 ends where the spectral density is this multiple of the white noise's density."""
 WIDEST = 0.3
-"""Largest share of all frequencies that the hump may cover."""
+"""Largest part of the frequency range that the hump may cover."""
 ON_ITS_SHOULDER = 0.1
-"""Share of the density near 0 at the highest frequency of the hump.
+"""Where the density has fallen to this proportion of the density near frequency 0, the hump's main part ends.
 
-Averaging must not suppress oscillations of this frequency.
+Averaging must not suppress oscillations of the frequency at which it ends.
 """
 AVERAGED = 6
-"""Number of averages in one period of the hump's fastest oscillations."""
+"""Number of averaged values in one period of the fastest oscillations in the hump's main part."""
 PARTS = 16
 """Number of parts into which the record is divided, to find the error of the ratio of moments."""
 FEWEST_PERIODS = 100
-"""Least number of periods of the hump's fastest oscillations in the record.
+"""Least number of periods in the record of the fastest oscillations in the hump's main part.
 
-The power of a random walk is in oscillations with fewer periods.
+The power of a random walk is in slower oscillations, of which the record has fewer periods.
 """
 BETWEEN, SURE = (1.2, 2.3), 5.0
 """Range of the ratio of moments for a line, and by how many standard errors it must be below 3.
@@ -45,9 +45,9 @@ The range excludes 1, which is the ratio for noise that jumps between two values
 
 
 def folded_line(y: Array, h: float, candidates: CandidateModels) -> Peak | None:
-    """Return the hump that such a line makes in the spectrum of y (n,), or None.
+    """Return the hump that a line near a multiple of the sample rate makes in the spectrum of y, or None.
 
-    `h`: sampling period [s]. `candidates`: the candidate models of the spectrum of y.
+    `y`: samples, (n,). `h`: sampling period [s]. `candidates`: the candidate models of the spectrum of y.
     """
     lam = candidates.data.lam
     density = candidates.plain.spectrum(lam, h)
@@ -82,8 +82,8 @@ def _moments(y: Array, averaged: int) -> tuple[float, float]:
     """
     count = len(y) // averaged
     means = y[: count * averaged].reshape(count, averaged).mean(axis=1)
-    # Remove oscillations that are slower than a part of the record. They are drift, of which there are too
-    # few independent values.
+    # Subtract the mean of each part of the record. This removes slower oscillations, which are drift and have
+    # too few independent values in the record.
     parts = [one - one.mean() for one in np.array_split(means, PARTS)]
     second = np.array([np.mean(one**2) for one in parts])
     fourth = np.array([np.mean(one**4) for one in parts])

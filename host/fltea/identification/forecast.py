@@ -1,6 +1,6 @@
 """Forecast the heading, and check the forecast.
 
-The check lets the model of the record's first half predict the second half.
+For the check, the model that is fitted to the record's first half predicts the second half.
 """
 
 import math
@@ -77,7 +77,7 @@ class Goal(msgspec.Struct, frozen=True):
 
 
 class Drive(msgspec.Struct, frozen=True):
-    """The question how long a heading is good to ± `within` deg (95 %) after `rest_s` seconds at rest."""
+    """The question for how long a heading is good to ± `within` deg (95 %) after `rest_s` seconds at rest."""
 
     within: float
     rest_s: float
@@ -146,21 +146,23 @@ def _degrees_at_seconds(text: str) -> tuple[float, float]:
 
 
 class Forecast(msgspec.Struct, frozen=True):
-    """The forecast by the model of the whole recording, and a check of it.
+    """The forecast by the model of the whole recording, and a check of the forecast.
 
-    The check compares the forecast by the first half's model with the second half.
+    The check compares the second half with a forecast by the model of the first half.
     """
 
     t_s: tuple[float, ...]
     heading_std: tuple[float, ...]
     judged: tuple[Piece, ...]
-    """How well the heading of the second half was predicted, for each time span."""
+    """How well the heading of the second half was predicted, for each length of time."""
     bias: tuple[BiasPiece, ...]
-    """How well Bias(T), the constant to subtract during the next T seconds, was predicted."""
+    """How well Bias(T), the constant to subtract during the next T seconds, was predicted, for each T."""
     made_of: str
     """The parts of the noise on which the forecast is based, and the model of its offset, in words."""
     judged_made_of: str
-    """The same for the first half's model, which the second half judges; empty without such a model."""
+    """The parts and the model of the offset, in words, that were fitted to the first half, for the check on
+    the second half. The text is empty if the first half has no model.
+    """
     text: str
     goal: Goal | None = None
     rest_s: float | None = None
@@ -169,7 +171,7 @@ class Forecast(msgspec.Struct, frozen=True):
     """
     drive: Drive | None = None
     drive_s: float | None = None
-    """Time for which the heading is good after the drive's rest [s].
+    """Time for which the heading is good after the rest that `drive` states [s].
 
     Null if no drive is asked for, or if the heading is good for more than an hour.
     """
@@ -301,7 +303,10 @@ def _good(within: float, unit: str) -> str:
 
 
 def is_any_heading(std: float, unit: str) -> bool:
-    """Whether this standard deviation is so large that any heading is possible; only for a rate in deg/s."""
+    """Whether a heading's standard deviation is so large that any heading is possible.
+
+    This is False unless the rate is in deg/s.
+    """
     return unit == "deg/s" and std > MOST_DEG
 
 

@@ -30,20 +30,22 @@ FEWEST = 5
 WRONG = 0.01
 """Probability that a right model fails for at least one T."""
 UNLIKELY = 0.005
-"""Probability below which a model of the offset is left out of the uncertainty of a forecast."""
+"""Models of the offset with a smaller probability than this are left out of the uncertainty of a forecast."""
 NODES_AT, NODES_WEIGH = np.polynomial.hermite_e.hermegauss(9)
 NODES_WEIGH = NODES_WEIGH / NODES_WEIGH.sum()
 """Points and weights for averages over a normal distribution (Gauss–Hermite quadrature)."""
 GROWTH = 1.1
 """Ratio by which the time at rest has to grow before the covariance of x is computed anew."""
 LEARNT = 4
-"""The tails of the errors are read from the first half, after 1 / LEARNT of its length."""
+"""The tails of the errors' distribution are estimated from forecasts in the first half, from 1 / LEARNT of
+its length on.
+"""
 HELD = 0.95
-"""Share of the pieces' errors that have to be inside a 95 % band."""
+"""Proportion of the pieces whose errors have to be inside a 95 % band."""
 MANY = 20
 """Least number of pieces from which the tails of the errors are computed.
 
-With fewer pieces, the tails of the next shorter time are used.
+With fewer pieces of T seconds, the tails for the next shorter T are used.
 """
 NORMAL_TAILS = 3.0
 """Ratio of a normal distribution's fourth moment to its squared second moment."""
@@ -57,13 +59,15 @@ class Piece(msgspec.Struct, frozen=True):
     pieces: int
     """Number of pieces; none overlaps another."""
     said: float
-    """Predicted standard deviation."""
+    """Predicted standard deviation of the heading after `t_s` seconds."""
     seen: float
-    """Observed standard deviation."""
+    """Observed standard deviation of the heading after `t_s` seconds."""
     within: float
-    """Share of the pieces inside the 95 % band."""
+    """Proportion of the pieces whose errors are inside the predicted 95 % band."""
     deviations: float
-    """Number of deviations by which the ratio of the observed to the predicted mean square is off."""
+    """Number of standard deviations by which the ratio of the observed to the predicted mean square is off
+    from 1.
+    """
     fails: bool
     needed: float
     """Factor by which the 95 % band has to be widened to contain 95 % of the pieces."""
@@ -86,9 +90,11 @@ class BiasPiece(msgspec.Struct, frozen=True):
     """Predicted standard deviation of the rate's mean from Bias(t_s): `bias_std` and `noise_std` together."""
     seen: float
     within: float
-    """Share of the pieces inside the 95 % band."""
+    """Proportion of the pieces whose errors are inside the predicted 95 % band."""
     deviations: float
-    """Number of deviations by which the ratio of the observed to the predicted mean square is off."""
+    """Number of standard deviations by which the ratio of the observed to the predicted mean square is off
+    from 1.
+    """
     fails: bool
 
 
@@ -107,7 +113,7 @@ class FittedSystem(NamedTuple):
     system: System
     walk: OffsetWalk
     steps_recur: bool = False
-    """Whether the system includes steps of the bias, which are expected to recur."""
+    """Whether the system includes future steps of the bias, as such steps were found."""
 
 
 def fitted_system(parts: Sequence[Part], y: Array, h: float) -> FittedSystem:
@@ -138,9 +144,9 @@ class Forecasts(NamedTuple):
 
 
 class Errors(NamedTuple):
-    """Errors of the forecasts for pieces of one length, and their predicted standard deviations.
+    """Errors of the forecasts for pieces (time spans) of one length, and their predicted standard deviations.
 
-    (pieces,).
+    Both arrays have one entry for each piece.
     """
 
     seen: Array
@@ -153,7 +159,7 @@ class Errors(NamedTuple):
 
     @property
     def within(self) -> float:
-        """Share of the pieces inside the 95 % band."""
+        """Proportion of the pieces whose errors are inside the predicted 95 % band."""
         return float((self.squares <= NORMAL_95**2).mean())
 
     @property
@@ -164,7 +170,7 @@ class Errors(NamedTuple):
 
     @property
     def rms(self) -> tuple[float, float]:
-        """Root mean squares of the predicted standard deviations and of the observed errors."""
+        """Root mean square of the predicted standard deviations, and that of the observed errors."""
         return math.sqrt(float((self.said**2).mean())), math.sqrt(float((self.seen**2).mean()))
 
 
@@ -210,7 +216,7 @@ def judged(model: FittedSystem, y: Array, begin: int, h: float) -> Judgement:
 def _tails(errors: Errors) -> float:
     """Return the ratio of the errors' fourth moment to their squared second moment.
 
-    It is at least that of normal errors.
+    The result is at least the ratio for normal errors.
     """
     squares = errors.squares
     return max(float((squares**2).mean() / squares.mean() ** 2), NORMAL_TAILS)
@@ -269,9 +275,10 @@ class Doubt(NamedTuple):
     """Standard deviation of the variance's logarithm, an uncertainty in addition to `factors`."""
 
     def deviations(self, squares: Array, tails: float) -> float:
-        """Return how far the mean of squared errors is from 1, in standard deviations.
+        """Return how far the mean of `squares` is from 1, in standard deviations.
 
-        It is positive if the errors are larger than predicted.
+        `squares`: squared errors, divided by their predicted variances. `tails`: ratio of the errors' fourth
+        moment to their squared second moment. The result is positive if the errors are larger than predicted.
 
         Heavy tails make the mean as uncertain as a mean of fewer squares. They make the model's variance more
         uncertain by the same factor.
@@ -294,7 +301,7 @@ class Doubt(NamedTuple):
 def left_open(model: FittedSystem, h: float, times_s: Sequence[float]) -> list[Doubt]:
     """Return the uncertainty of the heading's predicted variance at each time.
 
-    It is what the record, to which the model was fitted, leaves uncertain.
+    It is the uncertainty that remains since the model was fitted to a record of limited length.
 
     Errors in the parts' figures change the logarithm of the variance, which is assumed to be normally
     distributed. The offset follows one of several models, each with its probability.

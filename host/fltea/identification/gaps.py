@@ -18,21 +18,21 @@ from fltea.records.arrays import Array, Mask
 LONGEST_BRIDGE = 8
 """Longest gap that is bridged, in lost samples, as for the live sums (firmware/core/engine/gate.hpp)."""
 MOST_BRIDGED = 0.1
-"""Largest share of lost samples with which gaps are filled.
+"""Largest proportion of lost samples in a record with which gaps are filled.
 
-If more are missing, the rate may be wrong, and no gap is filled.
+If more samples are missing, the sampling rate may be wrong, and no gap is filled.
 """
 LONGEST_PREDICTION = 100
 """Longest gap, in lost samples, across which FLTEA predicts, as `link.max_gap`.
 
-It restarts after a longer gap.
+FLTEA restarts after a longer gap.
 """
 AROUND = 16
 """Number of neighbours on either side on which a filled-in sample depends."""
 LEAST_VARIANCE = 1e-9
 """Least ratio of each eigenvalue of a covariance matrix to the largest one.
 
-With few pairs of samples, an estimated eigenvalue may be negative.
+Smaller eigenvalues are raised, since with few pairs of samples an estimated eigenvalue may be negative.
 """
 SEED = 16
 ROUNDED = 5
@@ -56,11 +56,11 @@ class Gaps(NamedTuple):
         return Gaps(self.at[first:last] - begin, self.missing[first:last])
 
     def lost_up_to(self, longest: int) -> int:
-        """Return how many samples were lost in gaps of at most `longest` samples."""
+        """Return how many samples were lost in all gaps of at most `longest` samples together."""
         return int(self.missing[self.missing <= longest].sum())
 
     def place(self, number: int) -> int:
-        """Return the index of a sample if lost samples are counted, too."""
+        """Return the index that a sample has if lost samples are counted, too."""
         return number + int(self.missing[: np.searchsorted(self.at, number, "right")].sum())
 
 
@@ -142,7 +142,7 @@ def bridged(y: Array, gaps: Gaps) -> list[Stretch]:
 def redrawn(stretches: Sequence[Stretch], masks: Sequence[Mask]) -> list[Stretch]:
     """Return stretches in which the samples marked by `masks` (n,) are replaced by random ones.
 
-    They are drawn as if they were lost.
+    The random samples are drawn as for lost samples.
     """
     spaced: list[tuple[Array, Mask | None]] = [
         (np.where(mask, 0.0, one.y), mask) for one, mask in zip(stretches, masks, strict=True)
@@ -184,8 +184,8 @@ class _Drawn:
     def _rule(self, seen: Mask, at: int, count: int) -> tuple[Array, Array]:
         """Return what the neighbours say about `count` lost samples.
 
-        That is the weights of the neighbours in the mean, (count, seen), and a matrix root of the covariance
-        about this mean, (count, count).
+        The result has two arrays: the weights of the neighbours in the mean, (count, seen), and a matrix root
+        of the covariance about this mean, (count, count).
         """
         key = bytes([at, count]) + seen.tobytes()
         if key not in self._known:

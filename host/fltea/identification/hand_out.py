@@ -23,7 +23,7 @@ class Task:
     do: Any
     arguments: tuple[Any, ...]
     again: bool = field(default=False, kw_only=True)
-    """Whether a process has died while this task was running."""
+    """Whether a process has died while this task was running, so that the task is tried again."""
 
 
 T = TypeVar("T", bound=Task)
@@ -71,7 +71,7 @@ class HandOut(Generic[T]):
                 return False
             try:
                 self._pending[self.submit(task)] = task
-            except BrokenExecutor:  # the process died since the last check
+            except BrokenExecutor:  # a process died since the last check
                 self._alone.appendleft(task)
                 self._after_death()
         return True
@@ -88,7 +88,7 @@ class HandOut(Generic[T]):
             return False
         except UnfitWorker:
             raise
-        except CancelledError as error:  # Dask raises it when it has lost its scheduler
+        except CancelledError as error:  # Dask raises this if its scheduler is lost
             self._workers.check()
             result = error
         except Exception as error:

@@ -20,11 +20,13 @@ from fltea.records.errors import UsageError
 from fltea.spectrum.wording import duration
 
 LEAST_S = 10.0
-"""Shortest time span that counts [s]: over shorter ones, nearly all of the heading's error is white noise."""
+"""Shortest time span that counts [s]. Over shorter time spans, nearly all of the heading's error comes from
+white noise.
+"""
 
 
 class Foretold(Protocol):
-    """An axis whose second half judged the model of its first half."""
+    """An axis whose forecast was checked: its second half judged the model of its first half."""
 
     @property
     def unit(self) -> str:
@@ -68,7 +70,7 @@ def _forecast(name: str, axis: Foretold) -> Forecast:
 
 
 def _counted(name: str, found: Forecast, up_to_s: float) -> tuple[list[Piece], list[Piece]]:
-    """Return the time spans that count, and longer ones, for which the recording has too few pieces."""
+    """Return two lists: the time spans that count, and longer ones for which the recording is too short."""
     asked = [one for one in found.judged if one.t_s <= max(up_to_s, LEAST_S)]
     counted = [one for one in asked if one.pieces >= MANY]
     if not counted or counted[-1].t_s < LEAST_S:
@@ -91,9 +93,10 @@ def _is_exceeded(one: Piece) -> bool:
 
 
 def _factor(one: Piece, found: Forecast) -> float:
-    """Return the factor for the figures of the whole recording.
+    """Return the factor for the noise figures of the whole recording.
 
-    These figures may already be larger than those of the first half, by which the excess was found.
+    The excess was found with the figures of the first half. The figures of the whole recording may already be
+    larger, and then the factor is smaller.
     """
     return one.needed * one.said / found.heading_std[found.t_s.index(one.t_s)]
 

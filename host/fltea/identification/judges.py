@@ -25,44 +25,46 @@ from fltea.records.units import STANDARD_GRAVITY_MS2
 from fltea.spectrum.median_filter import find_median_filter
 
 TURNS, TURN = 32, 12
-"""Number of parts of a record, from which the error of a pattern is found; divisor of their length.
+"""Number of parts into which a record is divided (TURNS), and divisor of a part's length (TURN).
 
-Patterns of 2, 3 and 4 samples fit a part without remainder, as its length is a multiple of TURN.
+The error of a pattern comes from its scatter between the parts. Since a part's length is a multiple of 12,
+patterns of 2, 3 and 4 samples fit into a part without remainder.
 """
 ALTERNATES = {2: 50.0, 3: 25.0, 4: 25.0}
-"""Threshold for the squared ratio of a pattern's mean to its error, by the number of sensors.
+"""Threshold for the squared ratio of a pattern's size to its error, by the number of alternating sensors.
 
-Chance exceeds it once in ten million.
+Chance exceeds the threshold once in ten million cases.
 """
 ALTERNATES_SHARE, SCATTER_SHARE = 0.01, 0.1
-"""Below these shares an alternating pattern does little harm.
+"""An alternating pattern that is smaller than these proportions of the noise does little harm.
 
-The first is of the noise's power, for a pattern in the level. The second is of the noise's mean size, for a
-pattern in the scatter.
+For a pattern in the level of the samples, the first is the proportion of the noise's power. For a pattern in
+the scatter, the second is the proportion of the noise's mean size.
 """
 GLITCH, GLITCHES = 4.5, 0.05
-"""Ratio to the median size from which a sample is a glitch, and largest share of glitches.
+"""A sample larger than GLITCH times the median size is a glitch, if at most the fraction GLITCHES are so
+large.
 
-The ratio amounts to three standard deviations.
+GLITCH amounts to three standard deviations.
 """
 ALTERNATES_S = 20.0
 """Least length of a record in which alternating sensors are searched for [s].
 
-In a shorter one, mains hum near half the sample rate looks like two sensors.
+In a shorter record, mains hum near half the sample rate looks like two alternating sensors.
 """
 GROUP_SHARE, GROUP_WIDTH = 0.005, 0.2
-"""Least share of samples on either side of a gap between values, and least ratio of the gap to their
-range.
+"""A gap divides values into two groups if each group has at least the fraction GROUP_SHARE of the samples,
+and if the gap is at least the fraction GROUP_WIDTH of the range of the values.
 """
 SELDOM = 0.1
 """Least ratio of the number of jumps between two groups of values to the number expected by chance.
 
-If there are fewer jumps, the sensor was turned.
+If there are fewer jumps, the sensor was turned between the groups.
 """
 FAR_COUNTS, FAR_STEPS = 32.0, 8.0
 """Least distance between two groups of values, in counts or in smallest steps within the groups.
 
-Coarse rounding leaves smaller gaps.
+Coarse rounding leaves smaller gaps between values.
 """
 FAR = {"deg/s": 20.0, "m/s²": 5.0}
 """Least distance between two groups of values if the size of a count is not known.
@@ -70,13 +72,13 @@ FAR = {"deg/s": 20.0, "m/s²": 5.0}
 No sensor has counts that large.
 """
 HELD_SHARE = 0.05
-"""Share of repeated samples above which N is wrong, since the true rate is lower."""
+"""Proportion of repeated samples above which N is wrong, since the true sampling rate is lower."""
 GRAVITY = 0.1
 """Largest relative error of gravity that an accelerometer at rest may show."""
 QUIET, SHAKES = 8, 0.05
-"""Number of parts of a record, of which the quietest counts as rest; and its largest scatter.
+"""Number of parts of a record (QUIET), and largest scatter of an accelerometer at rest (SHAKES).
 
-The scatter (SHAKES) is a share of gravity: no accelerometer at rest scatters more.
+The quietest part counts as rest. SHAKES is a proportion of gravity: no accelerometer at rest scatters more.
 """
 ROOT_HOUR = 60.0
 LEAST_MS2 = 0.5
@@ -189,7 +191,7 @@ def held(
             yield axis, one or step(axis)
 
     seen = repeats(each())
-    if seen is None or not seen.found or all(filtered):  # a median filter repeats values, too
+    if seen is None or not seen.found or all(filtered):  # a median filter also repeats values
         return ()
     share = (seen.same - seen.expected) / seen.pairs
     every = seen.change_every if share > HELD_SHARE else None
@@ -212,7 +214,7 @@ def _look(y: Array, lsb: float | None, unit: str, gaps: Gaps) -> Axis:
     run = np.ascontiguousarray(y[begin : min(end, begin + LONG)], dtype=np.float64)
     if len(run) < 2 * TURNS or not np.ptp(run) > 0:
         return Axis(len(y), float(y.mean()), 0.0, None, "", (float(y.mean()), 0.0))
-    against = run[1:-1] - (run[:-2] + run[2:]) / 2  # this removes offset and drift
+    against = run[1:-1] - (run[:-2] + run[2:]) / 2  # without offset and drift
     noise = float(against.std()) / math.sqrt(1.5)
     parts = against[: len(against) // QUIET * QUIET].reshape(QUIET, -1).std(axis=1)
     begin = int(parts.argmin()) * (len(against) // QUIET)
@@ -240,7 +242,7 @@ def _turns(against: Array, noise: float, unit: str) -> Turns | None:
             mean = found.mean()
             error = float((np.abs(found - mean) ** 2).sum()) / (TURNS - 1) / TURNS
             power = float(abs(mean)) ** 2 * (1 if sensors == 2 else 2)
-            if values is against:  # undo the factor by which subtracting the neighbours increases noise
+            if values is against:  # undoes the gain by subtracted neighbours
                 power /= (1 - math.cos(2 * math.pi / sensors)) ** 2
             if abs(mean) ** 2 <= ALTERNATES[sensors] * error or power < most * share / 10:
                 continue
@@ -256,8 +258,8 @@ def _turns(against: Array, noise: float, unit: str) -> Turns | None:
 def _without_glitches(against: Array) -> Array:
     """Replace a few outliers and their neighbours by 0.
 
-    A glitch each second always falls on the same sample of the pattern. With alternating sensors, more
-    samples are outliers.
+    Glitches once per second could look like a pattern, since each falls on the same sample of the pattern. If
+    more than a few samples are outliers, they come from alternating sensors and are kept.
     """
     size = np.abs(against)
     far = size > GLITCH * median(size)
@@ -272,7 +274,7 @@ def _without_glitches(against: Array) -> Array:
 def _alternating(seen: Mapping[str, Axis], h: float) -> Iterator[DataCheck]:
     """Yield the data check on alternating rows of several sensors.
 
-    There is one for all axes, since whole rows are mixed.
+    There is one data check for all axes, since whole rows are mixed.
     """
     found = {name: axis.turns for name, axis in seen.items() if axis.turns is not None}
     if not found:

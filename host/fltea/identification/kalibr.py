@@ -14,15 +14,17 @@ CONSTANT = "the offset is as good as constant here; a record ten times as long t
 NOT_TOLD = "the record is too short to tell a random walk from a constant offset"
 TAKEN_OUT = "a high-pass has removed the walk (AC coupling, an auto-zero): the sensor itself may have one"
 MATTERS, MOST = 1.1, 3
-"""Least growth of the noise density at a correlation time that is listed, and most times that are listed."""
+"""A correlation time is listed if the noise density grows by at least the factor MATTERS there. At most MOST
+times are listed.
+"""
 
 
 def axis_noise(axis: AxisReport) -> AxisNoise:
     """Return N and K of an axis.
 
-    Where the offset follows a random walk, K is that of the walk. If the offset also has a slope, K is at
-    least that of the `--gauss-markov` filter, which has a random walk in place of the slope. N is that of the
-    white noise, or that of the filter if white noise cannot be told from other fast noise.
+    If the offset follows a random walk, K is the K of this walk. If the offset also has a slope, K is at
+    least the K of the filter of `--gauss-markov`, which has a random walk in place of the slope. N is the N
+    of the white noise. If white noise cannot be told from other fast noise, N is the N of that filter.
     """
     level, plain, tracked = axis.result.level, axis.filter, axis.tracked
     if plain is None or axis.walk is None or tracked is None:
@@ -36,8 +38,8 @@ def axis_noise(axis: AxisReport) -> AxisNoise:
 
 def _walk(walk: OffsetWalkFound, plain: NavigationFilter, tracked: System) -> Shown:
     if walk.said == "walks":
-        # The filter has a state for a bounded walk, which imu.yaml cannot hold, and a random walk in place of
-        # a slope.
+        # The K of the plain filter is used only if there is a slope, which the filter replaces by a random
+        # walk. For a bounded walk the filter has a state in place of K, but imu.yaml cannot hold a state.
         K = walk.K.value or 0.0
         return Shown(max(plain.K, K) if slope_of(tracked).any() else K)
     if walk.said == "likely constant":

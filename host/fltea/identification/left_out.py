@@ -15,7 +15,7 @@ from fltea.identification.load import Series
 SAME = 256
 """Number of samples by which steps and motion may move before the axis is analysed anew.
 
-Their times are not known any better.
+The times of steps and motion are not known any better than this.
 """
 
 
@@ -29,7 +29,7 @@ class LeftOut(NamedTuple):
     steps: tuple[int, ...] = ()
 
     def is_like(self, other: "LeftOut") -> bool:
-        """Whether an analysis with `self` left out gives the same result as one with `other` left out."""
+        """Whether leaving out `self` gives the same result of the analysis as leaving out `other`."""
         mine, its = ([*one.steps, *(edge for span in one.moved for edge in span)] for one in (self, other))
         same = len(self.steps) == len(other.steps) and len(self.moved) == len(other.moved)
         return same and all(abs(a - b) <= SAME for a, b in zip(mine, its, strict=True))
@@ -68,7 +68,7 @@ def _place(kept: NDArray[np.int64], at: int) -> int:
 
 
 def _joined(spans: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Return the spans in rising order; overlapping ones are merged."""
+    """Return the spans in rising order; where spans overlap, the later one is shortened."""
     found: list[tuple[int, int]] = []
     for begin, end in sorted(spans):
         low = max(begin, found[-1][1]) if found else begin

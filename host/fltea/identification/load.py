@@ -1,7 +1,8 @@
 """Load recordings as axes: all samples of one rate and scale, and the gaps between them.
 
-The user of the samples decides how to treat a gap (`identification.gaps`). If a recording has several rates
-or scales, the one with the most samples is loaded. Samples that are left out are counted.
+The code that uses the samples decides how to treat a gap (`identification.gaps`). If a recording has several
+rates or scales, only the samples of the most frequent one are loaded. The samples that are left out are
+counted.
 """
 
 from collections.abc import Collection, Sequence
@@ -40,7 +41,7 @@ MOST_REPORTED = 5
 MOST_GROUPS = 8
 """Largest number of different rates and scales in a recording whose samples are kept.
 
-Each has its own temporary files.
+The samples of each rate and scale have their own temporary files.
 """
 
 GYRO_UNIT, ACCEL_UNIT = GYROSCOPE.text_unit, ACCELEROMETER.text_unit
@@ -105,7 +106,7 @@ class Loaded(NamedTuple):
     accel: tuple[Array, ...] = ()
     """Samples of each accelerometer axis in m/s².
 
-    They are loaded even if the user did not ask for them, since they show motion.
+    The samples are loaded even if the user did not ask for them, since they show motion.
 
     Empty if there is no accelerometer, or if all its samples are constant.
     """
@@ -258,7 +259,7 @@ class _Groups:
         self._last: _Group | None = None
 
     def add(self, found: Decoded, decoder: Decoder) -> None:
-        """Add the next samples."""
+        """Add the next block of samples."""
         group = self._of(found)
         broken = group is not self._last or found.missing > 0 or found.new_epoch is not None
         self.stretches += broken
@@ -320,7 +321,7 @@ class _Group:
         return Gaps(np.array(self._at, dtype=np.int64), np.array(self._missing, dtype=np.int64))
 
     def add(self, found: Decoded, decoder: Decoder, missing: int | None) -> None:
-        """Add the next samples.
+        """Add the next block of samples.
 
         `missing`: number of samples lost before them; 0 if not known; None if nothing is lost.
         """
@@ -365,7 +366,7 @@ class _Group:
     def _ask(self, decoder: Decoder, samples: int) -> None:
         """Update how fast the device's clock runs against the host's.
 
-        The figure is that of the longest part without a restart.
+        The figure is computed for the longest part without a restart.
         """
         self._of_epoch = self._of_epoch + samples if decoder.epoch == self._epoch else samples
         self._epoch = decoder.epoch

@@ -60,7 +60,7 @@ def by_sensor(axes: Mapping[str, T]) -> tuple[dict[str, T], dict[str, T]]:
 
 
 class _Head(msgspec.Struct):
-    """The fields that every version of the format has."""
+    """The fields that every version of the file format has."""
 
     format: str = ""
     version: int = 0

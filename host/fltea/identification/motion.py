@@ -5,8 +5,8 @@ rest. But that noise has to be found first, from samples at rest. So the first a
 model, which samples these are. As in the live fit (firmware/core/engine/gate.hpp), samples are checked in
 chunks of 128. A chunk is a knock if its power about its own mean, without its largest sample, is sixteen
 times the usual power. Eight such chunks in a row are motion if their samples follow each other smoothly,
-which samples of increased noise do not. A chunk also counts as a knock if its mean is further from the usual
-offset than the live fit allows for a single sample.
+which samples of increased noise do not. A chunk also counts if its mean is further from the usual offset than
+the live fit allows for a single sample, but at least one of the chunks must be a knock by its power.
 """
 
 import math
@@ -23,7 +23,9 @@ from fltea.records.arrays import Array
 KNOCK, IN_A_ROW = 16.0, 8
 """Least ratio of a knock's power to the usual power, and number of knocks in a row, as in gate.hpp."""
 SMOOTH = 0.5
-"""Largest ratio of the steps' mean square to that of independent samples, at which samples are smooth."""
+"""Samples are smooth if the mean square of their steps is at most this multiple of that of independent
+samples.
+"""
 
 
 def likely_motion(series: Series) -> LeftOut:
@@ -34,7 +36,7 @@ def likely_motion(series: Series) -> LeftOut:
     mean, power, steps, resolution = (np.concatenate(one) for one in zip(*chunks, strict=True))
     if len(power) < 2 * IN_A_ROW:
         return LeftOut()
-    # Knocks are left out of the usual offset, as of the live fit's running mean.
+    # The usual power is computed without knocks, as the live fit leaves them out of its running mean.
     usual = float(power[power <= KNOCK * np.median(power)].mean())
     usual = max(usual, float(np.min(resolution)) ** 2 / 12)
     apart = np.abs(mean - np.median(mean))
@@ -46,7 +48,8 @@ def likely_motion(series: Series) -> LeftOut:
         for begin, end in _runs(moved[at : at + count]):
             inside = slice(at + begin, at + end)
             smooth = steps[inside].sum() < SMOOTH * 2 * (power + apart**2)[inside].sum()
-            # Drift may move as far from the usual offset, but slowly, so that there is no knock.
+            # Drift may take the mean as far from the usual offset. But drift is slow, so that none of these
+            # chunks is a knock by its power.
             if smooth and knock[inside].any():
                 spans.append((start + begin * CHUNK, start + end * CHUNK))
         at += count

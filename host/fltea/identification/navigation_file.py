@@ -1,6 +1,6 @@
 """Write the parameters of a navigation filter to a file.
 
-They are given for continuous time, and for discrete time at the sample rate.
+The parameters are given for continuous time, and for discrete time at the sampling rate.
 """
 
 import math
@@ -48,8 +48,8 @@ class GaussMarkovState(msgspec.Struct, frozen=True):
 class NavigationAxis(msgspec.Struct, frozen=True):
     """The entry of one axis: its figures with their intervals, and the filter that follows from them.
 
-    A figure is null if it was not found, an end of an interval if it is not known. Nothing in `filter` is
-    null.
+    A figure is null if it was not found. An end of an interval is null if it is not known. Nothing in
+    `filter` is null.
     """
 
     unit: str
@@ -62,7 +62,7 @@ class NavigationAxis(msgspec.Struct, frozen=True):
     """Quantisation noise, in `unit` · s."""
     gauss_markov: tuple[GaussMarkovState, ...]
     others: tuple[Estimated, ...]
-    """Parts of the noise, and filters of the sensor, that such a Kalman filter has no state for."""
+    """Parts of the noise, and filters inside the sensor, for which a plain Kalman filter has no state."""
     drift_rate: Interval
     """Slope of the offset, in `unit` per s."""
     from_hz: float
@@ -70,12 +70,13 @@ class NavigationAxis(msgspec.Struct, frozen=True):
     knee_hz: float | None
     """Corner frequency of the fastest part [Hz]; null unless N is null.
 
-    White noise then cannot be told from this part.
+    N is null if white noise cannot be told from this part.
     """
     knee_density: float | None
     """Noise density at `knee_hz`, in the unit of N."""
     without_order: ModelSummary | None
-    """The best model without an order if the noise has an order, for which no filter has a state."""
+    """If the noise has a fractional order, for which no filter has a state: the best model without an order.
+    """
     filter: NavigationFilter
     """All parameters of a plain Kalman filter."""
 

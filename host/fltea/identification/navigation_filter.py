@@ -32,9 +32,9 @@ from fltea.records.arrays import Array, Mask
 A_DECADE = 3
 """Number of correlation times that are tried in each decade."""
 FASTEST, SLOWEST = 3.0, 0.1
-"""Smallest correlation time in samples, and largest one as a share of the record.
+"""Smallest correlation time in samples, and largest correlation time as a fraction of the record's length.
 
-Slower parts become a random walk.
+Parts of the noise with a longer correlation time become a random walk.
 """
 POINTS_A_DECADE = 12
 HEADINGS_A_DECADE = 6
@@ -51,11 +51,15 @@ A state is also left out if the error without it is below ENOUGH.
 """
 ENOUGH = 0.01
 LEAST_WHITE = 0.01
-"""Ratio of the white noise's variance to a state's, below which the state is turned into white noise."""
+"""If the ratio of the white noise's variance to a state's variance is smaller, the state is turned into white
+noise.
+"""
 FOLDED_S, FOLDED = 0.1, 10.0
 """Longest correlation time of a state that may be turned into white noise, in s and in samples."""
 NOTHING_LEFT = 0.1
-"""Ratio of the fitted variance of the bias to the tracked system's, below which the latter is used."""
+"""If the fitted variance of the bias is below this multiple of its variance by the tracked system, the latter
+variance is used.
+"""
 LEAST_OF_ALL = 1e-4
 """Least ratio of the white noise's variance to that of all states.
 
@@ -78,9 +82,11 @@ class HeadingStd(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     t_s: float
     filter: float
-    """The standard deviation that this filter predicts without further samples."""
+    """The standard deviation that the plain filter predicts without further samples."""
     forecast: float
-    """The standard deviation by `--forecast`, which also uses the states' values at the record's end."""
+    """The standard deviation that `--forecast` predicts. It also uses the values of the states at the
+    record's end.
+    """
 
 
 class NavigationFilter(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -96,11 +102,13 @@ class NavigationFilter(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The bias after the last sample of the record, without the states."""
     bias_std: float
     heading_std: tuple[HeadingStd, ...]
-    """Error of the heading at several times, to check an implementation of the filter by."""
+    """Standard deviation of the heading at several times, by which users can check their implementation of
+    the filter.
+    """
 
 
 class _Target(NamedTuple):
-    """What the filter has to reproduce: the spectrum at given λ, and the heading's variance over time."""
+    """What the filter has to reproduce: the spectrum at some λ, and the heading's variance over time."""
 
     lam: Array
     power: Array
@@ -133,7 +141,7 @@ def navigation_filter(tracked: FittedSystem, y: Array, h: float) -> NavigationFi
     target = _Target(lam, _power(model, always, lam, len(y)), times_s, heading)
     found, tau_s = _folded(*_fitted(target, tau_s, h), h)
     known = float(part @ P @ part)
-    if found[2] < NOTHING_LEFT * known:  # the fit explained the error of the bias by the states
+    if found[2] < NOTHING_LEFT * known:  # the states took over the bias's error
         found[2] = known
     N, K, bias_std, *sigmas = np.sqrt(found).tolist()
     ahead = np.sqrt(_headings(tau_s, h, np.array(TOLD_S)) @ found).tolist()
@@ -155,7 +163,8 @@ def _count(ratio: float, a_decade: int) -> int:
 def _grid(tracked: FittedSystem, h: float, length_s: float) -> list[float]:
     """Return the correlation times to try.
 
-    They are those of the noise's parts, and a regular grid from which their close neighbours are left out.
+    These are the correlation times of the noise's parts, and a regular grid without times that are close to
+    them.
     """
     low, high = FASTEST * h, SLOWEST * length_s
     if high <= low:
@@ -169,7 +178,7 @@ def _grid(tracked: FittedSystem, h: float, length_s: float) -> list[float]:
 def _frequencies(tracked: FittedSystem, h: float, samples: int) -> Array:
     """Return the frequencies λ for the fit.
 
-    They go from one period in the record up to where a low-pass stops half of the noise.
+    The frequencies go from one period in the record up to where a low-pass stops half of the noise.
     """
     low = 2 * math.pi / samples
     lam = np.geomspace(low, math.pi, _count(math.pi / low, POINTS_A_DECADE))
@@ -181,9 +190,9 @@ def _frequencies(tracked: FittedSystem, h: float, samples: int) -> Array:
 
 
 def _of_bias(model: System, slow: float) -> Array:
-    """Return the row that sums up the filter's bias.
+    """Return the row vector whose product with the tracked x is the plain filter's bias.
 
-    Its states are those of the system that remember more than `slow` samples.
+    The bias is the sum of the states of the system that remember more than `slow` samples.
     """
     with np.errstate(divide="ignore"):
         memory = -1 / np.log(np.minimum(np.hypot(model.a, model.b), 1 - 1e-15))
@@ -198,7 +207,7 @@ def slope_of(model: System) -> Mask:
 def _always(model: System, x: Array, P: Array) -> Array:
     """Return the stationary mean squares of the states.
 
-    For a slope, which is not stationary, it is the estimated mean square.
+    A slope is not stationary, so its value is the mean square by the estimate at the record's end.
     """
     moving, slope = model.a < 1.0, slope_of(model)
     always = model.P0 * np.outer(moving, moving)
@@ -210,7 +219,7 @@ def _always(model: System, x: Array, P: Array) -> Array:
 def _power(model: System, always: Array, lam: Array, samples: int) -> Array:
     """Return the spectrum of the system.
 
-    A slope contributes as a random walk that gets as far within the record.
+    A slope is replaced by a random walk that gets as far within the record.
     """
     slope = slope_of(model)
     per_sample = float((np.diag(always) * (1 - model.a) ** 2)[slope].sum())
@@ -220,8 +229,9 @@ def _power(model: System, always: Array, lam: Array, samples: int) -> Array:
 def _heading_variance(model: System, part: Array, always: Array, P: Array, h: float, times_s: Array) -> Array:
     """Return the mean square of a heading after `part` of the tracked x is subtracted, at each time.
 
-    The angle is row @ x plus noise. The subtracted angle is t part @ E x. The difference is (row - t part) @
-    x, whose mean square is stationary, plus t part @ (x - E x), whose covariance with x is P.
+    After t seconds the angle is row @ x plus noise. The angle that is subtracted is t part @ E x, where E x
+    is the estimate of x at the record's end. Their difference is (row - t part) @ x, whose mean square is
+    stationary, plus t part @ (x - E x), where the error x - E x has the covariance P with x.
     """
     moving = model.a < 1.0
     found = []
@@ -233,7 +243,7 @@ def _heading_variance(model: System, part: Array, always: Array, P: Array, h: fl
 
 
 def _spectra(tau_s: Sequence[float], h: float, lam: Array) -> Array:
-    """Return how much N², K², the bias and each σ² contribute to the spectrum, as columns."""
+    """Return what N², K², the bias's variance and each σ² contribute to the spectrum, as columns."""
     phi = np.exp(-h / np.array(tau_s))
     states = (1 - phi**2) / (1 - 2 * phi * np.cos(lam)[:, None] + phi**2)
     walk = h / (4 * np.sin(lam / 2) ** 2)

@@ -13,7 +13,7 @@ from fltea.spectrum.candidate_models import FittedModel
 from fltea.spectrum.spectral_lines import Peak
 
 AROUND = 4
-"""Length of a period of the drawn noise in records, at least.
+"""Least ratio of the drawn noise's period to the length of the record.
 
 The noise is drawn periodic, and one record is cut out of a period.
 """
@@ -42,11 +42,13 @@ class AxisModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     parts: tuple[AnyPart, ...]
     resonances: tuple[Lorentzian, ...] = ()
-    """Spectral lines and resonances that were left out of the fit; without events at equal intervals."""
+    """Spectral lines and resonances that were left out of the fit. Events at equal intervals are not
+    included.
+    """
     offset_walk: float = 0.0
     """K of the offset's random walk per √s, which the forecast has in addition to the parts.
 
-    0 if one of the parts is a walk.
+    K is 0 if one of the parts is a random walk.
     """
     offset_relaxation: Relaxation | None = None
     """A bounded walk of the offset, which the forecast has in addition to the parts."""
@@ -126,8 +128,8 @@ def draw(model: AxisModel, h: float, n: int, rng: np.random.Generator) -> tuple[
 
     Returns the samples y (n,), and x (n,), the same noise without its white part.
 
-    Oscillations with a period of more than AROUND records are left out, since they act as an offset. Those of
-    a random walk are kept.
+    Oscillations with a period of more than AROUND records are left out, since they act as an offset. The slow
+    oscillations of a random walk are kept.
     """
     return next(draws(model, h, n, rng))
 

@@ -140,7 +140,7 @@ def examine(
     why_no_path = fltea_axis(analysis, series.lsb, options).why_not(h)
     model = modelled(analysis.figures.model, result.peaks, result.std, h)
     curve, drawn, reason = None, None, ""
-    with ThreadPoolExecutor(1) as in_parallel:  # for a long record, this takes as much time as the spectrum
+    with ThreadPoolExecutor(1) as in_parallel:  # the Allan deviation takes as long as the spectrum
         its_curve = in_parallel.submit(allan_of, analysis, series.unit)
         data_checks = checks_of(analysis, series, result, telegraph)
         why = withheld((*known, *data_checks))

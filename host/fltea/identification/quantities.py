@@ -10,7 +10,7 @@ from fltea.spectrum.allan_curve import Allan
 
 
 class Quantities(NamedTuple):
-    """The figures of one axis."""
+    """N, B, K and the bias of one axis."""
 
     N: Quantity
     B: Quantity

@@ -8,9 +8,9 @@ of repeats is the root of
     J = q + (1 - q) Π (m_i - q) / (1 - q)
 
 No assumption on distribution or autocorrelation is needed. Two things make axes agree without a repeat: noise
-whose power changes, and correlated steps (vibration). In the first case, each sample also equals the one
-after the next more often. In both cases, the excess of J over Π m_i, scaled by what the correlation allows,
-is small within each part of the record.
+whose power changes, and correlated steps (vibration). If the power changes, each sample also equals the
+sample after the next one more often. In both cases, J exceeds Π m_i only a little within each part of the
+record, if Π m_i is first multiplied by what the correlation of the steps allows.
 
 For a single axis, the expected share of equal neighbours follows from the shares of steps of one and two
 counts.
@@ -31,7 +31,7 @@ Equal = NDArray[np.bool_]
 PARTS = 32
 """Number of parts of the record; their scatter gives the error for any autocorrelation."""
 SIGNIFICANT = 5.5
-"""Threshold for Student's t with PARTS - 1 degrees of freedom; chance exceeds it once in 400,000."""
+"""Threshold for Student's t with PARTS - 1 degrees of freedom; chance exceeds it once in 400,000 cases."""
 LEAST_DETERMINANT = 1e-3
 """Least determinant of the correlation of the axes' steps; axes that are more alike count as one axis."""
 HALVINGS = 40
@@ -40,7 +40,7 @@ FINE_COUNTS = 3.0
 UNIFORM_LSB = 0.7
 """σ in LSB above which the signal is spread evenly between two counts, also with heavy tails.
 
-The sums of neighbours have to be spread as evenly; of white noise they are larger by √2.
+The sums of neighbours have to be spread as evenly. In white noise the σ of the sums is larger by √2.
 """
 LONG = 1 << 20
 """Number of steps above which the correlation is computed from evenly spaced ones only."""
@@ -56,12 +56,12 @@ TAILS = 1.15
 _STEPS = np.geomspace(0.6, 2 * FINE_COUNTS, 400)
 """Standard deviations of steps before rounding [LSB] for which shares of equal neighbours are computed.
 
-Below these, heavy tails alone produce steps of two counts.
+With smaller standard deviations, only heavy tails produce steps of two counts.
 """
 
 
 class Repeats(NamedTuple):
-    """Counts of samples that equal the sample before on every axis."""
+    """How many samples equal the sample before on every axis."""
 
     same: int
     pairs: int
@@ -69,7 +69,7 @@ class Repeats(NamedTuple):
     expected: float
     """Number of equal pairs that chance would give."""
     found: bool
-    """Whether there are more equal pairs than by chance."""
+    """Whether there are more equal pairs than chance explains."""
     change_every: float | None = None
     """Number of samples from one change of the values to the next, if they change at a steady rate."""
 
@@ -119,7 +119,7 @@ def _of_several(near: NDArray[np.bool_], far: NDArray[np.bool_], steps: list[NDA
 def _alike(steps: list[NDArray[np.float32]], moved: Equal) -> float:
     """Return by what factor correlated steps make axes agree more often than independent ones."""
     if int(moved.sum()) < PARTS or not all(one[moved].var(dtype=np.float64) > 0 for one in steps):
-        return 1.0  # the numbers are too small to be squared
+        return 1.0  # steps so small that their squares are 0
     correlation = np.atleast_2d(np.corrcoef([one[moved] for one in steps]))
     return float(1 / math.sqrt(max(float(np.linalg.det(correlation)), LEAST_DETERMINANT)))
 
@@ -185,7 +185,8 @@ def _of_one_axis(samples: Array, count: float | None) -> Repeats:
     if spread >= FINE_COUNTS:
         expected = pairs / (spread * math.sqrt(2 * math.pi))
         return Repeats(same, pairs, expected, same > 3 + 1.5 * expected + 6 * math.sqrt(expected), every)
-    # Neighbours of opposite sign, both near the middle of a count, are equal however large their steps are.
+    # Two neighbours on opposite sides of the middle of a count are rounded to the same count, although the
+    # step between them may be large. The sums of such neighbours vary little, so their spread is tested, too.
     sums = samples[1:] + samples[:-1]
     if min(float(samples.std()), float(sums.std()) / math.sqrt(2)) < UNIFORM_LSB * count:
         return Repeats(same, pairs, float(same), False, every)

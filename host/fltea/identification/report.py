@@ -50,7 +50,7 @@ def write(folder: Path, reports: Sequence[FileReport]) -> list[Path]:
 
 
 def _prefixes(reports: Sequence[FileReport]) -> list[str]:
-    """Return a prefix of file names for each recording; prefixes that would be equal are numbered."""
+    """Return for each recording the prefix of its files' names; prefixes that would be equal are numbered."""
     found: list[str] = []
     for report in reports:
         stem = re.sub(r"[^A-Za-z0-9_.-]+", "_", Path(report.name).stem).strip("._") or "recording"

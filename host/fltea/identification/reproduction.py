@@ -20,10 +20,12 @@ from fltea.spectrum.allan_curve import Allan
 CLOSE = 0.1
 """Relative error of the model's Allan deviation that is always accepted.
 
-The model's parameters are not known any better.
+The model's parameters are not known any better than this.
 """
 SPREADS = 4.0
-"""Accepted number of standard deviations of the model's records, in view of about forty compared points."""
+"""The model is accepted at a point if the ratio is within this many standard deviations of the ratio over the
+model's records. The number is large, since about forty points are compared.
+"""
 NARROW = 0.2
 """Ratio of width to frequency below which a resonance counts as a spectral line, since it rings for long."""
 
@@ -42,7 +44,9 @@ class Reproduction(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     high: tuple[float, ...]
     """The 95 % quantile of the ratio over these records."""
     within: tuple[bool, ...]
-    """Whether the median is within 10 % of the data, or within four standard deviations of such records."""
+    """Whether the median ratio is within 10 % of 1, or within four standard deviations of the ratio over
+    these records.
+    """
     from_s: float | None
     to_s: float | None
     text: str
@@ -61,8 +65,8 @@ def reproduction(curve: Allan, h: float, model: AxisModel) -> Reproduction:
     low, middle, high = (
         np.sqrt(chi2_quantile(p, degrees) / degrees) * deviation / data for p in (0.05, 0.5, 0.95)
     )
-    # The square of the deviation is chi-squared distributed, and its logarithm has twice the standard
-    # deviation.
+    # The square of the Allan deviation is chi-squared distributed. The logarithm of the square has twice the
+    # standard deviation of the logarithm of the deviation.
     spread = chi2_log_std(degrees) / 2
     within = np.abs(np.log(middle)) <= np.maximum(math.log1p(CLOSE), SPREADS * spread)
     longest = _longest(within)
