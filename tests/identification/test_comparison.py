@@ -88,7 +88,7 @@ def test_what_differs_has_a_star_and_a_sentence(alike: AxisReport) -> None:
     assert starred == ["N [deg/√h]"]
     first, others, last = said(reports)
     assert first.startswith("N of b.npz differs from that of a.npz by more than chance: gyro_x (× 1.5 (1.4")
-    assert others == "Others whose intervals are known differ by no more than chance."
+    assert others == "Other figures whose intervals are known differ by no more than chance."
     assert last.startswith("Not compared")
 
 

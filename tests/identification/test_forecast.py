@@ -28,7 +28,7 @@ def test_a_right_model_holds() -> None:
     assert min(one.pieces for one in found.heading) >= 5
     text = said(found, "deg/s")
     assert text.startswith("The first half's forecast holds in the second half up to ")
-    assert " Bias(10 s) holds: the mean of the rate is 0.0" in text
+    assert " Bias(10 s) holds: the σ of the rate's mean about it is 0.0" in text
 
 
 def test_a_model_that_drifts_too_little_fails_in_a_sentence() -> None:
@@ -37,7 +37,7 @@ def test_a_model_that_drifts_too_little_fails_in_a_sentence() -> None:
     assert any(one.fails for one in pieces.heading)
     text = said(pieces, "deg/s")
     assert text.startswith("The heading drifts faster than predicted: ")
-    assert " s) fails: the mean of the rate is " in text
+    assert " s) fails: the σ of the rate's mean about it is " in text
 
 
 def test_beyond_half_a_turn_no_angle_is_said() -> None:

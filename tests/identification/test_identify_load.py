@@ -48,7 +48,7 @@ def test_all_stretches(tmp_path: Path) -> None:
     assert (c.lost, c.gaps, c.bridged) == (3, 1, 3)
     (data_check,) = found.data_checks
     assert data_check.kind == "gaps"
-    assert "500 of 500 samples, in 3 stretches, are used. 3 lost ones are filled in" in data_check.text
+    assert "500 of 500 samples, in 3 stretches, are used. 3 lost samples are filled in" in data_check.text
 
 
 def test_so_many_short_gaps_are_bridged_by_nothing(tmp_path: Path) -> None:

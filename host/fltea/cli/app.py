@@ -192,7 +192,7 @@ def simulate(
     out: Annotated[Path, typer.Argument(metavar="FILE.csv|FILE.npz", help="File to write.")],
     alpha: Annotated[float, typer.Option(help="Order α; at the first sample if --alpha-end is given.")] = 0.3,
     alpha_end: Annotated[
-        float | None, typer.Option(help="Order at the last sample: it varies linearly between.")
+        float | None, typer.Option(help="Order at the last sample. It varies linearly from --alpha.")
     ] = None,
     f: Annotated[float, typer.Option("--f", help="Parameter f in s^-α, 0 or below.")] = -1.5,
     q: Annotated[

@@ -96,7 +96,8 @@ def parse_program(text: str) -> tuple[str, float | None]:
         seconds = 0.0
     if not 0.1 <= seconds <= 1e6:
         raise UsageError(
-            f"--for {text}: give the time for which the heading has to hold, 0.1 to 1,000,000 s: {name}@300."
+            f"--for {text}: give the time up to which the heading's error must not be underestimated, 0.1 to "
+            f"1,000,000 s: {name}@300."
         )
     return name, seconds
 

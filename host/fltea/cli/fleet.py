@@ -104,7 +104,7 @@ class HistoryOptions:
     history_every: Annotated[
         str,
         typer.Option(
-            metavar="TIME", help="Time between fits of an axis that are kept; changes of verdict always are."
+            metavar="TIME", help="Least time between kept fits of an axis; a new verdict is always kept."
         ),
     ] = "10min"
     keep: Annotated[str, typer.Option(metavar="TIME", help="How long history and sensors are kept.")] = "720h"
@@ -121,7 +121,8 @@ class SensorOptions:
         str, typer.Option(metavar="TIME", help="Time between comparisons of all sensors.")
     ] = "5s"
     most: Annotated[
-        int, typer.Option("--max-sensors", help="Most sensors that are kept; further ones are counted.")
+        int,
+        typer.Option("--max-sensors", help="Most sensors that are kept; further sensors are only counted."),
     ] = 20_000
 
 

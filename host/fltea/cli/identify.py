@@ -78,7 +78,7 @@ def identify(
     requests = _requests(files, config, accel=export.has_both_sensors)
     for_one = [*exported.flags, *flags_in_use(export, "for_program")]
     if len(requests) > 1 and for_one:
-        raise UsageError(f"for one recording alone, {len(requests)} were given: {', '.join(for_one)}.")
+        raise UsageError(f"for one recording alone: {', '.join(for_one)}. You gave {len(requests)}.")
     forecast = asked or exported.inflation == "auto"
     reports = _run(requests, _settings(options, config, shown, forecast=forecast), work)
     if part is not None:

@@ -190,8 +190,8 @@ class ExportOptions:
             metavar="NAME[@S]",
             help="Print only the noise settings of a program, in its own names and units: "
             "kalibr, openvins, vins-fusion, okvis2, kf-gins, gtsam, robot_localization, px4, ardupilot, "
-            "matlab-imusensor or gnss-ins-sim. Noise that its settings cannot express is bounded for a "
-            "heading of S seconds (60).",
+            "matlab-imusensor or gnss-ins-sim. If its settings cannot express some of the noise, they do not "
+            "underestimate the heading's error over S seconds (60).",
         ),
     ] = None
     gauss_markov: Annotated[

@@ -54,7 +54,7 @@ class FilterOptions:
     ] = "triple"
     guard: Annotated[
         Literal["off", "faithful", "consistent"],
-        typer.Option(help="`off` is the printed algorithm, which can diverge."),
+        typer.Option(help="`off` is the algorithm as the paper prints it, which can diverge."),
     ] = "off"
     memory: Annotated[
         Literal["direct", "compressed"],
@@ -78,7 +78,7 @@ class DataOptions:
         Path | None,
         typer.Option(
             metavar="DIR",
-            help="Folder for PNGs, tables.md, and a CSV a table; with figures by default fltea-reproduce.",
+            help="Folder for PNGs, tables.md and a CSV per table. [default with figures: fltea-reproduce]",
         ),
     ] = None
     recording: Annotated[

@@ -203,7 +203,7 @@ def _below(system: Any, protocol: str, folder: str, depth: int | None) -> Iterat
             continue
         seen.add(now)
         if level > MOST_LEVELS:
-            reason = f"lies {MOST_LEVELS} folders deep; does the server make folders up? Name the one below"
+            reason = f"lies {MOST_LEVELS} folders deep; does the server make folders up? Name a deeper folder"
             yield Unlisted(File(_url(protocol, now), protocol, now, -1, ""), reason)
             continue
         try:

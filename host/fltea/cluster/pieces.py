@@ -70,7 +70,7 @@ def write_piece(file: File, cut: Cut, folder: Path) -> Path:
         while left:
             data = source.read(min(left, COPY_BYTES))
             if not data:
-                raise FlteaError(f"{file.url}: ends {left} bytes before it did when it was listed.")
+                raise FlteaError(f"{file.url}: lacks {left} bytes that it had when it was listed.")
             out.write(data)
             left -= len(data)
         out.write(cut.tail)

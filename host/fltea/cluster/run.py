@@ -130,7 +130,7 @@ class _Loop(HandOut[_Task]):
         elif isinstance(result, BaseException):
             self._fail(task, f"{type(result).__name__}: {result}", again=True)
         elif not self._is_answer(task, result):
-            reason = f"the worker's answer is none to what it was asked (a {type(result).__name__})"
+            reason = f"the worker's answer (a {type(result).__name__}) does not belong to its task"
             self._fail(task, f"{reason}. Does it have the same fltea as this machine?", again=True)
         elif task.do is cuts_of:
             self._cut(file, result)

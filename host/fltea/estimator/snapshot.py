@@ -48,7 +48,7 @@ class OnlineState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                 raise ValueError(f"its {name} has {len(values)} numbers for {len(axes)} axes")
         for axis, bias, R in zip(axes, self.bias_dps, self.R, strict=True):
             if not abs(bias) <= _native.LARGEST_OFFSET:
-                raise ValueError(f"its bias of {axis} cannot be ({bias:g})")
+                raise ValueError(f"its bias of {axis} is impossible ({bias:g})")
             if not (math.isfinite(R) and 1 / LARGEST <= R <= LARGEST):
                 raise ValueError(f"its R of {axis} is no variance ({R:g})")
         for axis, Q in zip(axes, self.Q or (), strict=False):

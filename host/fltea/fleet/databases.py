@@ -246,7 +246,7 @@ class Postgres:
         except self.of_a_row:  # another server, which has not reached that number
             return False
         if status == "in progress":
-            raise self._library.OperationalError("what was written last is still under way")
+            raise self._library.OperationalError("the transaction that was written last is still under way")
         return bool(status == "committed")
 
     def delete_older(self, table: str, before_unix_s: float, most: int) -> int:

@@ -7,7 +7,7 @@ from msgspec.structs import replace
 from fltea.identification.axis import AxisResult
 from fltea.identification.sensor_events import BiasStep
 
-CURE_FIRST = "The data are bad: mend that first; no figure holds before."
+CURE_FIRST = "The data are bad. Correct that first: until then no figure is valid."
 
 EXPECT_STEPS = "A filter needs its density N, and has to expect further steps of the bias like those found."
 

@@ -190,7 +190,7 @@ def said(reports: Sequence[FileReport]) -> list[str]:
     if known and not found:
         found.append("No figure whose interval is known differs by more than chance.")
     elif len(known) > len(differing):
-        found.append("Others whose intervals are known differ by no more than chance.")
+        found.append("Other figures whose intervals are known differ by no more than chance.")
     if len(known) < len(pairs):
         unknown = dict.fromkeys(one.figure for one in pairs if one.differs is None)
         found.append(f"Not compared, as an interval is not known: {', '.join(unknown)} of some axes.")

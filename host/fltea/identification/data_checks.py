@@ -143,7 +143,7 @@ def timing_data_checks(c: Counts, rate_hz: float, clock_ppm: float | None) -> It
         done = [f"{c.used} of {c.samples} samples, in {c.stretches} stretches, are used."]
         if c.bridged:
             done.append(
-                f"{c.bridged} lost ones are filled in at random between their neighbours; "
+                f"{c.bridged} lost samples are filled in at random between their neighbours; "
                 "longer gaps are not."
             )
         if c.used < c.samples:
@@ -290,7 +290,8 @@ def _median_or_outliers(y: Array, h: float, lsb: float | None, unit: str, gaps: 
             "warning",
             f"The samples have been through {found.words}: {found.share:.0%} of them equal the sample "
             "before, beyond what rounding explains.",
-            "Record without that filter: it is not linear, and corners and fast parts describe its shape.",
+            "Record without that filter: it is not linear, and corner frequencies and fast parts of the "
+            "noise describe the filter, not the sensor.",
         )
 
 

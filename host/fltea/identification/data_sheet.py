@@ -199,7 +199,8 @@ def compare(
         counting = 0.0 if lsb is None else lsb / math.sqrt(12 * half)
         if counting**2 > SEEN * value**2:
             text += (
-                f" Rounding to counts of {lsb:.3g} deg/s gives {counting:.2g} of it: choose a finer range."
+                f" Rounding to counts of {lsb:.3g} deg/s alone has a density of {counting:.2g} (deg/s)/√Hz: "
+                "choose a finer range."
             )
     return SheetComparison(name, sheet.source, typical, density, ratio, kind, text)
 

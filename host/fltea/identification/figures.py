@@ -292,7 +292,7 @@ TITLES = {
     ),
     "f": (
         "FLTEA's f over time",
-        "Grey: what the same algorithm gives for white noise of the same distribution, as of α.",
+        "Grey: what the same algorithm gives for white noise of the same distribution, as in α's picture.",
     ),
     "allan": (
         "Allan deviation",

@@ -103,17 +103,17 @@ def _said(
         for part, what in ((fast, "white noise"), (slow, "a walk"))
         if part
     ]
-    more = "what it is" if ratio < 1.05 else f"{ratio:.2g} times what it is"
+    more = "as large as it is" if ratio < 1.05 else f"{ratio:.2g} times as large as it is"
     return (
-        f"{' and '.join(forms)}, since this program has no term of its own for that. The heading is off by "
-        f"no more than that says, which is {more} after {duration(t_s)}."
+        f"{' and '.join(forms)}, since this program has no term of its own for that. So the heading's "
+        f"error is not underestimated: after {duration(t_s)} these figures make it {more}."
     )
 
 
 def _time(K: Shown, tau_s: float) -> Shown:
     if K.value is None:
-        return Shown(None, "there is no state to have one")
-    return Shown(tau_s, "far above what a walk is used for" if tau_s == LONG_S else "")
+        return Shown(None, "K is not known, and this is the correlation time of a state in place of it")
+    return Shown(tau_s, "so long that the state acts as a random walk" if tau_s == LONG_S else "")
 
 
 def _instability(B: Coefficient | None) -> Shown:

@@ -41,7 +41,9 @@ P = TypeVar("P", Piece, BiasPiece)
 
 BIAS_S = 10.0
 """Longest time T for which the text shows Bias(T) [s]."""
-AS_FILTERED = "It holds for the samples as they are, behind the high-pass: the sensor itself drifts more."
+AS_FILTERED = (
+    "The forecast is for the samples as they are, after the high-pass: the sensor itself drifts more."
+)
 
 
 class BiasAtEnd(NamedTuple):
@@ -356,8 +358,8 @@ def _of_bias(pieces: Sequence[BiasPiece], unit: str) -> str:
     failed = _worst(pieces)
     one = failed or max((one for one in pieces if one.t_s <= BIAS_S), key=lambda one: one.t_s)
     figures = (
-        f"the mean of the rate is {one.said:.2g} {unit} about it as predicted, {one.seen:.2g} {unit} as seen "
-        f"({one.pieces} pieces)"
+        f"the σ of the rate's mean about it is {one.said:.2g} {unit} as predicted, {one.seen:.2g} {unit} as "
+        f"seen ({one.pieces} pieces)"
     )
     return f"Bias({one.t_s:g} s) {'holds' if failed is None else 'fails'}: {figures}."
 

@@ -286,7 +286,7 @@ def _alternating(seen: Mapping[str, Axis], h: float) -> Iterator[DataCheck]:
         "bad" if worst.severe and long else "warning",
         f"The rows alternate: every {ORDINALS[worst.sensors]} sample is of another kind, since "
         f"{', '.join(found)} alternate between {worst.what}.",
-        f"Are there {worst.sensors} sensors by turns in these rows, or rows computed between others? Choose "
+        f"Are there {worst.sensors} sensors by turns in these rows, or rows computed from others? Choose "
         f"one (--sensor 1/{worst.sensors} takes the first of {worst.sensors} in turns). If neither is so, it "
         f"is a disturbance at exactly {1 / h / worst.sensors:.4g} Hz.",
     )

@@ -10,7 +10,7 @@ from fltea.noise.system import System
 from fltea.spectrum.wording import duration
 
 NO_FILTER = "no filter works with this noise, so its random walk is not known"
-CONSTANT = "the offset is as good as constant here; a record ten times as long tells a tenth of the bound"
+CONSTANT = "the offset is as good as constant here; with a record ten times as long the bound is a tenth"
 NOT_TOLD = "the record is too short to tell a random walk from a constant offset"
 TAKEN_OUT = "a high-pass has removed the walk (AC coupling, an auto-zero): the sensor itself may have one"
 MATTERS, MOST = 1.1, 3
