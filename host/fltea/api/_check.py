@@ -127,7 +127,8 @@ class Scale(NamedTuple):
 def scale(unit: str | None, y: Array | None = None, rate_hz: float | None = None) -> Scale:
     """Return the scale of the unit that a caller states.
 
-    If no unit is stated, the error shows the mean and noise of `y` at `rate_hz` in each unit.
+    If no unit is stated, the error's text shows the mean and the noise that `y` would have in each unit.
+    `rate_hz`: sampling rate [Hz].
 
     Raises:
         ValueError: no unit is stated, or the unit is not known.

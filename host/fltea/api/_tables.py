@@ -39,7 +39,7 @@ class ByAxis(Mapping[str, T_co]):
     def to_pandas(self) -> "pd.DataFrame":
         """Return a table with one row for each axis.
 
-        Its columns are the verdict, and each figure with the ends of its interval.
+        The columns are the verdict, and each figure with the ends of its interval.
 
         Raises:
             UsageError: pandas is not installed.

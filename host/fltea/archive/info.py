@@ -169,7 +169,7 @@ def _open(
 class _Longest(NamedTuple):
     """The epoch with the most samples.
 
-    The sampling rate [Hz] and the clock deviation [ppm] are those at its end.
+    The sampling rate [Hz] and the clock deviation [ppm] are the values at the end of this epoch.
     """
 
     samples: int = 0

@@ -1,6 +1,6 @@
 """Turns records that were published during a recording into table rows.
 
-They are estimates, fits, steps and motions.
+These records are estimates, fits, steps and motions.
 """
 
 from collections.abc import Iterator, Sequence

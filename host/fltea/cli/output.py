@@ -34,8 +34,8 @@ BAR_AFTER_S = 2.0
 def progress_bar(total: int | None = None) -> Iterator[Callable[..., None]]:
     """Show a progress bar on stderr after `BAR_AFTER_S`, if stderr is a terminal.
 
-    It yields a function to report progress. Its arguments are a text, and `advance`, `completed` or `total`
-    with the meaning that they have for rich's `Progress.update`.
+    The context yields a function to report progress. The function's arguments are a text, and `advance`,
+    `completed` or `total` with the meaning that they have for rich's `Progress.update`.
     """
     if not sys.stderr.isatty():
         yield lambda text, **far: None

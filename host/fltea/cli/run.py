@@ -14,9 +14,10 @@ def run(
 ) -> None:
     """Watch a sensor live, or replay a recording: the noise of each axis and its bias, sample by sample.
 
-    It draws a live table on a terminal, or writes one JSON object per line (host/docs/reference/records.md):
-    verdict, order α and parameter f with intervals, bias and state with σ, and the heading error to expect.
-    If a device is missing or falls silent, the program reports that and waits for the device.
+    The command draws a live table on a terminal, or writes one JSON object per line
+    (host/docs/reference/records.md): verdict, order α and parameter f with intervals, bias and state with σ,
+    and the heading error to expect. If a device is missing or falls silent, the program reports that and
+    waits for the device.
 
     For example:
 

@@ -1,6 +1,6 @@
 """Limits the length of web servers' answers.
 
-This concerns answers that are read completely: a list of links, or a range of a file.
+The limits are for answers that are read completely: a list of links, or a range of a file.
 
 This module imports aiohttp, which fsspec needs for the web.
 """

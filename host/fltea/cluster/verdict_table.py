@@ -115,7 +115,7 @@ class VerdictTable:
                 self._bytes += taken
                 line = line[taken:]
         except OSError as error:
-            os.ftruncate(self._journal, before)  # removes an incomplete line
+            os.ftruncate(self._journal, before)  # removes the incomplete line
             self._bytes = before
             raise FlteaError(f"{self._folder}: cannot be written ({error.strerror}).") from error
         self._note(_key(rows[0]), (row.error for row in rows))

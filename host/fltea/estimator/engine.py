@@ -141,7 +141,7 @@ class Engine:
     def run(self, y: ArrayLike, u: ArrayLike | None = None, missing: ArrayLike | None = None) -> Estimates:
         """Process n samples of every lane; all arguments are (n, lanes).
 
-        The results are those of n calls of `step`, bit by bit.
+        The results equal those of n calls of `step`, bit by bit.
         """
         measured, drive, gone = as_rows(self.lanes, y, u, missing)
         out = np.empty((8, *measured.shape))
@@ -166,7 +166,7 @@ class Engine:
     def reset(self, mask: ArrayLike | None = None) -> None:
         """Restart the lanes in `mask` (lanes,), by default all lanes.
 
-        They begin with the initial estimates and an empty memory.
+        Restarted lanes begin with the initial estimates and an empty memory.
         """
         flags = np.ones(self.lanes, dtype=bool) if mask is None else np.ascontiguousarray(mask, dtype=bool)
         if flags.shape != (self.lanes,):

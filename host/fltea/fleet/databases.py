@@ -53,7 +53,7 @@ Row = tuple[Any, ...]
 class Sqlite:
     """A database in a file, used by one thread at a time.
 
-    Its write-ahead log (WAL) guarantees that a transaction is complete or absent after a crash.
+    The database's write-ahead log (WAL) guarantees that a transaction is complete or absent after a crash.
 
     `path`: the database file; None keeps at most `MEMORY_ROWS` rows of each table in memory.
     `name`: name of the database for messages, without secrets.

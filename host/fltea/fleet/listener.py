@@ -72,7 +72,7 @@ class Listener:
     def fetch(self, device_ids: list[str]) -> None:
         """Subscribe to the retained messages of some sensors.
 
-        This ends the subscription of the previous call.
+        Each call ends the subscription of the previous call.
 
         Not all sensors are requested at once, since the broker would drop most messages. Mosquitto queues
         only 1,000 messages for a client that reads more slowly than the broker sends, and a fit has 25 kB.

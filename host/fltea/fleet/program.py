@@ -26,8 +26,8 @@ from fltea.settings.mqtt import MqttConfig
 ASK_AT_ONCE, ASK_TIMES, ASK_EVERY_S = 200, 3, 30.0
 """Limits for requests to the broker to send retained messages again.
 
-They are the number of sensors in one call of `turn`, the number of requests for a sensor whose messages do
-not come, and the time between such requests [s].
+The limits are the number of sensors in one call of `turn`, the number of requests for a sensor whose messages
+do not come, and the time between such requests [s].
 """
 
 MOST_UNSENT = 10_000

@@ -22,7 +22,7 @@ from fltea.spectrum.allan_curve import Allan
 
 
 class Failure(msgspec.Struct, frozen=True):
-    """The reason why there is no result."""
+    """The reason why there is no result for an axis or a recording."""
 
     error: str
 

@@ -46,7 +46,7 @@ class WithoutComb(NamedTuple):
     stretches: list[Stretch]
     shape: Literal["glitch", "wave"]
     share: float
-    """Share of the record's power that was in the comb."""
+    """Fraction of the record's power that was in the comb."""
     samples: int
     """Length of the glitch in samples; 0 for a wave."""
     size: float

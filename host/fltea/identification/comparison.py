@@ -74,7 +74,7 @@ def figures(axis: AxisReport) -> list[Figure]:
 
 
 def compared(reports: Sequence[FileReport]) -> list[Compared]:
-    """Compare each figure of each axis with that of the first recording that has the axis."""
+    """Compare each figure of each axis with the same figure of the first recording that has the axis."""
     pairs = []
     for name, axes in _axes(reports):
         (against, first), *others = axes.items()

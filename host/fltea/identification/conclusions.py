@@ -1,7 +1,7 @@
 """Compute bias, forecast and a plain Kalman filter from the model that the tracker uses for an axis.
 
-This is done once all axes of a recording are analysed, since the axes of a sensor may share one figure for
-the random walk of the offset.
+These conclusions are drawn after all axes of a recording were analysed, since the axes of a sensor may share
+one figure for the random walk of the offset.
 """
 
 import contextlib
@@ -46,7 +46,7 @@ class Conclusions(NamedTuple):
 def tracked_of(analysis: AxisAnalysis, telegraph: Telegraph | None = None) -> FittedSystem | None:
     """Return the state-space system that the tracker uses for one axis.
 
-    None if no filter works with its noise.
+    The result is None if no filter works with the noise of the axis.
 
     `telegraph`: levels that were subtracted before the analysis; the system describes them, too.
     """

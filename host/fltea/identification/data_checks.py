@@ -54,7 +54,7 @@ FINER = {
     "m/s²": "±2 g has eight times the resolution of ±16 g",
 }
 LINE_SHARE = 0.01
-"""Share of the power above which a spectral line is reported as a warning."""
+"""Fraction of the noise's power above which a spectral line is reported as a warning."""
 
 
 class DataCheck(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

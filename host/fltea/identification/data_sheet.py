@@ -56,7 +56,7 @@ Data sheets rarely state a maximum.
 """
 MUCH = 2.0
 SEEN = 0.1
-"""Share of the noise's power above which a cause of additional noise is mentioned."""
+"""A cause of additional noise is mentioned if it explains more than this fraction of the noise's power."""
 BEST, WORST = 1e-7, 1.0
 """Range in which the densities of all gyroscopes lie [(deg/s)/√Hz]."""
 GIVEN = "given by --sheet"
@@ -133,7 +133,7 @@ def _density(text: str) -> float | None:
 def on_their_sides(values: Sequence[float], limits: Sequence[float]) -> list[str]:
     """Format numbers with three digits.
 
-    More digits are used if rounding would move a number across a limit.
+    More digits are used if rounding would move a number to the other side of one of the limits.
     """
     for digits in range(3, 17):
         found = [f"{value:.{digits}g}" for value in values]
@@ -173,7 +173,7 @@ def compare(
     density = Interval(value, min(value, max(low, value**2 / high)), high)
     half = rate_hz / 2
     folded = max((low_pass_hz or half) / half, 1.0) ** 0.5
-    # Compare with the limits after rounding to three digits, as they are printed.
+    # The limits are rounded to three digits before the comparison, as the text shows them.
     most, least = (float(f"{one:.3g}") for one in (SCATTER * folded, 1 / SCATTER))
     ratio, lowest, highest = (one / typical for one in (value, density.low or 0.0, high))
     kind: SheetKind = "as good"
@@ -208,7 +208,7 @@ def compare(
 def _shown(density: Interval, per: float, limits: Sequence[float]) -> str:
     """Format a density and its interval, both divided by `per`.
 
-    Rounding moves no number across a limit.
+    The numbers are rounded, but none is moved to the other side of one of the `limits`.
     """
     rounded = [float(f"{one:.12g}") for one in limits]
     ends = (density.value or 0.0, density.low or 0.0, density.high or 0.0)

@@ -20,7 +20,7 @@ ALTERNATE = 0.9
 AGREE = 5.0
 """Largest scatter of the step sizes in popcorn noise.
 
-It is the mean square difference of the sizes from their median, divided by the expected one.
+The scatter is the mean square difference of the sizes from their median, divided by the expected mean square.
 
 The limit is above 1, since the σ of steps that follow each other quickly is understated.
 """

@@ -23,7 +23,7 @@ from fltea.spectrum.wording import duration, listed
 LONG_S = 4 * 3600.0
 """The correlation time of a Gauss–Markov state that replaces a random walk [s].
 
-It is much longer than the filter runs without new samples at rest.
+This time is much longer than a filter runs without new samples at rest.
 """
 NEGLIGIBLE = 0.1
 """K is negligible if it is at most this multiple of the K of the random walk that replaces the slow states.

@@ -67,7 +67,8 @@ def limited(y: Array) -> Array:
 
     Samples far from the mean of their chunk are moved nearer to it.
 
-    Otherwise a few large outliers close together would add a spectrum of their own to that of the noise.
+    If the outliers were kept, a few large ones close together would add their own spectrum to the spectrum of
+    the noise.
     """
     chunks = len(y) // CHUNK
     if not chunks:

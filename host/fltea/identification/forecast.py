@@ -92,7 +92,7 @@ Asked = bool | Goal | Drive | Sequence[Goal | Drive]
 def asked_by(forecast: bool, rest_for: str | None, drive_for: str | None) -> Asked:
     """Return what the options ask for.
 
-    They are --forecast, --rest-for DEG@SECONDS and --drive-for DEG@SECONDS.
+    The options are --forecast, --rest-for DEG@SECONDS and --drive-for DEG@SECONDS.
 
     Raises:
         UsageError: the text of an option is not DEG@SECONDS.
@@ -286,7 +286,7 @@ def with_goal(found: Forecast, model: System, h: float, goal: Goal, unit: str) -
 
 
 def with_drive(found: Forecast, model: System, h: float, drive: Drive, unit: str) -> Forecast:
-    """Return the forecast with the time for which the heading is good enough for this drive."""
+    """Return the forecast with the time for which the heading is good enough for the question in `drive`."""
     drive_s = drive_for(model, h, drive.rest_s, drive.within / NORMAL_95)
     if drive_s is None:
         time = "for more than an hour"
@@ -323,7 +323,7 @@ def integral(unit: str) -> str:
 
 
 def said(found: Judgement, unit: str) -> str:
-    """Return in sentences how good the forecast was."""
+    """Return sentences on how well the second half agrees with the forecast."""
     if not found.heading:
         return f"The second half is too short to check a forecast: a check needs {FEWEST} pieces of a second."
     return f"{_of_heading(found.heading, unit)} {_of_bias(found.bias, unit)}"
@@ -353,7 +353,8 @@ def _of_heading(pieces: Sequence[Piece], unit: str) -> str:
 def _of_bias(pieces: Sequence[BiasPiece], unit: str) -> str:
     """Return a sentence on the forecast of the bias.
 
-    It is for the time that fails worst or, if none fails, for the longest time up to `BIAS_S`.
+    The sentence is on the T at which Bias(T) fails worst or, if it never fails, on the longest T up to
+    `BIAS_S`.
     """
     failed = _worst(pieces)
     one = failed or max((one for one in pieces if one.t_s <= BIAS_S), key=lambda one: one.t_s)
@@ -365,5 +366,5 @@ def _of_bias(pieces: Sequence[BiasPiece], unit: str) -> str:
 
 
 def _worst(pieces: Sequence[P]) -> P | None:
-    """Return the failed judgement with the largest deviation, or None."""
+    """Return the failed judgement with the largest deviation; None if no judgement failed."""
     return max((one for one in pieces if one.fails), key=lambda one: abs(one.deviations), default=None)

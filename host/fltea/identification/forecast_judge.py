@@ -76,7 +76,7 @@ class Piece(msgspec.Struct, frozen=True):
 class BiasPiece(msgspec.Struct, frozen=True):
     """How well Bias(t_s) was predicted, over pieces (time spans) of `t_s` seconds.
 
-    It is the constant to subtract during these seconds.
+    Bias(t_s) is the constant to subtract during these seconds.
     """
 
     t_s: float

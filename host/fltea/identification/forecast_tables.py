@@ -10,7 +10,7 @@ BIAS_HEADINGS = ("σ", "N/√T", "predicted", "seen", "within 95 %", "pieces", "
 def forecast_rows(axis: AxisReport) -> list[tuple[str, ...]]:
     """Return the predicted and the observed error of the heading for each time, as rows of a table.
 
-    Its column headings are `FORECAST_HEADINGS`.
+    The column headings of the table are `FORECAST_HEADINGS`.
     """
     if axis.forecast is None:
         return []
@@ -30,7 +30,7 @@ def forecast_rows(axis: AxisReport) -> list[tuple[str, ...]]:
 def bias_rows(axis: AxisReport) -> list[tuple[str, ...]]:
     """Return the predicted and the observed error of Bias(T) for each time, as rows of a table.
 
-    Its column headings are `BIAS_HEADINGS`; the unit is that of the axis.
+    The column headings of the table are `BIAS_HEADINGS`. Values are in the unit of the axis.
     """
     if axis.forecast is None:
         return []
@@ -47,7 +47,7 @@ def bias_rows(axis: AxisReport) -> list[tuple[str, ...]]:
 
 
 def forecast_tables(axis: AxisReport) -> list[tuple[tuple[str, ...], list[tuple[str, ...]]]]:
-    """Return headings and rows of those of these tables that are not empty."""
+    """Return headings and rows of the tables on heading and bias, without empty tables."""
     of_bias = (f"Bias in {axis.unit}, for", *BIAS_HEADINGS)
     tables = (FORECAST_HEADINGS, forecast_rows(axis)), (of_bias, bias_rows(axis))
     return [(headings, rows) for headings, rows in tables if rows]

@@ -88,7 +88,7 @@ def bridge(n: int, gaps: Gaps) -> int:
 def cut(n: int, gaps: Gaps, longest: int) -> list[tuple[int, int, int]]:
     """Return the parts of a record between gaps of more than `longest` samples.
 
-    Each part is its begin, its end, and the number of samples missing before it.
+    Each part is given by its begin, its end, and the number of samples missing before it.
     """
     broken = (gaps.missing == 0) | (gaps.missing > longest)
     edges = [0, *gaps.at[broken].tolist(), n]

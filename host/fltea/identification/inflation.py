@@ -42,7 +42,7 @@ def own_inflation(axes: Mapping[str, Foretold], up_to_s: float) -> Inflation:
 
     Args:
         axes: axes with their forecasts.
-        up_to_s: time for which the heading has to hold [s]. A time counts if it has at least `MANY` pieces.
+        up_to_s: longest time span that is checked [s]. A time span counts if it has at least `MANY` pieces.
 
     Raises:
         UsageError: the second half of an axis is too short to judge, or there is no forecast for it.

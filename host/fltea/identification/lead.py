@@ -42,7 +42,7 @@ def _level(axis: AxisReport) -> list[str]:
 def _bias(now: Now, unit: str, *, walks: bool) -> list[str]:
     """Return the bias and the heading error that follows from it.
 
-    If the offset walks, the text says that the bias is that of the end of the recording.
+    If the offset walks, the text says that the bias is the value at the end of the recording.
     """
     end = f"({now.bias_s:g} s)" + (" at the end" if walks else "")
     if is_any_heading(now.heading_std, unit):

@@ -108,7 +108,7 @@ class Loaded(NamedTuple):
 
     The samples are loaded even if the user did not ask for them, since they show motion.
 
-    Empty if there is no accelerometer, or if all its samples are constant.
+    There are no axes if there is no accelerometer, or if all its samples are constant.
     """
 
     @property

@@ -61,14 +61,14 @@ NOTHING_LEFT = 0.1
 variance is used.
 """
 LEAST_OF_ALL = 1e-4
-"""Least ratio of the white noise's variance to that of all states.
+"""Least ratio of the white noise's variance to the variance of all states together.
 
 No filter works without white noise.
 """
 
 
 class FilterState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A Gauss-Markov state. At first it is 0, with a standard deviation of σ."""
+    """A Gauss-Markov state. At the filter's start it is 0, with a standard deviation of σ."""
 
     sigma: float
     tau_s: float
@@ -99,7 +99,7 @@ class NavigationFilter(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     gauss_markov: tuple[FilterState, ...]
     """The states, from the slowest to the fastest; may be empty."""
     bias: float
-    """The bias after the last sample of the record, without the states."""
+    """The bias after the last sample of the record; the values of the states are not included."""
     bias_std: float
     heading_std: tuple[HeadingStd, ...]
     """Standard deviation of the heading at several times, by which users can check their implementation of
@@ -141,7 +141,7 @@ def navigation_filter(tracked: FittedSystem, y: Array, h: float) -> NavigationFi
     target = _Target(lam, _power(model, always, lam, len(y)), times_s, heading)
     found, tau_s = _folded(*_fitted(target, tau_s, h), h)
     known = float(part @ P @ part)
-    if found[2] < NOTHING_LEFT * known:  # the states took over the bias's error
+    if found[2] < NOTHING_LEFT * known:  # the states got the bias's error, too
         found[2] = known
     N, K, bias_std, *sigmas = np.sqrt(found).tolist()
     ahead = np.sqrt(_headings(tau_s, h, np.array(TOLD_S)) @ found).tolist()

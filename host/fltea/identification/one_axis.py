@@ -45,7 +45,7 @@ class FlteaInput(NamedTuple):
     left_out: LeftOut
     options: IdentifyOptions
     alpha: Interval
-    """Order of the noise by the verdict; its ends are null if the noise has no order."""
+    """Order of the noise by the verdict; the ends of its interval are null if the noise has no order."""
 
     @classmethod
     def of(cls, series: Series, found: AxisReport, options: IdentifyOptions) -> "FlteaInput":
@@ -136,7 +136,8 @@ def examine(
     """
     analysis, series, out, telegraph = analyse_series(series, h, options, left_out)
     result = described(analysis)
-    # This is checked even if FLTEA was not asked for, so that the same recordings are accepted in both cases.
+    # Whether FLTEA can be run is checked even if FLTEA was not asked for, so that the same recordings are
+    # accepted in both cases.
     why_no_path = fltea_axis(analysis, series.lsb, options).why_not(h)
     model = modelled(analysis.figures.model, result.peaks, result.std, h)
     curve, drawn, reason = None, None, ""

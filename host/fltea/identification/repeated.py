@@ -45,14 +45,16 @@ The sums of neighbours have to be spread as evenly. In white noise the σ of the
 LONG = 1 << 20
 """Number of steps above which the correlation is computed from evenly spaced ones only."""
 DIFFERENT = 0.9
-"""Share of distinct values among the samples above which rounding does not matter."""
+"""Ratio of the number of distinct values to the number of samples, above which rounding does not matter."""
 IN_STEP, AT_ONCE = 0.6, 200
 """Test for changes at a steady rate: largest distance in samples of AT_ONCE changes from a straight line.
 
 Changes at a steady rate lie within one sample of the line, with a standard deviation of 0.29 samples.
 """
 TAILS = 1.15
-"""Largest ratio of the share of equal neighbours to that of Gaussian steps, for other distributions."""
+"""With other distributions of the steps, equal neighbours are at most this many times as frequent as with
+Gaussian steps.
+"""
 _STEPS = np.geomspace(0.6, 2 * FINE_COUNTS, 400)
 """Standard deviations of steps before rounding [LSB] for which shares of equal neighbours are computed.
 

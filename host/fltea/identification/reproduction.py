@@ -31,7 +31,7 @@ NARROW = 0.2
 
 
 class Reproduction(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Ratio of the model's Allan deviation to that of the data, at each averaging time.
+    """Ratio of the model's Allan deviation to the Allan deviation of the data, at each averaging time.
 
     `from_s`, `to_s`: the longest range over which the model reproduces the sensor; None if there is none.
     """

@@ -12,7 +12,7 @@ LONG = 1 << 20
 SAME_STEP = 1e-3
 """Largest relative difference from a power of ten at which a step counts as a power of ten."""
 WRITTEN_IN = {"deg/s": ("deg/s", "rad/s", "deg/h"), "m/s²": ("m/s²", "g")}
-"""Units in which files write each of our units.
+"""For each unit of fltea, the units in which files write the same quantity.
 
 Milli-units are not listed, as they give the same result.
 """
