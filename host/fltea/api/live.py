@@ -147,7 +147,7 @@ class Live:
                 that a gyroscope does not show.
 
         Raises:
-            ValueError: the shape is wrong, or values are not finite. No sample is used then.
+            ValueError: the shape is wrong, or values are not finite. In that case no sample is used.
         """
         found = finite(y, "y", "report lost samples by skip(count).")
         if found.ndim == 1 and len(self.axes) == 1:

@@ -63,7 +63,7 @@ class Checked(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Program(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One program.
+    """One program for which fltea writes noise settings.
 
     `line`: template for the text of a parameter. `before`, `after`: lines of text around the parameters.
     """

@@ -170,7 +170,7 @@ class OffsetWalk(NamedTuple):
 
     @property
     def by_walk(self) -> tuple[Array, Array, Array, Array]:
-        """Step variances of the walks, their correlation times, the slopes, and weights (walks, slopes)."""
+        """Step variances of the walks, their correlation times, the slopes, all weights (walks, slopes)."""
         count = int((np.diff(self.slopes) <= 0).argmax()) + 1 if len(self.slopes) > 1 else 1
         steps, taus = (one[::count] for one in (self.steps, self.taus))
         return steps, taus, self.slopes[:count], self.weights.reshape(-1, count)

@@ -137,7 +137,7 @@ class Remembered:
         self.native = native
 
     def likelihood(self, system: System) -> float:
-        """Return 2 log L of the samples for the noise `system`, up to a constant; NaN without a filter.
+        """Return 2 log L of the samples for the noise `system`, up to a constant; NaN if no filter works.
 
         Raises ValueError for an invalid system.
         """

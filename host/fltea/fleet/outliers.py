@@ -109,7 +109,8 @@ def _usual(value: Floats, std: Floats) -> tuple[float, float]:
 def _spread(away: Floats, std: Floats) -> float:
     """Return τ for which the median of `away` / √(τ² + `std`²) equals `MIDDLE`.
 
-    `MIDDLE` is the median of |x| for a standard normal x. Return 0 if the median is already smaller with τ = 0.
+    `MIDDLE` is the median of |x| for a standard normal x. The result is 0 if the median is smaller even with
+    τ = 0.
     """
     least, most = 0.0, float(np.median(away)) / MIDDLE + 1e-300
     if np.median(away / std) <= MIDDLE:

@@ -61,7 +61,7 @@ class AxisReport(msgspec.Struct, frozen=True):
     """
     bias_steps: tuple[BiasStep, ...] = ()
     motion: tuple[MotionSpan, ...] = ()
-    """Time spans in which the whole sensor moved. No other figure uses their samples."""
+    """Time spans in which the whole sensor moved. No figure of the noise uses samples of these spans."""
     course: BiasCourse | None = None
     """The bias over time."""
     left_out: LeftOut = NOTHING

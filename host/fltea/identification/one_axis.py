@@ -49,7 +49,7 @@ class FlteaInput(NamedTuple):
 
     @classmethod
     def of(cls, series: Series, found: AxisReport, options: IdentifyOptions) -> "FlteaInput":
-        """Return the input of FLTEA for an axis with this report."""
+        """Return the input of FLTEA for an axis. `found`: the report of the axis."""
         return cls(series, found.left_out, options, found.result.order.alpha)
 
 
