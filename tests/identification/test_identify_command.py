@@ -236,7 +236,7 @@ def test_of_a_refused_recording_there_is_no_report(name: str, recording: Path, t
         (["rest.npz", "--variant", "quadruple"], 'must be "joint" or "triple"'),
         (["rest.npz", "--channels", "gyro_x,gyro_q"], "there is no gyro_q"),
         (["rest.npz", "--startup", "2950"], "start-up window takes 2950"),
-        (["rest.npz", "rest.npz", "--export-model", "m.json"], "for one recording alone"),
+        (["rest.npz", "rest.npz", "--export-model", "m.json"], "only for a single recording"),
         (["rest.npz", "--report", "/proc/no"], "cannot be written to"),
         (["rest.npz", "--set", "estimator.bias=[0.1]"], "has 1 numbers"),
     ],

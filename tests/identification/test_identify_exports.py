@@ -280,7 +280,7 @@ def test_nothing_is_written_of_bad_data(flag: str, tmp_path: Path) -> None:
     command = ("identify", sound_and_bad(tmp_path), "--rate", "100", "--shuffles", "0", "--jobs", "1")
     done = fltea_here(*command, flag, tmp_path / "out", columns=300)
     assert done.returncode == 1
-    assert f"withheld, for the data are bad: {flag}. gyro_z: σ is" in done.stderr
+    assert f"the data are bad, so the output of {flag} is withheld. gyro_z: σ is" in done.stderr
     assert "write more of them" in done.stderr
     assert "--channels gyro_x,gyro_y" in done.stderr
     assert not (tmp_path / "out").exists()
@@ -301,7 +301,7 @@ def test_no_figure_goes_on_from_an_axis_that_is_bad(tmp_path: Path) -> None:
     command = ("identify", path, "--rate", "100", "--shuffles", "0", "--jobs", "1", "--report", tmp_path)
     done = fltea_here(*command, "--sheet", "MPU-9250", "--forecast", "--json")
     assert done.returncode == 1
-    assert "withheld, for the data are bad: --sheet, --forecast. gyro_z: σ is" in done.stderr
+    assert "the output of --sheet, --forecast is withheld. gyro_z: σ is" in done.stderr
     assert "--channels" not in done.stderr
     axes = json.loads(done.stdout)["files"][0]["axes"]
     for name, one in axes.items():

@@ -205,9 +205,9 @@ def test_exports_of_other_recordings(tmp_path: Path) -> None:
     ("out", "what", "text"),
     [
         ("out.txt", "samples", r"give a name that ends in \.csv or \.npz"),
-        ("out.csv", "estimates", "holds no estimates. Make them of its samples: fltea run -s replay:"),
-        ("out.csv", "fits", "holds no fits. Make them of its samples"),
-        ("out.csv", "device_estimates", "holds no estimates of a device beside the host's"),
+        ("out.csv", "estimates", "holds no estimates. Compute them from its samples: fltea run -s replay:"),
+        ("out.csv", "fits", "holds no fits. Compute them from its samples"),
+        ("out.csv", "device_estimates", "holds no estimates that a device computed"),
     ],
 )
 def test_exports_that_cannot_be(out: str, what: str, text: str, tmp_path: Path) -> None:

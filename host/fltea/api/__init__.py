@@ -1,4 +1,4 @@
-"""Use fltea from Python, without the daemon: from arrays to immutable results.
+"""Use fltea from Python, without the daemon. Functions take arrays and return immutable results.
 
 All names can also be imported from `fltea` itself.
 """

@@ -1,4 +1,4 @@
-"""Check arguments of a caller. Errors name the Python parameters, and say what to pass instead."""
+"""Check the arguments of calls from Python. Errors name the parameters and say what to pass instead."""
 
 import contextlib
 import math
@@ -74,7 +74,7 @@ def in_python(text: str) -> str:
 
 
 def _call(command: str) -> str | None:
-    """Return a command with a file and flags as a Python call.
+    """Return the Python call for an `fltea identify` command, whose file and flags are `command`.
 
     Return None if the text is not a complete command, for instance because a sentence goes on after the
     file's name.
@@ -125,7 +125,7 @@ class Scale(NamedTuple):
 
 
 def scale(unit: str | None, y: Array | None = None, rate_hz: float | None = None) -> Scale:
-    """Return the scale of the unit that a caller states.
+    """Return how samples in the unit `unit` are converted to deg/s or m/s².
 
     If no unit is stated, the error's text shows the mean and the noise that `y` would have in each unit.
     `rate_hz`: sampling rate [Hz].
@@ -136,8 +136,8 @@ def scale(unit: str | None, y: Array | None = None, rate_hz: float | None = None
     if unit is None:
         table = "" if y is None else units_table(y[:, np.newaxis], rate_hz)
         raise ValueError(
-            "nothing says the unit of the samples. Pass it: unit='rad/s', unit='deg/s' or another of a "
-            "gyroscope; unit='m/s^2' or unit='g' of an accelerometer."
+            "nothing says the unit of the samples. Pass it: for a gyroscope unit='rad/s', unit='deg/s' or "
+            "another unit of rates; for an accelerometer unit='m/s^2' or unit='g'."
             + re.sub(r"--units (\S+)", r"unit='\1'", f"\n{table}").rstrip()
         )
     if (ms2 := accel_unit(str(unit))) is not None:
@@ -145,10 +145,11 @@ def scale(unit: str | None, y: Array | None = None, rate_hz: float | None = None
     try:
         factor, lsb = parse_units(str(unit))
     except UsageError as error:
-        # Leave out the help on `lsb:N`: it says that N counts are 1 g, but for `unit` they are 1 deg/s.
+        # The end of this help text is left out: it says that in `lsb:N` N counts are 1 g. In the parameter
+        # `unit`, N counts are 1 deg/s.
         accel = ACCEL_UNITS_HELP.partition(", or")[0]
         raise ValueError(
-            f"unit is that of the samples, of a gyroscope {UNITS_HELP}; of an accelerometer {accel}; "
+            f"unit must be the samples' unit: for a gyroscope {UNITS_HELP}; for an accelerometer {accel}; "
             f"got {unit!r}"
         ) from error
     return Scale(GYRO_UNIT, factor / (lsb or 1.0), lsb is not None)
@@ -158,7 +159,7 @@ def period_s(rate_hz: float) -> float:
     """Return the sampling period [s] for a rate in Hz."""
     if not (math.isfinite(rate_hz) and LOWEST_RATE_HZ <= rate_hz <= HIGHEST_RATE_HZ):
         raise ValueError(
-            f"rate_hz is the sample rate in Hz, {LOWEST_RATE_HZ:g} to {HIGHEST_RATE_HZ:g}, got {rate_hz}"
+            f"rate_hz must be the sampling rate, {LOWEST_RATE_HZ:g} to {HIGHEST_RATE_HZ:g} Hz, got {rate_hz}"
         )
     return 1 / rate_hz
 
@@ -168,7 +169,7 @@ def finite(y: ArrayLike, what: str, remedy: str) -> Array:
     try:
         found = np.asarray(y, dtype=np.float64, order="C")
     except (TypeError, ValueError) as error:
-        raise ValueError(f"{what} has to be numbers: {error}") from error
+        raise ValueError(f"{what} must consist of numbers: {error}") from error
     bad = np.argwhere(~np.isfinite(found))
     if len(bad):
         at = ", ".join(str(i) for i in bad[0])
@@ -178,11 +179,9 @@ def finite(y: ArrayLike, what: str, remedy: str) -> Array:
 
 def one_axis(y: ArrayLike) -> Array:
     """Check samples of one axis, and return them as an array (n,)."""
-    found = finite(
-        y, "y", "leave them out only at the ends, or use fltea.Live and its skip(), which knows gaps."
-    )
+    found = finite(y, "y", "leave out such values at the ends only; for gaps, use fltea.Live and its skip().")
     if found.ndim != 1:
         raise ValueError(
-            f"y is one axis, (n,), got shape {found.shape}: pass its axes one by one, as y[:, 0]."
+            f"y must be one axis, (n,), got shape {found.shape}: pass its axes one by one, as y[:, 0]."
         )
     return found

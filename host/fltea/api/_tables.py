@@ -1,4 +1,4 @@
-"""Convert results to tables of pandas, which is an optional extra."""
+"""Convert results to tables of pandas. The package pandas is optional."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -50,11 +50,11 @@ class ByAxis(Mapping[str, T_co]):
 def row(axis: str, fitted: FittedAxis) -> dict[str, Any]:
     """Return the row of one axis.
 
-    Each parameter has three columns: its value, and the ends of its interval, whose columns end in `_low` and
-    `_high`.
+    Each parameter has three columns: one for its value, and two for the ends of its interval. The names of
+    these two end in `_low` and `_high`.
 
-    N, B and K of a recording also have a column that ends in `_at_most`: the upper bound if the value is not
-    known.
+    N, B and K of a recording also have a column whose name ends in `_at_most`. It holds the upper bound if
+    the value is not known.
     """
     found: dict[str, Any] = {
         "axis": axis,

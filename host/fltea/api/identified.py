@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-# Over 12 attributes: each is one figure of the answer that a notebook reads.
+# Over 12 attributes: each is one result that the user of a notebook reads.
 class Identified(FittedAxis, frozen=True, kw_only=True):
     """The results for one axis. A notebook shows them with spectrum and Allan deviation.
 
@@ -49,12 +49,14 @@ class Identified(FittedAxis, frozen=True, kw_only=True):
     """The Allan deviation with its intervals, and N, B and K with their intervals. If N, B or K is not known,
     the reason is given.
 
-    `allan` has the same points without intervals. None if the record is too short.
+    The field `allan` has the same points without intervals. `allan_curve` is None if the record is too short.
     """
     now: Now | None
-    """Bias(T) at the end of the record, and the error of the heading after a minute."""
+    """The bias at the end of the record, as Bias(T): its expected mean over the next T seconds. Also the
+    standard deviation of the heading after a minute.
+    """
     forecast: Forecast | None
-    """The forecast of the heading; None unless `forecast` asked for it."""
+    """The forecast of the heading's error; None if the caller did not ask for it with `forecast`."""
     walk: OffsetWalkFound | None
     """The answer to the question whether the offset follows a random walk."""
     filter: NavigationFilter | None
@@ -71,7 +73,9 @@ class Identified(FittedAxis, frozen=True, kw_only=True):
     The text names the fault in the data and its remedy.
     """
     details: AxisResult
-    """All figures of `fltea identify`: parts, N, K, models that were not chosen, peaks, FLTEA."""
+    """All figures that `fltea identify` computes: the components of the noise, N, K, the models that were not
+    chosen, the peaks of the spectrum, and the estimates of FLTEA.
+    """
 
     def __repr__(self) -> str:
         return f"Identified({self.axis}: {self.verdict}, {self.samples} samples at {self.rate_hz:g} Hz)"

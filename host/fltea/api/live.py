@@ -1,6 +1,6 @@
 """Do the daemon's work in Python, sample by sample.
 
-Pass samples as they come, and get rates less their bias. The noise is fitted on demand.
+The caller passes samples as they come, and gets rates minus their bias. The noise is fitted on demand.
 """
 
 import math
@@ -37,9 +37,11 @@ class Corrected(NamedTuple):
     bias: Array
     """Expected mean, over the next second, of the sensor's offset plus its slow noise."""
     bias_std: Array
-    """Standard deviation of the bias, which grows while the sensor moves."""
+    """Standard deviation of the bias's error. It grows while the sensor moves."""
     moving: NDArray[np.bool_]
-    """Whether the sensor is moving. The bias of all axes is only predicted then, and not corrected."""
+    """Whether the sensor is moving. While it moves, the biases of all axes are only predicted; the samples do
+    not correct them.
+    """
 
 
 class BiasStep(NamedTuple):
@@ -104,7 +106,7 @@ class Live:
     ) -> None:
         names = (axes,) if isinstance(axes, str) else tuple(axes)
         if not names or len(set(names)) != len(names):
-            raise ValueError(f"axes are one or more names, each of them once, got {names}")
+            raise ValueError(f"axes must be one or more different names, got {names}")
         self.rate_hz = rate_hz
         """Sampling rate in Hz."""
         self.axes = names
@@ -133,16 +135,14 @@ class Live:
     ) -> Corrected:
         """Take the next samples, (n, axes), or (n,) for a single axis, and return their rates and biases.
 
-        The bias is estimated with the noise model of the newest `fit`. Before the first fit, several random
-        walks and relaxations take the model's place.
+        The bias is estimated with the noise model of the newest `fit`. Before the first fit, several simple
+        models are used instead: random walks and relaxations (first-order Gauss-Markov processes).
 
         Args:
             y: samples, in the unit of this object.
             at_rest: False: the sensor is known to move, so these samples are not used for the bias. True: it
-                is known
-                to be at rest; a rate that is steady at another value for ten seconds is then the new offset,
-                    however
-                far away. None: rest and motion are detected.
+                is known to be at rest; a rate that is steady at another value for ten seconds is then the new
+                offset, however far away. None: rest and motion are detected.
             accel_ms2: samples of the accelerometer at the same times, (n, 1 to 3) in m/s². It shows motion
                 that a gyroscope does not show.
 
@@ -154,12 +154,12 @@ class Live:
             found = found[:, None]
         if found.ndim != 2 or found.shape[1] != len(self.axes):
             raise ValueError(
-                f"y has a column an axis, (n, {len(self.axes)}) for {', '.join(self.axes)}, "
-                f"got shape {found.shape}"
+                f"y must have one column for each axis, (n, {len(self.axes)}) for "
+                f"{', '.join(self.axes)}, got shape {found.shape}"
             )
         found = found * self._factor
         if at_rest is not None and at_rest not in (True, False):
-            raise ValueError(f"at_rest is True, False, or None where it is not known, got {at_rest!r}")
+            raise ValueError(f"at_rest must be True, False, or None (not known), got {at_rest!r}")
         rest = Rest.UNKNOWN if at_rest is None else Rest.AT_REST if at_rest else Rest.MOVING
         accel = None if accel_ms2 is None else _accel(accel_ms2, len(found))
         tracked = self._tracks.run(found, accel, rest)
@@ -186,7 +186,7 @@ class Live:
             ValueError: count is below 1.
         """
         if count < 1:
-            raise ValueError(f"count is how many samples are lost, 1 or more, got {count}")
+            raise ValueError(f"count must be the number of lost samples, 1 or more, got {count}")
         self._live.skip(count)
         self._tracks.skip(count)
         self._taken += count
@@ -208,27 +208,28 @@ class Live:
         return LiveReport(found, self.samples, self.rate_hz)
 
     def heading_std(self, t_s: float) -> dict[str, float]:
-        """Return the error of a heading that starts after rest, by the name of the axis.
+        """Return, by axis name, the standard deviation of the heading's error after a rest and `t_s` seconds.
 
-        It is the standard deviation of the integral of `Corrected.rate` over `t_s` seconds.
+        The heading is the integral of `Corrected.rate` over the `t_s` seconds that follow the rest.
 
-        The rest before is assumed to last as long as the record of the newest fit. The result is NaN before
-        the first fit that finds a noise model.
+        The rest is assumed to last as long as the record of the newest fit. The result is NaN before the
+        first fit that finds a noise model.
 
         Raises:
             ValueError: t_s is not positive.
         """
         if not 0 < t_s < math.inf:
-            raise ValueError(f"t_s is a time after the rest in s, above 0, got {t_s}")
+            raise ValueError(f"t_s must be a time after the rest in s, above 0, got {t_s}")
         return {axis: self._tracks.heading_std(axis, t_s) for axis in self.axes}
 
 
 def _accel(accel_ms2: ArrayLike, n: int) -> Array:
     """Return samples of the accelerometer, (n, 1 to 3); ValueError for another shape."""
-    found = finite(accel_ms2, "accel_ms2", "leave it out where it is not known.")
+    found = finite(accel_ms2, "accel_ms2", "leave out accel_ms2 for samples for which it is not known.")
     found = found[:, None] if found.ndim == 1 else found
     if found.ndim != 2 or len(found) != n or not 1 <= found.shape[1] <= 3:
         raise ValueError(
-            f"accel_ms2 has a row for each of y, (n, 1 to 3), got shape {found.shape} for {n} samples"
+            f"accel_ms2 must have one row for each row of y, shape (n, 1 to 3), "
+            f"got shape {found.shape} for {n} samples"
         )
     return found

@@ -1,4 +1,4 @@
-"""Read a recording of any format that the command reads, as arrays."""
+"""Read a recording, of any format that `fltea identify` reads, as arrays."""
 
 import contextlib
 import os
@@ -58,7 +58,9 @@ class Recording(Mapping[str, Array]):
 
     def __getitem__(self, axis: str) -> Array:
         if axis not in self._loaded.axes:
-            raise KeyError(f"{axis}: the axes read of {self.name} are {', '.join(self)}")
+            raise KeyError(
+                f"{axis}: no such axis; the axes that were read from {self.name} are {', '.join(self)}"
+            )
         return self._loaded.axes[axis].y
 
     def __iter__(self) -> Iterator[str]:
@@ -122,7 +124,7 @@ class Recording(Mapping[str, Array]):
 
     @contextlib.contextmanager
     def _of_axis(self, name: str) -> Iterator[None]:
-        """Add the name of the axis to the texts of errors."""
+        """Put the names of the recording and the axis before the texts of errors."""
         try:
             with python_words():
                 yield

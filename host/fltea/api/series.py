@@ -83,7 +83,7 @@ def identify(
 
 
 class Examined(NamedTuple):
-    """An axis whose noise was analysed, before its bias, forecast and filter are computed."""
+    """The analysis of one axis's noise. The axis's bias, forecast and filter are computed later."""
 
     series: Series
     analysis: AxisAnalysis
@@ -109,9 +109,9 @@ def watched_looks(
     h: float,
     options: IdentifyOptions,
 ) -> dict[str, Watched]:
-    """Return axes with their steps and motion, and with FLTEA's estimates.
+    """Find the steps and motion of each axis, and add FLTEA's estimates.
 
-    Steps and motion are left out of the analysis.
+    The axes are analysed again without their steps and motion.
     """
     last = dict(examined)
     for _ in range(1, MOST_ANALYSES):
@@ -131,7 +131,7 @@ def watched_looks(
 
 
 def agreed(examined: Mapping[str, Examined], h: float) -> dict[str, FittedSystem]:
-    """Return the tracked system (the model for the tracker) of each axis of a recording, by its name."""
+    """Return, by axis name, the tracked system of each axis of a recording."""
     return in_agreement({name: one.tracked for name, one in examined.items()}, h)
 
 
@@ -148,8 +148,9 @@ def examine(
         series: the samples of the axis.
         h: sampling period [s].
         options: how to identify.
-        known: data checks of the recording as a whole that concern the axis.
-        left_out: steps and motion to leave out. None: no model is known yet, so apparent motion is left out.
+        known: findings about the whole recording that concern the axis.
+        left_out: steps and motion to leave out. None: no model is known yet, so samples that look like motion
+            are left out.
     """
     analysis, series, out, telegraph = analyse_series(series, h, options, left_out)
     fltea_axis(analysis, series.lsb, options).why_not(h)
@@ -170,7 +171,7 @@ def of_series(
 ) -> Identified:
     """Return the results for an axis with its steps and motion.
 
-    `tracked`: the axis's tracked system, which is the model for the tracker.
+    `tracked`: the axis's tracked system, which is the state-space model with which its Kalman filter works.
     """
     (series, analysis, found, data_checks, _, _, _, out), events = watched
     is_left_out = out.is_like(events.left_out)
@@ -179,7 +180,7 @@ def of_series(
         tracked, found = None, doubted(found)
     h = analysis.h
     curve = None
-    with contextlib.suppress(ValueError):  # all stretches are too short for an Allan deviation
+    with contextlib.suppress(ValueError):  # ValueError: every stretch is too short for an Allan deviation
         curve = allan_of(analysis, series.unit)
     follows = tracked and conclude(
         series, h, options, tracked, found.level.K, forecast, events.at_end, events.steps

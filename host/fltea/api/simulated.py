@@ -81,7 +81,7 @@ def simulate(
     """
     scale(unit)
     if n < 1:
-        raise ValueError(f"n is how many samples to draw, 1 or more, got {n}")
+        raise ValueError(f"n must be the number of samples to draw, 1 or more, got {n}")
     h = period_s(rate_hz)
     y, state = FractionalNoise(alpha, f, Q, R, h, window, seed, warmup=warmup).samples(n)
     return Simulated(y.copy(), state.copy(), rate_hz, alpha, f, Q, R, unit)

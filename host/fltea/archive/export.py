@@ -64,7 +64,7 @@ def export(
     suffix = out.suffix.lower()
     if suffix not in (".csv", ".npz"):
         raise UsageError(f"--to {out}: give a name that ends in .csv or .npz.")
-    if not force and os.path.lexists(out):  # a broken link exists, too
+    if not force and os.path.lexists(out):  # a broken symbolic link counts as existing, too
         raise UsageError(f"--to {out}: exists already; give another name, or --force to replace it.")
     with whole_file(out) as file:
         # files of other programs hold no published records
@@ -91,7 +91,7 @@ def export(
 
 
 def decode(source: Any, max_gap: Duration) -> Iterator[Decoded]:
-    """Yield the samples of any recording."""
+    """Yield the blocks of samples of a recording of any format."""
     decoder = Decoder(lambda: int(source.unix_offset_ns), max_gap)
     for event in source.events():
         for found in decoder.feed(event):
@@ -100,7 +100,7 @@ def decode(source: Any, max_gap: Duration) -> Iterator[Decoded]:
 
 
 def _source(paths: Sequence[Path], limits: Limits, how: How) -> Any:
-    """Return the source of events for any recording."""
+    """Return the source of events for a recording of any format."""
     if len(paths) == 1 and is_one_file(paths[0]):
         return ReplaySource(paths[0], how=how, limits=limits)
     return open_mcap(paths, f"replay:{paths[0]}", limits)()
@@ -109,7 +109,7 @@ def _source(paths: Sequence[Path], limits: Limits, how: How) -> Any:
 class DeviceTime:
     """Computes the time of each sample since the first sample [s] by the device's clock.
 
-    At restarts of the device, it uses the host's clock.
+    The time across a restart of the device is taken from the host's clock.
     """
 
     def __init__(self) -> None:
@@ -155,7 +155,9 @@ def sample_table(decoded: Iterable[Decoded]) -> Table:
 
 
 def gather_samples(spool: Spool, decoded: Iterable[Decoded]) -> tuple[dict[str, float], int]:
-    """Write the arrays that `replay:` reads (host/docs/guide/sources.md); return scales and row count.
+    """Write the arrays of an .npz file that the source `replay:` reads (host/docs/guide/sources.md).
+
+    Return its scales (sampling rate, counts per deg/s, counts per g) and its number of rows.
 
     Raises:
         UsageError: rate or scale change within the recording; an .npz file has one value of each.

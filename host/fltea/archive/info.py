@@ -110,7 +110,8 @@ def summarise(
         tally.take(event)
     count, first_ns, longest = tally.decoder.counts, tally.first_ns, tally.longest
     unread = mcap.unread if mcap else []
-    troubles = tally.troubles if mcap is None else []  # other fields state the faults of fltea's own files
+    # for fltea's own files, other fields of the summary state the faults
+    troubles = tally.troubles if mcap is None else []
     cut = any(trouble.kind in ("cut_recording", "recording_gap") for trouble in troubles)
     return Summary(
         name=name,
@@ -151,7 +152,7 @@ def summarise(
 def _open(
     paths: Sequence[Path], limits: Limits, how: How
 ) -> "tuple[McapRecording | ReplaySource, McapRecording | None, list[Path], str]":
-    """Return the recording, its files and its name.
+    """Return the recording, the same recording again if fltea wrote it (else None), its files and its name.
 
     The second value is the recording again if fltea wrote it, else None.
     """
@@ -276,7 +277,8 @@ def _state(s: Summary) -> str:
     if s.being_written:
         faults.append("still being written")
     if not faults and not s.whole:
-        remedy = "" if s.about or _is_foreign(s) else " (fltea recover)"  # repairs fltea's files only
+        # `fltea recover` repairs only files that fltea wrote
+        remedy = "" if s.about or _is_foreign(s) else " (fltea recover)"
         faults.append(f"not finished: killed, cut or damaged{remedy}")
     return ", ".join(faults) or "whole"
 

@@ -67,7 +67,7 @@ OF_A_CORRECTED_AXIS = {
     "moving": "moving_{axis}",
 }
 NAMED = {"estimates": OF_AN_AXIS, "device_estimates": OF_A_DEVICE_AXIS, "corrected": OF_A_CORRECTED_AXIS}
-"""Columns of the table for the fields that each kind of record has for every axis."""
+"""By kind of record: the table's columns for those fields that the record has for every axis."""
 
 OF_A_FIT = {
     "alpha": "alpha{end}_{axis}",
@@ -117,10 +117,10 @@ def published_table(paths: Sequence[Path], source: Any, what: What, max_gap: Dur
     )
     first = next(records, None)
     if first is None:
-        of_samples = f"{what}. Make them of its samples: fltea run -s replay:{paths[0]}"
+        of_samples = f"{what}. Compute them from its samples: fltea run -s replay:{paths[0]}"
         missing = {
             "corrected": "samples that can be used.",
-            "device_estimates": "estimates of a device beside the host's (--estimate-on both).",
+            "device_estimates": "estimates that a device computed (recorded with --estimate-on both).",
         }
         raise UsageError(f"{paths[0]}: holds no {missing.get(what, of_samples)}")
     units = {axis: kind_of(axis).column_unit for axis in first.axes}
@@ -189,7 +189,7 @@ def _fit_values(one: AxisFit | None) -> list[float | None]:
 
 
 class _Published(msgspec.Struct, frozen=True):
-    """Fields that every record about a sample has. Fields that are null in the record are left out."""
+    """Fields that all records about a sample have."""
 
     host_ns: Whole
     device_us: Whole

@@ -1,4 +1,4 @@
-"""`fltea record`: writes a source to MCAP files without estimating anything."""
+"""`fltea record`: writes the data of a source to MCAP files without estimating anything."""
 
 import sys
 from collections.abc import Iterator
@@ -60,7 +60,7 @@ def record(config: Config, seconds: float | None) -> str:
 
 
 class _Recorder:
-    """Writes the raw bytes, and the decoded records for the JSON channels, to the sink."""
+    """Writes a recording to the sink: the raw bytes, and the decoded records for the JSON channels."""
 
     def __init__(self, source: Source, config: Config) -> None:
         self._source, self._name = source, config.name or "device"

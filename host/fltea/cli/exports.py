@@ -18,15 +18,16 @@ if TYPE_CHECKING:
     from fltea.identification.axis_report import AxisReport, FileReport
 
 Inflate = tuple[float, float] | Literal["auto"]
-"""Factors for noise densities and for random walks, or "auto": factors that are computed from the
-recording.
+"""Two factors: the first multiplies noise densities, the second random walks. "auto": both factors are
+computed from the recording.
 """
 
 
 class Files(NamedTuple):
     """Paths of the files that the user asks for. None means that a file is not asked for.
 
-    `inflation`: factors for imu.yaml and for the settings of other programs.
+    `inflation`: factors by which noise figures are multiplied in imu.yaml and in the settings of other
+    programs.
     """
 
     model: Path | None
@@ -37,7 +38,7 @@ class Files(NamedTuple):
 
     @property
     def flags(self) -> list[str]:
-        """The options in use by which the user asks for files."""
+        """The flags with which the user asks for files."""
         named = {
             "--export-model": self.model,
             "--imu-yaml": self.yaml,
@@ -50,7 +51,7 @@ class Files(NamedTuple):
 def parse_inflation(text: str | None, wanted: object) -> Inflate:
     """Return the factors for noise densities and for random walks from a text such as `10` or `5,10`.
 
-    `text`: the option's text; None gives the factors 1, `auto` is returned as it is.
+    `text`: what the user wrote after --inflate. None gives the factors 1; `auto` is returned unchanged.
     `wanted`: the file or the program for which the user gives the factors; None if the user asks for neither.
 
     Raises:
@@ -87,7 +88,7 @@ def parse_program(text: str) -> tuple[str, float | None]:
     if name not in known:
         near = get_close_matches(name.lower(), known, 1, 0.4)
         meant = f" Is {near[0]} meant?" if near else ""
-        raise UsageError(f"--for {text}: there are {', '.join(known)}.{meant}")
+        raise UsageError(f"--for {text}: no such program; there are {', '.join(known)}.{meant}")
     if not at:
         return name, None
     try:
@@ -139,8 +140,8 @@ def lines_for(report: "FileReport", program: str, up_to_s: float | None, inflate
 def withheld(report: "FileReport", flags: Sequence[str], of_axes: Sequence[str]) -> Iterator[FlteaError]:
     """If files or figures are withheld because the data are bad, yield the error that says so.
 
-    `flags`: options in use that ask for one file of all axes.
-    `of_axes`: options in use that ask for figures of each axis; sound axes still have them.
+    `flags`: given flags that ask for one file about all axes.
+    `of_axes`: given flags that ask for figures of each axis. Axes with good data still get these figures.
     """
     from fltea.identification.axis_report import AxisReport
     from fltea.identification.findings import data_checks
@@ -154,11 +155,13 @@ def withheld(report: "FileReport", flags: Sequence[str], of_axes: Sequence[str])
         f"{where and f'{where}: '}{data_check.text} {data_check.remedy}" for where, data_check in bad
     )
     gyro = [name for name in rest if name in AXES]
-    # A model file can hold gyro_y only together with gyro_x.
+    # A model file can hold gyro_y only if it also holds gyro_x, and gyro_z only if it also holds both.
     possible = rest and flags and ("--export-model" not in flags or gyro == list(AXES[: len(gyro)]))
-    others = f" The others are sound: --channels {','.join(rest)}." if possible else ""
+    others = f" The data of the other axes are good: --channels {','.join(rest)}." if possible else ""
     what = ", ".join((*flags, *of_axes))
-    yield FlteaError(f"{report.name}: withheld, for the data are bad: {what}. {reasons}{others}")
+    yield FlteaError(
+        f"{report.name}: the data are bad, so the output of {what} is withheld. {reasons}{others}"
+    )
 
 
 def write(report: "FileReport", files: Files) -> None:

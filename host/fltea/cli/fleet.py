@@ -122,7 +122,9 @@ class SensorOptions:
     ] = "5s"
     most: Annotated[
         int,
-        typer.Option("--max-sensors", help="Most sensors that are kept; further sensors are only counted."),
+        typer.Option(
+            "--max-sensors", help="Largest number of sensors that are kept; further sensors are only counted."
+        ),
     ] = 20_000
 
 

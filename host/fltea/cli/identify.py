@@ -78,7 +78,7 @@ def identify(
     requests = _requests(files, config, accel=export.has_both_sensors)
     for_one = [*exported.flags, *flags_in_use(export, "for_program")]
     if len(requests) > 1 and for_one:
-        raise UsageError(f"for one recording alone: {', '.join(for_one)}. You gave {len(requests)}.")
+        raise UsageError(f"{', '.join(for_one)}: only for a single recording; you gave {len(requests)}.")
     forecast = asked or exported.inflation == "auto"
     reports = _run(requests, _settings(options, config, shown, forecast=forecast), work)
     if part is not None:
@@ -96,9 +96,9 @@ def identify(
 
 
 def _flags_of_one(shown: ShownOptions, questions: QuestionOptions, export: ExportOptions) -> list[str]:
-    """Return the flags in use that work for one recording or a few.
+    """Return the given flags that work only for one recording or a few.
 
-    The table of --out does not allow these flags.
+    They cannot be combined with --out, which writes a table.
     """
     return [
         *flags_in_use(shown, "as_json", "report"),
@@ -160,7 +160,7 @@ def _settings(
         options,
         config.estimator,
         config.accel,
-        details=shown.needs_details,  # the plain answer needs no details
+        details=shown.needs_details,  # details are computed only if the output shows them
         figures=shown.report is not None,
         forecast=forecast,
         live=config.live,
@@ -183,7 +183,7 @@ def _write_page(reports: "Sequence[FileReport]", folder: Path | None) -> None:
     from fltea.identification import report as page
 
     if written := page.write(folder, reports):
-        say(f"fltea: {written[0]}, and {len(written) - 1} figures")
+        say(f"fltea: wrote {written[0]} and {len(written) - 1} pictures")
 
 
 def _run(
@@ -215,7 +215,7 @@ def _run(
 
 
 def _interrupt_once(number: int, frame: object) -> None:
-    """End the run, and ignore further Ctrl-C, which would disturb the clean-up of a second or two."""
+    """End the run. Ignore further Ctrl-C, since they would disturb the clean-up of a second or two."""
     for one in (signal.SIGINT, signal.SIGTERM):
         signal.signal(one, signal.SIG_IGN)
     raise KeyboardInterrupt
@@ -256,7 +256,7 @@ def _show(reports: "Sequence[FileReport]", *, details: bool) -> None:
 def _fail(reports: "Sequence[FileReport]", files: Sequence[str], of_axes: Sequence[str]) -> None:
     """Report all failures and raise the first.
 
-    `files`: options in use that ask for files. `of_axes`: options in use that ask for figures of axes.
+    `files`: given flags that ask for files. `of_axes`: given flags that ask for figures of axes.
     """
     from fltea.identification.axis_report import Failure
 

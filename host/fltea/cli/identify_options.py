@@ -47,7 +47,8 @@ class ShownOptions:
     report: Annotated[
         Path | None,
         typer.Option(
-            metavar="DIR", help="Write report.html with all figures, and the figures as SVG, to this folder."
+            metavar="DIR",
+            help="Write report.html with all results and charts, and each chart as SVG, to this folder.",
         ),
     ] = None
     config: ConfigFile = None
@@ -90,8 +91,8 @@ class QuestionOptions:
         str | None,
         typer.Option(
             metavar="PART|DENSITY",
-            help="Compare the noise with the data sheet of this part, such as MPU-9250, or with a rate noise "
-            "density in dps/√Hz, such as 0.007.",
+            help="Compare the noise with the data sheet of this gyroscope, such as MPU-9250, or with a rate "
+            "noise density in dps/√Hz, such as 0.007.",
         ),
     ] = None
     shuffles: Annotated[

@@ -25,7 +25,7 @@ TELL_S = 30.0
 def check(files: Sequence[str], out: Path | None, others: Sequence[str]) -> None:
     """Refuse options that exclude each other.
 
-    `others`: options in use that are for one recording or a few, not for a table.
+    `others`: given flags that work only for one recording or a few, and not with --out.
 
     Raises:
         UsageError: options exclude each other, or a file's name is empty.

@@ -167,7 +167,7 @@ def recover(
         for file in files:
             try:
                 found = recovery.recover(file, in_place=in_place, limits=limits)
-            except FlteaError as error:  # the other files can still be saved
+            except FlteaError as error:  # go on: the files after this one can still be repaired
                 failures.append(error)
                 continue
             if found.out is None:

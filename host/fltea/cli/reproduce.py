@@ -72,13 +72,14 @@ class FilterOptions:
 
 @dataclass(frozen=True)
 class DataOptions:
-    """Folder of results, and the data of the experiments."""
+    """The folder for the results, and the data with which the experiments run."""
 
     out: Annotated[
         Path | None,
         typer.Option(
             metavar="DIR",
-            help="Folder for PNGs, tables.md and a CSV per table. [default with figures: fltea-reproduce]",
+            help="Folder for PNGs, tables.md and a CSV per table. [default: fltea-reproduce if figures are "
+            "made; otherwise no files are written]",
         ),
     ] = None
     recording: Annotated[
