@@ -198,6 +198,6 @@ def test_ranges_and_lists_of_links_have_an_end(path: str, monkeypatch: pytest.Mo
     sent = [0]
     with web_server(partial(Endless, sent)) as server:
         url = f"http://127.0.0.1:{server.server_port}/{path}"
-        with pytest.raises(FlteaError, match=r"sends more than the .* bytes that may come at once"):
+        with pytest.raises(FlteaError, match=r"sends an answer of more than .* bytes, which is the limit"):
             cuts_of(next(files_of([url])), IN_PIECES)  # type: ignore[arg-type]
     assert sent[0] < MOST_CHUNKS

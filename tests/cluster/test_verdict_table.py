@@ -134,7 +134,7 @@ def test_what_is_no_table_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "photos" / "a.jpg").write_bytes(b"x")
     (tmp_path / "bad").mkdir()
     (tmp_path / "bad" / "part-000001.parquet").write_bytes(b"x")
-    for name, text in (("file.parquet", "is a file"), ("photos", "'a.jpg'"), ("bad", "no part of a table")):
+    for name, text in (("file.parquet", "is a file"), ("photos", "'a.jpg'"), ("bad", "not a valid file")):
         with pytest.raises(UsageError, match=text):
             VerdictTable(tmp_path / name, DIGEST)
     assert (tmp_path / "photos" / "a.jpg").exists()

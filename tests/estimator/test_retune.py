@@ -197,7 +197,7 @@ def test_a_bank_refuses_a_belief_that_cannot_be(filter_model: FilterModel) -> No
     bank, _ = begun()
     before = dict(bank.variances)
     for axis in ("gyro_x", "gyro_y"):
-        with pytest.raises(ValueError, match="cannot go on with"):
+        with pytest.raises(ValueError, match="cannot continue with"):
             bank.retune({"gyro_x": Variances(0.1, 0.1)}, {axis: filter_model if axis == "gyro_x" else BELIEF})
     assert (bank.variances, bank.filter_models) == (before, {})
 

@@ -33,7 +33,7 @@ class BoundedResponse(ClientResponse):
                     self.close()
                     name = self.url.with_query(None)
                     raise FlteaError(
-                        f"{name}: its server sends more than the {most} bytes that may come at once."
+                        f"{name}: its server sends an answer of more than {most} bytes, which is the limit."
                     )
             await super().read()  # releases the connection
             self._body = bytes(data)

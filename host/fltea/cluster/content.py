@@ -65,7 +65,7 @@ def changed(file: File) -> FlteaError:
     """Return the error to raise for a file that changed."""
     return FlteaError(
         f"{file.url}: has changed since it was listed, so nothing of it is used. Run the same command again "
-        "when nobody writes it."
+        "when no program writes to the file."
     )
 
 
@@ -76,7 +76,7 @@ def _check(file: File, about: Mapping[str, Any]) -> None:
     )  # a local file that only grew still has the listed bytes
     known = {
         _bare(str(about[key])) for key in STAMPS if about.get(key)
-    }  # the stamp may be any of these facts, since a listing may hold fewer of them than `info`
+    }  # a stamp is one of these facts about the file; `info` may return more of them than the listing had
     is_other = bool(file.stamp and known) and _bare(file.stamp) not in known
     if (is_other and not has_grown) or (size is not None and 0 <= size < file.size):
         raise changed(file)
@@ -91,7 +91,8 @@ def _conditions(file: File) -> dict[str, str]:
 
     A weak entity tag is not used, since `If-Match` does not accept it.
     """
-    found = {"Accept-Encoding": "identity"}  # compressed data have other ranges and tags
+    # ask for uncompressed data: compressed data have other byte ranges and entity tags
+    found = {"Accept-Encoding": "identity"}
     if file.stamp.startswith('"') and _is_tag(file.stamp):
         found["If-Match"] = file.stamp
     elif file.stamp.endswith("GMT"):

@@ -126,8 +126,8 @@ def _head(source: Ranges, summary: _Summary, session: PartInfo | None, number: i
     if session is not None:
         if number:  # write the metadata as if the recorder had begun a new file with this piece
             # The recorder writes a chunk when the chunk is full. So a HELLO that is stored right before this
-            # piece arrived only while the piece's first chunk was being filled. An earlier HELLO is the one
-            # that was known then.
+            # piece arrived only while the piece's first chunk was being filled. When that chunk began, an
+            # earlier HELLO was the newest one.
             before = summary.chunks[bisect_left(summary.chunks, begin) - 1]
             heard = [one for one in summary.metadata if one.name == HELLO and one.offset < before]
             hello = session.hello

@@ -135,7 +135,7 @@ def files_of(patterns: Sequence[str]) -> Iterator[File | Unlisted]:
             for file in _matching(system, protocol, path):
                 found += 1
                 yield file
-        except FileNotFoundError as error:  # a silent web server has this effect, too
+        except FileNotFoundError as error:  # a web server that does not answer raises this error, too
             cause = error.__cause__
             if cause is not None and getattr(cause, "status", 0) != 404:
                 raise FlteaError(f"{pattern}: cannot be read ({type(cause).__name__}: {cause}).") from error

@@ -51,7 +51,7 @@ class Row(msgspec.Struct, kw_only=True, omit_defaults=True):
     kind: str | None = None
     text: str | None = None
     p_white: float | None = None
-    """p-value of the test whether the noise is only white, on the ordinates of the spectrum without peaks."""
+    """p-value of the test whether the noise is only white. The test uses the spectrum without its peaks."""
     mean: float | None = None
     std: float | None = None
     lsb: float | None = None

@@ -47,7 +47,7 @@ class _Pieces:
 
 @dataclass
 class _Task(Task):
-    """Work on a whole file, or on its piece with the index `number`."""
+    """The task to identify a whole file, or to sum over the piece of a file with the index `number`."""
 
     file: File
     pieces: _Pieces | None = None
@@ -131,7 +131,7 @@ class _Loop(HandOut[_Task]):
             self._fail(task, f"{type(result).__name__}: {result}", again=True)
         elif not self._is_answer(task, result):
             reason = f"the worker's answer (a {type(result).__name__}) does not belong to its task"
-            self._fail(task, f"{reason}. Does it have the same fltea as this machine?", again=True)
+            self._fail(task, f"{reason}. Does the worker have the same fltea?", again=True)
         elif task.do is cuts_of:
             self._cut(file, result)
         elif pieces is None:

@@ -45,7 +45,9 @@ from fltea.spectrum.spectral import Spectral
 from fltea.spectrum.verdict import decide
 
 SAME_RATE = 5e-3
-"""Largest relative difference of rates that count as equal; device clocks differ by less."""
+"""Two sampling rates count as equal if their relative difference is at most this. The clocks of two devices
+differ by less.
+"""
 
 
 class AxisSums(msgspec.Struct, frozen=True):

@@ -174,7 +174,7 @@ class VerdictTable:
                 table = whole.filter(compute.invert(whole["again"]))
                 self._write(path, table)
         except (OSError, ValueError, KeyError, pa.ArrowException) as error:
-            raise UsageError(f"{path}: is no part of a table of verdicts ({error}).") from error
+            raise UsageError(f"{path}: is not a valid file of a table of verdicts ({error}).") from error
         *columns, errors = (table[name].to_pylist() for name in (*KEY, "error"))
         for key, one in zip(map(_digest, *columns), errors, strict=True):
             self._note(key, [one])

@@ -72,8 +72,9 @@ def imu_yaml(
 ) -> str:
     """Return the text of the file, for axes by name. `source`: the recording that was identified.
 
-    Kalibr has one figure for all axes, so that the largest is written. For a figure that is not known, there
-    is only a comment. For a figure that was multiplied by a factor, the comment states the measured value.
+    Kalibr has one figure for all axes, so the figure of the axis with the largest one is written. For a
+    figure that is not known, there is only a comment. For a figure that was multiplied by a factor, the
+    comment states the measured value.
     """
     forces = accel or {}
     without = NOT_ANALYSED if not forces else ""
@@ -149,7 +150,7 @@ def _entry(
     worst = max(known, key=lambda axis: factors[axis] * known[axis])
     factor = factors[worst]
     unknown = [axis for axis in found if axis not in known]
-    remarks = [f"of {worst}", f"not known of {', '.join(unknown)}" if unknown else "", found[worst].remark]
+    remarks = [f"of {worst}", f"not known for {', '.join(unknown)}" if unknown else "", found[worst].remark]
     value = scale * known[worst]
     if factor != 1:
         remarks.append(f"{factor:g} times the measured {value:.6e}")

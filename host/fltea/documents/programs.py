@@ -46,7 +46,7 @@ class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return self.scale * math.pow(figure * math.sqrt(self._rate(rate_hz, step_s)), self.power)
 
     def figure_of(self, value: float, rate_hz: float, step_s: float | None) -> float:
-        """Return the figure for which the parameter has this value; it is the inverse of `value`."""
+        """Return the figure for which the parameter's value is `value`: the inverse of the method `value`."""
         return math.pow(value / self.scale, 1 / self.power) / math.sqrt(self._rate(rate_hz, step_s))
 
     def _rate(self, rate_hz: float, step_s: float | None) -> float:
@@ -193,7 +193,7 @@ def _lines(
         remarks = _remarks({name: shown[name].remark for name in known})
         for name, bound in bounds.items():
             remarks.append(
-                f"{name}: not known, {'the worst of the others' if bound is None else 'at most this'}"
+                f"{name}: not known, {'largest value of the others' if bound is None else 'at most this'}"
             )
     else:
         name = max(known, key=lambda one: its(one, known[one]))

@@ -76,7 +76,7 @@ class Bank:
     def run(self, y: ArrayLike) -> LaneBlock:
         """Process n samples of every axis, (n, axes), in the sensor's unit.
 
-        Each lane of the result is an axis.
+        The result has one lane (column) for each axis.
 
         Until the start-up window is full there are no estimates: all results are NaN, and a call may have at
         most `startup_remaining` samples. Raises ValueError, and changes nothing, for more samples in that
@@ -108,8 +108,7 @@ class Bank:
     def on_missing(self, count: int) -> list[Lost]:
         """Bridge `count` lost samples by prediction alone. In the start-up window lost samples are ignored.
 
-        Returns the lanes (axes) that became invalid during the lost samples; row 0 is the first of these
-        samples.
+        Returns the lanes (axes) that became invalid during the lost samples; row 0 is the first lost sample.
         """
         return [Lost(*one) for one in self.native.skip(count)]
 
@@ -131,7 +130,7 @@ class Bank:
                 raise ValueError(f"{axis} is not estimated")
         for axis, filter_model in filter_models.items():
             if axis not in variances or not filter_model.is_sound:
-                raise ValueError(f"{axis} cannot go on with {filter_model}")
+                raise ValueError(f"the filters of {axis} cannot continue with {filter_model}")
         in_use = {**self.variances, **variances}
         settings = self._settings_of([in_use[axis] for axis in self.axes])
         self.native.retune(native_table(settings.table(len(self.axes))))
@@ -207,7 +206,7 @@ class Bank:
         )
 
     def _set_filter_models(self, filter_models: dict[str, FilterModel]) -> None:
-        """Note the filter models from which the standard deviations of α and f are computed from now on."""
+        """Store the filter models from which the standard deviations of α and f are computed from now on."""
         self.filter_models = filter_models
         known = map(filter_models.get, self.axes)
         self.native.know([one and (one.alpha, one.alpha_std, one.f, one.f_std) for one in known])

@@ -21,8 +21,8 @@ LOST_ORDER = _native.LOST_ORDER
 
 BOUND_SAMPLES = _native.BOUND_SAMPLES
 BOUND_SHARE = _native.BOUND_MOST / _native.BOUND_SAMPLES
-"""Fraction of the last `BOUND_SAMPLES` samples. A lane becomes invalid if the guard had to bound its state at
-more of these samples.
+"""A lane becomes invalid if the guard had to bound its state at more than this fraction of the last
+`BOUND_SAMPLES` samples.
 """
 
 Reason = Literal["runaway", "bound"]

@@ -4,8 +4,9 @@ The fit of the spectrum leaves out noise whose period is longer than a tenth of 
 time domain uses such noise as well. So each possible drift of the offset is weighted by the likelihood that
 such a filter gives to all samples. The offset may be constant. It may be a random walk; the step variances
 that are tried range from hardly visible to obvious in a record of n samples. It may be a bounded walk, which
-is a relaxation. In addition, the offset may have a slope. A random walk that the fit of the spectrum has
-found may also be bounded: the samples show the bound long before the spectrum does.
+is modelled as a relaxation (a first-order Gauss-Markov process). In addition, the offset may have a slope. A
+random walk that the fit of the spectrum has found may also be bounded: the samples show the bound long before
+the spectrum does.
 """
 
 import functools
@@ -24,39 +25,41 @@ from fltea.records.arrays import Array, Mask
 from fltea.records.fit import Interval
 
 SHARES = tuple(10.0 ** (k / 2) for k in range(1, 10))
-"""Step variances of a random walk that are tried, divided by the level of the spectrum and multiplied by the
-square of the number of samples.
+"""If the fit of the spectrum has found no random walk, these step variances of a random walk of the offset
+are tried. They are in units of the spectrum's level divided by the square of the number of samples.
 """
 AROUND = tuple(10.0 ** (k / 4) for k in range(-2, 3))
-"""Step variances of a random walk that are tried, as ratios to the step variance by the fit of the
-spectrum.
+"""If the fit of the spectrum has found a random walk, these step variances are tried. They are ratios to the
+step variance that the fit has found.
 """
 BOUNDS = tuple(2.0**k / (20 * math.pi) for k in range(7))
 """Correlation times of relaxations that are tried, as ratios to the record's length. The spectrum cannot show
 even the shortest of these relaxations.
 """
 BOUNDS_FOUND = tuple(one / 4 for one in BOUNDS[:2]) + BOUNDS
-"""Correlation times that are tried, as ratios to the record's length (as `BOUNDS`), if the fit of the
-spectrum has found a random walk. This walk may really be a relaxation.
+"""If the fit of the spectrum has found a random walk, it may really be a relaxation. Then these correlation
+times are tried, as ratios to the record's length (as in `BOUNDS`).
 """
 SLOW = BOUNDS_FOUND[1]
-"""The ratio in `BOUNDS_FOUND` for the fastest relaxation that may be confused with a random walk."""
+"""A relaxation may be confused with a random walk if its correlation time is at least this ratio times the
+record's length.
+"""
 RISES = 1.0, 10.0, 100.0, 1000.0
 """Standard deviations of a slope that are tried, as ratios to the standard deviation of the slope of a
 straight line fitted to white noise.
 """
 STAYS, ENDLESS, RAMPS = 0.6, 0.5, 0.25
-"""Prior probabilities that an offset does not walk (STAYS), that its walk is unbounded (ENDLESS), and that it
-has a slope (RAMPS).
+"""Prior probabilities. STAYS: an offset does not walk. ENDLESS: an offset that walks is not bounded. RAMPS:
+an offset has a slope.
 """
 CERTAIN = 0.95
 LEAST = 0.05
 """A random walk, a relaxation or a slope of the offset gets a state in the filter only if its weight is at
-least this large. The weight of a slope is the mean proportion by which it explains the samples' trend.
+least this large. The weight of a slope is the mean proportion of the samples' trend that the slope explains.
 """
 LEAST_RIVAL = 0.02
-"""Smallest probability of a walking offset, and of a constant one, with which both are kept as rival
-models.
+"""A model with a walking offset and a model with a constant offset are kept as rivals if each has at least
+this probability.
 """
 MOST_OF_RIVALS = 6
 """Rival models are used only if the noise without the offset has at most this many states. More states hide a
@@ -67,11 +70,11 @@ LEVEL_AT = 1e-3
 
 
 class OffsetRelaxation(NamedTuple):
-    """A relaxation that stands for all bounded walks."""
+    """The relaxation (first-order Gauss-Markov process) that a filter uses for all bounded walks."""
 
     variance: float
     a: float
-    """Pole of the relaxation."""
+    """Factor by which the relaxation decays from one sample to the next."""
 
     def part(self, h: float) -> Relaxation:
         """Return the relaxation as a part of the noise; `h`: sampling period [s]."""
@@ -118,9 +121,9 @@ class OffsetWalk(NamedTuple):
         return Interval(*(math.sqrt(q / h) for q in np.exp(log_steps).tolist()))
 
     def system(self, bare: System, samples: int) -> System:
-        """Return the linear system of a noise with the mean drift of its offset.
+        """Return the state-space model of a noise with the mean drift of its offset.
 
-        `bare`: system of the noise without an offset.
+        `bare`: state-space model of the noise without an offset.
 
         Of all linear filters, the filter for the mean of the drifts' spectra has the least mean square error.
         The relaxations are combined into one relaxation, which has their mean variance and the mean variance
@@ -170,7 +173,10 @@ class OffsetWalk(NamedTuple):
 
     @property
     def by_walk(self) -> tuple[Array, Array, Array, Array]:
-        """Step variances of the walks, their correlation times, the slopes, all weights (walks, slopes)."""
+        """Return the step variances and correlation times of the walks, the slopes, and all weights.
+
+        The weights (walks, slopes) are those of each walk combined with each slope.
+        """
         count = int((np.diff(self.slopes) <= 0).argmax()) + 1 if len(self.slopes) > 1 else 1
         steps, taus = (one[::count] for one in (self.steps, self.taus))
         return steps, taus, self.slopes[:count], self.weights.reshape(-1, count)
@@ -182,7 +188,7 @@ class OffsetWalk(NamedTuple):
         return bounded if float(self.weights[bounded].sum()) >= LEAST else np.zeros_like(bounded)
 
     def likely(self, bare: System, samples: int, least: float) -> list[tuple[float, System]]:
-        """Return weight and linear system of each possible drift whose weight is at least `least`."""
+        """Return weight and state-space model of each possible drift whose weight is at least `least`."""
         found = zip(self.weights, self.steps, self.taus, self.slopes, strict=True)
         return [(w, _one(bare, samples, q, tau, slope)) for w, q, tau, slope in found if w >= least]
 
@@ -281,7 +287,7 @@ def _has_order(parts: Sequence[Part]) -> bool:
 
 
 def without_walk(parts: Sequence[Part], h: float, samples: int) -> tuple[System, float]:
-    """Return the linear system of the parts without their random walk, and the walk's step variance."""
+    """Return the state-space model of the parts without their random walk, and the walk's step variance."""
     bare = system([part for part in parts if not isinstance(part, Walk)], h, samples, found=True)
     return bare, math.fsum(part.K**2 * h for part in parts if isinstance(part, Walk))
 
@@ -295,11 +301,11 @@ def offset_walk(
     bounds: Sequence[float] = BOUNDS,
     every: int = 1,
 ) -> OffsetWalk:
-    """Return the possible drifts of a noise's offset, with their weights.
+    """Return the possible drifts of the offset of a noise, with their weights.
 
-    `found`: step variance of the random walk by the fit of the spectrum; 0 if it has found none. `bounds`:
-    correlation times to try, as ratios to the length of the record. `every`: only one in `every` values is
-    tried.
+    `found`: step variance of the random walk that the fit of the spectrum has found; 0 if it has found none.
+    `bounds`: correlation times to try, as ratios to the length of the record. `every`: only one in `every`
+    values is tried.
     """
     level = float(bare.spectrum(np.array([LEVEL_AT]))[0])
     steps = [share * found for share in AROUND] if found else [one * level / samples**2 for one in SHARES]

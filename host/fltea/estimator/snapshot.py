@@ -40,7 +40,7 @@ class OnlineState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def check(self, axes: tuple[str, ...]) -> None:
         """Raise ValueError, with the reason, unless the state is undamaged, valid and made for `axes`."""
         if self.axes != axes:
-            raise ValueError(f"it is of the axes {', '.join(self.axes)}")
+            raise ValueError(f"it was saved for the axes {', '.join(self.axes)}")
         if zlib.crc32(self.engine) != self.checksum:
             raise ValueError("it is damaged: its checksum is wrong")
         for name, values in (("bias_dps", self.bias_dps), ("R", self.R), ("Q", self.Q)):
@@ -59,7 +59,7 @@ class OnlineState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                 raise ValueError(f"it has a tuning of {axis!r}, which is none of its axes")
         for axis, filter_model in self.filter_models.items():
             if axis not in self.tuned or not filter_model.is_sound:
-                raise ValueError(f"{axis} cannot go on with {filter_model}")
+                raise ValueError(f"the filters of {axis} cannot continue with {filter_model}")
         for axis, count in self.restarts.items():
             if axis not in axes:
                 raise ValueError(f"it has restarts of {axis!r}, which is none of its axes")

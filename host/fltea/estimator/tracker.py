@@ -1,9 +1,10 @@
 """Estimate the present bias of each axis, with its σ, by a filter for the axis's noise model.
 
-The bias is the sensor's offset plus the state of its noise. Until the noise is known, a bank of filters for
-random walks and relaxations is used (host/native/walk_bank.hpp). When the noise model changes, the samples
-that the tracker remembers are filtered again with the new model. While the sensor moves, the filters of all
-axes only predict. When the bias of an axis jumps (a step), the filter of that axis restarts.
+The bias is the sensor's offset plus the state of its noise. Until the noise is known, a bank of filters is
+used: each assumes a random walk or a relaxation (first-order Gauss-Markov process) of its own
+(host/native/walk_bank.hpp). When the noise model changes, the samples that the tracker remembers are filtered
+again with the new model. While the sensor moves, the filters of all axes only predict. When the bias of an
+axis jumps (a step), the filter of that axis restarts.
 
 The bias is a forecast: the mean of offset and state that is expected over the next samples.
 """
@@ -83,10 +84,11 @@ class TrackerRules(NamedTuple):
     `ahead`: number of coming samples whose mean bias is estimated; 0 means the newest sample alone.
     `checked`: numbers of later samples with whose mean the bias is compared. `largest_step`: a larger change
     within a second is motion, not a step. `largest_gravity_step`: a larger change of the accelerometer's
-    samples within a second is motion. `still`: number of samples at rest at another value after which that
-    value becomes the new offset. This holds if `settles` is set, if the caller knows that the sensor is at
-    rest, or if the value is nearer to 0.
-    `patience`: number of such samples after which the value becomes the new offset in any case.
+    samples within a second is motion. `still`: if a sensor at rest shows another value than its offset for
+    this many samples, the value becomes the new offset. This holds only if `settles` is set, if the caller
+    knows that the sensor is at rest, or if the value is nearer to 0 than the offset.
+    `patience`: after this many samples at rest at another value, that value becomes the new offset in any
+    case.
     """
 
     ahead: int = 0
@@ -144,7 +146,7 @@ class Remembered:
         return self.likelihoods(system, [()])[0]
 
     def likelihoods(self, bare: System, more: Sequence[Sequence[Coordinate]]) -> list[float]:
-        """Return 2 log L of the samples for each set of states in `more`, added to the system `bare`."""
+        """Return 2 log L of the samples for `bare` with added states, for each set of states in `more`."""
         return self.native.likelihoods(bare.numbers, more)
 
     def likelihood_of_walks(self) -> float:
@@ -188,7 +190,9 @@ class TrackerModel:
 
 
 MOST_TO_COME = _native.TrackerModel.MOST_TO_COME
-"""Largest number of samples between the filtering of remembered samples and `Tracker.use_model`."""
+"""Largest `to_come` that `TrackerModel.refilter` accepts: at most so many new samples may come between
+`refilter` and `Tracker.use_model`.
+"""
 
 
 AT_ONCE = 1 << 14

@@ -20,7 +20,7 @@ APPLICATION_ID = 0x464C5445
 """Number that marks an SQLite file as one of fltea (the pragma application_id); in ASCII it reads "FLTE"."""
 
 MEMORY_ROWS = 200_000
-"""Most rows of a table that are kept in memory if there is no file; they take about 100 MB."""
+"""Largest number of rows of a table that is kept in memory if there is no file; they take about 100 MB."""
 
 CONNECT_S = 5
 AGAIN_S = 5.0
@@ -243,7 +243,7 @@ class Postgres:
         """
         try:
             (status,) = connection.execute("SELECT txid_status(%s)", (number,)).fetchone()
-        except self.of_a_row:  # another server, which has not reached that number
+        except self.of_a_row:  # this is another server, whose transactions have not reached that number
             return False
         if status == "in progress":
             raise self._library.OperationalError("the transaction that was written last is still under way")

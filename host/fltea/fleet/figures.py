@@ -19,7 +19,7 @@ ALPHA_KNOWN = 0.05
 default."""
 
 MOST_POINTS = 200
-"""Most points of an Allan curve that are read; a daemon sends about forty."""
+"""Largest number of points of an Allan curve that is read. A daemon sends about forty points."""
 
 
 LINES = {"N": (-0.5, 0.0), "B": (0.0, math.log(FLICKER)), "K": (0.5, -0.5 * math.log(3))}
@@ -51,8 +51,9 @@ QUANTITIES = (
     Quantity("f", "parameter f", False, "s^-α"),
 )
 SHOWN = (Quantity("bias", "bias now: offset and state of the noise", False, ""), *QUANTITIES)
-"""Quantities that are shown. The bias is only shown, since it differs from sensor to sensor and changes with
-each power-up."""
+"""Quantities that are shown. The bias is shown but not compared, since it differs from sensor to sensor and
+changes with each power-up.
+"""
 
 
 class Figure(NamedTuple):

@@ -28,7 +28,8 @@ CHANGE_S = 60.0
 disk."""
 
 MOST_WAITING = 50_000
-"""Most rows that wait while the database cannot be written: 30 MB, or one hour of 5,000 sensors."""
+"""Largest number of rows that wait while the database cannot be written: 30 MB, or one hour of 5,000 sensors.
+"""
 
 STUCK_S = 30.0
 """Time after which a command to the database is interrupted [s]; a busy server needs less time."""

@@ -22,7 +22,9 @@ from fltea.noise.distributions import student_quantile, student_tail
 from fltea.records.plus_minus import NORMAL_95
 
 FEWEST = 8
-"""Fewest sensors of a kind that are compared; with fewer sensors, μ and τ are not known well enough."""
+"""Sensors of a kind are compared if there are at least this many; with fewer sensors, μ and τ are not known
+well enough.
+"""
 
 LEVEL = 0.001
 """Probability that a comparison of all sensors reports an outlier although the fleet has no true outliers.
@@ -129,7 +131,7 @@ def _weighted_median(value: Floats, weight: Floats) -> float:
 
     If two values are equally close to the middle of the weights, their mean is returned.
     """
-    weight = np.minimum(weight, 3 * np.median(weight))  # limits the weight of one precise sensor
+    weight = np.minimum(weight, 3 * np.median(weight))  # so that no single precise sensor dominates
     order = np.argsort(value)
     value, below = value[order], np.cumsum(weight[order])
     half = below[-1] / 2
