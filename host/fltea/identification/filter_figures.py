@@ -103,10 +103,10 @@ def _said(
         for part, what in ((fast, "white noise"), (slow, "a walk"))
         if part
     ]
-    more = "as large as it is" if ratio < 1.05 else f"{ratio:.2g} times as large as it is"
+    more = "that error" if ratio < 1.05 else f"{ratio:.2g} times that error"
     return (
         f"{' and '.join(forms)}, since this program has no term of its own for that. So the heading's "
-        f"error is not underestimated: after {duration(t_s)} these figures make it {more}."
+        f"error is not underestimated: after {duration(t_s)} these figures predict {more}."
     )
 
 
