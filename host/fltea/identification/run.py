@@ -2,9 +2,9 @@
 
 The results have the order of the recordings. A failure of one recording does not affect the others.
 
-Each axis is a task. Each group of its shuffled copies is another task, since copies take most of the time,
-and with three axes alone four cores would finish no earlier than two. The results do not depend on which
-process does which task.
+The analysis of each axis is a task. FLTEA's run over each group of shuffled copies of an axis is another
+task. These runs take most of the time, so with three tasks of one axis each, four cores would finish no
+earlier than two. The results do not depend on which process does which task.
 """
 
 from collections import deque
@@ -56,32 +56,37 @@ from fltea.settings.estimator import AccelConfig, EstimatorConfig
 from fltea.settings.live import LiveConfig
 
 USUAL_TASKS = 3
-"""Assumed number of tasks of a recording before it is read.
+"""Number of tasks that progress reports assume for a recording before it is read.
 
-Tasks for the shuffled copies are added later.
+The tasks for the shuffled copies of its axes are added to the total later.
 """
 
 Progress = Callable[[str, int, int], None]
-"""Function that is called with what was just done, the number of tasks done, and the total number of
-tasks.
+"""Function that reports progress: called with a text on what was just done, the number of tasks done, and the
+total number of tasks.
 """
 
 
 class Settings(msgspec.Struct, frozen=True):
-    """How to identify; `bias` and `R` of the estimators may be lists with one number for each channel."""
+    """Settings of an identification.
+
+    `bias` and `R` of the estimators may be lists with one number for each channel.
+    """
 
     options: IdentifyOptions
-    """Options for all axes; those of FLTEA may differ by axis (`of_axis`)."""
+    """Options for all axes. `of_axis` returns the options of one axis, whose settings of FLTEA may be its
+    own.
+    """
     gyro: EstimatorConfig = EstimatorConfig()
     accel: AccelConfig = AccelConfig()
     details: bool = True
     """Whether to compute results that the short answer does not show.
 
-    These are FLTEA's estimates, its estimates for shuffled copies, and the range in which the model
-    reproduces the Allan deviation.
+    Such results are FLTEA's estimates, its estimates for shuffled copies of the samples, and the range of
+    averaging times in which the model reproduces the Allan deviation.
     """
     figures: bool = False
-    """Whether to compute the curves for pictures."""
+    """Whether to compute the curves that are drawn in the pictures of a report."""
     forecast: Asked = False
     live: LiveConfig = LiveConfig()
     """Settings of the tracker: the largest step of a bias, and the time T of Bias(T)."""
@@ -102,7 +107,9 @@ class Settings(msgspec.Struct, frozen=True):
 
 
 def _at_rate(options: IdentifyOptions, h: float) -> IdentifyOptions:
-    """Return the options after durations were converted to numbers of samples. `h`: sampling period [s].
+    """Return the options with durations of the estimator converted to numbers of samples.
+
+    `h`: sampling period [s].
 
     Raises UsageError if a duration has more samples than allowed.
     """
@@ -119,14 +126,17 @@ class _Task(Task):
     report: FileReport
     axis: "_Axis | None" = None
     part: int | None = None
-    """Index of the group of shuffled copies; None for other tasks."""
+    """Index of the group of shuffled copies that the task processes; None for a task without copies."""
     of: "_Recording | None" = None
-    """The recording to which the task belongs; None if the task is to read it."""
+    """The recording to which the task belongs; None if the task has yet to read that recording."""
 
 
 @dataclass
 class _Axis:
-    """An axis whose tasks are not all done. Its report exists once they are."""
+    """An axis of a recording, with the results of its tasks so far.
+
+    `report` is None until all its tasks are done.
+    """
 
     name: str
     series: Series
@@ -146,8 +156,11 @@ class _Axis:
         self.is_examined |= task.do is examine
         if isinstance(result, BaseException):
             if self.looks > 1 and task.do is examine:
-                return  # too few samples are left between the steps, so the previous analysis stays valid
-            # If several tasks fail, the failure of the axis's own analysis explains most.
+                # too few samples are left between the bias steps for another analysis, so the previous one
+                # stays valid
+                return
+            # If several tasks fail, report the failure of the axis's analysis, not that of its shuffled
+            # copies: it explains most.
             self.failure = (
                 Failure(_text(result)) if task.part is None else self.failure or Failure(_text(result))
             )
@@ -160,7 +173,7 @@ class _Axis:
 
     @property
     def report(self) -> AxisReport | Failure | None:
-        """The report; None if a result is still missing."""
+        """The report of the axis; None if a result of its tasks is still missing."""
         copies = [part for part in self.parts if part is not None]
         if self.failure is not None or self.found is None or len(copies) < len(self.parts):
             return self.failure
@@ -179,7 +192,7 @@ class _Axis:
 
 @dataclass
 class _Recording:
-    """A recording whose tasks are not all done."""
+    """A recording that was read, with its axes and the results of their tasks so far."""
 
     h: float
     accel: tuple[Array, ...]
@@ -188,7 +201,7 @@ class _Recording:
     watches: int = 0
 
     def agreed(self) -> dict[str, FittedSystem]:
-        """Return the tracked systems of the axes by name."""
+        """Return the state-space model for the tracker of each axis, by the axis's name."""
         tracked = {axis.name: axis.found.tracked for axis in self.axes if axis.found is not None}
         return in_agreement(tracked, self.h)
 
@@ -202,8 +215,8 @@ def identify_all(
 ) -> list[FileReport]:
     """Identify recordings; the reports have the order of the requests.
 
-    `readers`: workers that read the files. They differ from `workers` if these run on machines without the
-        files.
+    `readers`: workers that read the files; by default `workers`. They are other workers if `workers` run on
+        machines that do not have the files.
 
     Raises:
         FlteaError: the workers are gone.
@@ -224,7 +237,8 @@ def identify_all(
 class _Loop(HandOut[_Task]):
     """Hand out tasks.
 
-    Axes come before further recordings, so that few recordings are in memory at once.
+    Tasks of axes come before tasks that read further recordings, so that few recordings are in memory at
+    once.
     """
 
     def __init__(
@@ -249,12 +263,12 @@ class _Loop(HandOut[_Task]):
         return queue.popleft() if queue else None
 
     def submit(self, task: _Task) -> "Future[Any]":
-        """Submit a task; a task that reads goes to the readers."""
+        """Submit a task: to `readers` if it reads a recording, otherwise to `workers`."""
         who = self._readers if task.do is load else self._workers
         return who.submit(task.do, *task.arguments)
 
     def settle(self, task: _Task, result: Any) -> None:
-        """Store the result of a task in its report, and plan the tasks that follow."""
+        """Store the result of a task in the report of its recording, and plan the tasks that follow."""
         report = task.report
         self._done += 1
         if task.of is not None:
@@ -291,7 +305,10 @@ class _Loop(HandOut[_Task]):
         self._total += len(tasks)
 
     def _watch(self, task: _Task) -> None:
-        """Once all axes of a recording are analysed, plan to track the biases, or to conclude."""
+        """Once all axes of a recording are analysed, plan to track their biases.
+
+        After the last analysis, plan to compute bias, forecast and filter instead.
+        """
         assert task.of is not None
         of, axes = task.of, {axis.name: axis.series for axis in task.of.axes if axis.found is not None}
         of.watches += 1
@@ -302,9 +319,9 @@ class _Loop(HandOut[_Task]):
             self._add(_Task(watch, arguments, task.report, of=of))
 
     def _look_again(self, task: _Task, events: dict[str, AxisEvents]) -> None:
-        """Plan a new analysis of the axes whose steps or motion have changed.
+        """Plan a new analysis of the axes for which the tracker found other bias steps or motion than before.
 
-        If there are none, plan to compute bias, forecast and filter.
+        If there are no such axes, plan to compute bias, forecast and filter of all axes.
         """
         assert task.of is not None
         of = task.of
@@ -364,7 +381,8 @@ class _Loop(HandOut[_Task]):
         self._workers.expect(sum(len(series.y) for series in recording.axes.values()))
         of = _Recording(h, recording.accel, recording.data_checks)
         for name, series in recording.axes.items():
-            report.axes[name] = Failure("not done")  # keeps the order of the axes
+            # a placeholder, so that the report lists the axes in the order of the recording
+            report.axes[name] = Failure("not done")
             try:
                 options = _at_rate(self._settings.of_axis(name, tuple(recording.axes)), h)
             except FlteaError as error:
@@ -391,7 +409,10 @@ class _Loop(HandOut[_Task]):
         self._total -= USUAL_TASKS
 
     def _copies(self, axis: _Axis, series: Series, report: FileReport, of: _Recording) -> Iterator[_Task]:
-        """Yield the tasks for the shuffled copies: many tasks of equal size, so that no process is idle."""
+        """Yield the tasks that run FLTEA over shuffled copies of an axis.
+
+        These are many tasks of equal size, so that no process is idle.
+        """
         epoch = longest_epoch(len(series.y), series.gaps)
         for part, group in enumerate(groups(epoch[1] - epoch[0], axis.options.shuffles)):
             axis.parts.append(None)
@@ -400,7 +421,7 @@ class _Loop(HandOut[_Task]):
 
 
 def _take_fltea(of: _Recording, result: Any) -> None:
-    """Give each axis its FLTEA estimates, or the reason why there are none."""
+    """Store FLTEA's estimates, or the reason why there are none, in each axis of a recording."""
     axes = [axis for axis in of.axes if axis.wants_fltea]
     if isinstance(result, BaseException):
         for axis in axes:

@@ -1,7 +1,7 @@
 """Find steps of a sensor's biases and motion in a recording, and the biases at its end.
 
-The tracker that live use has is run over all axes of a sensor together, and over its accelerometer if there
-is one. It uses the noise model that was found for each axis.
+The tracker is the one that the daemon runs live. Here it runs over all axes of a sensor together, and over
+its accelerometer if there is one. It uses the noise model that was found for each axis.
 """
 
 import contextlib
@@ -31,22 +31,26 @@ from fltea.stream.happenings import BY
 from fltea.stream.tracking import rules_of
 
 LONG = IN_A_ROW * CHUNK
-"""Length in samples above which motion has to be smooth from sample to sample.
+"""Length in samples above which a span is motion only if the rate changes smoothly from sample to sample.
 
-If it is not, it is noise whose power has grown, which the verdict reports.
+If the rate is not smooth in such a span, it is noise whose power has grown, which the verdict reports.
 """
 FAST_S = 1.0
-"""Longest correlation time of noise that cannot be mistaken for steps [s]."""
+"""Longest correlation time of a relaxation that cannot be mistaken for steps of the bias [s]."""
 BETTER = 10.0
-"""How much larger the log likelihood of a model with a constant bias between steps has to be.
+"""Least advantage in log likelihood for which a model whose bias is constant between steps is used.
 
-Otherwise the model with a moving bias is used.
+Below it, the model with a moving bias is used.
 """
 COURSE_POINTS = 500
 
 
 class BiasStep(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A step of a bias, in the unit of its axis. `at_s`: time since the beginning of the recording [s]."""
+    """A step of an axis's bias.
+
+    `size` and `size_std` are in the unit of the axis. `at_s`: time of the step since the beginning of the
+    recording [s].
+    """
 
     at_s: float
     size: float
@@ -54,19 +58,21 @@ class BiasStep(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class MotionSpan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A time span in which the sensor moved, in s since the beginning of the recording."""
+    """A time span of motion of the sensor; begin and end are in s since the beginning of the recording."""
 
     begin_s: float
     end_s: float
     by: str
     """The axis that showed the motion, or `accel`."""
     largest: float | None
-    """Largest distance of a sample from the bias, in `unit`; null if the sensor still moved at the end."""
+    """Largest distance of a sample from the bias during the motion, in `unit`; null if the sensor still moved
+    at the end of the recording or at a long gap.
+    """
     unit: str
 
 
 class BiasCourse(NamedTuple):
-    """Bias(T) and its σ over time, at up to `COURSE_POINTS` samples."""
+    """The course of Bias(T) and its σ over a recording, taken at up to `COURSE_POINTS` samples."""
 
     t_s: Array
     bias: Array
@@ -76,13 +82,13 @@ class BiasCourse(NamedTuple):
 class AxisEvents(NamedTuple):
     """Steps, motion and bias of one axis.
 
-    If there is no noise model, only motion is known.
+    If there is no noise model of the axis, only motion is known.
     """
 
     steps: tuple[BiasStep, ...] = ()
     motion: tuple[MotionSpan, ...] = ()
     left_out: LeftOut = NOTHING
-    """What the spectral analysis has to leave out."""
+    """Samples that the spectral analysis has to leave out."""
     at_end: BiasAtEnd | None = None
     course: BiasCourse | None = None
 
@@ -99,13 +105,14 @@ def watch(
 ) -> dict[str, AxisEvents]:
     """Return steps, motion and bias of each axis of a recording. All axes of a sensor have the same motion.
 
-    An accelerometer shows the motion of its gyroscope, too. It shows it until the sensor lies still again in
-    its new position.
+    The accelerometer shows the motion of the gyroscope beside it, too. It shows that motion until the sensor
+    lies still again in its new position.
 
     Args:
-        axes: all samples as they were read. Steps between the levels of telegraph noise are not returned.
+        axes: all samples as they were read. Telegraph noise is removed before tracking, so steps between its
+            levels are not returned.
         accel: samples (n,) of each axis of the accelerometer [m/s²]; empty if there is none.
-        tracked: the tracked system of each axis, by name.
+        tracked: the state-space model for the tracker of each axis, by the axis's name.
         h: sampling period [s].
         live: settings of the tracker.
     """
@@ -124,7 +131,8 @@ def watch(
                 runs.append((pool.submit(_SensorRun, group, shown, systems, h, live), other))
     found: dict[str, AxisEvents] = {}
     moved: list[_Moved] = []
-    # The gyroscope comes first, since its motion includes what the accelerometer has shown.
+    # The gyroscope comes first, since its run includes the motion that the accelerometer has shown. That
+    # motion then counts for the remaining axes, too.
     for of_system, of_staying in runs:
         run, stays = of_system.result(), None if of_staying is None else of_staying.result()
         moved = _united([*moved, *run.moved])
@@ -135,12 +143,12 @@ def watch(
 
 
 def _staying(tracked: Mapping[str, FittedSystem | None], h: float) -> dict[str, System]:
-    """Return a model whose bias is constant between steps, for each axis whose model has a moving bias.
+    """Return a second model, with a bias constant between steps, for each axis whose model has a moving bias.
 
     A bias that steps to and fro has the spectrum of a relaxation. A bias that steps now and then looks like a
     random walk. So both models are tried, and the one that predicts the samples better is used. The model
-    with a constant bias predicts badly from each step until the step is detected. So it is not used for a
-    bias that walks.
+    with a constant bias predicts badly from each step until the step is detected, so it loses if the bias
+    really walks.
     """
     found = {}
     for name, one in tracked.items():
@@ -149,7 +157,8 @@ def _staying(tracked: Mapping[str, FittedSystem | None], h: float) -> dict[str, 
         fast = [part for part in one.parts if not _is_slow(part)]
         moves = len(fast) < len(one.parts) or one.walk.is_certain
         if moves and any(isinstance(part, White) for part in fast):
-            with contextlib.suppress(ValueError, ArithmeticError):  # no filter works with this model
+            # an error means that no filter works with this model
+            with contextlib.suppress(ValueError, ArithmeticError):
                 found[name] = system(fast, h, one.samples, found=True).with_offset()
     return found
 
@@ -207,7 +216,8 @@ class _SensorRun:
         tracker = Tracker([None] * len(self._names), rules_of(self._live, self._h, self._unit))
         for lane, one in enumerate(self._systems):
             if one is not None:
-                with contextlib.suppress(ValueError):  # no filter works with this system
+                # ValueError means that no filter works with this system
+                with contextlib.suppress(ValueError):
                     tracker.set(lane, one)
         since: _Moved | None = None
         self._before = [len(steps) for steps in self._steps]
@@ -240,7 +250,8 @@ class _SensorRun:
     def _take(self, event: TrackerEvent, row: int, begin: int, since: _Moved | None) -> _Moved | None:
         """Store an event that was detected at sample `row`.
 
-        `since`: the motion that goes on, None if the sensor is at rest. Returns its new value.
+        `since`: the motion that goes on before this event; None if the sensor is at rest. Returns the motion
+        that goes on after the event, or None.
         """
         at = max(row - max(event.ago - 1, 0), begin)
         if event.kind == EventKind.STEP:
@@ -254,17 +265,18 @@ class _SensorRun:
         return since
 
     def foretells(self, name: str, other: "_SensorRun") -> bool:
-        """Whether this run's model predicts the samples of an axis better than the model of another run."""
+        """Whether this run's model predicts the samples of an axis clearly better than that of `other`."""
         lane = self._names.index(name)
         if self._counts[lane] < other._counts[lane] - LONG:
-            return False  # this run mistook samples that it cannot predict for motion
+            return False  # this run counted samples that its model cannot predict as motion
         mine, its = (one._squares[lane] / max(one._counts[lane], 1) for one in (self, other))
         return bool(0 < mine < its and self._counts[lane] * math.log(its / mine) > 2 * BETTER)
 
     def _undo(self, counts: Sequence[int], events: Sequence[TrackerEvent], first: int) -> None:
-        """Drop steps that the tracker has withdrawn, because a motion began with them.
+        """Drop bias steps that the tracker has withdrawn, because a motion of the sensor began with them.
 
-        `counts`: number of valid steps of each axis. `first`: index of the sample at which `events` begin.
+        `counts`: number of steps of each axis that the tracker still holds valid. `first`: index in the
+        recording of the block's first sample, from which `events` count.
         """
         begun = [first + event.row for event in events if event.kind == EventKind.MOVES]
         for steps, before, count in zip(self._steps, self._before, counts, strict=True):
@@ -296,14 +308,14 @@ class _SensorRun:
         return self._gaps.place(number) * self._h
 
     def of_axis(self, name: str, moved: Sequence[_Moved]) -> AxisEvents:
-        """Return the events of an axis of a sensor with this motion."""
+        """Return the events of axis `name`. `moved`: all motions of its sensor."""
         lane = self._names.index(name)
         motion = tuple(one.span for one in moved)
         spans = tuple((one.begin, one.end) for one in moved)
         if self._systems[lane] is None:
             return AxisEvents((), motion, LeftOut(spans, ()))
-        # Leave out a step before the first sample of a part, and steps during motion that another sensor
-        # showed.
+        # Do not report a step at the first sample of a part of the recording, nor steps during motion that
+        # another sensor showed.
         none = [(begin, begin + 1) for begin, _, _ in self._parts] + [*spans]
         steps = [one for one in self._steps[lane] if not any(begin <= one.at < end for begin, end in none)]
         points = np.concatenate(self._points, axis=1)[:, :, lane]
@@ -318,9 +330,9 @@ class _SensorRun:
 
 
 def _united(moved: Sequence[_Moved]) -> list[_Moved]:
-    """Return the motions in order of time.
+    """Return motions of a sensor in order of time, without overlaps.
 
-    Overlapping motions are merged; the result names the axis that showed it first.
+    Overlapping motions are merged. A merged motion names the axis that showed it first.
     """
     found: list[_Moved] = []
     for one in sorted(moved, key=lambda one: one[:2]):

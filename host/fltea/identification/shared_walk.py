@@ -1,9 +1,9 @@
 """Estimate one common figure for the random walk of the offset on all axes of a sensor, if they agree.
 
-The axes of a sensor are built alike. Each axis alone hardly shows how far its offset walks, or within which
-bounds. So the likelihoods of the axes are multiplied, if one walk for all axes explains the samples at least
-as well as separate walks. Each axis keeps its own slope, since axes that warm up drift in different
-directions.
+The axes of a sensor are built alike. Each axis alone hardly shows the size of its random walk, or the
+correlation time that bounds it. So the likelihoods of the axes are multiplied, if a random walk of one size
+for all axes explains the samples at least as well as a size for each axis. Each axis keeps its own slope of
+the offset, since axes that warm up drift in different directions.
 """
 
 import math
@@ -16,16 +16,17 @@ from fltea.identification.forecast_judge import FittedSystem
 from fltea.records.arrays import Array
 
 A_DECADE = 4
-"""Number of variances of a walk's steps that are tried in each decade."""
+"""Number of values in each decade that are tried for the variance of a walk's steps."""
 UNLIKELY = 1e-300
 
 
 def shared_walk(tracked: Mapping[str, FittedSystem], h: float) -> dict[str, FittedSystem]:
     """Return the tracked systems of a sensor's axes by name, with a common random walk if possible.
 
-    If the spectrum shows a separate walk on each axis, only its bounds are common. The systems are unchanged
-    if the axes do not agree, or if fewer than two are alike. Axes for which different bounds were tried are
-    not alike (noise with an order has no bounds).
+    A tracked system is the state-space model for the tracker of an axis. A walk is bounded by its correlation
+    time. If the spectrum itself shows a walk, each axis keeps the size of its walk, and only the correlation
+    time is common. The systems are unchanged if the axes do not agree, or if fewer than two are alike. Axes
+    for which different correlation times were tried are not alike (none is tried for noise with an order).
     """
     alike: dict[tuple[bool, tuple[float, ...]], list[str]] = {}
     for name, one in tracked.items():
@@ -41,7 +42,10 @@ def shared_walk(tracked: Mapping[str, FittedSystem], h: float) -> dict[str, Fitt
 
 
 def _agreed_bounds(walks: list[OffsetWalk], taus: tuple[float, ...]) -> list[OffsetWalk]:
-    """Return the walks with common bounds; an empty list if the axes do not agree."""
+    """Return the walks with common bounds; an empty list if the axes do not agree.
+
+    The probabilities of the bounds, which are correlation times, are then the same for all axes.
+    """
     prior = _prior(walks[0].steps[:1].tolist(), taus, stays=0.0)
     own = np.array([[walk.weights[walk.taus == tau].sum() for tau in taus] for walk in walks])
     own = np.maximum(own, UNLIKELY)
@@ -57,18 +61,24 @@ def _agreed_bounds(walks: list[OffsetWalk], taus: tuple[float, ...]) -> list[Off
 
 
 def _prior(steps: list[float], taus: Sequence[float], stays: float) -> Array:
-    """Return the prior probabilities of walks, ordered by rising bounds."""
+    """Return the prior probabilities of the random walks that are tried.
+
+    They are in rising order of the walk's step variance, and then of its correlation time.
+    """
     tried = sorted(walks_tried(steps, [one for one in taus if math.isfinite(one)], stays))
     return np.array([weight for _, _, weight in tried])
 
 
 def _agreed(walks: list[OffsetWalk], taus: tuple[float, ...]) -> list[OffsetWalk]:
-    """Return the walks with a common distribution; an empty list if the axes do not agree."""
+    """Return the walks of the axes with one common distribution; an empty list if the axes do not agree.
+
+    It is the probability distribution of step variance and bounds.
+    """
     low = min(float(walk.steps[walk.steps > 0].min()) for walk in walks)
     high = max(float(walk.steps.max()) for walk in walks)
     steps = np.geomspace(low, high, round(A_DECADE * math.log10(high / low)) + 1).tolist()
     q, tau, prior = np.array(list(walks_tried(steps, [one for one in taus if math.isfinite(one)], STAYS))).T
-    likely = np.array([_log_likelihoods(walk, q, tau) for walk in walks])  # (axes, walks, slopes)
+    likely = np.array([_log_likelihoods(walk, q, tau) for walk in walks])  # an array of axes × walks × slopes
     by_walk = np.log(np.exp(likely).sum(axis=2))
     each = np.log(np.exp(by_walk) @ prior).sum()
     together = by_walk.sum(axis=0)
@@ -80,16 +90,19 @@ def _agreed(walks: list[OffsetWalk], taus: tuple[float, ...]) -> list[OffsetWalk
 
 
 def _log_likelihoods(walk: OffsetWalk, q: Array, tau: Array) -> Array:
-    """Return log L of walks with step variance `q` and bounds `tau`, (walks, slopes), up to a constant.
+    """Return the log likelihoods of random walks, (walks, slopes), up to a constant.
 
-    It includes the prior of the slope, but not that of the walk.
+    `q`, `tau`: step variances and correlation times of the walks. The array has a column for each slope of
+    the offset that was tried.
+
+    The likelihood includes the prior of the slope, but not the prior of the walk.
     """
     steps, taus, _, weights = walk.by_walk
     bounds = [one for one in np.unique(taus) if math.isfinite(one)]
     known = np.unique(steps[steps > 0])
     prior = np.array([weight for _, _, weight in walks_tried(known.tolist(), bounds, STAYS)])
     own = np.log(np.maximum(weights, UNLIKELY)) - np.log(prior)[:, None]
-    # A walk that is slower than all those that were tried is as likely as no walk.
+    # A walk with a tenth of the smallest step variance that was tried, or less, is as likely as no walk.
     at = np.log(np.append(known[0] / 10, known))
     found = np.empty((len(q), own.shape[1]))
     for slope, column in enumerate(own.T):
@@ -103,7 +116,7 @@ def _log_likelihoods(walk: OffsetWalk, q: Array, tau: Array) -> Array:
 
 
 def _of_axis(walk: OffsetWalk, q: Array, tau: Array, weights: Array, likely: Array) -> OffsetWalk:
-    """Return the common walk, (walks,), with the slopes of one axis, (walks, slopes)."""
+    """Return the common distribution of walks, joined with that of the slopes of one axis's offset."""
     slopes = walk.by_walk[2]
     share = np.exp(likely - likely.max(axis=1, keepdims=True))
     own = weights[:, None] * share / share.sum(axis=1, keepdims=True)

@@ -1,9 +1,9 @@
 """Run FLTEA over shuffled copies of the samples.
 
-Shuffling makes any noise white.
+Shuffling makes any noise white, so the estimates for the copies show what FLTEA finds in white noise.
 
-The engine processes several copies in parallel, each as a lane. As in the daemon, each has its own start-up
-window, bias and R.
+FLTEA's engine processes several copies in parallel. It treats each copy as an axis, which is called a lane of
+the engine. As in the daemon, each lane has its own start-up window, bias and R.
 """
 
 import math
@@ -22,34 +22,39 @@ from fltea.settings.estimator import EstimatorConfig
 
 PROBABILITIES = (0.05, 0.5, 0.95)
 BLOCK = 100
-"""Number of samples of each copy that the engine processes at once; the results have to fit into the
-caches.
+"""Number of samples of each copy that the engine processes at once, so few that the results fit into the
+processor's caches.
 """
 GROUP_BYTES = 64_000_000
 """Memory for the samples of a group of copies [bytes]."""
 LEAST_LANES, MOST_LANES = 8, 40
-"""Least and largest number of copies in a group.
+"""Least and largest number of copies in a group, which one process runs.
 
 Smaller groups do not use vector instructions fully. Larger ones leave other processes idle at the end.
 """
 LONGEST = 1 << 17
-"""Length in samples above which copies are drawn from the record at random, block by block, to save memory.
+"""Length of a record in samples above which its copies are not shuffled, but drawn from its samples at
+random, block by block, to save memory.
 
-Copies for the joint filter have at most this length. This filter forgets old samples: up to a million
-samples, the quantiles of its last α change by 0.003. Those of the triple filter keep falling (from 0.13 to
-0.11), so its copies are as long as the record.
+Copies for the variant of FLTEA with a joint filter have at most this length. That filter forgets old samples:
+from this length up to a million samples, the quantiles of its last α change by only 0.003. The quantiles of
+the triple filter keep falling with the length (from 0.13 to 0.11), so its copies are as long as the record.
 """
 DRAWN = 1 << 13
-"""Number of samples in a block that is drawn from the record."""
+"""Number of samples in each block that is drawn from a long record."""
 ACCURACY = 3
-"""Digits of the compressed memory of the past.
+"""Accuracy setting of the compressed memory that the filters of the copies have of past samples, in digits.
 
-Its error in α is 1e-6, while copies differ by 1e-2. It needs a sixth of the time of an exact memory.
+The error in α that comes from this memory is 1e-6, while α of the copies differs by 1e-2. The memory needs a
+sixth of the time of an exact one.
 """
 
 
 class ShuffledBand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The 5, 50 and 95 % quantiles of the copies' last estimates; None if no copy has a valid estimate."""
+    """The 5, 50 and 95 % quantiles of FLTEA's last estimates for the shuffled copies.
+
+    They are None if no copy has a valid estimate.
+    """
 
     copies: int
     lost: int
@@ -58,15 +63,18 @@ class ShuffledBand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     f: tuple[float, float, float] | None
     """The parameter f of s^-α."""
     alpha_rank: float | None
-    """Share of the copies whose α is below that of the data.
+    """Share of the shuffled copies whose α is below the α of the recorded samples.
 
-    For white noise it is between 0.05 and 0.95 in nine of ten cases.
+    If the recorded noise is white, this share is between 0.05 and 0.95 in nine of ten cases.
     """
     f_rank: float | None
 
 
 class Copies(msgspec.Struct, frozen=True):
-    """The last estimates for some copies, (copies,). α and f are finite for copies that are not left out."""
+    """FLTEA's last estimates for a group of shuffled copies, one value for each copy.
+
+    α and f are finite for all copies that are not `lost`.
+    """
 
     alpha: Array
     f: Array
@@ -76,7 +84,8 @@ class Copies(msgspec.Struct, frozen=True):
 def groups(samples: int, copies: int) -> list[range]:
     """Divide the numbers of the copies into groups that fit into memory.
 
-    The groups depend on the length of the record and the number of copies, but not on the workers.
+    The groups depend on the length of the record and the number of copies, but not on the workers that run
+    them.
     """
     samples = min(samples, LONGEST)
     size = max(
@@ -96,8 +105,9 @@ def estimate(
 ) -> Copies:
     """Run FLTEA over shuffled copies of one axis with the settings of `config`.
 
-    Each copy is shuffled by the seed (seed, number), so that it is the same in any group. Copies of records
-    longer than LONGEST are drawn instead. Memory is compressed whatever `config.memory` says.
+    Each copy is shuffled with the seed (`seed`, number of the copy), so that it is the same in whichever
+    group it is. Copies of records longer than LONGEST samples are drawn at random instead. The filters'
+    memory of past samples is compressed, whatever `config.memory` says.
 
     Args:
         y: samples of the axis, (n,).
@@ -106,7 +116,8 @@ def estimate(
         lsb: one count in the unit of y, if known.
         copies: numbers of the copies.
         seed: seed of the shuffles.
-        part: begin and end of the samples that FLTEA was run over; None: all.
+        part: begin and end of the part of `y` that FLTEA was run over, from which copies are made; None: all
+            samples.
 
     Raises:
         ValueError: the settings give no filter that works.
@@ -118,7 +129,8 @@ def estimate(
     shuffles = next(parts)
     bias, R = lane_baselines(shuffles[:, :startup].T, config, lsb)
     if config.R == "auto":
-        # If the data hardly ever change, a copy may happen to be constant in its start-up window.
+        # If the samples hardly ever change, a copy may happen to be constant in its start-up window. Then the
+        # variance there, from which R comes, is 0.
         R = np.maximum(R, 1e-6 * y[:LONGEST].var())
     settings = LaneSettings(msgspec.structs.replace(config, memory="compressed"), h, R, accuracy=ACCURACY)
     runner = Lanes(lanes, settings)
@@ -132,12 +144,13 @@ def estimate(
 
 
 def _parts(y: Array, copies: range, seed: int, startup: int, variant: str) -> Iterator[Array]:
-    """Yield the samples of the copies, (copies, n), block by block; the first holds the start-up window."""
+    """Yield the samples of the copies, (copies, n), block by block.
+
+    The first block is long enough for the start-up window.
+    """
     rngs = [np.random.default_rng((seed, number)) for number in copies]
     if len(y) <= LONGEST:
-        shuffles = np.empty(
-            (len(copies), len(y))
-        )  # fill one copy after the other, since writing columns is slow
+        shuffles = np.empty((len(copies), len(y)))  # one copy is a row, since filling columns would be slow
         for row, rng in zip(shuffles, rngs, strict=True):
             row[:] = rng.permutation(y)
         yield shuffles
@@ -151,7 +164,10 @@ def _parts(y: Array, copies: range, seed: int, startup: int, variant: str) -> It
 
 
 def shuffled_band(parts: Sequence[Copies], alpha: float | None, f: float | None) -> ShuffledBand:
-    """Join groups of copies. `alpha`, `f`: the estimates for the data themselves with the same settings."""
+    """Join the estimates for groups of copies to one band.
+
+    `alpha`, `f`: FLTEA's estimates for the recorded samples, with the settings used for the copies.
+    """
     lost = np.concatenate([part.lost for part in parts])
     alphas = np.concatenate([part.alpha for part in parts])[~lost]
     fs = np.concatenate([part.f for part in parts])[~lost]
@@ -161,9 +177,10 @@ def shuffled_band(parts: Sequence[Copies], alpha: float | None, f: float | None)
 
 
 def _quantiles(values: Array) -> tuple[float, float, float] | None:
-    """Return quantiles at Weibull's plotting positions.
+    """Return the 5, 50 and 95 % quantiles of `values`, at Weibull's plotting positions.
 
-    One more copy would be below such a quantile with exactly the nominal probability.
+    With these positions, the value of one more copy would be below a quantile with exactly its nominal
+    probability.
     """
     if not values.size:
         return None

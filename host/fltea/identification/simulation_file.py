@@ -1,4 +1,4 @@
-"""Write simulated noise and its true state to a file that `replay:` reads."""
+"""Write simulated noise and its true state to a file that the source `replay:` can read."""
 
 import contextlib
 import csv
@@ -22,9 +22,9 @@ from fltea.sources.synthetic import NoiseSettings
 def write_simulation(out: Path, settings: NoiseSettings, alpha_end: float, axes: int) -> None:
     """Write simulated noise whose order may change.
 
-    The order changes steadily from that of `settings` at the first sample to `alpha_end` at the last one.
+    The order α changes linearly from that of `settings` at the first sample to `alpha_end` at the last one.
 
-    Samples are counts unless `settings.lsb_per_dps` is 0. The file is written completely or not at all.
+    Samples are in counts unless `settings.lsb_per_dps` is 0. The file is written completely or not at all.
     `axes`: number of axes.
 
     Raises:
@@ -52,13 +52,13 @@ def write_simulation(out: Path, settings: NoiseSettings, alpha_end: float, axes:
 def write_model_simulation(out: Path, model: Path, settings: NoiseSettings) -> None:
     """Write simulated noise of the axes in `model`, a file of `fltea identify --export-model`.
 
-    Only the number of samples, the seed and the effects of the sensor are those of `settings`. Rate and noise
-    are those of the model. The file also holds the true state, which is all noise that is not white, but not
-    the order.
+    Only the number of samples, the seed and the effects of the sensor are those of `settings`. The sampling
+    rate and the noise are those of the model. The file also holds the true state, which is the sum of all
+    noise that is not white. Unlike the file of `write_simulation`, it does not hold the order.
 
     Raises:
-        UsageError: the model cannot be read, settings are impossible, or the name ends neither in .csv nor
-            .npz.
+        UsageError: the model cannot be read, the settings are impossible, or the name ends neither in .csv
+            nor .npz.
         FlteaError: the file cannot be written.
     """
     from fltea.identification.model_file import read_models
@@ -80,7 +80,7 @@ def write_model_simulation(out: Path, model: Path, settings: NoiseSettings) -> N
 def _impossible() -> Iterator[None]:
     """Turn errors about impossible noise or lack of memory into a UsageError."""
     try:
-        with np.errstate(all="ignore"):  # values that overflow become NaN, which is reported later
+        with np.errstate(all="ignore"):  # simulated values that overflow become NaN, which is reported later
             yield
     except (ValueError, ArithmeticError, MemoryError) as error:
         raise UsageError(f"simulate: {error}.") from error
@@ -102,9 +102,9 @@ def _simulate(
     orders: Array | None,
     settings: NoiseSettings,
 ) -> None:
-    """Draw samples and states of each axis, and write them.
+    """Draw samples and true states of each axis, and write them to `out`.
 
-    The order at each sample is written, too, if it is known.
+    The order α at each sample is written, too, if it is known.
     """
     with _impossible():
         y, x = (np.stack(one, axis=1) for one in zip(*map(draw, range(axes)), strict=True))

@@ -1,7 +1,7 @@
 """Complete K, the drift rate and the advice for an axis by what the tracker knows of slow noise.
 
-The figures come from the spectrum, which leaves out noise slower than ten periods of the record. The tracker
-includes this noise.
+The figures come from the fit of the spectrum first. That fit leaves out noise so slow that the record has
+fewer than ten periods of it. The tracker includes such noise.
 """
 
 import math
@@ -20,14 +20,16 @@ from fltea.spectrum.wording import duration
 
 
 class Band(NamedTuple):
-    """How far the Allan deviation agrees with that of the chosen model, by averaging time."""
+    """The averaging times at which the measured Allan deviation agrees with that of the chosen model."""
 
     to_s: float
-    """Longest averaging time up to which both agree [s]; 0 if they differ at the shortest one."""
+    """Longest averaging time up to which both deviations agree [s]; 0 if they differ at the shortest
+    averaging time.
+    """
     leaves_at_s: float | None
-    """Shortest averaging time at which both differ [s]; None if they agree everywhere."""
+    """Shortest averaging time at which both deviations differ [s]; None if they agree everywhere."""
     ends_s: float
-    """Longest averaging time of the Allan deviation [s]."""
+    """Longest averaging time for which there is a measured deviation [s]."""
     is_more: bool = True
     """Whether the measured deviation is above the model's at `leaves_at_s`."""
 
@@ -35,7 +37,10 @@ class Band(NamedTuple):
 def with_slow_noise(
     result: AxisResult, allan: Allan | None, walk: OffsetWalkFound, drift_rate: Interval, unit: str
 ) -> tuple[AxisResult, Allan | None]:
-    """Return result and Allan deviation of an axis, completed by what the tracker knows of slow noise."""
+    """Return result and Allan deviation of an axis, completed by what the tracker knows of slow noise.
+
+    K, drift rate and advice are replaced.
+    """
     level = replace(result.level, K=walk.K, K_at_most=walk.at_most)
     verdict = result.verdict
     if allan is not None:
@@ -46,11 +51,12 @@ def with_slow_noise(
 
 
 def band(allan: Allan) -> Band:
-    """Return how far an Allan deviation agrees with that of its model.
+    """Return the averaging times at which an Allan deviation agrees with that of its model.
 
     The test has a level of 5 % for all averaging times together.
 
-    The points within an octave depend on mostly the same samples, and count as one point.
+    The deviations at averaging times within an octave come from mostly the same samples, so they count as one
+    test.
     """
     tau = allan.tau_s
     octaves = 1 + math.log2(tau[-1] / tau[0])

@@ -1,4 +1,7 @@
-"""Sum up one axis of a recording as the live fit does, and find spectral lines that only a file can show."""
+"""Compute the running sums of one axis of a recording, as the live fit does, and analyse its spectrum.
+
+Also find spectral lines for which all samples are needed, which live use does not keep.
+"""
 
 import math
 from collections.abc import Sequence
@@ -25,12 +28,15 @@ Bands = tuple[tuple[float, float], ...]
 AT_ONCE = 1 << 18
 """Number of samples processed at once, so that little of a long file is in memory."""
 LEAST_SHARE = 0.5
-"""Least share of the samples that the longest stretch has to hold for a search for spectral lines in it.
+"""Share of all samples that the longest stretch without a gap has to hold, so that spectral lines are
+searched for in the samples of this stretch.
 
-If it holds fewer, the spectrum of all stretches is searched.
+If it holds fewer samples, lines are searched for in the octave spectrum of all stretches.
 """
 NOTHING = 1e-20
-"""Ratio to the variance of the spectral density that rounding of floating-point numbers leaves."""
+"""Ratio of the spectral density to the variance of the samples below which the density is only that of
+rounded floating-point numbers.
+"""
 
 
 def octaves_of(y: Array) -> Octaves:
@@ -43,7 +49,9 @@ def octaves_of(y: Array) -> Octaves:
 
 
 def octaves_of_stretches(stretches: Sequence[Stretch]) -> Octaves:
-    """Return the running sums of all stretches for one octave spectrum. No block of samples crosses a gap.
+    """Return the running sums of all stretches for one octave spectrum.
+
+    A stretch is a run of samples without a gap. No block of samples that is summed crosses a gap.
 
     Raises:
         ValueError: a sample is not finite.
@@ -60,10 +68,12 @@ def octaves_of_stretches(stretches: Sequence[Stretch]) -> Octaves:
 def lines_of_stretches(
     stretches: Sequence[Stretch], sums: Octaves, h: float
 ) -> tuple[Periodogram, Drift | None]:
-    """Return the spectrum and the drift of stretches. `sums`: the running sums over all stretches.
+    """Return the spectrum and the drift of the samples in stretches.
 
-    The sums of a long record have as many octaves as fit its length. Short stretches would leave the lowest
-    octaves empty, so each stretch gets sums of its own here.
+    `sums`: the running sums over all stretches.
+
+    `sums` have as many octaves as fit the length of the whole record. Short stretches would leave the lowest
+    octaves empty, so each of several stretches gets sums of its own here.
 
     Raises:
         ValueError: the stretches are constant, or too short.
@@ -81,7 +91,9 @@ def parts_of(stretches: Sequence[Stretch]) -> list[Parts]:
 
 
 def lines_together(found: Sequence[Parts], h: float, longest: int) -> tuple[Periodogram, Drift | None]:
-    """Return the spectrum and the drift of several stretches. `longest`: samples of the longest stretch.
+    """Return the joint spectrum and drift of several stretches.
+
+    `found`: the running sums of each. `longest`: number of samples of the longest stretch.
 
     Raises:
         ValueError: the stretches are too short.
@@ -97,16 +109,20 @@ def lines_together(found: Sequence[Parts], h: float, longest: int) -> tuple[Peri
 
 
 def drift_together(found: Sequence[Parts]) -> Drift | None:
-    """Return the drift of several stretches, weighted by their amplitudes."""
+    """Return the mean drift power of several stretches.
+
+    Each stretch is weighted by the number of amplitudes that its drift comes from.
+    """
     drifts = [one.drift for one in found if one.drift is not None]
     amplitudes = sum(one.amplitudes for one in drifts)
     return Drift(sum(d.power * d.amplitudes for d in drifts) / amplitudes, amplitudes) if drifts else None
 
 
 def one_a_depth(found: Sequence[Parts]) -> list[Parts]:
-    """Merge the sums of stretches whose samples are kept at the same reduced rate.
+    """Merge the running sums of stretches that have the same depth.
 
-    Fewer ordinates are left then.
+    The lowest octaves of these stretches have the same sampling rate. So fewer ordinates of the spectrum are
+    left.
     """
     depths: dict[int, list[Parts]] = {}
     for one in found:
@@ -126,9 +142,10 @@ def one_a_depth(found: Sequence[Parts]) -> list[Parts]:
 
 
 def on_one_grid(parts: Sequence[Lines]) -> Lines:
-    """Merge the ordinates of all stretches.
+    """Merge the spectral ordinates of stretches of different length.
 
-    Ordinates that are nearest to the same ordinate of the longest stretch are averaged.
+    The longest stretch has the finest grid of frequencies. Ordinates that are nearest to the same frequency
+    of this grid are averaged.
     """
     lam, power, weight = (np.concatenate(part) for part in zip(*parts, strict=True))
     step = min(float(np.diff(one[0]).min(initial=math.inf)) for one in parts)
@@ -139,7 +156,7 @@ def on_one_grid(parts: Sequence[Lines]) -> Lines:
 
 
 def left_in(whole: Periodogram, from_hz: float, notch: Bands) -> Periodogram:
-    """Return the ordinates above `from_hz` and outside the bands (low, high) of `notch`, in Hz.
+    """Return the ordinates of a spectrum above `from_hz` [Hz] and outside the bands (low, high) of `notch`.
 
     Raises:
         ValueError: too few ordinates are left.
@@ -153,11 +170,12 @@ class Summed(NamedTuple):
     seen: Spectral
     octaves: Octaves
     lines: Periodogram
-    """All ordinates, including those that the user left out."""
+    """All ordinates of the spectrum, including those that the user excluded from the fit."""
     stretches: Sequence[Stretch]
     """The samples from which the ordinates were computed.
 
-    If there was a comb of lines, its pattern was removed.
+    If the spectrum had a comb of lines, the periodic pattern that makes the comb was subtracted from these
+    samples.
     """
 
 
@@ -166,7 +184,8 @@ def examined(
 ) -> Spectral:
     """Analyse the spectrum of y (n,).
 
-    If the longest stretch has half of the samples, spectral lines are searched for in it at full resolution.
+    If the longest stretch without a gap has at least half of the samples, spectral lines are searched for in
+    this stretch at full resolution.
 
     Args:
         y: samples, (n,).
@@ -184,7 +203,7 @@ def examined(
 def examined_stretches(
     stretches: Sequence[Stretch], samples: int, h: float, from_hz: float = 0.0, notch: Bands = ()
 ) -> Summed:
-    """Analyse the spectrum of stretches with `samples` samples in all, as `examined` does.
+    """Analyse the spectrum of stretches, as `examined` does. `samples`: number of samples of the axis.
 
     Raises:
         ValueError: as `examined`.
@@ -197,7 +216,7 @@ def examined_stretches(
     peaks: tuple[Peak, ...] | None = None
     before: Periodogram | None = None
     if len(stretches) == 1 or len(longest) >= LEAST_SHARE * samples:
-        # The spectrum of the longest stretch at full resolution.
+        # Search for spectral lines in the longest stretch at full resolution.
         fine = periodogram(limited(longest), h, from_hz=from_hz, notch=notch)
         peaks, rest = fine_peaks(fine, stretches, from_hz, notch)
         if rest is not None:
@@ -241,18 +260,18 @@ def examined_sums(
     before: Periodogram | None = None,
     median: MedianFilter | None = None,
 ) -> Spectral:
-    """Analyse a spectrum with its drift, as `examined` does.
+    """Analyse a spectrum that was computed before, as `examined` does.
 
     Args:
         lines: the ordinates of the spectrum.
         drift: the drift of the samples.
-        sums: the sums of the samples by octaves.
+        sums: the running sums of the samples by octaves.
         samples: number of samples.
         h: sampling period [s].
         from_hz: lowest frequency in use [Hz].
         notch: bands (low, high) that are left out [Hz].
-        peaks: peaks found in the samples; None: they are searched for in the spectrum.
-        before: the spectrum before a comb was removed from the samples.
+        peaks: spectral peaks found in the samples; None: search for peaks in `lines`.
+        before: the spectrum before a comb of lines was removed from the samples; None if there was no comb.
         median: the median filter that was detected in the samples.
 
     Raises:

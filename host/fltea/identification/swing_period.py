@@ -1,8 +1,8 @@
 """Estimate the period with which the power of the noise in an octave rises and falls.
 
-The running sums that detect such a change do not keep its course over time. So the samples are used here: the
-logarithm of the octave's power is computed in short blocks. Its autocorrelation is high again after one, two
-and three periods.
+The running sums that detect a changing power do not keep its course over time. So the course is computed from
+the samples here: it is the logarithm of the octave's power in short blocks. If the change is periodic, the
+autocorrelation of the course is high again after one, two and three periods.
 """
 
 import math
@@ -14,20 +14,26 @@ from fltea.records.arrays import Array
 from fltea.spectrum.stationarity import Change
 
 BLOCKS_A_SWING = 12
-"""Number of blocks for the time between highest and lowest power."""
+"""Number of blocks into which the time between highest and lowest power is divided."""
 LEAST_FREEDOM = 4.0
-"""Least product of a block's duration and the octave's width."""
+"""Least product of a block's duration [s] and the octave's width [Hz], so that the power in a block is well
+determined.
+"""
 PERIODS = 4
-"""Least number of periods in the record."""
+"""Least number of periods that the record has to hold."""
 COMES_BACK = 0.6
-"""Share of its variance that the course's autocorrelation has to reach after one, two and three periods."""
+"""Least autocorrelation of the course of power after one, two and three periods, as a proportion of its
+autocorrelation after one block.
+"""
 AS_HIGH = 0.8
-"""Share of the highest autocorrelation that the shortest candidate for the period has to reach."""
+"""Least autocorrelation at the lag that is taken for the period, as a proportion of the highest
+autocorrelation. The shortest such lag is taken.
+"""
 PHASES = 24
 
 
 def with_period(change: Change, y: Array, h: float) -> Change:
-    """Return the change with its period and size, if the samples y (n,) show that it is periodic.
+    """Return the change of an octave's power, with period and size if the samples y (n,) show a periodic one.
 
     `h`: sampling period [s].
     """
@@ -45,7 +51,7 @@ def with_period(change: Change, y: Array, h: float) -> Change:
 
 
 def _course(y: Array, h: float, change: Change, block: int) -> Array:
-    """Return the course of the octave's power: its logarithm in each block (m,), less the mean."""
+    """Return the logarithm of the octave's power in each of m blocks, (m,), less the logarithms' mean."""
     spectrum = np.fft.rfft(y)
     hz = np.fft.rfftfreq(len(y), h)
     spectrum[(hz < change.low_hz) | (hz > change.high_hz)] = 0
@@ -56,7 +62,7 @@ def _course(y: Array, h: float, change: Change, block: int) -> Array:
 
 
 def _period(course: Array) -> float | None:
-    """Return the period in blocks; None if the course is not periodic."""
+    """Return the period of a course of power, in blocks; None if the course is not periodic."""
     m = len(course)
     spectrum = np.fft.rfft(course, 2 * m)
     again = np.fft.irfft(np.abs(spectrum) ** 2)[:m] / np.arange(m, 0, -1)
@@ -71,7 +77,8 @@ def _period(course: Array) -> float | None:
     if not len(tops):
         return None
     period = _top(again, float(tops[0]), 1.0)
-    # The longer the lag, the more exact the period. Each peak is searched for within an eighth of a period.
+    # The period follows from the autocorrelation's peak at a multiple of it, more exactly with each further
+    # multiple. Each peak is searched for within an eighth of a period of where it is expected.
     multiple = 1
     while (multiple + 1) * period < m / 2:
         multiple += 1
@@ -82,7 +89,10 @@ def _period(course: Array) -> float | None:
 
 
 def _top(values: Array, at: float, around: float) -> float:
-    """Return the interpolated index of the highest of values (m,), at most `around` from `at`."""
+    """Return the interpolated index of the highest of `values` (m,) within `around` of index `at`.
+
+    A parabola interpolates.
+    """
     low, high = max(round(at - around), 1), min(round(at + around), len(values) - 2)
     top = low + int(values[low : high + 1].argmax())
     before, here, after = values[top - 1 : top + 2].tolist()
@@ -91,9 +101,10 @@ def _top(values: Array, at: float, around: float) -> float:
 
 
 def _folded(course: Array, period: float) -> float:
-    """Return the variance of the course that recurs in each period.
+    """Return the variance of the periodic part of a course of power.
 
-    It is the variance of the mean at each phase, less what chance would give.
+    It is the variance of the means at each phase of the period, less the variance that chance would give
+    them.
     """
     phase = (np.arange(len(course)) / period % 1 * min(PHASES, int(period))).astype(np.int64)
     counts = np.bincount(phase)

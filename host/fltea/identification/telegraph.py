@@ -1,9 +1,9 @@
 """Detect telegraph noise: samples step to and fro between a few levels, with little other noise.
 
-It is popcorn noise whose steps are much larger than the other noise. The tracker would mistake the steps for
-motion, and in the spectrum they would hide everything else. So the levels are subtracted, and the rest is
-analysed like any other noise. Bias and heading then include the levels as a relaxation, which has the same
-spectrum (Machlup, J. Appl. Phys. 25, 1954).
+Telegraph noise is popcorn noise whose steps are much larger than the other noise. The tracker would mistake
+the steps for motion, and in the spectrum they would hide everything else. So the levels are subtracted, and
+the rest is analysed like any other noise. Bias and heading then include the levels as a relaxation, which has
+the same spectrum as telegraph noise (Machlup, J. Appl. Phys. 25, 1954).
 """
 
 import math
@@ -23,60 +23,75 @@ from fltea.settings.live import LiveConfig
 from fltea.spectrum.wording import NUMBERS, listed
 
 LEAST_RATIO = 2.0
-"""Least ratio of the samples' variance to half of the mean square of their steps.
+"""Least ratio of the variance of the samples to half of the mean square of the steps between successive
+samples.
 
-Below it, samples do not stay at any level.
+If the ratio is lower, samples do not stay at any level. White noise has a ratio of 1.
 """
 OUTLIERS = 5e-4
-"""Share of the smallest and of the largest values that is ignored as outliers."""
+"""Proportion of the samples that is ignored as outliers, at each end of the range of values."""
 CALM, OF_GAUSSIAN = 0.95, 0.871
-"""Share of the smallest steps between samples that come from the noise alone.
+"""CALM is the proportion of steps between successive samples, the smallest ones, that is attributed to the
+noise alone and not to changes of level.
 
-OF_GAUSSIAN is the standard deviation of this share of Gaussian steps, divided by that of all Gaussian steps.
+OF_GAUSSIAN is the root mean square of this proportion of Gaussian steps, divided by that of all Gaussian
+steps.
 """
 BINS_A_DEVIATION, MOST_BINS = 2.0, 4096
 VALLEY = 0.02
-"""Largest ratio of a bin between two levels to the fullest bin.
+"""Largest ratio of the count in a histogram bin between two levels to the count in the fullest bin.
 
-In Gaussian noise a bin 2.8 standard deviations from a level has this ratio.
+A bin that is 2.8 standard deviations of Gaussian noise from a level has this ratio.
 """
 APART = 5.5
 """Least distance between two levels, in standard deviations of the noise."""
 WIDEST, LOOSE = 9.0, 0.5
-"""Largest width of a level, in standard deviations of the noise, or as a share of the levels' distance.
+"""Largest width of the values around a level: in standard deviations of the noise, or as a proportion of the
+least distance between levels. The larger limit counts.
 
-The share allows for slow noise in addition to the levels.
+The proportion allows for slow noise in addition to the levels.
 """
 SOON, JUMPS = 4, 0.7
-"""Number of samples before and after a change of level that are compared, and least size of the change.
+"""SOON is the distance in samples, before and after a change of level, at which two samples are compared.
+JUMPS is the least median, over all changes, of their difference divided by the distance between the two
+levels.
 
-The median over all changes has to be at least this share of the distance between the levels.
+A lower median means that the samples drift from level to level and do not jump.
 """
 LONG_PASSAGE, OFF = 8, 6.0
-"""Number of samples near a change that may be in transition, as behind a filter of the sensor.
+"""LONG_PASSAGE is the number of samples before and after a change of level that may be in transition, as
+behind a filter of the sensor.
 
-OFF is the distance from a level, in standard deviations of the noise, from which a sample is in transition.
+OFF is the distance from its level, in standard deviations of the noise, beyond which such a sample is in
+transition.
 """
 LEAST_SHARE, AT_LEVELS = 0.01, 0.93
-"""Least share of samples on each level, and on all levels together."""
+"""Least proportion of the samples that is on each level, and that is on all levels together."""
 MOST_LEVELS = 6
 FEWEST_CHANGES = 6
 """Least number of changes between levels; fewer changes are single steps of the bias."""
 PASSING = 2
-"""Longest stay on another level, in samples, that counts as noise and not as a change of level."""
+"""Longest stay on another level, in samples, that counts as a noise peak and not as a change of level."""
 IRREGULAR = 0.3
 """Least ratio of the standard deviation of the stays' durations to their mean.
 
-Random changes have a ratio of 1. Regular ones are a spectral line.
+Stays that end at random have a ratio of 1. Regular changes have a smaller one: they are a spectral line.
 """
 JUMP = 4.0
-"""Ratio to the size of usual steps above which a step from one sample to the next is a jump."""
+"""Ratio of a step from one sample to the next to the 95 % quantile of such steps, above which the step is a
+jump.
+"""
 COARSE = 1.5
-"""Distance of levels in counts below which they are only neighbouring counts of slow noise."""
+"""Distance between two levels, in counts of the sensor, up to which they are only neighbouring counts of slow
+noise.
+"""
 
 
 class Telegraph(NamedTuple):
-    """Levels between which samples step; values are in the unit of the axis."""
+    """Levels between which samples step.
+
+    All values are in the unit of the axis unless a field says otherwise.
+    """
 
     levels: tuple[float, ...]
     shares: tuple[float, ...]
@@ -89,9 +104,11 @@ class Telegraph(NamedTuple):
     tau_s: float
     """Correlation time of the level [s]."""
     ends_at: float
-    """Difference of the last level from the mean level."""
+    """Difference of the level at the end of the samples from the mean level."""
     passages: tuple[tuple[int, int], ...]
-    """Spans begin … end - 1 of samples in transition between levels."""
+    """Spans of samples in transition between levels, each as (index of the first sample, index after the last
+    one).
+    """
 
     @property
     def part(self) -> Relaxation:
@@ -99,7 +116,10 @@ class Telegraph(NamedTuple):
         return Relaxation(self.sigma, self.tau_s)
 
     def ahead(self, t_s: float) -> float:
-        """Return the expected contribution of the last level to the mean of the next `t_s` seconds."""
+        """Return what the level at the end of the samples will add to the mean of the next `t_s` seconds.
+
+        It is an expected value.
+        """
         return self.ends_at * self.tau_s / t_s * -math.expm1(-t_s / self.tau_s)
 
 
@@ -108,7 +128,7 @@ def without_levels(series: Series, h: float) -> tuple[Series, Telegraph | None]:
 
     The level of each sample is subtracted, and the mean level is added.
 
-    Samples without levels are returned unchanged, with None.
+    Samples without telegraph noise are returned unchanged, with None in place of the levels.
     """
     y = np.asarray(series.y, dtype=np.float64)
     if len(y) < 2 * SHORTEST_STAY * FEWEST_CHANGES or _NONE.knows(series.y):
@@ -130,7 +150,7 @@ def without_levels(series: Series, h: float) -> tuple[Series, Telegraph | None]:
 
 
 class _Recent:
-    """A memory of the last few arrays that were found to have a property; the arrays must not be changed."""
+    """The last few arrays that were found to have a property. These arrays must not be changed afterwards."""
 
     def __init__(self) -> None:
         self._arrays: deque[weakref.ref[Array]] = deque(maxlen=12)
@@ -145,15 +165,18 @@ class _Recent:
 
 
 _NONE = _Recent()
-"""Arrays of samples without levels, since later steps of the analysis test the same arrays again."""
+"""Arrays of samples in which no telegraph noise was found. Later steps of the analysis test the same arrays
+again, so this saves time.
+"""
 
 
 def _edges(y: Array, lsb: float | None, largest: float) -> tuple[Array, float] | None:
-    """Return the bounds between levels, (levels - 1,), and the noise's standard deviation.
+    """Return the bounds between neighbouring levels, (levels - 1,), and the standard deviation of the noise.
 
-    None if there are no levels.
+    Return None if the samples have no separate levels.
 
-    `lsb`: one count, if known. `largest`: largest distance between levels of a sensor at rest.
+    `lsb`: one count of the sensor in the unit of y, if known. `largest`: largest distance between levels that
+    a sensor at rest can have.
     """
     few = int(OUTLIERS * len(y))
     low, high = (float(np.partition(y, at)[at]) for at in (few, len(y) - 1 - few))
@@ -169,7 +192,7 @@ def _edges(y: Array, lsb: float | None, largest: float) -> tuple[Array, float] |
     if not noise > 0 or not 0 < high - low <= largest + 20 * noise:
         return None
     width = max(noise / BINS_A_DEVIATION, (high - low) / MOST_BINS)
-    if resolution > 0:  # use whole counts, or some bins would hold one count more than others
+    if resolution > 0:  # bins are whole counts wide, or some bins would hold one count more than others
         width = max(math.ceil(width / resolution), 1) * resolution
     first = low - resolution / 2
     bins = math.ceil((high + resolution / 2 - first) / width)
@@ -178,9 +201,11 @@ def _edges(y: Array, lsb: float | None, largest: float) -> tuple[Array, float] |
 
 
 def _between_groups(y: Array, bounds: Array, noise: float, resolution: float) -> Array | None:
-    """Return the middle between neighbouring levels, (levels - 1,); None if there are no levels.
+    """Return the values midway between neighbouring levels, (levels - 1,).
 
-    `bounds`: bounds of bins of equal width, in which the values are counted.
+    Return None if the histogram of y shows no separate levels.
+
+    `bounds`: bounds of the histogram's bins, which are of equal width.
     """
     counts, _ = np.histogram(y, bounds)
     full = np.concatenate([[False], counts > VALLEY * counts.max(), [False]])
@@ -225,7 +250,8 @@ def _telegraph(y: Array, at: NDArray[np.int64], h: float, noise: float) -> Teleg
     shares = counts / len(y)
     mean = float(levels @ shares)
     variance = float(shares @ (levels - mean) ** 2)
-    # From one sample to the next, the level's autocovariance falls by half of the mean square of its steps.
+    # From lag 0 to lag 1, the autocovariance of the level falls by half of the mean square of its steps. The
+    # correlation time is the variance divided by this fall per second.
     steps = np.diff(levels[on])
     tau_s = variance / (float(steps @ steps) / 2) * len(y) * h
     return Telegraph(
@@ -260,7 +286,10 @@ def telegraph_words(found: Telegraph, unit: str) -> str:
 
 
 def jump_words(y: Array, unit: str) -> str:
-    """Return a sentence on jumps of samples (n,) after which the new value stays; "" if there are few."""
+    """Return a sentence on the jumps of samples (n,) to a value at which they then stay.
+
+    Return "" if there are too few such jumps.
+    """
     if len(y) < 4 * SOON:
         return ""
     steps = np.abs(np.diff(y))

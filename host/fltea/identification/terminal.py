@@ -27,7 +27,7 @@ def show(console: Console, report: FileReport, first: bool = True, *, details: b
         return
     good = {name: axis for name, axis in report.axes.items() if isinstance(axis, AxisReport)}
     found = findings.data_checks(report)
-    # Show bad data first, since they would be overlooked after a verdict.
+    # Show data checks marked bad first, since they would be overlooked after a verdict.
     _data_checks(console, [one for one in found if one[1].severity == "bad"])
     for name, axis in report.axes.items():
         console.print(_verdict(name, axis))

@@ -1,8 +1,9 @@
 """Estimate the drift rate of an axis, with an interval that allows for slow noise.
 
-Noise slower than ten periods of the record tilts a straight line most, but the spectrum's model lacks it. The
-tracker knows the probabilities of several random walks of the offset, with and without bounds. The variance
-of the slope's error is averaged over them by their probabilities.
+Noise so slow that the record has fewer than ten periods of it tilts a fitted straight line most, but the
+model that was fitted to the spectrum lacks such noise. The tracker knows the probabilities of several random
+walks of the offset, bounded ones and unbounded ones. The interval of the slope comes from the variances that
+these walks give the slope, weighted by their probabilities.
 """
 
 import math
@@ -17,10 +18,10 @@ from fltea.records.fit import Interval
 from fltea.spectrum.drift_rate import around, slope, slope_variance
 
 AS_LIKELY = 0.4
-"""Prior probability that the offset does not walk, used for the interval.
+"""Prior probability that the offset does not walk, used for the interval of the drift rate.
 
-An offset that walks too slowly for the record to show it still tilts the line three times as much. The higher
-prior `STAYS` would exclude it too often (measured).
+An offset whose walk is too slow for the record to show it can still triple the error of the fitted slope.
+With the higher prior `STAYS`, such walks would be excluded too often (measured).
 """
 
 
@@ -37,7 +38,7 @@ def tracked_drift_rate(tracked: FittedSystem, y: Array, h: float) -> Interval:
 
 
 def _weights(walk: OffsetWalk) -> Array:
-    """Return the probability of each of the tracker's random walks, with the prior of this module."""
+    """Return the probability of each of the tracker's random walks, with prior `AS_LIKELY`, not `STAYS`."""
     stays = walk.steps == 0
     if not stays.any() or stays.all():
         return walk.weights
@@ -46,6 +47,9 @@ def _weights(walk: OffsetWalk) -> Array:
 
 
 def _of_step(n: int, h: float, tau: float) -> float:
-    """Return the variance of the slope due to a walk with step variance 1 and correlation time `tau`."""
-    a = math.exp(-1 / tau)  # 1 for an unbounded walk
+    """Return the variance that a random walk with step variance 1 gives the fitted slope.
+
+    `tau`: correlation time of the walk in samples.
+    """
+    a = math.exp(-1 / tau)  # `a` is the walk's factor from sample to sample, 1 if the walk is unbounded
     return slope_variance(n, h, lambda lam: 1 / ((1 - a) ** 2 + 4 * a * np.sin(lam / 2) ** 2))

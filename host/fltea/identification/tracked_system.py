@@ -1,9 +1,10 @@
-"""Build the tracked system of an axis: the state-space model for its tracker.
+"""Build the tracked system of an axis, which is the state-space model for its tracker.
 
-Forecast, bias, filters and simulations use it.
+Forecast, bias, filters and simulations of the axis use this model.
 
-It consists of the parts of the noise and of a random walk of the offset. The spectrum leaves out noise slower
-than ten periods of a record, so the offset may walk although no part of the model is a walk.
+The model consists of the parts of the noise that were fitted to the spectrum and of a random walk of the
+offset. The fit leaves out noise so slow that the record has fewer than ten periods of it, so the offset may
+walk although no fitted part is a walk.
 """
 
 import math
@@ -20,10 +21,11 @@ from fltea.records.arrays import Array
 from fltea.records.fit import Interval
 
 TOLD_AT = 900.0
-"""Variance of a walk's step, times n² / (level of the spectrum), from which a record shows the walk.
+"""Least size of a random walk that a record of n samples shows: the variance of the walk's step times n²,
+divided by the level of the spectrum.
 
-In four of five records of n samples, it is then told from a constant offset (measured: white noise, 40
-records).
+In four of five records, a walk of this size is told from a constant offset (measured on 40 records of white
+noise).
 """
 Said = Literal["walks", "likely constant", "not told", "taken out"]
 LIKELY = 0.5
@@ -31,20 +33,27 @@ SURE = 0.95
 
 
 class OffsetWalkFound(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Whether the offset of an axis walks; figures per √s, in the unit of the axis."""
+    """Whether the offset of an axis walks. K and its bound are in the unit of the axis per √s."""
 
     said: Said
-    """The answer; `not told`: the record is too short. `taken out`: a high-pass has removed any walk."""
+    """Whether the offset walks. `not told`: the record is too short to decide. `taken out`: a high-pass has
+    removed any walk.
+    """
     K: Interval
     """K of the random walk; null unless the offset walks."""
     at_most: float | None
     """Upper bound of K with 95 % probability; null if the offset walks."""
     tells_s: float | None
-    """Length of a record that would be enough to decide, if `said` is `not told` [s]; null if not known."""
+    """Length of a record that would be enough to decide [s], if `said` is `not told`; null in other cases or
+    if the length is not known.
+    """
 
 
 def tracked_system(parts: Sequence[Part], y: Array, h: float) -> FittedSystem | None:
-    """Return the tracked system of samples y (n,) without a gap; None if no filter works with the noise."""
+    """Return the tracked system of samples y (n,) without a gap, whose noise has the given parts.
+
+    Return None if no filter works with them.
+    """
     try:
         return fitted_system(parts, y, h)
     except (ValueError, ArithmeticError):
@@ -52,9 +61,12 @@ def tracked_system(parts: Sequence[Part], y: Array, h: float) -> FittedSystem | 
 
 
 def offset_walk_found(tracked: FittedSystem, h: float, K: Interval) -> OffsetWalkFound:
-    """Return whether the offset walks. `K`: K of the parts, null if no part is a walk.
+    """Return whether the offset of an axis walks.
 
-    Even if the spectrum shows a walk, K comes from the tracker, which also uses slower noise.
+    `K`: K of the fitted parts of the noise, null if no part is a walk.
+
+    Even if a fitted part is a walk, K comes from the tracker, which also uses noise slower than the fitted
+    spectrum.
     """
     walk = tracked.walk
     if high_pass_of(tracked.parts) is not None:
@@ -66,7 +78,8 @@ def offset_walk_found(tracked: FittedSystem, h: float, K: Interval) -> OffsetWal
         return _in_place_of_a_relaxation(walk, h)
     if walk.is_certain:
         return OffsetWalkFound("walks", walk.K(h), None, None)
-    if not (walk.steps > 0).any():  # the likelihood of a constant offset could not be computed
+    # without walks to compare, as the likelihood of a constant offset could not be computed
+    if not (walk.steps > 0).any():
         return OffsetWalkFound("not told", Interval(), None, None)
     steps, at = np.unique(walk.steps, return_inverse=True)
     stays, *others = np.bincount(at, walk.weights).tolist()
@@ -75,7 +88,8 @@ def offset_walk_found(tracked: FittedSystem, h: float, K: Interval) -> OffsetWal
     if stays >= LIKELY:
         return OffsetWalkFound("likely constant", Interval(), at_most, None)
     q = float(weights @ steps) / float(weights.sum())
-    # The power of a walk, relative to the spectrum's level, grows with the square of the record's length.
+    # The longest periods of a record grow with its length. The ratio of a walk's power at these periods to
+    # the level of the spectrum grows with the square of that length.
     longer = math.sqrt(max(TOLD_AT / (SHARES[0] * q / float(steps[0])), 1.0))
     return OffsetWalkFound("not told", Interval(), at_most, longer * tracked.samples * h)
 

@@ -2,8 +2,8 @@
 
 A record is divided into parts, which are checked separately. The distinct values of a part are sorted and
 counted. In noise, rounded or not, neighbouring values are about equally frequent. An exception are the few
-values that coarse rounding leaves. They are told from a replacement value by the distance of most other
-samples from the value.
+values that coarse rounding leaves: there, most samples are within a few counts of the most frequent value.
+Most samples are farther from a replacement value.
 """
 
 import math
@@ -20,43 +20,58 @@ from fltea.records.arrays import Array
 PARTS, MOST_PARTS = 8, 5
 """Number of parts of the record, and how many of them have to show the fault.
 
-A record with rest and motion has values that are frequent in one part only.
+Not all parts are required to show the fault, but one is not enough: a record with rest and motion has values
+that are frequent in one part only.
 """
 LEAST, LEAST_OF_ALL = 500, 100
 """Least number of samples in a part, and in a short record that is not divided."""
 NEIGHBOURS = 3
-"""Number of values on either side of a value from which the usual distance between values is computed."""
+"""Number of distinct values on either side of a suspicious value from which the usual distance between values
+is computed.
+"""
 OFTEN = 20
-"""Least number of times that samples arrive at a value.
+"""Least number of times that samples arrive at a value from another one, for the value to be reported.
 
-A sensor that is stuck at a value once is found by another data check.
+A sensor that stays stuck at one value arrives there once, and is found by another data check.
 """
 TOO_OFTEN, BESIDE_A_GAP = 3.0, 2.0
-"""Least ratio of a value's number of samples to those of its neighbours.
+"""Least ratio of the number of samples at a value to the number at the more frequent of its two neighbouring
+values.
 
-The second one is for a value next to a gap between values.
+The second ratio is for a value with unusually wide gaps to its neighbouring values.
 """
 GAP = 1.75
-"""Ratio of the distance between two values to the usual distance, from which it is a gap."""
+"""Least ratio of the distance between two neighbouring values to the usual distance, for which the distance
+is a gap.
+"""
 AWAY = 3.0
-"""Least ratio of two distances from the value: of the median of all other samples, and of the next value."""
+"""Least median distance of all other samples from the suspicious value, in distances of its nearest
+neighbouring value.
+"""
 LEAST_SHARE, BAD_SHARE = 0.002, 0.05
-"""Share of excess samples at a value from which it is reported, and from which N is wrong."""
+"""Least share of samples at a value in excess of its neighbours' samples: to report the value, and to say
+that N is wrong.
+"""
 BAD_POWER = 0.01
 """Share of the noise's power removed by a dead band, above which N is wrong."""
 CLIPPED = 2.0
-"""Least ratio of the samples at the outermost value to the number expected from the values before it."""
+"""Least ratio of the number of samples at the outermost value to the number expected from the two values
+before it.
+"""
 SURELY, BAD_CLIPPED = 6.0, 0.01
-"""Least excess at the outermost value in standard deviations; share of clipped samples that makes N wrong."""
+"""SURELY is the least excess of samples at the outermost value, in standard deviations of the count.
+BAD_CLIPPED is the share of clipped samples that makes N wrong.
+"""
 SHORTEST_STAY = 10.0
-"""Least mean stay at a value or level, in samples.
+"""Least mean number of successive samples at a value or level, for values to count as levels.
 
 Shorter stays come from rounding or from alternating sensors.
 """
 FEW_VALUES, BEGIN = 3, 1000
-"""Largest number of distinct values that counts as few; number of first samples for a quick test.
+"""FEW_VALUES is the largest number of distinct values that counts as few. BEGIN is the number of samples at
+the begin of a record that are tested first, to save time.
 
-These mostly have more values already.
+These samples of an ordinary record already have more distinct values.
 """
 REMEDY = (
     "A driver, a filter or the sensor itself puts one value in place of others (a dead band, zero for a "
@@ -69,14 +84,17 @@ HIDE = "dead band", "common value", "few values"
 
 
 class _Values(NamedTuple):
-    """The distinct values of a part in order, and the number of samples with each."""
+    """The distinct values of a part of the record in rising order, and the number of samples with each."""
 
     values: Array
     counts: NDArray[np.int64]
 
 
 class _Common(NamedTuple):
-    """A value that is too frequent. `gap`: distance to the next value if it is unusually large, else 0."""
+    """A value that is too frequent.
+
+    `gap`: its distance to the nearest other value if that distance is unusually large, else 0.
+    """
 
     value: float
     share: float
@@ -104,7 +122,7 @@ def value_data_checks(y: Array, unit: str) -> Iterator[DataCheck]:
 
 
 def few_values(y: Array, unit: str) -> DataCheck | None:
-    """Return the data check on samples (n,) that have only a few values and stay long at each, or None."""
+    """Return a data check if samples (n,) have only a few values and stay long at each, else None."""
     if len(np.unique(y[:BEGIN])) > FEW_VALUES or not 2 <= len(values := np.unique(y)) <= FEW_VALUES:
         return None
     at = np.searchsorted(values, y)
@@ -125,7 +143,7 @@ def few_values(y: Array, unit: str) -> DataCheck | None:
 
 
 def _common(part: Array, of: _Values) -> _Common | None:
-    """Return the most frequent value, if it is too frequent."""
+    """Return the most frequent value of a part of the record if it is too frequent, else None."""
     values, counts = of
     at = int(counts.argmax())
     if not 2 <= at < len(values) - 2:
@@ -139,7 +157,8 @@ def _common(part: Array, of: _Values) -> _Common | None:
     usual = float(np.median(np.concatenate([np.diff(low), np.diff(high)])))
     gap = float(min(values[at] - low[-1], high[0] - values[at]))
     if gap >= GAP * usual:
-        # Samples in a dead band of ± gap had a mean square of gap²/3 before they were replaced.
+        # Samples in a dead band of ± `gap` had a mean square of gap²/3 before one value replaced them. This
+        # is the power that the noise has lost.
         return _Common(float(values[at]), share, gap, share * gap**2 / 3 >= BAD_POWER * float(part.var()))
     away = float(np.median(np.abs(part[~is_it] - values[at])))
     if counts[at] >= TOO_OFTEN * beside and away >= AWAY * gap:
@@ -148,7 +167,7 @@ def _common(part: Array, of: _Values) -> _Common | None:
 
 
 def _came(is_it: NDArray[np.bool_]) -> int:
-    """Return how often samples arrive at a value from another one.
+    """Return how often samples arrive at a certain value from another one.
 
     `is_it`: mask of samples with this value.
     """
@@ -178,8 +197,8 @@ def _at_end(part: Array, of: _Values, end: int) -> int:
     if len(counts) < 4:
         return 0
     last, before, third = counts[:3].tolist()
-    # The tails of noise fall at least as fast as an exponential. It is extrapolated from the two values
-    # before the outermost one.
+    # The counts in the tails of noise fall at least as fast as an exponential. So the expected count at the
+    # outermost value is extrapolated exponentially from the two values before it.
     most = max(before, before * before / third)
     if last < OFTEN or last <= CLIPPED * most or last <= most + SURELY * math.sqrt(most + last):
         return 0
@@ -189,7 +208,7 @@ def _at_end(part: Array, of: _Values, end: int) -> int:
 def _clipped(
     ends: list[tuple[int, int]], values: list[Array], need: int, n: int, unit: str
 ) -> Iterator[DataCheck]:
-    """Yield the data check on clipped values.
+    """Yield a data check if values are clipped at the lowest or highest value.
 
     Args:
         ends: numbers of clipped samples at the lowest and the highest value of each part.

@@ -20,16 +20,17 @@ T = TypeVar("T")
 
 SAFE_PATH = "PYTHONSAFEPATH"
 SMALL = 6_000_000
-"""Number of samples of all axes up to which starting processes would take longer than it saves.
+"""Number of samples of a recording, all axes together, up to which starting processes would take longer than
+it saves.
 
-It is 5 hours of three axes at 100 Hz.
+This number is 5 hours of three axes at 100 Hz.
 """
 
 
 class UnfitWorker(FlteaError):
-    """Raised for a worker that must not get any task.
+    """Raised if a worker must not get any task, because it would fail each one.
 
-    It ends the run, since this worker would fail every task.
+    The error ends the run of `fltea identify`.
     """
 
 
@@ -52,7 +53,7 @@ class Workers:
         """Recover after all running tasks failed because a worker died (`BrokenExecutor`)."""
 
     def check(self) -> None:
-        """Check that the workers are alive; called now and then while waiting for tasks.
+        """Check that the workers are alive. The caller does this now and then while it waits for results.
 
         Raises:
             FlteaError: the workers are lost, so that the tasks will never be done.
@@ -97,7 +98,8 @@ class Threads(Workers):
     def close(self) -> None:
         """Start no further task, and wait for the running ones, which takes a second or two.
 
-        If the interpreter ended before, it would abort when a thread returns from native code.
+        If the interpreter ended before the running tasks, it would abort when a thread returns from native
+        code.
         """
         self._pool.shutdown(cancel_futures=True)
 
@@ -186,15 +188,15 @@ class BySize(Workers):
 
     @property
     def slots(self) -> int:
-        """Number of tasks that are worth submitting to the workers in use."""
+        """Number of tasks that are worth submitting at a time to the chosen workers."""
         return self._own.slots
 
     def expect(self, samples: int) -> None:
-        """Choose the workers that take less time for this many samples."""
+        """Choose the workers that take less time for a recording with `samples` samples."""
         self._own = Threads(self._jobs) if samples <= SMALL else Processes(self._jobs)
 
     def submit(self, task: Callable[..., T], *arguments: Any) -> "Future[T]":
-        """Pass a task to the workers in use."""
+        """Pass a task to the chosen workers."""
         return self._own.submit(task, *arguments)
 
     def renew(self) -> None:
@@ -220,9 +222,11 @@ def _prepare() -> None:
 
 
 def open_local(jobs: int | None, *, recordings: int = 0) -> Workers:
-    """Open workers: `jobs` processes; None: one for each processor that this process may use.
+    """Open workers for the tasks of `fltea identify`.
 
-    If the number is one, tasks are done in this process.
+    `jobs`: number of processes; None: one for each processor that this process may use.
+
+    If the number of processes is one, tasks are done in this process.
 
     `recordings`: number of recordings to identify. A single small recording is analysed by threads.
     """
