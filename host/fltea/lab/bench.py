@@ -1,9 +1,9 @@
 """Measure the speed of the estimator: engine, numpy reference and filterpy's unscented filter side by side.
 
-All run on one core in one run of the program. Every repetition measures all three one after the other, so
-that a change of the processor's clock affects all of them. Results are medians over repetitions. Times are
-processor times (user and system), not wall-clock times, so that other programs matter less. The filters'
-memories are full before the first measurement.
+The three contenders run on one core in one run of the program. Every repetition measures all three one after
+the other, so that a change of the processor's clock affects all of them. Results are medians over
+repetitions. Times are processor times (user and system), not wall-clock times, so that other programs matter
+less. The filters' memories are full before the first measurement.
 
 This is a command of the program (`fltea bench estimator`), so that users without a clone can find out how
 many axes a machine can estimate. `make bench` runs it, too, with all other benchmarks.
@@ -29,8 +29,9 @@ WINDOW = 3000
 WINDOWS = {str(n): n for n in (1_000, 10_000, 100_000, 1_000_000)} | {"unlimited": 0}
 LANES = tuple(2**i for i in range(11))
 
-# Number of axis-steps (samples of one axis) in one measurement. Fast contenders take about 0.1 s; slow ones
-# take longer, so that the result is repeatable.
+# Number of axis-steps in one measurement of each contender. An axis-step is the processing of one sample of
+# one axis. Fast contenders take about 0.1 s for this number. Slow ones take longer, so that the result is
+# repeatable.
 STEPS = {"engine_compressed": 200_000, "engine_direct": 20_000, "reference": 500, "filterpy_ukf": 2_000}
 LANE_STEPS = 400_000
 
@@ -41,21 +42,23 @@ TARGETS = {
     "engine_compressed": ("axis-steps/s, one lane", 3e6),
     "engine_compressed_lanes": ("axis-steps/s, many lanes", 12e6),
 }
-"""Description and target of each result. A cost has to be at most its target, all others at least."""
+"""Description and target of each result. A ratio of costs has to be at most its target, all other results at
+least their target.
+"""
 
 Work = Callable[[], int]
 """A function that does some axis-steps and returns their number."""
 
 
 def measure(repetitions: int = 5, scale: float = 1.0) -> dict[str, Any]:
-    """Measure everything, and return the figures.
+    """Measure speed and memory of all contenders, and return the figures.
 
     Speeds are in axis-steps per second; that of filterpy is None if filterpy is not installed. `repetitions`:
     number of repetitions of each measurement. `scale`: factor on the length of a measurement, below 1 in
     tests.
 
     Raises:
-        FlteaError: estimates of the engine were not finite, so that its figures are void.
+        FlteaError: estimates of the engine were not finite, so that the measured figures are void.
     """
     single = round(STEPS["engine_compressed"] * scale)
     contenders: dict[str, Work] = {
@@ -125,7 +128,10 @@ def text(result: dict[str, Any]) -> str:
 
 
 def _ratios(speed: dict[str, Any], per_step: dict[str, float]) -> dict[str, float | None]:
-    """Return the measured values for `TARGETS`, by the same names."""
+    """Return the measured values that are compared with `TARGETS`, under the same names.
+
+    A value is None if filterpy is not installed.
+    """
     compressed, peer = speed["engine_compressed"], speed["filterpy_ukf"]
     return {
         "compressed_over_direct": compressed / speed["engine_direct"],
@@ -160,9 +166,10 @@ def _noise(shape: tuple[int, ...]) -> NDArray[np.float64]:
 def _engine(
     lanes: int, window: int, memory: Literal["direct", "compressed"], steps: int, scale: float
 ) -> Work:
-    """Return work for an engine with the paper's settings for the gyroscope.
+    """Return a function that runs an engine with the paper's settings for the gyroscope, to be measured.
 
-    Its memory is filled before, if `scale` is not smaller than 1.
+    The engine's memory of past samples is filled before. If `scale` is below 1, only this proportion of it is
+    filled.
     """
     engine = Engine(lanes, lane_settings(GYROSCOPE_FILTERS, window, Options(memory=memory)))
     y = _noise((max(1, steps), lanes))
@@ -193,12 +200,16 @@ def _reference(steps: int, scale: float) -> Work:
 
 
 def _filterpy(steps: int) -> Work | None:
-    """Return work for filterpy's unscented filter, one state and one measurement; None if not installed."""
+    """Return a function that runs filterpy's unscented filter; None if filterpy is not installed.
+
+    The filter has one state and one measurement.
+    """
     try:
         from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
     except ImportError:
         return None
-    points = MerweScaledSigmaPoints(1, alpha=1.0, beta=2.0, kappa=2.0)  # the paper's sigma points
+    # these settings give the paper's sigma points
+    points = MerweScaledSigmaPoints(1, alpha=1.0, beta=2.0, kappa=2.0)
     peer = UnscentedKalmanFilter(
         dim_x=1, dim_z=1, dt=0.01, hx=lambda x: x, fx=lambda x, dt: 0.9 * x, points=points
     )
@@ -219,6 +230,6 @@ def _filterpy(steps: int) -> Work | None:
 def _bytes_per_lane(window: int) -> float:
     """Return the bytes per lane of an engine with 8 lanes.
 
-    They fill one vector of the widest instruction set.
+    Eight lanes fill one vector of the widest instruction set, so no part of a vector is wasted.
     """
     return Engine(8, lane_settings(GYROSCOPE_FILTERS, window, Options(memory="compressed"))).storage_bytes / 8

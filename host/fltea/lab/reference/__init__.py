@@ -1,1 +1,1 @@
-"""The printed algorithm in numpy, for any number of states: the reference for faster implementations."""
+"""The paper's algorithm in numpy, for any number of states: the reference for faster implementations."""

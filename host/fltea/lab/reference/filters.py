@@ -7,15 +7,17 @@ outputs and n_w parameters:
     x_{k+1} = h^α_{k+1} (A(w) x_k + B u_k) - sum_{j=1}^{L(k+1)} c_j(α_{k+1}) x_{k+1-j} + noise of variance Q
     y_k     = C x_k + noise of variance R
 
-c_j(a) = (-1)^j binom(a, j), so c_1 = -a, and x_k itself passes on with the factor F = h^α A(w) + α I. h is in
-s
-and A in s^-α; a stable scalar system has A < 0. With y in deg/s, x is in deg/s as well.
+Here c_j(a) = (-1)^j binom(a, j), so c_1 = -a. The factor of x_k in x_{k+1} is thus F = h^α A(w) + α I. The
+sampling period h is in s and A in s^-α. A stable scalar system has A < 0. With y in deg/s, x is in deg/s as
+well.
 
-One step runs KFo (order), KFw (parameters) and KFx (state), in this order. KFw uses the new order; KFx uses
-the new order and the *old* parameters. Where the printed indices contradict each other, this is the
-interpretation chosen here. The covariance sums of KFo and KFw start at i = 0, as is usual (printed: i = 1).
+One step runs KFo (order), KFw (parameters) and KFx (state), in this order. KFw uses the new order. KFx uses
+the new order and the *old* parameters. The paper's indices contradict each other here; this is the
+interpretation that we chose. The covariance sums of KFo and KFw start at i = 0, as is usual (in the paper: i
+= 1).
 
-The printed algorithm can diverge. Then results are not finite and `Step.finite` is False; nothing is raised.
+The paper's algorithm can diverge. Then results are infinite or NaN and `Step.finite` is False. No error is
+raised.
 """
 
 from collections.abc import Iterable
@@ -32,9 +34,9 @@ from fltea.records.arrays import Array
 
 __all__ = ["Array", "Fltea", "OrderSettings", "ParameterSettings", "StateSettings", "Step", "System"]
 
-# Constants of the unscented transformation (section 5.1): SPREAD is the width of the sigma points, and
-# GAUSSIAN the prior knowledge of the distribution (2 for a Gaussian one). kappa = 3 - n makes n + lambda = 3
-# for every dimension n.
+# Constants of the unscented transformation (section 5.1): SPREAD (the paper's 𝔄) is the width of the sigma
+# points, and GAUSSIAN (𝔅) the prior knowledge of the distribution, 2 for a Gaussian one. kappa = 3 - n makes
+# n + lambda = 3 for every dimension n.
 SPREAD = 1.0
 GAUSSIAN = 2.0
 
@@ -42,7 +44,7 @@ GAUSSIAN = 2.0
 class FilterModel(NamedTuple):
     """Estimate of a quantity that is modelled as a random walk.
 
-    It is the order in KFo (n = 1), or the parameters in KFw (n = n_w).
+    The quantity is the order in KFo (n = 1), or the parameters in KFw (n = n_w).
     """
 
     mean: Array
@@ -67,27 +69,28 @@ class Step(NamedTuple):
     Pw: Array
     """Covariance of the parameters, (n_w, n_w)."""
     innovation: Array
-    """Innovation y - C x̃ of KFx, (p,); NaN without a measurement."""
+    """Innovation y - C x̃ of KFx, (p,); NaN if the sample has no measurement."""
     innovation_variance: Array
     """Variance of the innovation, C P̃ C' + R, (p, p)."""
     finite: bool
-    """False if any estimate or covariance is infinite or NaN: the filter has diverged and stays so."""
+    """False if any estimate or covariance is infinite or NaN. Then the filter has diverged, and it stays so.
+    """
 
 
 class Difference(NamedTuple):
-    """The fractional difference of the history at one order α; KFw and KFx share the difference at α̂_k."""
+    """The fractional difference of past states for one order α. KFw and KFx share that for α̂_k."""
 
     order: np.float64
     gain: np.float64
     """The factor h^α."""
     c: Array
-    """The weights c_0 .. c_L(k) of α, (L(k)+1,)."""
+    """The weights c_0 .. c_L(k) for the order α, (L(k)+1,)."""
     past: Array
-    """The past, sum_{j=1}^{L(k)} c_j x̂_{k-j}, (N,)."""
+    """The weighted sum of past states, sum_{j=1}^{L(k)} c_j x̂_{k-j}, (N,)."""
 
 
 def difference(order: np.float64, h: float, states: Array) -> Difference:
-    """Weight past states (L(k), N), the newest first, for the order `order` (section 4).
+    """Return the fractional difference of past states (L(k), N), the newest first, for `order` (section 4).
 
     `h`: sampling period [s].
     """
@@ -102,7 +105,7 @@ def order_filter(
 
     `rate` is A(ŵ_{k-1}) x̂_{k-1} + B u_{k-1}, shape (N,); `y` and `R` have shapes (p,) and (p, p).
     """
-    points = sigma_points(prior.mean, prior.P + prior.Q)  # P̃o_k
+    points = sigma_points(prior.mean, prior.P + prior.Q)  # P̃o_k, the predicted variance of the order
     orders = points[:, 0]
     c = weights(orders, len(states))
     # χ_i = h^α_i rate - sum_{j=1}^{L(k)} c_j(α_i) x̂_{k-j}
@@ -122,11 +125,10 @@ def parameter_filter(
 ) -> FilterModel:
     """Run KFw, section 5.3: estimate the parameters from the outputs at 2 n_w + 1 sigma points.
 
-    The outputs use the new order α̂_k. `x` (N,) is x̂_{k-1}, `drive` (N,) is B u_{k-1}; the past in `at` does
-    not
-    depend on the parameters.
+    The outputs use the new order α̂_k. `x` (N,) is x̂_{k-1}, `drive` (N,) is B u_{k-1}. The sum of past
+    states in `at` is the same for all sigma points, since it does not depend on the parameters.
     """
-    points = sigma_points(prior.mean, prior.P + prior.Q)  # P̃w_k
+    points = sigma_points(prior.mean, prior.P + prior.Q)  # P̃w_k, the predicted covariance of the parameters
     # χ_i = h^α̂_k (A(w_i) x̂_{k-1} + B u_{k-1}) - past
     chi = at.gain * (np.array([system.A(w) @ x for w in points]) + drive) - at.past
     return unscented_update(prior, points, chi @ system.C.T, y, R, delta)
@@ -135,13 +137,13 @@ def parameter_filter(
 def predict_state(A: Array, rate: Array, at: Difference, covariances: Array, Q: Array) -> tuple[Array, Array]:
     """Run the time update of KFx, section 5.2: return x̃_k (N,) and P̃_k (N, N).
 
-    `A` is A(ŵ_{k-1}), `rate` is A x̂_{k-1} + B u_{k-1}, `at` is the difference at order α̂_k.
+    `A` is A(ŵ_{k-1}), `rate` is A x̂_{k-1} + B u_{k-1}, `at` is the fractional difference for order α̂_k.
     """
     L, N, _ = covariances.shape
     x = at.gain * rate - at.past
     F = at.gain * A + at.order * np.eye(N)
-    # F contains A and the term j = 1 of the history. The terms from j = 2 on add sum_{j=2}^{L(k)} c_j²
-    # P_{k-j}.
+    # F contains A and the term j = 1 of the sum of past states. The terms from j = 2 on add the variance
+    # sum_{j=2}^{L(k)} c_j² P_{k-j}.
     V = ((at.c[2:] * at.c[2:]) @ covariances[1:].reshape(L - 1, N * N)).reshape(N, N)
     P = F @ covariances[0] @ F.T + Q + V
     return x, symmetric(P)
@@ -150,9 +152,8 @@ def predict_state(A: Array, rate: Array, at: Difference, covariances: Array, Q: 
 def state_filter(x: Array, P: Array, y: Array, C: Array, R: Array) -> tuple[Array, Array, Array, Array]:
     """Run the measurement update of KFx, section 5.2: return x̂, P, the innovation (p,) and its variance.
 
-    P is computed in Joseph form. In exact arithmetic it equals the printed (I - K C) P̃; in floating point it
-    stays
-    symmetric and non-negative.
+    P is computed in Joseph form. In exact arithmetic this equals the paper's (I - K C) P̃. In floating point,
+    the Joseph form stays symmetric and non-negative.
     """
     innovation = y - C @ x
     S = symmetric(C @ P @ C.T + R)
@@ -167,8 +168,7 @@ def unscented_update(
     """Run the measurement update that KFo and KFw share, sections 5.1 and 5.3.
 
     `points` (2n+1, n) are the sigma points of the predicted covariance P̃. `Y` (2n+1, p) are the outputs that
-    the
-    model predicts at these points. `delta` is the forgetting factor with which Q follows the corrections
+    the model predicts at these points. `delta` is the forgetting factor with which Q follows the corrections
     (Robbins-Monro).
     """
     Wm, Wc = unscented_weights(len(prior.mean))
@@ -178,8 +178,8 @@ def unscented_update(
     Pyy = dy.T @ weighted + R
     K = kalman_gain(dx.T @ weighted, Pyy)
     correction = K @ (y - y_mean)
-    # This equals the printed P̃ - K Pyy K', since the weighted sum of dx dx' is P̃. But rounding cannot make
-    # it negative.
+    # P equals the paper's P̃ - K Pyy K', since the weighted sum of dx dx' is P̃. But in the form here,
+    # rounding cannot make P negative.
     left = dx - dy @ K.T
     return FilterModel(
         mean=prior.mean + correction,
@@ -189,15 +189,18 @@ def unscented_update(
 
 
 def sigma_points(mean: Array, P: Array) -> Array:
-    """Return mean and mean ± columns of sqrt((n + λ) P), n + λ = 3: shape (2n+1, n) (section 5.1)."""
+    """Return the sigma points: mean, and mean ± columns of sqrt((n + λ) P), shape (2n+1, n).
+
+    n + λ is 3 (section 5.1).
+    """
     root = cholesky(P) * np.sqrt(SPREAD**2 * 3)
     return np.concatenate((mean[np.newaxis], mean + root.T, mean - root.T))
 
 
 @lru_cache(maxsize=8)
 def unscented_weights(n: int) -> tuple[Array, Array]:
-    """Return the weights of means and of covariances, each (2n+1,), for n dimensions (section 5.1)."""
-    scale = SPREAD**2 * 3  # n + λ, with κ = 3 - n
+    """Return the sigma points' weights for means and covariances, each (2n+1,), see section 5.1."""
+    scale = SPREAD**2 * 3  # this is n + λ, with κ = 3 - n
     Wm = np.full(2 * n + 1, 1 / (2 * scale))
     Wm[0] = (scale - n) / scale
     Wc = Wm.copy()
@@ -208,7 +211,7 @@ def unscented_weights(n: int) -> tuple[Array, Array]:
 
 
 def kalman_gain(Pxy: Array, Pyy: Array) -> Array:
-    """Return Pxy Pyy^-1 of shape (n, p); NaN where Pyy has no inverse."""
+    """Return the Kalman gain K = Pxy Pyy^-1 of shape (n, p), filled with NaN if Pyy has no inverse."""
     if Pyy.shape == (1, 1):
         return Pxy / Pyy
     try:
@@ -240,7 +243,7 @@ def cholesky(P: Array) -> Array:
 def symmetric(P: Array) -> Array:
     """Return the symmetric part of P.
 
-    Without this, rounding would destroy the symmetry over thousands of steps.
+    Without it, rounding would destroy the symmetry of P over thousands of steps.
     """
     return P if P.shape == (1, 1) else (P + P.T) / 2
 
@@ -248,9 +251,9 @@ def symmetric(P: Array) -> Array:
 class Fltea:
     """The finite length triple estimation algorithm, section 5; call `step` for each sample.
 
-    `window` is the implementation length L in samples; a window at least as long as the data is the full
-    memory.
-    Settings whose shapes do not fit the system raise ValueError. The memory starts with x0 and P0.
+    `window` is the implementation length L, the number of past samples that are used. A window at least as
+    long as the data is the full memory. Settings whose shapes do not fit the system raise ValueError. The
+    memory starts with the initial state x0 and its covariance P0.
     """
 
     def __init__(
@@ -284,11 +287,10 @@ class Fltea:
         self._remember(x0, covariance("state P0", state.P0, len(x0)))
 
     def step(self, y: ArrayLike | None, u: ArrayLike | None = None) -> Step:
-        """Process the measurement y_k (p,) and the input u_{k-1} (d,) before it; `u` = None is an input of 0.
+        """Process the measurement y_k (p,) and the input u_{k-1} (d,) before it; `u` None is an input of 0.
 
-        Without a measurement (y is None) this is `predict`. Wrong shapes and numbers that are not finite
-        raise ValueError
-        and change nothing.
+        If `y` is None, there is no measurement, and `predict` is called. Wrong shapes and numbers that are
+        not finite raise ValueError, and the estimates stay unchanged.
         """
         if y is None:
             return self.predict(u)
@@ -317,7 +319,7 @@ class Fltea:
             return self._finish(*state_filter(*predicted, measured, self.system.C, self._R))
 
     def retune(self, Q: ArrayLike, R: ArrayLike) -> None:
-        """Change the variances of state noise and measurement in all three filters; the memory is kept."""
+        """Change the variances of state and measurement noise in all three filters, but keep the memory."""
         p = len(self.system.C)
         self._Q = covariance("state Q", Q, len(self._Q))
         self._R = self._order_R = self._parameter_R = covariance("R", R, p, definite=True)
@@ -327,8 +329,8 @@ class Fltea:
 
         The state moves on by the model alone and enters the memory with its predicted covariance, so that the
         history keeps one entry for each sample time. This is the fractional Kalman filter over a lossy link
-        (the paper's references 18 and 20). The filters of order and parameters do not advance, since their Q
-        is adapted to the corrections by measurements: it is the step variance for each measurement, not for
+        (the paper's references 18 and 20). The filters of order and parameters do not advance: their Q is
+        adapted to the corrections by measurements, so it is the step variance for each measurement, not for
         each sample time. (If their covariances grew in a gap, a loss of 20 % of the samples would move α on
         white noise from 0.39 to 0.60.)
         """
@@ -342,17 +344,18 @@ class Fltea:
             return self._finish(x, P, np.full(len(C), np.nan), symmetric(C @ P @ C.T + self._R))
 
     def run(self, ys: Iterable[ArrayLike | None], us: Iterable[ArrayLike | None] | None = None) -> list[Step]:
-        """Process a record, with None for a missing sample; us[k] is the input that led to ys[k].
+        """Process a record and return all steps.
 
-        Raises ValueError as `step` does, and if the lengths of `ys` and `us` differ (after processing the
-        common steps).
+        None stands for a missing sample; us[k] is the input that led to ys[k]. Raises ValueError as `step`
+        does, and if the lengths of `ys` and `us` differ. The steps that both have are processed before that
+        error.
         """
         if us is None:
             return [self.step(y) for y in ys]
         return [self.step(y, u) for y, u in zip(ys, us, strict=True)]
 
     def _drive(self, u: ArrayLike | None) -> Array:
-        """Return B u (N,)."""
+        """Return the effect B u of input `u` on the state, (N,)."""
         B = self.system.B
         if u is None:
             return np.zeros(len(self._Q))

@@ -1,7 +1,7 @@
 """Configure the reference estimator: the system, and the settings of its three filters.
 
-Macias & Sierociuk 2023 gives the meaning of the settings in section 5, and their values in 6.1 and 7.1. A
-covariance may be given as a number, which stands for that number times the identity.
+Macias & Sierociuk 2023 gives the meaning of the settings in section 5, and their values in 6.1 and 7.1. If a
+number is given for a covariance, the covariance is that number times the identity matrix.
 """
 
 import math
@@ -19,11 +19,11 @@ class System:
     """The system D^α x_{k+1} = A(w) x_k + B u_k, y_k = C x_k, with sampling period h."""
 
     A: Callable[[Array], Array]
-    """A function that maps parameters (n_w,) to the matrix (N, N) in s^-α. It must not raise, even for
-    infinite parameters.
+    """A function that maps parameters (n_w,) to the matrix A (N, N) in s^-α. It must not raise an error, even
+    for infinite parameters.
     """
     B: Array | None
-    """Input matrix, (N, d); None without input."""
+    """Input matrix, (N, d); None if the system has no input."""
     C: Array
     """Output matrix, (p, N)."""
     h: float
@@ -53,8 +53,8 @@ class System:
 class OrderSettings:
     """Settings of KFo, section 5.1: initial order and variance, process noise, forgetting, measurement noise.
 
-    All except R (p, p) are plain numbers. R is in the square of the unit of y. P0 = Q0 = 0 keeps the order
-    fixed at alpha0.
+    All except R (p, p) are plain numbers. R is in the square of the unit of y. With P0 = Q0 = 0 the order
+    stays fixed at alpha0.
     """
 
     P0: float
@@ -73,7 +73,11 @@ class OrderSettings:
 
 @dataclass(frozen=True)
 class ParameterSettings:
-    """Settings of KFw, section 5.3: P0, Q0 (n_w, n_w), initial parameters w0 (n_w,), measurement R (p, p)."""
+    """Settings of KFw, section 5.3.
+
+    P0, Q0 (n_w, n_w): initial covariances of the estimate and of a step. w0 (n_w,): initial parameters. R (p,
+    p): measurement noise.
+    """
 
     P0: ArrayLike
     Q0: ArrayLike
@@ -87,7 +91,11 @@ class ParameterSettings:
 
 @dataclass(frozen=True)
 class StateSettings:
-    """Settings of KFx, section 5.2: P0 (N, N), Q (N, N) of a whole step, x0 (N,), measurement R (p, p)."""
+    """Settings of KFx, section 5.2.
+
+    P0, Q (N, N): initial covariance, and covariance of a whole step. x0 (N,): initial state. R (p, p):
+    measurement noise.
+    """
 
     P0: ArrayLike
     Q: ArrayLike
@@ -101,7 +109,10 @@ class StateSettings:
 
 
 def covariance(name: str, value: ArrayLike, n: int, *, definite: bool = False) -> Array:
-    """Return `value` as an (n, n) covariance; ValueError unless symmetric and non-negative (or positive)."""
+    """Return `value` as an (n, n) covariance.
+
+    Raise ValueError unless it is symmetric and non-negative, or positive if that is required.
+    """
     P = np.array(value, dtype=np.float64)
     if P.ndim == 0:
         P = P * np.eye(n)

@@ -1,9 +1,9 @@
-"""Judge whether tables 3 and 4 of the paper are exchanged in print: the evidence, and the inference from it.
+"""Judge whether tables 3 and 4 of the paper are exchanged in print. Return the evidence and the inference.
 
 The paper says that table 3 belongs to example 2 (saw-tooth) and table 4 to example 3 (Gaussian input). Eight
-printed numbers are compared with the seeds of both examples: the errors of state and parameter of either
-table at
-L = 4,000, and their changes to L = 2,000. The order column is left out here, since it fits neither example.
+of the paper's numbers are compared with our results of both examples over many seeds. For each table, these
+are the errors of state and parameter at L = 4,000, and the changes of these errors from there to L = 2,000.
+The error of the order is left out here, since in both tables it fits neither example.
 """
 
 import math
@@ -25,42 +25,46 @@ EXCHANGED = {3: 3, 4: 2}
 SHORT = 2000
 JUDGED = ("state", "parameter")
 FEWEST_SEEDS = 400
-"""Least number of seeds. With fewer seeds, a percentile of 0 or 100 is no evidence.
+"""Least number of seeds for an inference. With fewer seeds, a percentile of 0 or 100 is no evidence.
 
-If no seed reaches a number, the 95 % limit for the share of such seeds is 3 divided by the number of seeds.
+If the error of no seed reaches a number, the proportion of seeds that would reach it is at most 3 divided by
+the number of seeds, with 95 % confidence.
 """
 TAIL_PERCENT = 0.5
-"""A printed number does not fit an example if less than this percentage of the seeds lies beyond it."""
+"""A number of the paper does not fit an example if less than this percentage of the example's seeds has an
+error beyond it.
+"""
 
 Results = Mapping[int, Mapping[int, Outcome]]
-"""For each example and length L, the outcome over the seeds. The lengths 4,000 and 2,000 are needed."""
+"""The results of all seeds, by example and length L. The lengths 4,000 and 2,000 are needed."""
 
 
 class Place(NamedTuple):
-    """The position of one printed number among the seeds of one example."""
+    """The position of one number of the paper among the results of all seeds of one example."""
 
     table: int
     example: int
     what: str
-    """What the number is, as in the text: "the state's error" or "the change of the state's error"."""
+    """What the number is, as it is called in the text for the reader: "the state's error" or "the change of
+    the state's error".
+    """
     percentile: float
 
     @property
     def tail(self) -> float:
-        """Percentage of the seeds beyond the number: those below it or those above it, whichever is less."""
+        """Percentage of the seeds whose result is beyond the number, on the side with fewer seeds."""
         return min(self.percentile, 100 - self.percentile)
 
 
 def evidence(results: Results) -> Row:
-    """Return what speaks for and against the exchange, as numbers for JSON.
+    """Return what speaks for and against an exchange of tables 3 and 4, as numbers for JSON.
 
     Keys:
-        rarest: the one of the eight numbers that fewest seeds reach.
-        at_least_4: per cent of an example's seeds whose state error changes, relative to itself, by at least
-            as much
-            as in table 4.
-        at_most_3: per cent of the seeds whose state error changes by at most as much as in table 3.
-        largest_order: the largest error of the order in any finite seed; None if it overflows.
+        rarest: the one of the paper's eight numbers that the results of fewest seeds reach.
+        at_least_4: percentage of an example's seeds whose error of the state changes from L = 4,000 to
+            L = 2,000, relative to its size, by at least as much as in table 4.
+        at_most_3: percentage of the seeds for which this change is at most as large as in table 3.
+        largest_order: the largest error of the order in any seed with a finite run; None if it overflows.
     """
     seeds = min(_finite(by_length) for by_length in results.values())
     pairings = {"as_printed": _rarest(results, AS_PRINTED), "exchanged": _rarest(results, EXCHANGED)}
@@ -81,7 +85,7 @@ def evidence(results: Results) -> Row:
 
 
 def text(found: Row) -> str:
-    """Return the evidence in words, for a reader with the paper at hand (Markdown)."""
+    """Return the evidence on tables 3 and 4 as Markdown text, for a reader with the paper at hand."""
     asked = "Are tables 3 and 4 exchanged in print?"
     heading = {
         "exchanged": "Tables 3 and 4 are most likely exchanged in print: an inference, "
@@ -138,7 +142,7 @@ def _order_text(found: Row) -> str:
 
 
 def zero_order_error() -> float:
-    """Return the squared error of the order in examples 2 and 3 if the estimate were 0 all the time."""
+    """Return the sum of squared errors of the order in examples 2 and 3 if the estimate were always 0."""
     return float(np.sum((0.2 + 0.1 * paper.H * np.arange(1, paper.SAMPLES + 1)) ** 2))
 
 

@@ -1,8 +1,8 @@
 """Draw figures 2–10 and 12–20 of Macias & Sierociuk 2023 as PNG: the original and the estimates for each L.
 
-One run is drawn, as in the paper: the run of the seed with the median error of the order (or with the median
-order
-if the truth is not known). No window is opened; Agg renders the figures.
+One run is drawn, as in the paper: the run of the seed whose error of the order is the median of all seeds. If
+the true order is not known, it is the run with the median order. No window is opened, since matplotlib's Agg
+renders the figures.
 """
 
 from collections.abc import Mapping
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 QUANTITIES = ("state", "order", "parameter")
 """The quantities of the paper's figures for each example and axis, in their order."""
 
-# Wide pale lines are drawn first and narrow dark lines on top, so that all stay visible where lengths agree.
-# The longest length takes the first style, the shortest the last.
+# Styles of the curves for the lengths L. Wide pale lines are drawn first and narrow dark lines on top, so
+# that all stay visible where the curves agree. The longest L takes the first style, the shortest the last.
 STYLES: tuple[dict[str, Any], ...] = (
     {"color": "#9ecae1", "linewidth": 4.0},
     {"color": "#fd8d3c", "linewidth": 1.9},
@@ -36,7 +36,7 @@ ORIGINAL: dict[str, Any] = {"color": "black", "linewidth": 0.8}
 
 
 def median_seed(scenario: Scenario, results: Mapping[int, Outcome]) -> tuple[int, str]:
-    """Return the index of the seed to draw, and a reason in words."""
+    """Return the index of the seed to draw, and in words why this seed was chosen."""
     outcome = next(iter(results.values()))
     if scenario.single:
         return 0, "the one run there is"
@@ -66,7 +66,7 @@ def draw(
     figure = _figure(caption, note, height=5.6 if quantity == "state" else 4.4)
     t = _times(scenario)
     original, curves = _curves(quantity, scenario, data, estimates)
-    # A second panel shows a fortieth of the run, where changes from sample to sample are visible.
+    # A second panel shows only a fortieth of the run, so that changes from sample to sample are visible.
     fortieth = slice(len(t) // 2, len(t) // 2 + len(t) // 40)
     names = [None, fortieth] if quantity == "state" else [None]
     panels = figure.subplots(len(names), squeeze=False, height_ratios=[5, 3][: len(names)])[:, 0]
@@ -108,7 +108,7 @@ def draw_unknown(
 def _curves(
     quantity: str, scenario: Scenario, data: Data, estimates: Mapping[int, Estimates]
 ) -> tuple[Array | None, dict[str, Array]]:
-    """Return the original (None if not known), and the estimates by their name in the legend."""
+    """Return the original curve of a quantity (None if not known), and its estimates by legend entry."""
     attribute = {"state": "x", "order": "alpha", "parameter": "f"}[quantity]
     curves = {f"L = {L:,}": getattr(got, attribute)[:, 0] for L, got in estimates.items()}
     original: Array | None = None
@@ -149,12 +149,12 @@ def _panel(
     *,
     measured: bool = False,
 ) -> None:
-    """Draw a whole run with a legend, or a part of the run without."""
+    """Draw one panel: a whole run with a legend, or if `part` is given that part without a legend."""
     styles = [*STYLES[: len(curves) - 1], STYLES[-1]]
     shown = part or slice(None)
-    if original is not None and measured:  # noise is drawn first, since it would hide the estimates
+    if original is not None and measured:  # measured noise is drawn first, since it would hide the estimates
         axes.plot(t[shown], original[shown], label="measured", color="#999999", linewidth=0.6)
-    # lines are thinner, since a whole run of noise is dense
+    # lines for a whole run of measured noise are thinner, since they are dense
     slender = 0.4 if measured and part is None else 1.0
     for style, (name, values) in zip(styles, curves.items(), strict=True):
         width = slender * style["linewidth"]
@@ -172,9 +172,9 @@ def _panel(
 
 
 def _limits(original: Array | None, curves: Mapping[str, Array]) -> tuple[float, float]:
-    """Return the range of the values without the most extreme 0.2 % at either end.
+    """Return the range of values to show: without the most extreme 0.2 % at either end.
 
-    Otherwise the jump at the beginning of a run would make the rest look flat.
+    With them, the jump at the beginning of a run would make the rest look flat.
     """
     known = [] if original is None else [original]
     values = np.concatenate([*known, *(v[np.isfinite(v) & (np.abs(v) < 1e6)] for v in curves.values())])

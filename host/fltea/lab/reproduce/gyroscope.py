@@ -1,10 +1,9 @@
 """Set up section 7 of Macias & Sierociuk 2023: a resting gyroscope, or white noise without a recording.
 
 White noise has the paper's R as its variance, and the filters use this R. From a recording, the first 3,000
-samples are used, with the mean removed, since the printed algorithm diverges on an offset. R is then the
-variance of
-these samples, not the paper's R: R is a property of the sensor, and the algorithm diverges if R is far too
-small.
+samples are used. Their mean is removed, since the paper's algorithm diverges on an offset. R is then the
+variance of these samples, not the paper's R, since R is a property of the sensor, and the algorithm diverges
+if R is far too small.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,13 +21,13 @@ from fltea.sources.replay import ReplaySource
 from fltea.stream.decode import Decoded, Decoder
 
 ANY_GAP = 10**9
-"""Longest gap, in samples, that is ignored: the paper's filters know no gaps."""
+"""Longest gap in a recording, in samples, that is ignored. The paper's filters know no gaps."""
 
 Make = Callable[[Sequence[int]], Data]
 
 
 def white_noise() -> dict[str, Scenario]:
-    """Return the experiment of each axis on white noise with the paper's R. The axes are independent."""
+    """Return the experiment of each axis on white noise with the paper's R. The noises are independent."""
     return {axis: _white_axis(number, axis, R) for number, (axis, R) in enumerate(paper.GYRO_R.items())}
 
 

@@ -1,8 +1,8 @@
 """Vary each choice that the paper leaves open, one at a time, and compare the errors of tables 2 to 4.
 
-Every choice runs examples 1 to 3 with the full memory (L = 4,000). The medians come with the percentiles of
-the
-printed numbers; tables 3 and 4 are compared with examples 2 and 3 both (`exchange`).
+With every choice, examples 1 to 3 are run with the full memory (L = 4,000). The results are the medians of
+our errors over the seeds, and the percentiles of the paper's errors among ours. Tables 3 and 4 are each
+compared with both examples 2 and 3, since they may be exchanged in print (`exchange`).
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -19,28 +19,31 @@ from fltea.lab.reproduce.runs import Curves, Options, Outcome, estimate, outcome
 from fltea.lab.reproduce.scenarios import Data, SawTooth, Scenario, example
 
 NEAR = 1.5
-"""An error of the order counts as near the printed error if it differs by at most this factor."""
+"""An error of the order counts as near the paper's error if it differs by at most this factor."""
 WIDTH = 16
-"""Number of runs that are processed together in another interpretation. It is small, so that the weights of
-their orders fit the cache.
+"""Number of runs that are processed together for an interpretation that the engine does not have. It is
+small, so that the weights for the orders of all runs fit into the processor's cache.
 """
 
 
 AS_BUILT = Reading()
-"""The engine's interpretation of the printed algorithm."""
+"""The engine's interpretation of the paper's algorithm."""
 CHOSEN_SAWTOOTH = SawTooth()
 
 
 @dataclass(frozen=True)
 class Choice:
-    """One way to make a choice that the paper leaves open. All other choices are those of this project."""
+    """One way to make a choice that the paper leaves open.
+
+    All other open choices are made as in this project.
+    """
 
     name: str
     reading: Reading = AS_BUILT
     sawtooth: SawTooth = CHOSEN_SAWTOOTH
     omega_outside: bool = False
     order_P0: float | None = None
-    """Initial variance of the order in place of the printed 0.05."""
+    """Initial variance of the order in place of the paper's 0.05; None: 0.05."""
 
     def scenario(self, number: int, samples: int = paper.SAMPLES) -> Scenario:
         """Return example 1, 2 or 3 under this choice, with the full memory."""
@@ -53,7 +56,7 @@ class Choice:
         return replace(made, filters=replace(made.filters, config=config))
 
     def run(self, scenario: Scenario, data: Data, length: int, options: Options) -> Curves:
-        """Return the estimates of every run. The engine makes them if its interpretation is asked for."""
+        """Return the estimates of every run. The engine makes them if `reading` is its interpretation."""
         if self.reading == AS_BUILT:
             return estimate(scenario, data, length, options)
         return readings.run(scenario.filters, self.reading, data)
@@ -92,17 +95,16 @@ def compare(
     choices: Sequence[Choice] = CHOICES,
     samples: int = paper.SAMPLES,
 ) -> list[Row]:
-    """Return one row for each choice.
+    """Run the examples with each choice, and return a row of results for each choice.
 
     `advance` is called with the name of the choice and the number of runs that were just finished.
 
     Keys:
-        examples: result of `outcome_row` by example.
-        percentiles: percentiles of the printed numbers at L = 4,000, for each table and each example it is
-            compared
-            with.
-        near_order: number of seeds whose error of the order differs from the printed one by at most the
-        factor NEAR, for the same tables and examples.
+        examples: result of `outcome_row` for each example.
+        percentiles: percentiles of the paper's numbers at L = 4,000, for each table and each example that
+            the table is compared with.
+        near_order: number of seeds whose error of the order differs from the paper's by at most the factor
+            NEAR, for the same tables and examples.
     """
     return [_row(choice, seeds, samples, advance) for choice in choices]
 
@@ -125,7 +127,7 @@ def _row(choice: Choice, seeds: int, samples: int, advance: Callable[[str, int],
 
 
 def _against(tell: Callable[[int, int], Any]) -> Row:
-    """Return the result of `tell` for each table and each example that it is compared with."""
+    """Return the result of `tell` for each table and for each example that the table is compared with."""
     return {
         str(table): {str(number): tell(table, number) for number in numbers}
         for table, numbers in EXAMPLES.items()
@@ -145,7 +147,7 @@ def _places(table: int, outcome: Outcome) -> dict[str, float | None]:
 
 
 def document(rows: Sequence[Row]) -> str:
-    """Return the choices as two Markdown tables: their errors, and the percentiles of the printed numbers."""
+    """Return two Markdown tables with a row for each choice: our errors, and the paper's percentiles."""
     seeds = rows[0]["seeds"]
     against = [(table, number) for table, numbers in EXAMPLES.items() for number in numbers]
     heads = [f"table {t} in example {n}" + (", exchanged" if n != EXAMPLES[t][0] else "") for t, n in against]

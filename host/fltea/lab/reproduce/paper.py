@@ -1,14 +1,14 @@
 """Numbers printed in Macias & Sierociuk 2023 (Acta Mechanica et Automatica 17(2)).
 
-All errors are sums of squared errors (SSE) over a whole run. That of the state is in the square of its unit,
-that of the order has no unit, and that of the parameter is in s^-2α.
+All errors are sums of squared errors (SSE) over a whole run. The error of the state is in the square of the
+state's unit, the error of the order has no unit, and the error of the parameter is in s^-2α.
 """
 
 from typing import NamedTuple
 
 
 class Errors(NamedTuple):
-    """One row of tables 2 to 5, in the order of their columns."""
+    """The errors in one row of tables 2 to 5, in the order of the columns."""
 
     state: float
     parameter: float

@@ -1,8 +1,8 @@
 """Arrange tables 1–5 and section 6.2 as rows for JSON and as Markdown, with the numbers of the paper.
 
-Every number is a median over the seeds whose runs are finite, with its 5–95 % range. A printed number has its
-percentile: the per cent of these seeds with a smaller number. Tables 3 and 4 are each compared with both
-examples 2 and 3, since they are most likely exchanged in print (`exchange`).
+Each of our numbers is a median over the seeds whose runs are finite, with its 5–95 % range. Each of the
+paper's numbers stands with its percentile: the percentage of these seeds with a smaller number. Tables 3 and
+4 are each compared with both examples 2 and 3, since they are most likely exchanged in print (`exchange`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,13 +20,16 @@ Row = dict[str, Any]
 
 PAPER = {2: paper.TABLE_2, 3: paper.TABLE_3, 4: paper.TABLE_4}
 EXAMPLES = {2: (1,), 3: (2, 3), 4: (3, 2)}
-"""For each table, the examples with which its numbers are compared. The example that the paper names comes
-first.
+"""For each table, the examples with which its numbers are compared. The first is the example that the paper
+names for the table.
 """
 
 
 def spread(values: Array, printed: float | None = None) -> Row:
-    """Return median and 5–95 % range of `values` (None if empty or overflowed), and the paper's number."""
+    """Return median and 5–95 % range of `values`, and the paper's number with its percentile among them.
+
+    Median and range are None if there are no values, or if they overflow.
+    """
     numbers: list[float | None] = [None] * 3
     if len(values):
         with np.errstate(all="ignore"):
@@ -37,9 +40,9 @@ def spread(values: Array, printed: float | None = None) -> Row:
 
 
 def percentile(values: Array, printed: float | None) -> float | None:
-    """Return the percentage of `values` below `printed`; None if either is missing.
+    """Return the percentage of `values` below `printed`, the paper's number; None if either is missing.
 
-    An equal value counts half.
+    A value that equals `printed` counts half.
     """
     if printed is None or not len(values):
         return None
@@ -47,7 +50,7 @@ def percentile(values: Array, printed: float | None) -> float | None:
 
 
 def outcome_row(outcome: Outcome, printed: paper.Errors | None) -> Row:
-    """Return the numbers of seeds and of diverged runs, and the spread of the errors over finite seeds."""
+    """Return the numbers of seeds and of diverged runs, and the spread of the errors over finite runs."""
     good = ~outcome.not_finite
     row: Row = {
         "seeds": len(good),
@@ -61,7 +64,7 @@ def outcome_row(outcome: Outcome, printed: paper.Errors | None) -> Row:
 
 
 def changes(results: Mapping[int, Outcome], L: int) -> dict[str, tuple[Array, Array]]:
-    """Return each error's change from the longest length to `L`, and the error before the change, by seed.
+    """Return each error's change from the longest length L to `L`, and the error at the longest, by seed.
 
     Seeds with an error that is not finite are left out.
     """
@@ -83,9 +86,9 @@ def printed_change(table: int, L: int, name: str) -> float:
 def example_rows(
     table: int, example: int, scenario: Scenario, results: Mapping[int, Outcome], options: Options
 ) -> list[Row]:
-    """Compare table 2, 3 or 4 with one example: one row for each length.
+    """Compare table 2, 3 or 4 with one example: return one row for each length L.
 
-    Rows of the shorter lengths have `change`, the change of the errors from the longest length.
+    Rows of the shorter lengths also have `change`, the change of the errors from those at the longest length.
     """
     rows = []
     for L, outcome in results.items():
@@ -102,7 +105,7 @@ def example_rows(
 def gyroscope_rows(
     axis: str, scenario: Scenario, results: Mapping[int, Outcome], options: Options
 ) -> list[Row]:
-    """Return the rows of table 5 for one axis: the shorter length compared with the longest."""
+    """Return the rows of table 5 for one axis: estimates with shorter lengths L compared with the longest."""
     return [
         {"axis": axis, "L": L, "against": scenario.lengths[0]}
         | outcome_row(outcome, paper.TABLE_5[axis])
@@ -115,7 +118,7 @@ def gyroscope_rows(
 def unknown_rows(scenario: Scenario, results: Mapping[int, Outcome], options: Options) -> list[Row]:
     """Return the rows of section 6.2: errors, and final order and parameter.
 
-    The paper prints no numbers for it.
+    The paper gives no numbers for this section.
     """
     return [
         {"L": L, **outcome_row(outcome, None), **accepted(outcome), **labels(scenario, options)}
@@ -124,7 +127,7 @@ def unknown_rows(scenario: Scenario, results: Mapping[int, Outcome], options: Op
 
 
 def time_rows(times: Mapping[int, Times]) -> list[Row]:
-    """Return the rows of table 1."""
+    """Return the rows of table 1, which are running times for each length L."""
     return [{"L": L, **row._asdict(), "paper_s": paper.TABLE_1[L]} for L, row in times.items()]
 
 
@@ -159,7 +162,7 @@ def markdown(table: str, rows: Sequence[Row]) -> str:
 
 
 def _how(rows: Sequence[Row]) -> str:
-    """Return a sentence on the data, and on how to read the numbers below."""
+    """Return a sentence for above a table: on the data, and on how to read the table's numbers."""
     first = rows[0]
     named = [f"Example {row['example']}: {row['data']}" if "example" in row else row["data"] for row in rows]
     how = f"{'; '.join(dict.fromkeys(named))}. Variant {first['variant']}, guard {first['guard']}"
@@ -191,7 +194,11 @@ def _times(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
 
 
 def _examples(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
-    """Lay out tables 2 to 4: the lengths of each example, and the change from the longest to the shortest."""
+    """Lay out tables 2 to 4.
+
+    For each example, there is a row for each length L, and a row for the change of the errors from the
+    longest to the shortest.
+    """
     heads = ["seeds of", "L", "not finite", "far off"]
     for name in paper.QUANTITIES:
         heads += [name, "paper (percentile)"]
@@ -219,12 +226,15 @@ def _printed(value: Row, sign: str = "") -> str:
 
 
 def percent_text(share: float) -> str:
-    """Format a percentile with three digits. It reads 0 only for no seed, and 100 only for all seeds."""
+    """Format a percentile with three digits.
+
+    It is shown as 0 only if it is exactly 0, and as 100 only if it is exactly 100.
+    """
     return f"{share:.3g}" if share in {0.0, 100.0} else f"{np.clip(share, 0.01, 99.9):.3g}"
 
 
 def _beside_paper(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
-    """Lay out table 5: for each error, and for final order and parameter, our number and the paper's."""
+    """Lay out table 5: our number and the paper's for each error, and for the final order and parameter."""
     columns = {name: name for name in paper.QUANTITIES}
     columns |= {"settled_order": "order settles at", "settled_parameter": "parameter settles at"}
     heads = ["axis", "not finite", "far off"]

@@ -1,4 +1,4 @@
-"""Run other interpretations of the printed algorithm, many runs at once, to see the effect of open choices.
+"""Run other interpretations of the paper's algorithm, many runs at once, to see the effect of open choices.
 
 The equations are those of `fltea.lab.reference`, for one state and one parameter with the full memory. The
 fields of `Reading` say what an interpretation changes. With their defaults, the estimates equal those of the
@@ -24,12 +24,12 @@ class Reading:
     kappa: float = 2.0
     """Scaling κ of the sigma points in KFo and KFw; section 5.1 calls it "usually chosen as 3 - L"."""
     sums_from: Literal[0, 1] = 0
-    """First i of the covariance sums in KFo and KFw: 1 as printed, 0 as usual."""
+    """First i of the covariance sums in KFo and KFw: 1 as in the paper, 0 as usual."""
     parameter_first: bool = False
     """Whether KFw runs before KFo, so that KFw uses the previous order, and KFo the new parameter."""
     state_variance: bool = False
-    """Whether P_yy of KFo and KFw includes the predicted variance of the state, which the printed equations
-    lack.
+    """Whether P_yy, the variance of the output in KFo and KFw, includes the predicted variance of the state.
+    The paper's equations lack that variance.
     """
 
 
@@ -44,7 +44,7 @@ class Estimated(NamedTuple):
 class Walk(NamedTuple):
     """Estimate of a quantity that is modelled as a random walk: mean, variance, and step variance.
 
-    Each (runs,).
+    Each array is (runs,).
     """
 
     mean: Array
@@ -60,7 +60,10 @@ class Past(NamedTuple):
 
 
 class Weighed(NamedTuple):
-    """The past states, weighted for the order of each run; all fields are (runs,)."""
+    """Weighted sums of the past states and their variances, for the order of each run.
+
+    All fields are (runs,).
+    """
 
     order: Array
     gain: Array
@@ -72,9 +75,10 @@ class Weighed(NamedTuple):
 
 
 def run(filters: LaneSettings, reading: Reading, data: Data) -> Estimated:
-    """Run the three filters over all runs of `data`; estimates that diverge become infinite or NaN.
+    """Run the three filters over all runs of `data`, and return the estimates.
 
-    `filters` has plain numbers only, and one R for all three filters.
+    Estimates that diverge become infinite or NaN. The settings in `filters` have to be plain numbers, with
+    one R for all three filters.
     """
     n, runs = data.y.shape
     x, P = np.empty((2, runs, n + 1))
@@ -91,7 +95,7 @@ def run(filters: LaneSettings, reading: Reading, data: Data) -> Estimated:
 
 
 class _Step:
-    """Order and parameter of all runs; each call advances them by one sample."""
+    """The filters of order and parameter for all runs. Each call processes one sample."""
 
     def __init__(self, filters: LaneSettings, reading: Reading, runs: int) -> None:
         order, parameter = filters.config.order, filters.config.parameter
@@ -101,7 +105,7 @@ class _Step:
         self.order = Walk(order.alpha0 * ones, order.P0 * ones, order.Q0 * ones)
         self.parameter = Walk(parameter.f0 * ones, parameter.P0 * ones, parameter.Q0 * ones)
         self.V = 0 * ones
-        """What past states contributed to the variance of the state at the previous sample."""
+        """The variance that the states from j = 2 on contributed to the state at the previous sample."""
 
     def __call__(self, y: Array, u: Array, past: Past) -> tuple[Array, Array]:
         """Process y_k and u_{k-1}, each (runs,), and return the posterior state and its variance."""
@@ -122,7 +126,7 @@ class _Step:
         return x + K * (y - x), (1 - K) ** 2 * P + K**2 * self.R
 
     def _weigh(self, past: Past) -> Weighed:
-        """Weight the past states for the present estimate of the order."""
+        """Return the past states weighted for the present estimate of the order."""
         order = self.order.mean
         c = weights(order, past.x.shape[1])[:, 1:]
         V = np.einsum("rj,rj,rj->r", c[:, 1:], c[:, 1:], past.P[:, 1:])
@@ -133,7 +137,7 @@ class _Step:
         return np.asarray(F**2 * past.P[:, 0] + self.settings.state.Q + at.P)
 
     def _move_order(self, y: Array, u: Array, past: Past) -> None:
-        """Run KFo, section 5.1: estimate the order."""
+        """Run KFo, section 5.1, for one sample: update the estimate of the order."""
         f, before = self.parameter.mean, self.order
         points = self._sigma_points(before)
         c = weights(points.ravel(), past.x.shape[1]).reshape(*points.shape, -1)[:, :, 1:]
@@ -145,7 +149,10 @@ class _Step:
         self.order = self._updated(before, points, Y, y, R, self.settings.order.delta)
 
     def _move_parameter(self, y: Array, u: Array, past: Past, at: Weighed) -> None:
-        """Run KFw, section 5.3: estimate the parameter. `at`: the past, weighted for the order."""
+        """Run KFw, section 5.3, for one sample: update the parameter.
+
+        `at`: past states weighted for the order.
+        """
         before = self.parameter
         points = self._sigma_points(before)
         Y = at.gain * (points * past.x[:, 0] + u) - at.x
@@ -155,22 +162,28 @@ class _Step:
         self.parameter = self._updated(before, points, Y, y, R, self.settings.parameter.delta)
 
     def _sigma_points(self, walk: Walk) -> Array:
-        """Return the mean, and the mean ± sqrt((1 + κ) P̃), (3, runs); λ = κ in one dimension with 𝔄 = 1."""
+        """Return the sigma points: the mean, and the mean ± sqrt((1 + κ) P̃), (3, runs).
+
+        In one dimension and with 𝔄 = 1, the paper's λ is κ.
+        """
         root = np.sqrt((1 + self.reading.kappa) * (walk.P + walk.Q))
         return np.stack([walk.mean, walk.mean + root, walk.mean - root])
 
     def _updated(self, walk: Walk, points: Array, Y: Array, y: Array, R: Array, delta: float) -> Walk:
-        """Run the measurement update that KFo and KFw share; `points` and `Y` are (3, runs)."""
+        """Run the measurement update that KFo and KFw share.
+
+        `points`: sigma points, (3, runs). `Y`: outputs that the model predicts at them, (3, runs).
+        """
         scale = 1 + self.reading.kappa
         sides = 1 / (2 * scale)
         mean = np.array([[self.reading.kappa / scale], [sides], [sides]])
         covariance = mean.copy()
-        covariance[0] += 2  # 1 - 𝔄² + 𝔅, with 𝔅 = 2
+        covariance[0] += 2  # the first weight of a covariance has the additional term 1 - 𝔄² + 𝔅, with 𝔅 = 2
         covariance[: self.reading.sums_from] = 0
         dx, dy = points - points[0], Y - np.sum(mean * Y, axis=0)
         Pyy = np.sum(covariance * dy * dy, axis=0) + R
         K = np.sum(covariance * dx * dy, axis=0) / Pyy
         correction = K * (y - np.sum(mean * Y, axis=0))
-        # This equals the printed P̃ - K Pyy K, but rounding cannot make it negative.
+        # This variance equals the paper's P̃ - K Pyy K, but rounding cannot make it negative.
         P = np.sum(covariance * (dx - K * dy) ** 2, axis=0) + K**2 * R
         return Walk(walk.mean + correction, P, (1 - delta) * walk.Q + delta * correction**2)

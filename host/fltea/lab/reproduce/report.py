@@ -1,4 +1,4 @@
-"""Make the paper's tables and figures in its order; each scenario is run only once."""
+"""Make the paper's tables and figures in the paper's order. Each scenario is run only once."""
 
 import csv
 from collections.abc import Callable, Mapping
@@ -15,17 +15,19 @@ from fltea.records.whole_file import prepare_folder, whole_file
 from fltea.settings.extras import need_matplotlib
 
 Progress = Callable[[str, int], None]
-"""A function that is called with what is being done, and the number of steps that were just finished."""
+"""A function that reports progress: called with a text on what is being done, and the number of progress
+steps that were just finished.
+"""
 
 UNKNOWN = {"white": "white source noise", "fractional": "fractional source noise"}
 
 
 class Report:
-    """Run what a `Request` asks for.
+    """The tables and figures that a `Request` asks for; `run` makes them.
 
     Raises:
-        UsageError: at once, for a bad recording, a folder that cannot be written to, or figures without
-            matplotlib.
+        UsageError: before anything is computed, if the recording is bad, the folder cannot be written to, or
+            figures are asked for without matplotlib.
     """
 
     def __init__(self, request: Request, progress: Progress = lambda text, steps: None) -> None:
@@ -63,12 +65,12 @@ class Report:
         return exchange.evidence({example: self._outcomes(str(example)) for example in (2, 3)})
 
     def document(self, rows: Mapping[str, list[Row]]) -> str:
-        """Return the rows from `run` as Markdown, with the inference on tables 3 and 4."""
+        """Return the rows from `run` as Markdown, with an inference on the exchange of tables 3 and 4."""
         found = self.exchange()
         return paper_tables.document(rows, [] if found is None else [exchange.text(found)])
 
     def _choose_scenarios(self) -> dict[str, Scenario]:
-        """Return the scenarios for all that is asked for, by name, in the paper's order."""
+        """Return the scenarios that the tables and figures asked for need, by name, in the paper's order."""
         request = self.request
         named = [key for table in request.tables for key in _of_table(table)]
         named += [_of_figure(figure)[0] for figure in request.figures if figure != "6.2"]
@@ -113,7 +115,8 @@ class Report:
             return paper_tables.time_rows(dict(times))
         rows: list[Row] = []
         for name in _of_table(table):
-            if name not in self._scenarios:  # the recording does not have this axis
+            # only a recording that lacks this axis gives no scenario of this name
+            if name not in self._scenarios:
                 continue
             scenario, results = self._scenarios[name], self._outcomes(name)
             if table == "6.2":
@@ -127,7 +130,10 @@ class Report:
         return rows
 
     def _write_seeds(self, path: Path, name: str, results: Mapping[int, Outcome]) -> None:
-        """Write one row for each seed and length. With the first scenario of a table, the file is created."""
+        """Write one row for each seed and length L to a CSV file.
+
+        The file is created with the first scenario of a table, and other scenarios are appended.
+        """
         try:
             with path.open("a" if path in self.files else "w", newline="", encoding="utf-8") as file:
                 lines = csv.writer(file)
@@ -172,16 +178,16 @@ class Report:
 
 
 def _of_table(table: str) -> tuple[str, ...]:
-    """Return the names of the scenarios of a table."""
+    """Return the names of the scenarios whose results a table shows."""
     named = {"5": tuple(paper.GYRO_R), "6.2": tuple(UNKNOWN)}
     named |= {str(n): tuple(map(str, examples)) for n, examples in paper_tables.EXAMPLES.items()}
     return named.get(table, ())
 
 
 def _of_figure(figure: str) -> tuple[str, str]:
-    """Return scenario and quantity of a figure.
+    """Return the scenario and the quantity that a figure shows, by names.
 
-    Each example, and then each axis, has three consecutive figures.
+    Each example has three consecutive figures, and after the examples each axis has three.
     """
     number = int(figure)
     first, names = (2, ("1", "2", "3")) if number <= 10 else (12, tuple(paper.GYRO_R))

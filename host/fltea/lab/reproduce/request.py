@@ -1,4 +1,4 @@
-"""Choose tables and figures of the paper; numbers are checked before anything is computed."""
+"""Choose tables and figures of the paper by number. The numbers are checked before anything is computed."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -34,7 +34,7 @@ class Request:
     out: Path | None = None
     """Folder for figures and, for each table, a CSV file with one row per seed.
 
-    None: DEFAULT_OUT if there are figures.
+    None stands for DEFAULT_OUT if there are figures, else for no folder.
     """
     everything: bool = False
     """Whether the user named no table or figure. Tables and figures of axes that the recording lacks are then
@@ -43,15 +43,18 @@ class Request:
 
     @property
     def folder(self) -> Path | None:
-        """Folder for the files; None if none are written."""
+        """Folder for the files; None if no files are written."""
         return self.out or (DEFAULT_OUT if self.figures else None)
 
 
 def select(tables: Sequence[str], figures: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...], bool]:
-    """Return the tables and figures to make, in the paper's order, and whether these are all that there are.
+    """Return the tables and figures to make, in the paper's order, and whether the user named none.
+
+    If the user named none, these are all tables and figures that can be made.
 
     Raises:
-        UsageError: a number that the paper does not have, or that cannot be computed.
+        UsageError: the paper has no table or figure of a number, or a figure of that number cannot be
+        computed.
     """
     for table in set(tables) - set(TABLES):
         raise UsageError(

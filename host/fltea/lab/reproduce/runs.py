@@ -1,10 +1,11 @@
 """Run the engine for every seed and length L of a scenario: squared errors, and runs that diverged.
 
-A run is not finite if any estimate is infinite or NaN. It has no squared error, so that no statistic includes
-it. A run is far off if it is finite, but |α̂| > 10 at any sample, or the state is ever further than 10
-sqrt(R) from the truth (from the measurement, if the truth is not known). Runs that are far off are counted,
-and every statistic includes them, since the paper's own run may be one of them. Where lengths are compared
-with each other, both runs of a seed have to be finite, and the seed is far off if either run is.
+A run is "not finite" if any of its estimates is infinite or NaN. Such a run has no squared error, so no
+statistic includes it. A run is "far off" if it is finite, but |α̂| > 10 at any sample, or the estimated state
+is ever further than 10 sqrt(R) from the true state (from the measurement, if the true state is not known).
+Runs that are far off are counted, and every statistic includes them, since the paper's own run may be such a
+run. Where two lengths L are compared with each other, both runs of a seed have to be finite, and the seed is
+far off if either run is.
 """
 
 import os
@@ -30,7 +31,7 @@ STATE_LIMIT = 10.0
 
 @dataclass(frozen=True)
 class Options:
-    """Options of the engine; the defaults are the printed algorithm with its exact memory."""
+    """Options of the engine. The defaults are the paper's algorithm with its exact memory."""
 
     variant: Literal["triple", "joint"] = "triple"
     guard: Literal["off", "faithful", "consistent"] = "off"
@@ -38,7 +39,7 @@ class Options:
 
 
 class Outcome(NamedTuple):
-    """The results of all seeds for one length L: one number per seed, arrays (seeds,)."""
+    """The results of all seeds for one length L. Each array is (seeds,), with one number for each seed."""
 
     state: Array
     """Sum of squared errors of the state over the run, in unit²."""
@@ -46,9 +47,9 @@ class Outcome(NamedTuple):
     """Sum of squared errors of the parameter, in s^-2α."""
     order: Array
     not_finite: NDArray[np.bool_]
-    """Whether an estimate is infinite or NaN, so that the run has no errors."""
+    """Whether an estimate of the run is infinite or NaN. Such a run has no squared errors."""
     far_off: NDArray[np.bool_]
-    """Whether the run is far off: finite, but with an order or a state beyond the limits above."""
+    """Whether the run is finite, but its order or state is ever beyond ORDER_LIMIT or STATE_LIMIT."""
     settled_order: Array
     """Mean of α̂ over the last third of the run."""
     settled_parameter: Array
@@ -77,7 +78,7 @@ def estimate(scenario: Scenario, data: Data, length: int, options: Options) -> E
 
 
 def lane_settings(filters: LaneSettings, length: int, options: Options) -> LaneSettings:
-    """Return the filters of an experiment with the length L and the options of the engine."""
+    """Return the filters of an experiment, changed to the length L and the options of the engine."""
     config = msgspec.structs.replace(
         filters.config,
         window=length,
@@ -89,7 +90,7 @@ def lane_settings(filters: LaneSettings, length: int, options: Options) -> LaneS
 
 
 Run = Callable[[Scenario, Data, int, Options], Curves]
-"""A function like `estimate`: it estimates every run of some data with a length L."""
+"""A function like `estimate`, which makes the estimates for every run of `data` with one length L."""
 
 
 def outcomes(
@@ -100,17 +101,18 @@ def outcomes(
     run: Run = estimate,
     width: int = WIDTH,
 ) -> dict[int, Outcome]:
-    """Return the outcome over `seeds` for each length L.
+    """Run a scenario for all `seeds`, and return the results by length L.
 
-    `advance` is called with the number of runs that were just finished. If the truth is not known, the other
-    lengths are compared with the first, which then has no entry. `run` makes the estimates of `width` seeds
-    at once.
+    `advance` is called with the number of runs that were just finished. If the true state and order are not
+    known, the runs with other lengths are compared with those of the first length, which then has no entry.
+    `run` makes the estimates of `width` seeds at once.
     """
     seeds = seeds[:1] if scenario.single else seeds
     groups = [seeds[i : i + width] for i in range(0, len(seeds), width)]
     parts: dict[int, dict[int, Outcome]] = {}
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        # The engine releases the GIL, so threads run in parallel; results do not depend on them.
+        # The engine releases the GIL, so threads run in parallel. Results do not depend on the number of
+        # threads.
         tasks = {pool.submit(_group, scenario, group, options, run): i for i, group in enumerate(groups)}
         try:
             pending = set(tasks)
@@ -144,10 +146,10 @@ def _compare(scenario: Scenario, data: Data, options: Options, run: Run) -> Iter
 
 
 def against_truth(scenario: Scenario, data: Data, got: Curves) -> Outcome:
-    """Compare runs with the state, parameter and orders that the data were made with.
+    """Return the errors of runs relative to the state, parameter and orders that the data were made with.
 
     Raises:
-        ValueError: the scenario has no truth.
+        ValueError: the true state, parameter or order of the scenario is not known.
     """
     if data.x is None or scenario.f is None or scenario.alpha is None:
         raise ValueError(f"{scenario.title}: the true state, parameter and order are not known")
@@ -161,7 +163,7 @@ def against_truth(scenario: Scenario, data: Data, got: Curves) -> Outcome:
 
 
 def _against(scenario: Scenario, data: Data, got: Curves, first: Curves) -> Outcome:
-    """Compare the runs with two lengths L by their squared differences."""
+    """Return the squared differences between runs with one length L and runs with the first length."""
     lost = not_finite(got) | not_finite(first)
     far = [far_off(one, data.y, scenario.R**0.5) for one in (got, first)]
     return _outcome(got, (first.x, first.f, first.alpha), lost, (far[0] | far[1]) & ~lost)
@@ -172,7 +174,7 @@ def _outcome(
 ) -> Outcome:
     third = slice(-(len(got.x) // 3), None)
     x, f, alpha = truth
-    with np.errstate(all="ignore"):  # runs that are not finite overflow
+    with np.errstate(all="ignore"):  # runs that are not finite overflow here, without a warning
         return Outcome(
             state=_sse(got.x - x),
             parameter=_sse(got.f - f),
@@ -195,9 +197,10 @@ def not_finite(got: Curves) -> NDArray[np.bool_]:
 
 
 def far_off(got: Curves, state: Array, sigma: float) -> NDArray[np.bool_]:
-    """Return for each run (runs,) whether an order or the state ever exceeds its limit.
+    """Return for each run (runs,) whether order or state is ever beyond ORDER_LIMIT or STATE_LIMIT.
 
-    `state`: reference for x̂, (n, runs). `sigma`: sqrt(R). Runs that are not finite count, too.
+    `state`: the values that the estimated state is compared with, (n, runs). `sigma`: sqrt(R). Runs that are
+    not finite count as far off, too.
     """
     with np.errstate(all="ignore"):
         near = (np.abs(got.alpha) <= ORDER_LIMIT) & (np.abs(got.x - state) <= STATE_LIMIT * sigma)

@@ -1,13 +1,12 @@
-"""Define the paper's experiments: data with the truth, and the settings of the three filters.
+"""Define the paper's experiments: simulated data with their true states, and the settings of the filters.
 
-They are sections 6.1 (examples 1–3, known input) and 6.2 (unknown input) of Macias & Sierociuk 2023; section
-7 is
-in `gyroscope`. Every seed gives one run. A seed gives the same samples whatever other seeds there are.
+These experiments are from sections 6.1 (examples 1–3, known input) and 6.2 (unknown input) of Macias &
+Sierociuk 2023; section 7 is in `gyroscope`. Every seed gives one run. A seed gives the same samples whatever
+other seeds there are.
 
-The paper does not print the saw-tooth of examples 1 and 2 (`SawTooth`), nor any number of section 6.2, so
-they are
-chosen here. The process noise E[ωω'] = 1e-5 is inside the brackets of equation (2), before h^α; the filter's
-Q = 1e-5 is the variance of a whole step, as printed.
+The paper does not give the saw-tooth of examples 1 and 2 (`SawTooth`), nor any number of section 6.2, so they
+are chosen here. The process noise E[ωω'] = 1e-5 is inside the brackets of equation (2), before h^α; the
+filter's Q = 1e-5 is the variance of a whole step, as in the paper.
 """
 
 import math
@@ -34,7 +33,7 @@ EXAMPLE_FILTERS = LaneSettings(
     h=paper.H,
     R=paper.NOISE_R,
 )
-"""Settings of the filters in section 6.1. All three filters have the same R."""
+"""Settings of the three filters in section 6.1. All have the same R."""
 
 STEP_VARIANCE = 0.15
 GYROSCOPE_FILTERS = LaneSettings(
@@ -53,7 +52,7 @@ GYROSCOPE_FILTERS = LaneSettings(
 
 @dataclass(frozen=True)
 class SawTooth:
-    """Input of examples 1 and 2: rises from -amplitude (0 if unipolar) to amplitude in each period."""
+    """Input of examples 1 and 2. It rises from -amplitude (0 if unipolar) to amplitude in each period."""
 
     amplitude: float = 1.0
     period_s: float = 1.0
@@ -81,7 +80,7 @@ class SawTooth:
 
 @dataclass(frozen=True)
 class Data:
-    """Several runs, each array (n, runs)."""
+    """Data of several runs of n samples. Each array is (n, runs)."""
 
     y: Array
     """Measurements y_1 .. y_n."""
@@ -93,11 +92,11 @@ class Data:
 
 @dataclass(frozen=True)
 class Scenario:
-    """One experiment; `make` turns seeds into data."""
+    """One experiment of the paper; `make` returns the data of one run for each seed."""
 
     title: str
     source: str
-    """Description of the data for every output."""
+    """Description of the data, for every table and figure."""
     lengths: tuple[int, ...]
     """The lengths L to run, the longest first."""
     filters: LaneSettings
@@ -106,7 +105,7 @@ class Scenario:
     samples: int
     make: Callable[[Sequence[int]], Data]
     alpha: Array | None = None
-    """True orders α_1 .. α_n; None if not known, and lengths are then compared with each other."""
+    """True orders α_1 .. α_n. None if not known: then runs with different L are compared with each other."""
     f: float | None = None
     """True parameter in s^-α."""
     unit: str = ""
@@ -118,7 +117,11 @@ class Scenario:
 def example(
     number: int, sawtooth: SawTooth, samples: int = paper.SAMPLES, *, omega_outside: bool = False
 ) -> Scenario:
-    """Return example 1, 2 or 3 of section 6.1; `omega_outside` adds the process noise after h^α."""
+    """Return example 1, 2 or 3 of section 6.1.
+
+    `omega_outside`: whether the process noise is added after the factor h^α, not within the brackets before
+    it.
+    """
     k = np.arange(1, samples + 1, dtype=np.float64)
     alpha = np.full(samples, 0.6) if number == 1 else 0.2 + 0.1 * k * paper.H
     gain = (paper.H**alpha)[:, np.newaxis]
@@ -150,16 +153,18 @@ def example(
     )
 
 
-# Values for section 6.2, which the paper does not print: x has the order α₁, and its source ω' is itself
-# fractional noise of order α₂. Step, number of samples and filters are the gyroscope's, where the paper has
-# no known input.
+# Values for section 6.2, which the paper does not give. The state x has the order α₁, and its source ω' is
+# itself fractional noise of order α₂. Sampling period, number of samples and filters are those of the
+# gyroscope in section 7, where the paper has no known input either.
 UNKNOWN_ALPHA, UNKNOWN_F = 0.4, -1.0
 SOURCE_ALPHA, SOURCE_F = 0.3, -1.0
 UNKNOWN_R, UNKNOWN_FILTER_R = 0.05, 0.3
-"""Variance of the measurement noise v, and R of the filters. It is about the variance of y, as in section 7.
+"""Variance of the measurement noise v, and the R that the filters use. This R is about the variance of y, as
+in section 7.
 
 One step adds to x the variance STEP_VARIANCE = h^2(α₁+α₂) E[ωω'], as the filters assume. With R = 0.05 in the
-filters, the printed algorithm diverges for every seed, since it ignores the state's own variance.
+filters, the paper's algorithm diverges for every seed, since KFo and KFw ignore the variance of the estimated
+state.
 """
 
 

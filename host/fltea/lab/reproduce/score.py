@@ -1,9 +1,9 @@
 """Score the guards: do they prevent divergence, and how much accuracy do they cost otherwise?
 
-There are two kinds of cases. Driven cases are examples 1–3 with other inputs. Resting cases are the gyroscope
-of section 7: with white noise and a wrong R, with offsets that are not removed, and with data that are no
-noise at all. `runs` defines which runs are not finite and which are far off; at rest the state is compared
-with the measurement.
+A guard keeps the filters from diverging. There are two kinds of cases. Driven cases are examples 1–3 of the
+paper with other inputs. Resting cases are the gyroscope of section 7: with white noise and a wrong R, with
+offsets that are not removed, and with data that are no noise at all. `runs` defines which runs are not finite
+and which are far off. At rest, the estimated state is compared with the measurement.
 """
 
 import math
@@ -33,7 +33,7 @@ LSB_DPS = 1 / 16.4
 
 @dataclass(frozen=True)
 class Resting:
-    """A gyroscope at rest, or faulty data in its place.
+    """A case with a gyroscope at rest, or with faulty data in its place.
 
     The data are white noise of variance V, modified by the function `turn`.
     """
@@ -69,7 +69,7 @@ RESTING = (
 
 
 def driven() -> list[Scenario]:
-    """Return examples 1 and 2 with every saw-tooth, and example 3, each at its full length only."""
+    """Return examples 1 and 2 with every saw-tooth, and example 3, each with its longest L only."""
     cases = [example(number, sawtooth) for number in (1, 2) for sawtooth in SAWTEETH]
     return [replace(case, lengths=case.lengths[:1]) for case in [*cases, example(3, SawTooth())]]
 
@@ -83,16 +83,17 @@ def score(seeds: int, options: Options, advance: Callable[[str, int], None]) -> 
     """Return one row for each case and guard; `options.guard` is ignored.
 
     Keys:
-        not_finite, far_off: number of runs that are not finite, or far off.
-        state, parameter, order: medians of the squared errors over the finite runs.
-        kept: the same over the seeds whose run without a guard is finite and not far off.
-        alpha, f: at rest, medians of the last estimates of finite runs.
+        not_finite, far_off: number of runs that are not finite, and that are far off.
+        state, parameter, order: for driven cases, medians of the squared errors over the finite runs.
+        kept: the same medians over the seeds whose run without a guard is finite and not far off.
+        alpha, f: for resting cases, medians of the last estimates of finite runs.
 
-    A median that overflows is None.
+    A median that overflows, or that has no run, is None.
     """
     rows = []
     for simulated in driven():
-        case = replace(simulated, make=cache(simulated.make))  # the data are computed once, for all guards
+        # the data are computed only once, and used for all guards
+        case = replace(simulated, make=cache(simulated.make))
         name = f"{case.title}, {case.source}"
         told = partial(advance, name)
         printed: Outcome | None = None
@@ -155,7 +156,7 @@ def _median(values: Array) -> float | None:
 
 
 def document(rows: Sequence[dict[str, Any]]) -> str:
-    """Return the score as two Markdown tables, with one row for each case."""
+    """Return the rows of `score` as two Markdown tables, with one table row for each case."""
     cases: dict[str, dict[str, dict[str, Any]]] = {}
     for row in rows:
         cases.setdefault(row["case"], {})[row["guard"]] = row

@@ -17,7 +17,7 @@ from fltea.noise.weights import weights
 from fltea.records.arrays import Array
 
 BLOCK = 64
-"""Number of samples in a block. The past before a block is summed for the whole block at once."""
+"""Number of samples in a block. The states before a block are summed for all samples of the block at once."""
 WIDTH = 64
 """Number of runs in one matrix product."""
 
@@ -28,7 +28,7 @@ def fractional_states(alpha: Array, f: float, drive: Array, h: float) -> Array:
     Args:
         alpha: orders α_1 .. α_n, (n,).
         f: parameter in s^-α.
-        drive: u_{k-1} + ω_{k-1} in row k-1, (n, runs).
+        drive: input and noise u_{k-1} + ω_{k-1} in row k-1, (n, runs).
         h: step [s].
     """
     n, runs = drive.shape
@@ -36,13 +36,14 @@ def fractional_states(alpha: Array, f: float, drive: Array, h: float) -> Array:
         groups = (drive[:, left : left + WIDTH] for left in range(0, runs, WIDTH))
         return np.hstack([fractional_states(alpha, f, group, h) for group in groups])
     gain = h**alpha
-    x = np.zeros((n + 1, WIDTH))  # row 0 is x_0
+    x = np.zeros((n + 1, WIDTH))  # row k is x_k, and row 0 the initial state x_0
     driven = np.zeros((n, WIDTH))
     driven[:, :runs] = gain[:, np.newaxis] * drive
     for start in range(1, n + 1, BLOCK):
         stop = min(start + BLOCK, n + 1)
         c = weights(alpha[start - 1 : stop - 1], stop - 1)
-        # Row i of the weights applies to x_0 .. x_{start-1} for sample k = start + i: c_{k-m}(α_k) x_m.
+        # Row i of the weights is for sample k = start + i. It multiplies x_m by c_{k-m}(α_k), for m from 0 to
+        # start - 1.
         lags = np.arange(start, stop)[:, np.newaxis] - np.arange(start)
         past = np.take_along_axis(c, lags, axis=1) @ x[:start]
         for i, k in enumerate(range(start, stop)):
@@ -52,9 +53,9 @@ def fractional_states(alpha: Array, f: float, drive: Array, h: float) -> Array:
 
 
 def noises(seed: int, n: int, Q: float, R: float) -> tuple[Array, Array]:
-    """Return ω_0 .. ω_{n-1} and v_1 .. v_n with variances Q and R.
+    """Return process noise ω_0 .. ω_{n-1} and measurement noise v_1 .. v_n, with variances Q and R.
 
-    They are drawn alternately, as in `fltea.noise.simulation`.
+    Values of ω and v are drawn alternately, as in `fltea.noise.simulation`.
     """
     pairs = np.random.default_rng(seed).standard_normal((n, 2))
     return pairs[:, 0] * np.sqrt(Q), pairs[:, 1] * np.sqrt(R)

@@ -30,7 +30,10 @@ class Times(NamedTuple):
 def measure(
     sawtooth: SawTooth, options: Options, advance: Callable[[int], None]
 ) -> Iterator[tuple[int, Times]]:
-    """Yield each length L with its times; the reference runs the printed algorithm, the engine `options`."""
+    """Yield each length L with its times.
+
+    The numpy reference runs the paper's algorithm, the engine runs with `options`.
+    """
     scenario = example(1, sawtooth)
     data = scenario.make([0])
     for length in scenario.lengths:
@@ -61,7 +64,10 @@ def run_reference(settings: LaneSettings, length: int, data: Data) -> Array:
 
 
 def reference_filters(settings: LaneSettings, length: int) -> reference.Fltea:
-    """Return the numpy reference with one state; settings are plain numbers, R is the same in all filters."""
+    """Return the numpy reference with one state.
+
+    The settings have to be plain numbers, with one R for all three filters.
+    """
     state, order, parameter = settings.config.state, settings.config.order, settings.config.parameter
     R = np.asarray(settings.R)
     return reference.Fltea(
