@@ -12,7 +12,9 @@ from fltea.sources.iio.buffer import rate_of
 from fltea.wire.transport import DUE_NATIVE_PORT, DUE_PROGRAMMING_PORT, DUE_VENDORS
 
 STABLE = (("/dev", "fltea-*"), ("/dev/serial/by-id", "*"), ("/dev/serial/by-path", "*"))
-"""Folders and patterns of udev's stable links to serial ports; links of fltea's own rule come first."""
+"""Folders of udev's stable links to serial ports, and patterns of their names. Links that fltea's own udev
+rule makes come first.
+"""
 
 PROGRAMMING, NATIVE = "Arduino Due, programming port", "Arduino Due, native port"
 NATIVE_REMEDY = (
@@ -25,7 +27,8 @@ class Port(msgspec.Struct, frozen=True, tag_field="class", tag="port"):
 
     `path`: name to use, which is a stable link if there is one. `device`: name of the port in /dev. `remedy`:
     how this user gets permission to use the port; null if the user has it. `holders`: programs that have the
-    port open. `hello`, `trouble`: if the board was listened to, its HELLO, or why none came.
+    port open. `hello`, `trouble`: the board's HELLO, or why none came; both are null if the program did not
+    listen to the board.
     """
 
     path: str
@@ -47,7 +50,7 @@ class Port(msgspec.Struct, frozen=True, tag_field="class", tag="port"):
 class Bus(msgspec.Struct, frozen=True, tag_field="class", tag="i2c_bus"):
     """An I²C bus. `driver`: name of its adapter.
 
-    `remedy`: how this user gets permission, null if not needed.
+    `remedy`: how this user gets permission to use the bus; null if the user has it.
     """
 
     path: str
@@ -62,8 +65,8 @@ class IioDevice(msgspec.Struct, frozen=True, tag_field="class", tag="iio_device"
     the device, such as `gyroscope`. `rate_hz`: sampling rate that the driver states [Hz]; null if it states
     none. `trigger`: name of the device's trigger; "" if it has none, null if the chip needs none. `remedy`:
     how this user gets permission to use the device; null if the user has it. `holders`: programs that read
-    the device. `mount_matrix`: matrix that rotates the axes of the gyroscope (of the accelerometer, if there
-    is no gyroscope); "" if none is stated.
+    the device. `mount_matrix`: matrix by which the driver says that the axes of the gyroscope are to be
+    rotated (of the accelerometer, if there is no gyroscope); "" if the driver states none.
     """
 
     path: str
@@ -116,7 +119,7 @@ def find_buses(system: System) -> list[Bus]:
 
 
 def is_raspberry_pi(system: System) -> bool:
-    """Return whether this machine is a Raspberry Pi, by its device tree."""
+    """Return whether this machine is a Raspberry Pi, which its device tree says."""
     return "Raspberry Pi" in system.text("/proc/device-tree/model")
 
 

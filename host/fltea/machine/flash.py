@@ -43,14 +43,14 @@ Method = Literal["auto", "arduino-cli", "platformio", "bossac"]
 FQBN = "arduino:sam:arduino_due_x_dbg"
 
 HOLD_S = 1.0
-"""Time for which the port is held open at 1200 baud [s]. In it, the Due's USB chip erases the flash for 0.49
-s and then resets the Due, which takes 0.74 s in all (180 ticks of 4.1 ms in ArduinoCore-sam's
-Arduino-usbserial.c). Changing DTR or the speed before the end starts this again.
+"""Time for which the port is held open at 1200 baud [s]. During this time, the Due's USB chip erases the
+flash for 0.49 s and then resets the Due. Both together take 0.74 s (180 ticks of 4.1 ms in ArduinoCore-sam's
+Arduino-usbserial.c). If DTR or the speed changes before the end, the chip starts again.
 """
 
 SAFE_BAUD = 115200
-"""Speed to which the port is set after 1200 baud. Opening a port raises DTR before a program can set the
-speed, so the port must not keep 1200 baud.
+"""Speed to which the port is set after 1200 baud. The port must not keep 1200 baud: opening it raises DTR
+before a program can set another speed, and that would erase the board again.
 """
 
 SETTLE_S = 0.5
@@ -77,7 +77,7 @@ ERASE_UNKNOWN = "--erase-unknown-board"
 
 
 class Plan(NamedTuple):
-    """The tool, port and command for flashing."""
+    """A plan for flashing: the tool, the port and the command."""
 
     method: str
     port: str
@@ -85,7 +85,7 @@ class Plan(NamedTuple):
     """Whether the port is first opened at 1200 baud, which erases the board."""
     command: list[str]
     build_id: str | None
-    """Build of the firmware that HELLO must name afterwards; None if any build is accepted."""
+    """Id of the firmware's build that the board's HELLO must name after flashing; None if any is accepted."""
     warning: str | None = None
 
     def lines(self) -> list[str]:
@@ -112,7 +112,7 @@ def find_port(wanted: str | None, *, erase_unknown: bool = False) -> str:
     `erase_unknown`: accept a `wanted` whose USB id is not that of a Due's programming port.
 
     Raises:
-        UsageError: `wanted` is another or an unknown device, or there are several Dues.
+        UsageError: `wanted` is not the programming port of a Due, or it is None and there are several Dues.
         FlteaError: there is no such port.
     """
     ports = {os.path.realpath(p.device): (p.vid, p.pid) for p in list_ports.comports()}
@@ -159,7 +159,7 @@ def make_plan(method: Method, port: str, image: Path | None, root: Path | None) 
     `root`: folder of the clone; None if there is none.
 
     Raises:
-        UsageError: the arguments contradict each other, or files are missing.
+        UsageError: the arguments contradict each other, or files of the firmware are missing.
         FlteaError: the tool is not installed.
     """
     if image is not None and method not in ("auto", "bossac"):
@@ -223,10 +223,10 @@ def _bossac_plan(port: str, image: Path | None, root: Path | None) -> Plan:
 
 
 def check_image(image: Path) -> None:
-    """Refuse a file that does not begin with a vector table for the Due (ARMv7-M, B1.5.3).
+    """Refuse an image that does not begin with a vector table for the Due (ARMv7-M, B1.5.3).
 
     Raises:
-        UsageError: the file cannot be read, or is no image.
+        UsageError: the file cannot be read, or is no image for the Due.
     """
     content = read_small(image)
     if not 8 <= len(content) <= FLASH_BYTES:
@@ -271,7 +271,7 @@ def _build_id_of_sources(root: Path) -> str:
 
 
 def carry_out(plan: Plan, sleep: Callable[[float], None] = time.sleep) -> None:
-    """Open the port at 1200 baud if the plan says so, and run the command with its output on the terminal.
+    """Carry out a plan: open the port at 1200 baud if it says so, and run its command in the terminal.
 
     Raises:
         FlteaError: the port cannot be opened, or the command failed.
@@ -296,10 +296,10 @@ def carry_out(plan: Plan, sleep: Callable[[float], None] = time.sleep) -> None:
 
 
 def touch(port: str, sleep: Callable[[float], None] = time.sleep) -> None:
-    """Drop DTR at 1200 baud; the Due's USB chip then erases the flash and resets the Due.
+    """Drop DTR at 1200 baud, so that the Due's USB chip erases the flash and resets the Due.
 
-    The port stays open until the reset has ended. Then its speed is set to SAFE_BAUD, also after an
-    exception.
+    The port stays open until the reset has ended. Then its speed is set to SAFE_BAUD, even if an exception
+    was raised.
 
     Raises:
         FlteaError: the port cannot be opened, or was lost.
@@ -329,7 +329,7 @@ def _drop_dtr(connection: serial.Serial) -> None:
     try:
         connection.dtr = False
     except OSError as error:
-        # these errors mean that the port is a pseudo-terminal, which has no DTR
+        # ENOTTY and EINVAL mean that the port is a pseudo-terminal, which has no DTR
         if error.errno not in (errno.ENOTTY, errno.EINVAL):
             raise
 

@@ -17,7 +17,7 @@ from fltea.wire.permission import Group, User, group_of, join_remedy, this_user
 
 COMMAND_S = 5.0
 TIME_ERROR = 5
-"""Return value of adjtimex(2) that means that the clock is not synchronised."""
+"""Return value of adjtimex(2) by which the kernel says that the clock is not synchronised."""
 
 PROGRAM_WORDS = 4
 
@@ -43,7 +43,7 @@ class System:
         return self.root / name.lstrip("/")
 
     def exists(self, name: str) -> bool:
-        """Return whether there is such a file."""
+        """Return whether file `name` exists under `root`."""
         return self.path(name).exists()
 
     def names(self, folder: str, pattern: str = "*") -> list[str]:
@@ -66,7 +66,7 @@ class System:
         return (self.read(name) or b"").decode("utf-8", "replace").rstrip("\0 \t\r\n")
 
     def serial_ports(self) -> Sequence[ListPortInfo]:
-        """Return the serial ports of this machine, by name."""
+        """Return the serial ports of this machine, sorted by name."""
         return sorted(list_ports.comports(), key=lambda port: port.device)
 
     def run(self, *command: str) -> str | None:
@@ -107,7 +107,8 @@ class System:
     def _openers(self, *targets: str) -> set[int]:
         found = set()
         for folder in self.path("/proc").glob("[0-9]*/fd"):
-            with contextlib.suppress(OSError):  # the process belongs to another user, or has ended
+            # an error means that the process belongs to another user, or has ended
+            with contextlib.suppress(OSError):
                 if any(os.readlink(link) in targets for link in folder.iterdir()):
                     found.add(int(folder.parent.name))
         return found
@@ -128,7 +129,7 @@ class System:
         }
 
     def _program(self, pid: int) -> str:
-        """Return the name of a process's program, as the first words of its command line."""
+        """Return how a process is named to the user: the first words of its command line."""
         words = (self.read(f"/proc/{pid}/cmdline") or b"").decode("utf-8", "replace").split("\0")
         words = [word for word in words if word]
         if not words:
@@ -137,7 +138,7 @@ class System:
         return " ".join(words[:PROGRAM_WORDS]) + (" …" if len(words) > PROGRAM_WORDS else "")
 
     def is_running(self, program: str) -> bool:
-        """Return whether some process has this name."""
+        """Return whether a process of the name `program` runs."""
         return any(self.text(f"{folder}/comm") == program for folder in self._processes())
 
     def _processes(self) -> Iterator[str]:
@@ -149,7 +150,8 @@ class System:
             adjtimex = ctypes.CDLL(None).adjtimex
         except (OSError, AttributeError):
             return None
-        state = adjtimex(ctypes.create_string_buffer(512))  # a struct timex of zeros changes nothing
+        # a struct timex of zeros asks for the state of the clock and changes nothing
+        state = adjtimex(ctypes.create_string_buffer(512))
         return None if state < 0 else state != TIME_ERROR
 
     def free_bytes(self, folder: Path) -> int:

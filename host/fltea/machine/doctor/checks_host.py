@@ -17,7 +17,7 @@ RULE_FOLDERS = ("/etc/udev/rules.d", "/run/udev/rules.d", "/usr/lib/udev/rules.d
 INSTALL_RULE = "sudo make install-udev, in a clone of fltea; then plug the board in again."
 UNIT = "fltea.service"
 PACKAGES = {output.extra: output.library for output in OUTPUTS if output.extra}
-"""Library that each extra of the package needs."""
+"""Library that each optional dependency ("extra") of fltea's package installs, by the extra's name."""
 
 
 def check_program() -> Iterator[Finding]:
@@ -41,7 +41,7 @@ def check_program() -> Iterator[Finding]:
 
 
 def check_packages(config: Config, system: System) -> Iterator[Finding]:
-    """Yield a finding on the packages that outputs need.
+    """Yield a finding on the Python packages that outputs need.
 
     A missing package is a problem if its output is on.
     """
@@ -78,7 +78,10 @@ def check_clock(system: System) -> Iterator[Finding]:
 
 
 def check_udev(system: System) -> Iterator[Finding]:
-    """Yield findings on the udev rule, and on ModemManager, which writes `AT` to ports of possible modems."""
+    """Yield findings on fltea's udev rule and on ModemManager.
+
+    ModemManager writes `AT` to ports of possible modems, which disturbs a board.
+    """
     installed = any(system.exists(f"{folder}/{RULE}") for folder in RULE_FOLDERS)
     if installed:
         yield ok("udev rule", f"{RULE} is installed: a board is /dev/fltea-SERIALNUMBER")
@@ -110,7 +113,7 @@ def check_udev(system: System) -> Iterator[Finding]:
 
 
 def check_service(system: System) -> Iterator[Finding]:
-    """Yield a finding on the systemd unit, if there is one."""
+    """Yield a finding on fltea's systemd unit, if there is one."""
     wanted = "LoadState,ActiveState,SubState,Result,NRestarts,UnitFileState"
     output = system.run("systemctl", "show", UNIT, f"--property={wanted}") or ""
     state = dict(line.split("=", 1) for line in output.splitlines() if "=" in line)

@@ -13,16 +13,16 @@ from fltea.wire import layout as wire
 from fltea.wire.transport import ANY_BOARD
 
 RATE_TOLERANCE = 0.015
-"""Relative tolerance of the measured sampling rate: 1 % for the sensor's oscillator, and the rest since only
-few samples are counted.
+"""Relative tolerance of the measured sampling rate: 1 % for the sensor's oscillator, and 0.5 % since only few
+samples are counted.
 """
 
 DRIFT_PPM = 200.0
 """Largest plausible difference between the rates of two crystal clocks, in parts per million."""
 
 DAMAGED_AT_OPENING = 2
-"""Largest number of damaged frames that opening the port can cause. More mean a bad cable or a wrong baud
-rate.
+"""Largest number of damaged frames that opening the port can cause. More damaged frames mean a bad cable or a
+wrong baud rate.
 """
 
 FLASH = "make flash, in the clone that this fltea is from."
@@ -30,7 +30,7 @@ FLASH = "make flash, in the clone that this fltea is from."
 
 def check_serial(system: System, url: str | None, baud: int, hear_s: float = HEAR_S) -> Iterator[Finding]:
     """Yield findings on the device at a serial URL. A `url` of None means the Due that is plugged in."""
-    # the URL is no path, such as socket://
+    # such a URL is no path of a port, but for instance socket://
     if url is not None and not url.startswith("/") and url != ANY_BOARD:
         yield from judge(url, hear(url, baud, hear_s))
         return

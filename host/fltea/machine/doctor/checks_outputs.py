@@ -23,7 +23,7 @@ SERVICE_USER = "fltea"
 
 def check_outputs(configs: Sequence[Config], system: System) -> Iterator[Finding]:
     """Yield findings on every output that the configuration switches on, and on the file of snapshots."""
-    config = configs[0]  # outputs are the same for all devices
+    config = configs[0]  # the configuration of outputs is the same for all devices
     for name in dict.fromkeys(output.name for output in OUTPUTS if output.is_on(config)):
         if name in LOOKS:
             yield from LOOKS[name](configs, system)
@@ -138,4 +138,4 @@ LOOKS: dict[str, Callable[[Sequence[Config], System], Iterator[Finding]]] = {
     "metrics": _metrics,
     "dashboard": _page,
 }
-"""Check of each output by its name in `OUTPUTS`; standard output needs no check."""
+"""Function that checks an output, by the output's name in `OUTPUTS`. Standard output needs no check."""

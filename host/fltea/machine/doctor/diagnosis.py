@@ -1,7 +1,7 @@
 """`fltea doctor`: check everything from the sensor to the outputs, and say what to do.
 
-All its queries to the machine use `fltea.machine.host_system.System`. It works without a board and for any
-user.
+The checks ask the machine only by `fltea.machine.host_system.System`. The command works without a board and
+for any user.
 """
 
 from collections.abc import Iterator, Sequence
@@ -28,7 +28,7 @@ from fltea.settings.config import Config
 
 
 def examine(configs: Sequence[Config], system: System, hear_s: float = HEAR_S) -> Iterator[Finding]:
-    """Run all checks and yield each finding at once.
+    """Run all checks, and yield each finding as soon as it is made.
 
     `configs`: one configuration for each device, from `load_configs`.
     `hear_s`: how long to listen to a board after its HELLO [s].

@@ -8,7 +8,7 @@ Level = Literal["ok", "warning", "problem"]
 
 
 class Finding(msgspec.Struct, frozen=True, tag_field="class", tag="finding", kw_only=True):
-    """One line of the report: what was checked, the result, and what to do.
+    """One line of the report of `fltea doctor`: what was checked, the result, and what to do.
 
     `check`: name of the check.
     `level`: a `problem` prevents the program from working, a `warning` does not.
@@ -24,12 +24,12 @@ class Finding(msgspec.Struct, frozen=True, tag_field="class", tag="finding", kw_
 
 
 def ok(check: str, message: str) -> Finding:
-    """Return a finding without any problem; `message` says what was checked."""
+    """Return a finding that says that all is well. `message`: what was checked."""
     return Finding(check=check, level="ok", message=message)
 
 
 def warning(check: str, message: str, remedy: str | None = None) -> Finding:
-    """Return a finding that says that the program works, but the user should take care of something."""
+    """Return a finding that says that the program works, but that the user should take care of something."""
     return Finding(check=check, level="warning", message=message, remedy=remedy)
 
 

@@ -1,4 +1,4 @@
-"""Listen to a device for some seconds: open its port, decode what it sends, and summarise that."""
+"""Listen to a device for some seconds: open its port, decode what the device sends, and summarise that."""
 
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -17,20 +17,20 @@ from fltea.wire import layout as wire
 
 HEAR_S = 4.0
 PATIENCE_S = SILENCE_S + 1.5
-"""Time after which listening ends without a HELLO [s], long enough to distinguish silence from unreadable
-bytes.
+"""Time after which listening ends if no HELLO came [s]. It is long enough to distinguish silence from
+unreadable bytes.
 """
 
 BLOCK_S = 0.25
-"""Duration of blocks of samples [s]. Only the sample with the shortest delay in each block is used to compare
-clocks.
+"""Duration of each block of samples [s]. To compare clocks, only the sample with the shortest delay in each
+block is used.
 """
 
 BLOCKS_NEEDED = 6
 
 
 class Drift(NamedTuple):
-    """By how much the device's clock is faster than the host's, and the standard error of this [1e-6]."""
+    """How much faster the device's clock is than the host's, and the standard error of that, in 1e-6."""
 
     ppm: float
     std_ppm: float
@@ -42,8 +42,8 @@ class Heard:
 
     `opened`: whether the port was opened. `troubles`: all troubles in order, fatal or not. `delivered`,
     `lost`: numbers of samples that arrived, and that were lost. `seconds`: time from the first to the last
-    sample, by the device's clock. `drift`: difference between the rates of the clocks; None if there were too
-    few samples.
+    sample, by the device's clock. `drift`: how much faster the device's clock is than the host's; None if
+    there were too few samples.
     """
 
     opened: bool = False
@@ -63,7 +63,7 @@ class Heard:
 
     @property
     def rate_hz(self) -> float | None:
-        """Samples per second of the device's clock, including lost ones. It is None without two samples."""
+        """Sampling rate by the device's clock, lost samples included [Hz]; None if fewer than two arrived."""
         return (self.delivered + self.lost - 1) / self.seconds if self.seconds else None
 
 
@@ -77,7 +77,8 @@ def hear(url: str, baud: int = wire.BAUD, hear_s: float = HEAR_S) -> Heard:
         UsageError: the kind of URL is unknown, or the speed is 1200 baud.
     """
     heard, source = Heard(), SerialSource(url, baud)
-    decoder = Decoder(lambda: 0, max_gap=wire.BAUD)  # this limit is so large that no gap begins a new epoch
+    # `max_gap` is so large that no gap begins a new epoch (numbering of samples)
+    decoder = Decoder(lambda: 0, max_gap=wire.BAUD)
     arrivals: list[tuple[int, int]] = []
     begin_ns = clock.host_ns()
     hello_ns: int | None = None
@@ -119,7 +120,7 @@ def hear(url: str, baud: int = wire.BAUD, hear_s: float = HEAR_S) -> Heard:
 
 
 def drift(arrivals: list[tuple[int, int]]) -> Drift | None:
-    """Fit the host's clock to the device's; return None if the samples span too little time.
+    """Return how much faster the device's clock is than the host's; None if samples span too little time.
 
     `arrivals`: `device_us` and `host_ns` of each sample, within one epoch.
     """
