@@ -20,10 +20,12 @@ from fltea.settings.mqtt import BrokerAddress, MqttConfig
 
 USER, PASSWORD = "FLTEA_MQTT_USER", "FLTEA_MQTT_PASSWORD"
 REFUSED_BY_NAME = (0x86, 0x87, 0x8C)
-"""MQTT 5 reason codes: bad user name or password, not authorized, and bad authentication method."""
+"""MQTT 5 reason codes of a refusal by name: bad user name or password, not authorized, bad authentication
+method.
+"""
 
 Failure = tuple[str, str]
-"""Kind and text of an `error` record."""
+"""Kind and text of the `error` record by which a failure is reported."""
 
 
 class Broker:
@@ -39,7 +41,7 @@ class Broker:
         self.tls = _tls(settings) if self.address.tls else None
 
     def report_plain(self, report: Report) -> None:
-        """Report it if the password would cross a network unencrypted."""
+        """Report an error if the password would cross a network unencrypted."""
         local = self.address.host in ("localhost", "::1") or self.address.host.startswith("127.")
         if self.password is not None and self.tls is None and not local:
             text = "the password crosses the network in clear; use mqtts:// if the broker can."
@@ -61,7 +63,7 @@ class Broker:
         return client
 
     def explain_failure(self, error: BaseException | None) -> Failure:
-        """Return kind and text of the failure to reach the broker."""
+        """Return kind and text of the `error` record for a failure to reach the broker."""
         where = str(self.address)
         if isinstance(error, ssl.SSLCertVerificationError):
             return "broker_certificate", (
@@ -87,7 +89,7 @@ class Broker:
         return "broker_lost", f"{where}: {hint} It is tried again."
 
     def explain_refusal(self, reason: ReasonCode) -> Failure:
-        """Return kind and text of the broker's refusal of a connection."""
+        """Return kind and text of the `error` record for the broker's refusal of a connection."""
         where, name = str(self.address), reason.getName()
         if reason.value not in REFUSED_BY_NAME:
             return (
@@ -105,16 +107,16 @@ class Broker:
         )
 
     def explain_unreadable(self, topics: Iterable[str]) -> Failure:
-        """Return kind and text about the topics that the broker does not let this user read."""
+        """Return kind and text of the `error` record for topics that this user is not allowed to read."""
         return "broker_refused", (
             f"{self.address}: the broker does not let this user read {', '.join(topics)}: its access list "
             "has to."
         )
 
     def explain_end(self, reason: ReasonCode, answered: bool) -> Failure:
-        """Return kind and text about the end of an open connection.
+        """Return kind and text of the `error` record for the end of an open connection.
 
-        `answered`: whether the broker had accepted it.
+        `answered`: whether the broker had accepted the connection before.
         """
         where, name = str(self.address), reason.getName()
         if answered:
@@ -131,7 +133,7 @@ class Broker:
 
 
 def _credentials(file: str | None) -> tuple[str | None, str | None]:
-    """Return user and password; a file in the settings takes precedence over the environment."""
+    """Return user and password: from the file that the settings name, if any, else from the environment."""
     if file is None:
         user, password = os.environ.get(USER) or None, os.environ.get(PASSWORD) or None
         if password is not None and user is None:

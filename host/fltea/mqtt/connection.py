@@ -1,9 +1,9 @@
 """Keep one connection to an MQTT broker from its opening to its end. It is never opened a second time.
 
-Each connection has a thread of its own, which runs the library's client. The thread puts everything that
-happens into the queue `events`, which the connection's owner reads. So no lock is needed here. Each attempt
-uses a new client, since a client that reconnects would send its old messages after the output's newest
-status.
+Each connection has a thread of its own, which runs the client of the library paho-mqtt. The thread puts
+everything that happens into the queue `events`, which the connection's owner reads. So no lock is needed
+here. Each attempt to connect uses a new client: a client that reconnects would send its old messages after
+the newest status of the output.
 """
 
 import threading
@@ -21,12 +21,14 @@ from paho.mqtt.subscribeoptions import SubscribeOptions
 from fltea.mqtt.broker import Broker, Failure
 
 KEEPALIVE_S = 15
-"""Interval of keep-alive messages; a broker that vanishes is noticed after at most twice this time [s]."""
+"""Interval of keep-alive messages [s]. A broker that vanishes is noticed after at most twice this time."""
 
 POLL_S = 0.002
 HOLD_S = 0.1
 TURN_S = 1.0
-"""Longest time for which the thread waits for the network at once [s]; a message to send ends the wait."""
+"""Longest time for which the thread waits for the network before it looks after the connection again [s]. A
+message to send ends the wait.
+"""
 
 
 class Up(NamedTuple):
@@ -39,9 +41,10 @@ class Up(NamedTuple):
 
 
 class Acknowledged(NamedTuple):
-    """A message was sent (QoS 0), or reached the broker (QoS 1).
+    """A message was sent (if it has QoS 0), or the broker has acknowledged it (QoS 1).
 
-    `refusal`: why the broker refused it, if it did.
+    `mid`: number of the message, as `publish` returned it. `refusal`: why the broker refused the message;
+    None if it did not.
     """
 
     mid: int
@@ -49,7 +52,10 @@ class Acknowledged(NamedTuple):
 
 
 class Down(NamedTuple):
-    """The connection has ended, or could not be opened; kind and message of the `error` record."""
+    """The connection has ended, or could not be opened.
+
+    `kind`, `message`: fields of the `error` record that says why.
+    """
 
     kind: str
     message: str
@@ -59,14 +65,17 @@ Event = Up | Acknowledged | Down
 
 
 class Subscription(NamedTuple):
-    """A topic filter to subscribe to. `retained`: whether the broker also sends its retained messages."""
+    """A topic filter to subscribe to.
+
+    `retained`: whether the broker also sends the messages that it retains for the topic.
+    """
 
     topic: str
     retained: bool = True
 
 
 class Receiver(NamedTuple):
-    """States what a connection does with incoming messages.
+    """What a connection does with incoming messages.
 
     `take`: function that processes a message, given topic, payload, and whether the message was retained. The
     topic is empty if it is not valid UTF-8. The function is called in the connection's thread, and the broker
@@ -80,7 +89,7 @@ class Receiver(NamedTuple):
 
 
 class Session(NamedTuple):
-    """States what a connection asks of the broker.
+    """What a connection asks of the broker.
 
     `will`: topic and payload that the broker publishes, retained, if the program vanishes. `kept_s`: time
     after a loss of the connection for which the broker keeps messages, as far as it has room [s]; 0: it keeps
@@ -95,9 +104,10 @@ class Session(NamedTuple):
 
 
 class _State:
-    """The data that the client's callbacks need.
+    """The state of a connection that the callbacks of the library's client need.
 
-    The callbacks do not refer to the connection itself, so that its sockets are freed at once.
+    The callbacks refer to this object and not to the `Connection`, so that the connection's sockets are freed
+    as soon as it is dropped.
     """
 
     def __init__(self, broker: Broker, receiver: Receiver | None, wake: Callable[[], None]) -> None:
@@ -117,14 +127,14 @@ class _State:
             self.add(Up(unreadable))
 
     def end(self, failure: Failure) -> None:
-        """Note the end of the connection; only the first reason counts."""
+        """Note the end of the connection with its reason. Only the first reason counts."""
         if not self._has_ended:
             self._has_ended = True
             self.add(Down(*failure))
 
 
 class Connection:
-    """A connection to a broker, which begins to open at once, in the background.
+    """A connection to a broker. It begins to open in the background as soon as this object is made.
 
     `receiver`: what to subscribe to; None for a connection that only publishes. `wake`: function that is
     called after each new event, in the connection's thread.
@@ -144,14 +154,15 @@ class Connection:
         self._client = client = broker.client(client_id, state)
         client.on_connect, client.on_disconnect = _on_connect, _on_disconnect
         client.on_publish, client.on_subscribe, client.on_message = _on_publish, _on_subscribe, _on_message
-        # If this callback is set, the library leaves all writing to the thread that calls `loop`.
+        # If this callback is set, the library leaves all writing to the thread that calls `loop`, not to the
+        # thread that publishes.
         client.on_socket_register_write = lambda *_: None
         if session.will is not None:
             client.will_set(*session.will, qos=1, retain=True)
         threading.Thread(target=_run, args=(client, state, session), name="mqtt", daemon=True).start()
 
     def publish(self, topic: str, payload: bytes, qos: int, retain: bool) -> int | None:
-        """Pass a message on without waiting.
+        """Pass a message on to be sent, without waiting.
 
         Returns:
             The number under which the message will be acknowledged; None if it cannot be sent now.
@@ -170,7 +181,7 @@ class Connection:
     def close(self) -> None:
         """End the connection after all published messages, without waiting.
 
-        The broker does not publish the will.
+        The broker does not publish the will of a connection that is closed in this way.
         """
         self._state.is_closed = True
         self._client.disconnect(properties=_expiry(PacketTypes.DISCONNECT, 0) if self._keeps else None)
@@ -179,7 +190,7 @@ class Connection:
 def await_end(events: deque[Event], deadline_s: float) -> None:
     """Wait until a closed connection has ended, at most until `deadline_s` of `time.monotonic()`.
 
-    If the program hung up sooner, the broker would publish the will.
+    If the program hung up before the connection has ended, the broker would publish its will.
     """
     while time.monotonic() < deadline_s and not any(isinstance(event, Down) for event in events):
         time.sleep(POLL_S)
@@ -196,18 +207,19 @@ def _run(client: Client, state: _State, session: Session) -> None:
             address.host, address.port, KEEPALIVE_S, clean_start=not session.resumed, properties=properties
         )
         _exchange(client, state)
-    except Exception as error:  # anything that network and TLS raise
+    except Exception as error:  # network and TLS may raise anything
         state.end(state.broker.explain_failure(error))
     reason = ReasonCode(PacketTypes.DISCONNECT, "Unspecified error")
     state.end(state.broker.explain_end(reason, state.is_answered))
 
 
 def _exchange(client: Client, state: _State) -> None:
-    """Send and receive until the connection ends. While there is no room for messages, do not read any.
+    """Send and receive until the connection ends.
 
-    A broker drops a silent client. A ping does not help, since its answer could not be read without reading
-    messages too, and the library would end the connection for lack of an answer. So the client subscribes
-    again instead, which changes nothing.
+    While the receiver has no room for messages, do not read any. A broker drops a client that is silent for
+    too long. A client that does not read cannot ping: it could not read the answer without reading messages,
+    too, and the library would end the connection for lack of an answer. So the client subscribes to its
+    topics again, which changes nothing but shows the broker that it lives.
     """
     alive_s = time.monotonic()
     while client.socket() is not None:
@@ -222,9 +234,9 @@ def _exchange(client: Client, state: _State) -> None:
 
 
 def _can_read(state: _State) -> bool:
-    """Return whether to read from the broker: there is room for messages, or none can come yet.
+    """Return whether to read from the broker: the receiver has room for messages, or none can come yet.
 
-    This may wait shortly for room.
+    This function may wait up to HOLD_S for room.
     """
     if state.receiver is None or state.receiver.has_room is None or not state.is_up or state.is_closed:
         return True
@@ -232,7 +244,7 @@ def _can_read(state: _State) -> bool:
 
 
 def _subscribe(client: Client, subscriptions: Sequence[Subscription]) -> int | None:
-    """Subscribe, and return the number of the request, or None."""
+    """Subscribe, and return the number of the request; None if it could not be sent."""
     send, leave_out = SubscribeOptions.RETAIN_SEND_ON_SUBSCRIBE, SubscribeOptions.RETAIN_DO_NOT_SEND
     options = [
         (topic, SubscribeOptions(qos=1, retainHandling=send if retained else leave_out))
@@ -256,7 +268,7 @@ def _on_connect(
         client.disconnect()
         return
     state.is_answered = True
-    if state.is_closed:  # `close` was called while the connection was being opened
+    if state.is_closed:  # in this case `close` was called while the connection was being opened
         client.disconnect()
     elif state.receiver is None:
         state.up()

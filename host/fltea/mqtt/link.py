@@ -10,32 +10,35 @@ from fltea.records import clock
 from fltea.records.ports import Report
 
 BACKOFF_S = (0.5, 1.0, 2.0, 5.0, 10.0, 30.0)
-"""Times from a lost connection to the next attempt, after one failure, two failures and so on [s]."""
+"""Times to wait before connecting again [s]: after the first failure, the second one in a row, and so on."""
 
 SETTLED_NS = 10 * 10**9
-"""Time after which a connection counts as good, so that the wait after a failure is short again [ns]."""
+"""Time for which a connection has to work [ns], so that after its loss the first wait of BACKOFF_S applies
+again.
+"""
 
 OPENING_NS = 45 * 10**9
 """Time after which a connection that has not opened is given up [ns]."""
 
 
 class Opened(Protocol):
-    """A connection to a broker, or one user's part of a shared connection."""
+    """What a `Link` holds: a connection to a broker, or one user's part of a shared connection."""
 
     events: deque[Event]
 
     def publish(self, topic: str, payload: bytes, qos: int, retain: bool) -> int | None:
-        """Pass a message on, as `Connection.publish` does."""
+        """Pass a message on to be sent, as `Connection.publish` does."""
 
     def close(self) -> None:
         """End the connection without waiting."""
 
 
 class Link:
-    """Has one connection at a time. All methods are called by one thread; the connection has its own thread.
+    """Keeps one connection at a time. One thread calls all methods; the connection has its own thread.
 
-    `report`: function that is called once in an outage for each kind of failure. `up`: whether the broker
-    takes messages at present. `longest_wait_s`: longest wait before another attempt [s].
+    `report`: function that reports a failure to connect. In an outage, it is called once for each kind of
+    failure. `up`: whether the broker takes messages at present. `longest_wait_s`: longest wait before another
+    attempt [s].
     """
 
     def __init__(self, broker: Broker, report: Report, longest_wait_s: float = BACKOFF_S[-1]) -> None:
@@ -50,7 +53,7 @@ class Link:
 
     @property
     def in_outage(self) -> bool:
-        """Whether a connection has failed, and none has worked since."""
+        """Whether a connection has failed, and no connection has worked since."""
         return self._outage_since_ns is not None
 
     def is_due(self) -> bool:
@@ -63,11 +66,11 @@ class Link:
         self._connection = connection
 
     def publish(self, topic: str, payload: bytes, qos: int, retain: bool) -> int | None:
-        """Pass a message on, as `Connection.publish` does."""
+        """Pass a message on to be sent, as `Connection.publish` does."""
         return None if self._connection is None else self._connection.publish(topic, payload, qos, retain)
 
     def events(self) -> Iterator[Up | Acknowledged | Down]:
-        """Yield what happened since the last call; after `Down` the connection is gone."""
+        """Yield the connection's events since the last call. After `Down` the connection is gone."""
         while self._connection is not None and self._connection.events:
             event = self._connection.events.popleft()
             if isinstance(event, Up):
@@ -81,7 +84,7 @@ class Link:
             yield event
 
     def end_outage(self) -> float | None:
-        """Return for how many seconds the broker was away, and end this outage; None if there was none."""
+        """End the outage, and return how long the broker was away [s]; None if there was no outage."""
         since_ns, self._outage_since_ns = self._outage_since_ns, None
         self._reported.clear()
         return None if since_ns is None else (clock.host_ns() - since_ns) * 1e-9

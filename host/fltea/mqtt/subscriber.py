@@ -12,13 +12,13 @@ from fltea.records.ports import Report
 from fltea.settings.mqtt import MqttConfig
 
 RETRY_S = 0.1
-"""Time between two checks whether a new connection is due, during an outage [s]."""
+"""Time between two checks whether it is time for another attempt to connect, during an outage [s]."""
 
 PLAIN = Session()
 """A session without a will, for which the broker keeps nothing."""
 
 FAREWELL_S = 1.0
-"""Longest wait for the end of a connection that is closed [s]."""
+"""Longest wait for a connection to end after it was closed [s]."""
 
 
 # Over 12 attributes: what the caller asks for, and what becomes of one connection after another.
@@ -31,10 +31,10 @@ class Subscriber:
     attempt [s].
 
     `is_up`: an event that is set while messages can come. `connections`: number of connections that worked.
-    `outages`: number of these that were lost. Each kind of failure is reported once in an outage.
+    `outages`: number of these connections that were lost. Each kind of failure is reported once in an outage.
 
     Raises:
-        UsageError: the settings or the password files cannot be used.
+        UsageError: the settings, or the files of passwords and certificates that they name, cannot be used.
     """
 
     def __init__(
@@ -64,17 +64,17 @@ class Subscriber:
         self._thread.start()
 
     def publish(self, topic: str, payload: bytes, *, retain: bool) -> None:
-        """Publish a message with QoS 1; it is lost if the broker is away."""
+        """Publish a message with QoS 1. The message is lost if the broker is away."""
         if (connection := self._working()) is not None:
             connection.publish(topic, payload, 1, retain)
 
     def subscribe(self, subscriptions: Sequence[Subscription]) -> None:
-        """Subscribe to more topics, for the present connection."""
+        """Subscribe to more topics on the present connection. A later connection does not have them."""
         if (connection := self._working()) is not None:
             connection.subscribe(subscriptions)
 
     def unsubscribe(self, topics: list[str]) -> None:
-        """End subscriptions of the present connection."""
+        """End subscriptions to topics on the present connection."""
         if (connection := self._working()) is not None:
             connection.unsubscribe(topics)
 
