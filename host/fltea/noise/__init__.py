@@ -1,1 +1,1 @@
-"""Model fractional noise: weights, spectra, simulation; and the distributions that tests need."""
+"""Models of noise: parts, spectra, linear systems, simulation; and distributions for statistical tests."""

@@ -1,6 +1,7 @@
-"""Compute the Allan deviation of noise with a known spectrum, by quadrature.
+"""Compute the Allan deviation of noise with a known spectrum, by numerical integration.
 
-With S normalised as in `fltea.noise.spectra` (white noise of variance R has S = R),
+The Allan variance for m averaged samples follows from the spectrum S, which is normalised as in
+`fltea.noise.spectra` (white noise of variance R has S = R):
 
     σ²(m) = 1/π ∫ S(λ) 2 sin⁴(m λ / 2) / (m² sin²(λ / 2)) dλ,    0 < λ < π
 """
@@ -16,19 +17,24 @@ from fltea.records.arrays import Array
 NODES = 128
 """Number of Gauss–Legendre nodes in each panel.
 
-A panel is an interval of the quadrature: an octave of λ, or part of one of the highest octaves.
+A panel is an interval of λ over which is integrated at once: an octave of λ, or part of one of the highest
+octaves.
 """
 PARTS = (16, 8, 4)
-"""Number of panels in each of the three highest octaves, where AR(2) and orders above 1 have resonances."""
+"""Number of panels in each of the three highest octaves. There are more because AR(2) and orders above 1 may
+have resonances there.
+"""
 PERIODS = 16
-"""If a panel has more periods of sin(mλ) than this, the powers of the sine are replaced by their means."""
+"""If a panel has more periods of sin(mλ) than this, the powers of sin(mλ/2) in the integrand are replaced by
+their means.
+"""
 MEANS = {1: 3 / 8, 2: 35 / 128}
-"""Means of sin⁴ and of sin⁸."""
+"""Means of sin⁴ and of sin⁸, for the powers 1 and 2 of the kernel (`allan_integrals`)."""
 BELOW = 24
-"""Number of octaves below π/m that the quadrature covers.
+"""Number of octaves of λ below π/m that the integration covers.
 
-The integrand falls with λ² S at these frequencies, since the spectrum S of a stationary state rises more
-slowly than λ^-1.
+Frequencies below these octaves contribute nothing: the integrand is proportional to λ² S there, and towards
+low λ the spectrum S of a stationary state rises more slowly than λ^-1.
 """
 
 
@@ -57,7 +63,7 @@ def allan_integrals(
     power: int,
     around: Iterable[tuple[float, float]] = (),
 ) -> Array:
-    """Return 1/π ∫ F(λ) (2 sin⁴(m λ / 2) / (m² sin²(λ / 2)))^power dλ for each factor m, (k,).
+    """Return 1/π ∫ F(λ) (2 sin⁴(m λ / 2) / (m² sin²(λ / 2)))^power dλ for each averaging time m, (k,).
 
     Args:
         density: a function that returns F. If F is a spectrum, the integrals with power 1 are its Allan
@@ -67,18 +73,18 @@ def allan_integrals(
         around: as for `model_adev`.
     """
     lam, weights = _quadrature(tuple(np.asarray(factors, dtype=np.float64).tolist()), tuple(around), power)
-    # A matrix-vector product would make the linear-algebra library start threads; einsum does not.
+    # Use einsum, since a matrix-vector product would make the linear-algebra library start threads.
     return np.asarray(np.einsum("ij,j->i", weights, density(lam)))
 
 
-@lru_cache(maxsize=2)  # an entry takes 3 MB, and more with spectral lines
+@lru_cache(maxsize=2)  # an entry of the cache takes 3 MB, and more if there are narrow spectral lines
 def _quadrature(
     factors: tuple[float, ...], around: tuple[tuple[float, float], ...], power: int
 ) -> tuple[Array, Array]:
-    """Return nodes λ (n,) and weights (k, n) of the integrals at these factors.
+    """Return nodes λ (n,) and weights (k, n), by which `allan_integrals` computes its k integrals.
 
-    They are cached, since all axes and devices with records of the same length share them, and computing them
-    takes longer than everything else.
+    The nodes and weights are cached: all axes and devices with records of the same length share them, and
+    computing them takes longer than the rest of an integral.
     """
     edges = _edges(int(np.ceil(np.log2(max(factors, default=1.0)))) + BELOW, around)
     width = edges[:-1] - edges[1:]
@@ -97,7 +103,7 @@ def _quadrature(
 
 
 def _edges(octaves: int, around: Iterable[tuple[float, float]]) -> Array:
-    """Return the edges of the panels, from π downwards; near a spectral line the panels are narrower."""
+    """Return the edges of the panels in λ, from π downwards. Near a spectral line the panels are narrower."""
     cuts = [1 - np.arange(n) / (2 * n) for n in (*PARTS, *[1] * (octaves - len(PARTS)))]
     octave = [0.5**k * cut for k, cut in enumerate(cuts)]
     edges = np.pi * np.append(np.concatenate(octave), 0.5**octaves)

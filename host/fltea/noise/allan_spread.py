@@ -1,13 +1,13 @@
 """Compute how much the Allan variance of a single record scatters, from the spectrum of its noise.
 
-The variance of an average of squares follows from the covariance r(k) of the averaged terms. Over M
-differences of neighbouring means
+An Allan variance is an average of squares, so its variance follows from the covariance r(k) of the terms that
+are squared. These terms are the M differences of neighbouring means of m samples:
 
     Var σ²(m) = 2 / M Σ (1 - |k| / M) r(k)²,    r(k) = 1/π ∫ S(λ) 2 sin⁴(m λ / 2) / (m² sin²(λ / 2)) cos kλ dλ
 
 (C. A. Greenhall and W. J. Riley, PTTI 2003, equations 7 and 8, which are for spectra that are powers of the
-frequency). A chi-squared variable with ν degrees of freedom and mean σ² has the variance 2 σ⁴ / ν, which
-gives the degrees of freedom.
+frequency). A variable that is chi-squared with ν degrees of freedom, scaled to the mean σ², has the variance
+2 σ⁴ / ν. Equating both variances gives the degrees of freedom of the Allan variance.
 """
 
 import math
@@ -23,13 +23,17 @@ from fltea.records.arrays import Array
 Spectrum = Callable[[Array], Array]
 
 POINTS = 16
-"""Number of lags within one averaging time at which the covariance is computed."""
+"""Number of lags k within one averaging time at which the covariance r(k) is computed."""
 MOST = 1 << 13
-"""Largest number of lags at one averaging time, which is twice the number of slow frequencies."""
+"""Largest number of lags for one averaging time. It is twice the number of frequencies at which the spectrum
+is computed for these lags.
+"""
 FAST = 1 << 11
-"""Number of fast frequencies, which are those that the lags do not sample."""
+"""Number of frequencies at which the spectrum is computed above those that the lags can sample."""
 RUNG_OUT = 8.0
-"""Number of phase-memory times (1 / half-width) of a spectral line after which its covariance counts as 0."""
+"""Lag after which the covariance of a spectral line counts as 0, in units of the time 1 / half-width within
+which its phase is remembered.
+"""
 
 
 class Line(NamedTuple):
@@ -38,7 +42,9 @@ class Line(NamedTuple):
     lam: float
     """Frequency in rad per sample, between 0 and π."""
     half: float
-    """Half-width at half the height, in rad per sample. It is the rate at which the covariance decays."""
+    """Half the width of the line at half its height, in rad per sample. It is the rate at which the
+    covariance decays.
+    """
     variance: float
 
     def at(self, lam: Array) -> Array:
@@ -46,7 +52,10 @@ class Line(NamedTuple):
         return np.asarray(self._height / (1 + ((lam - self.lam) / self.half) ** 2))
 
     def mean(self, edges: Array) -> Array:
-        """Return the mean spectrum (n,) between neighbouring `edges` (n + 1,), which rise."""
+        """Return the mean of this line's spectrum between neighbouring `edges` (n + 1,), (n,).
+
+        The edges have to rise.
+        """
         angles = np.arctan((edges - self.lam) / self.half)
         return np.asarray(self._height * self.half * np.diff(angles) / np.diff(edges))
 
@@ -56,9 +65,9 @@ class Line(NamedTuple):
         return self.variance * math.pi / (self.half * (high - low))
 
     def seen(self, terms: float) -> float:
-        """Return the share of Σ r(k)² within a record of `terms` terms.
+        """Return which proportion of the sum Σ r(k)² over all lags k counts in a record of `terms` terms.
 
-        It is small if the line outlasts the record.
+        It is small if the line's phase is remembered for longer than the record.
         """
         ringing = 2 * self.half * terms
         return 1 + math.expm1(-ringing) / ringing
@@ -67,15 +76,15 @@ class Line(NamedTuple):
 def allan_degrees(
     spectrum: Spectrum, factors: ArrayLike, variances: ArrayLike, terms: ArrayLike, lines: Sequence[Line] = ()
 ) -> Array:
-    """Return the degrees of freedom of overlapping Allan variances, (k,), 1 or more.
+    """Return the degrees of freedom of overlapping Allan variances, (k,). They are 1 or more.
 
     Args:
         spectrum: a function that returns the spectrum (n,) of all noise except `lines`, at frequencies 0 < λ
             < π, (n,).
-        factors: numbers of averaged samples, (k,), whole numbers.
-        variances: Allan variances of the whole noise at these factors, the squares of `model_adev`.
+        factors: averaging times in samples, (k,), whole numbers.
+        variances: Allan variances of the whole noise at these averaging times, the squares of `model_adev`.
         terms: numbers of differences of neighbouring means that the record has, (k,).
-        lines: the spectral lines.
+        lines: narrow spectral lines of the noise.
     """
     grids = _Grids(spectrum)
     m, variance, count = (np.asarray(one, dtype=np.float64) for one in (factors, variances, terms))
@@ -96,13 +105,16 @@ def allan_degrees(
 def _of_line(
     line: Line, spectrum: Spectrum, factors: Array, around: Sequence[tuple[float, float]]
 ) -> tuple[Array, Array]:
-    """Return Σ r(k)² over all lags for a spectral line, and its cross term with other noise, each (k,)."""
+    """Return Σ r(k)² over all lags for a spectral line, and its cross term with other noise, each (k,).
+
+    There is one value for each averaging time.
+    """
     own = allan_integrals(lambda lam: line.at(lam) ** 2, factors, 2, around)
     return own, allan_integrals(lambda lam: 2 * line.at(lam) * spectrum(lam), factors, 2, around)
 
 
 class _Shape(NamedTuple):
-    """Settings for computing the covariance at one averaging time."""
+    """Grid of lags for computing the covariance r at one averaging time of `m` samples."""
 
     m: float
     terms: float
@@ -117,10 +129,10 @@ class _Shape(NamedTuple):
         return cls(m, terms, step, min(MOST, 1 << math.ceil(math.log2(2 * (terms + 2 * m) / step))))
 
     def resolves(self, line: Line) -> bool:
-        """Whether the lags represent a spectral line.
+        """Whether r at these lags represents a spectral line.
 
-        Its frequency has to be low enough for their distance, and its covariance has to decay within the lags
-        or the record.
+        The line's frequency has to be low enough for the distance of the lags, and its covariance has to
+        decay within all the lags, or else the lags have to span twice the record.
         """
         around = self.points * self.step
         is_short = around >= 2 * (self.terms + 2 * self.m) or line.half * around >= RUNG_OUT
@@ -128,14 +140,17 @@ class _Shape(NamedTuple):
 
 
 class _Grids:
-    """The spectrum at the midpoints of frequency cells, shared by many averaging times."""
+    """Spectra at the midpoints of frequency intervals ("cells").
+
+    They are kept for use at many averaging times.
+    """
 
     def __init__(self, spectrum: Spectrum) -> None:
         self._spectrum = spectrum
         self._known: dict[tuple[float, float, int], tuple[Array, Array]] = {}
 
     def of(self, low: float, high: float, cells: int) -> tuple[Array, Array]:
-        """Return the midpoints λ of cells from `low` to `high`, and the spectrum S at λ."""
+        """Return the midpoints λ of `cells` equal intervals from `low` to `high`, and the spectrum there."""
         key = low, high, cells
         if key not in self._known:
             lam: Array = low + (np.arange(cells, dtype=np.float64) + 0.5) * ((high - low) / cells)
@@ -148,7 +163,7 @@ def _weights(lam: Array, m: float) -> Array:
 
 
 def _slow_squares(grids: _Grids, shape: _Shape, lines: Sequence[Line]) -> float:
-    """Return Σ (1 - |k| / M) r(k)² for frequencies low enough to be sampled by the lags of r."""
+    """Return Σ (1 - |k| / M) r(k)² for the noise that is slow enough to be sampled by the lags."""
     m, terms, step, points = shape
     lam, S = grids.of(0.0, np.pi / step, points // 2)
     if lines:
@@ -156,7 +171,8 @@ def _slow_squares(grids: _Grids, shape: _Shape, lines: Sequence[Line]) -> float:
         S = S + sum(line.mean(edges) for line in lines)
     power = S * _weights(lam, m) * (2 / (points * step))
     lags = np.arange(points // 2)
-    # The frequencies are the midpoints of cells.
+    # The first factor is due to the frequencies, which are midpoints of cells and not multiples of a cell's
+    # width.
     r = (np.exp(-1j * np.pi * lags / points) * np.fft.fft(power, points)[: points // 2]).real
     weights = np.maximum(1 - lags * (step / terms), 0.0)
     weights[1:] *= 2
@@ -164,7 +180,7 @@ def _slow_squares(grids: _Grids, shape: _Shape, lines: Sequence[Line]) -> float:
 
 
 def _fast_squares(grids: _Grids, shape: _Shape) -> float:
-    """Return the same sum as `_slow_squares`, for faster frequencies.
+    """Return the sum Σ (1 - |k| / M) r(k)² for the noise that is too fast to be sampled by the lags.
 
     The covariance of fast noise is confined to lags near 0, m and 2 m.
     """
@@ -173,6 +189,6 @@ def _fast_squares(grids: _Grids, shape: _Shape) -> float:
         return 0.0
     low = np.pi / step
     lam, S = grids.of(low, np.pi, FAST)
-    squares = 35 / 128 * (S * 2 / (m * np.sin(lam / 2)) ** 2) ** 2  # the mean of sin⁸
+    squares = 35 / 128 * (S * 2 / (m * np.sin(lam / 2)) ** 2) ** 2  # 35/128 is the mean of sin⁸
     ends = (36 + 32 * max(1 - m / terms, 0) + 2 * max(1 - 2 * m / terms, 0)) / 70
     return float(squares.mean() * (np.pi - low) / np.pi * ends)

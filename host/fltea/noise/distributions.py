@@ -1,7 +1,7 @@
 """Tails and quantiles of chi-squared, F and Student's t, for any real number of degrees of freedom.
 
-They are computed by the regularised incomplete gamma and beta functions (NIST Digital Library of Mathematical
-Functions, 8.11.4, 8.9.2 and 8.17.22). The normal distribution is `statistics.NormalDist`.
+Tails and quantiles are computed by the regularised incomplete gamma and beta functions (NIST Digital Library
+of Mathematical Functions, 8.11.4, 8.9.2 and 8.17.22). The normal distribution is `statistics.NormalDist`.
 """
 
 import math
@@ -13,7 +13,9 @@ from numpy.typing import ArrayLike
 from fltea.records.arrays import Array
 
 MANY = 150.0
-"""Degrees of freedom from which on Wilson and Hilferty's approximation of a quantile is right to 2e-4."""
+"""Degrees of freedom of chi-squared from which on Wilson and Hilferty's approximation of a quantile is used.
+It is right to 2e-4 there.
+"""
 TERMS = 240
 STEPS = 12
 PRECISION = 1e-15
@@ -60,7 +62,8 @@ def chi2_quantile(probability: float, degrees: ArrayLike) -> Array:
         raise ValueError(f"a probability lies between 0 and 1, not at {probability}")
     if not (np.isfinite(k) & (k > 0)).all():
         raise ValueError("degrees of freedom must be positive numbers")
-    # Wilson and Hilferty: the cube root of chi² over k is nearly normal.
+    # Wilson and Hilferty's approximation: the cube root of chi² divided by its degrees of freedom k is nearly
+    # normally distributed.
     spread = 2 / (9 * k)
     root = 1 - spread + NormalDist().inv_cdf(probability) * np.sqrt(spread)
     found = k * np.maximum(root, 0.0) ** 3
@@ -73,7 +76,7 @@ def chi2_quantile(probability: float, degrees: ArrayLike) -> Array:
 def chi2_log_std(degrees: ArrayLike) -> Array:
     """Return the standard deviation of the logarithm of chi-squared with `degrees` degrees of freedom.
 
-    It is the root of the trigamma function at degrees / 2 (NIST DLMF 5.15.8 and 5.15.5).
+    It is the square root of the trigamma function at degrees / 2 (NIST DLMF 5.15.8 and 5.15.5).
     """
     x = np.asarray(degrees, dtype=np.float64) / 2
     total = np.zeros_like(x)
@@ -86,9 +89,9 @@ def chi2_log_std(degrees: ArrayLike) -> Array:
 
 
 def f_log_tail(ratio: float, first: float, second: float) -> float:
-    """Return the logarithm of the probability that F exceeds `ratio`.
+    """Return the logarithm of the probability that a variable with an F distribution exceeds `ratio`.
 
-    F has `first` and `second` degrees of freedom.
+    The distribution has `first` and `second` degrees of freedom.
     """
     if ratio <= 0:
         return 0.0
@@ -97,14 +100,15 @@ def f_log_tail(ratio: float, first: float, second: float) -> float:
 
 
 def f_deviate(ratio: ArrayLike, first: ArrayLike, second: ArrayLike) -> Array:
-    """Return the standard normal deviate that is exceeded with the same probability as F exceeds each ratio.
+    """Return the standard normal deviate that is exceeded with the same probability as each ratio of F.
 
-    The approximation by Peizer and Pratt (*J. Am. Stat. Assoc.* 63, 1968) is quick for many ratios at once.
-    Down to probabilities of 1e-9 it is within 0.02 of the true deviate.
+    F is a variable with an F distribution. The approximation by Peizer and Pratt (*J. Am. Stat. Assoc.* 63,
+    1968) is quick for many ratios at once. Down to probabilities of 1e-9 it is within 0.02 of the true
+    deviate.
 
     Args:
         ratio: ratios, 0 or more.
-        first: degrees of freedom of the numerator, 2 or more. The shapes of the three arguments have to
+        first: degrees of freedom of F's numerator, 2 or more. The shapes of the three arguments have to
             broadcast.
         second: degrees of freedom of the denominator, 2 or more.
     """
@@ -140,24 +144,30 @@ def student_quantile(probability: float, degrees: float) -> float:
 
 
 def _most_terms(parameter: float) -> int:
-    """Return the largest number of terms that a series or continued fraction needs until it converges.
+    """Return the largest number of terms that a series or continued fraction here needs to converge.
 
-    The number grows with the square root of the parameter.
+    The number grows with the square root of `parameter`, which is that of the gamma or beta function.
     """
     return 200 + 20 * math.isqrt(math.ceil(parameter))
 
 
 def _quantile_of_few(probability: float, k: Array, start: Array) -> Array:
-    """Find quantiles by Newton's method on the logarithms of x = chi²/2 and of its distribution."""
+    """Return quantiles of chi-squared with few degrees of freedom `k`.
+
+    Newton's method is applied to the logarithm of the distribution function P(k/2, x), as a function of the
+    logarithm of x = chi²/2.
+    """
     a = k / 2
     log_gamma = np.array([math.lgamma(one) for one in (a + 1).tolist()])
-    # x^a / Γ(a + 1) exceeds the distribution function, so this starting value is below the quantile.
+    # x^a / Γ(a + 1) exceeds the distribution function. So `least`, where x^a / Γ(a + 1) equals the
+    # probability, is below the quantile.
     least = (math.log(probability) + log_gamma) / a
     log_x = np.maximum(least, np.log(np.maximum(start / 2, np.finfo(np.float64).tiny)))
     rising = a[:, np.newaxis] + np.arange(1.0, TERMS + 1)
     for _ in range(STEPS):
         x = np.exp(log_x)
-        # P(a, x) = x^a e^-x / Γ(a + 1) (1 + x/(a + 1) + x²/((a + 1)(a + 2)) + ...)
+        # The distribution function is P(a, x) = x^a e^-x / Γ(a + 1) (1 + x/(a + 1) + x²/((a + 1)(a + 2)) +
+        # ...).
         series = 1 + np.cumprod(x[:, np.newaxis] / rising, axis=1).sum(axis=1)
         log_p = a * log_x - x - log_gamma + np.log(series)
         log_x = log_x - (log_p - math.log(probability)) * series / a
@@ -165,7 +175,10 @@ def _quantile_of_few(probability: float, k: Array, start: Array) -> Array:
 
 
 def _log_incomplete_beta(a: float, b: float, x: float, rest: float) -> float:
-    """Return the logarithm of I_x(a, b) by its continued fraction (Lentz's method). `rest`: 1 - x."""
+    """Return the logarithm of the incomplete beta function I_x(a, b).
+
+    `rest`: 1 - x. It is computed by its continued fraction, with Lentz's method.
+    """
     if x <= 0 or rest <= 0:
         return -math.inf if x <= 0 else 0.0
     if x > (a + 1) / (a + b + 2):
@@ -187,7 +200,7 @@ def _log_incomplete_beta(a: float, b: float, x: float, rest: float) -> float:
 
 
 def _peizer_pratt(x: Array) -> Array:
-    """Return (1 - x² + 2x log x) / (1 - x)²; near 1 it is (1 - x)/3."""
+    """Return (1 - x² + 2x log x) / (1 - x)². Near x = 1 its limit (1 - x)/3 is used."""
     away = 1 - x
     near = np.abs(away) < 1e-3
     safe = np.where(near, 2.0, x)

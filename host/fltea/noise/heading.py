@@ -1,8 +1,8 @@
 """Predict the error of a heading and the mean of the bias, from the samples of a sensor at rest.
 
-Both follow from the linear system of the noise of a rate. The error of a heading is the integral of the bias
-less its prediction, which uses only the samples at rest. Matrix powers are computed by repeated squaring, so
-that a prediction for an hour costs as little as for a second.
+Both follow from the linear system that models the noise of a rate. The prediction of the bias uses only the
+samples at rest. The error of a heading is the integral of the bias less this prediction. Matrix powers are
+computed by repeated squaring, so that a prediction for an hour costs as little as one for a second.
 """
 
 import math
@@ -20,16 +20,18 @@ from fltea.records.units import MOST_DEG
 LONGEST_REST_S = 86400.0
 LONGEST_DRIVE_S = 3600.0
 NEAR = 1.01
-"""A time of rest or of drive is searched for until it is known within this factor."""
+"""Factor within which the searches for a time of rest or of drive (`rest_for`, `drive_for`) know their
+result.
+"""
 
 
 class Ahead(NamedTuple):
-    """A sum over future samples, expressed by the state x of the system and additional noise."""
+    """A sum over future samples, expressed by the present state x of the system and additional noise."""
 
     row: Array
     """The sum is `row @ x` plus noise, where x is the state (n,) at the last sample at rest."""
     variance: float
-    """Variance of the noise in the sum."""
+    """Variance of the additional noise, which is unknown at the last sample at rest."""
 
     def std(self, P: Array) -> float:
         """Return the standard deviation of the sum. `P`: covariance of x after the last sample at rest."""
@@ -37,14 +39,14 @@ class Ahead(NamedTuple):
 
 
 class Rest(NamedTuple):
-    """How long a sensor has to rest [s]. The time is None, with a reason, if no rest is long enough."""
+    """How long a sensor has to rest. `rest_s` is None, with a reason, if no rest is long enough."""
 
     rest_s: float | None
     reason: str = ""
 
 
 def ahead(system: System, h: float, t_s: float) -> Ahead:
-    """Return the angle that adds up in `t_s` seconds after the last sample at rest.
+    """Return the error in angle that adds up in `t_s` seconds after the last sample at rest.
 
     `h`: sampling period [s].
     """
@@ -52,7 +54,7 @@ def ahead(system: System, h: float, t_s: float) -> Ahead:
 
 
 def aheads(system: System, h: float, times_s: Sequence[float]) -> list[Ahead]:
-    """Return the angle after each of several times; the squared matrices are computed only once."""
+    """Return what `ahead` returns, for each of several times. The squared matrices are computed only once."""
     counts = [max(round(t_s / h), 1) for t_s in times_s]
     return _sums(system, h * system.c, h * h * system.R, counts)
 
@@ -60,9 +62,9 @@ def aheads(system: System, h: float, times_s: Sequence[float]) -> list[Ahead]:
 def mean_ahead(system: System, samples: int) -> Ahead:
     """Return the mean of the bias over the next `samples` samples, in terms of x after the newest sample.
 
-    Bias(T) is its expectation `row @ x`, with σ = `std(P)`. Noise that is no signal (white noise R, and
-    states that `system.bias` leaves out) does not contribute. So the mean of the samples themselves varies
-    more: by N²/T, for white noise.
+    Bias(T) is the expectation `row @ x` of this mean, with σ = `std(P)`. Noise that is no signal does not
+    contribute to the bias: it is the white noise R, and the states that `system.bias` leaves out. So the mean
+    of the samples themselves varies more. For white noise its variance is larger by N²/T.
 
     Raises:
         ValueError: `samples` is below 1.
@@ -71,7 +73,7 @@ def mean_ahead(system: System, samples: int) -> Ahead:
 
 
 def means_ahead(system: System, counts: Sequence[int]) -> list[Ahead]:
-    """Return `mean_ahead` for several numbers of samples; the squared matrices are computed only once."""
+    """Return `mean_ahead` for each of several numbers of samples. Squared matrices are computed only once."""
     if any(count < 1 for count in counts):
         raise ValueError(f"a mean is one of a sample or more, got {list(counts)}")
     sums = _sums(system, system.bias, 0.0, counts)
@@ -79,13 +81,18 @@ def means_ahead(system: System, counts: Sequence[int]) -> list[Ahead]:
 
 
 def _sums(system: System, c: Array, R: float, counts: Sequence[int]) -> list[Ahead]:
-    """Return the sums of c @ x, plus white noise of variance R, over each number of future samples."""
+    """Return the sums of c @ x plus white noise over each number of future samples in `counts`.
+
+    `R`: variance of the white noise.
+    """
     rows, variances = _native.sums_ahead(system.numbers, c, R, list(counts))
     return [Ahead(np.array(row), variance) for row, variance in zip(rows, variances, strict=True)]
 
 
 def heading_std(system: System, P: Array, h: float, t_s: float) -> float:
-    """Return the standard deviation of the heading, in deg for a rate in deg/s; arguments as for `ahead`.
+    """Return the standard deviation of the heading `t_s` seconds after the last sample at rest.
+
+    It is in deg for a rate in deg/s. `h`: sampling period [s].
 
     `P`: covariance of x after the last sample at rest, as `rested` returns it.
     """
@@ -93,26 +100,30 @@ def heading_std(system: System, P: Array, h: float, t_s: float) -> float:
 
 
 def rested(system: System, samples: int) -> Array:
-    """Return the covariance of x after `samples` samples at rest, starting with the very first sample."""
+    """Return the covariance of the state x after `samples` samples at rest, the first ones of the system."""
     P = np.empty_like(system.P0)
     _native.rested(system.numbers, max(samples, 1), P)
     return P
 
 
 def bias_std(system: System, P: Array) -> float:
-    """Return the standard deviation of the bias (signal states plus offset); `P` as for `heading_std`."""
+    """Return the standard deviation of the bias, which is the sum of signal and offset.
+
+    `P`: covariance of the state x.
+    """
     return math.sqrt(max(float(system.bias @ P @ system.bias), 0.0))
 
 
 def heading_stds(system: System, P: Array, h: float, times_s: Sequence[float]) -> list[float]:
-    """Return `heading_std` for several times."""
+    """Return what `heading_std` returns, for each of several times."""
     return [one.std(P) for one in aheads(system, h, times_s)]
 
 
 def rest_for(system: System, h: float, t_s: float, within: float, unit: str = "°") -> Rest:
-    """Return how long to rest so that the heading's standard deviation is at most `within`, `t_s` later.
+    """Return how long to rest, so that the heading's σ is at most `within` after `t_s` of motion.
 
-    `unit`: unit of the heading, which is written after numbers in the reason.
+    `t_s`: time after the last sample at rest [s]. `unit`: unit of the heading, which is written after numbers
+    in the reason.
     """
     at = ahead(system, h, t_s)
 
@@ -136,13 +147,14 @@ def rest_for(system: System, h: float, t_s: float, within: float, unit: str = "�
 def drive_for(system: System, h: float, rest_s: float, within: float) -> float | None:
     """Return how long [s] after a rest the heading's standard deviation stays at most `within`.
 
-    This is the inverse of `rest_for`. Like that one, it rounds to the safe side. The result is 0 if the first
-    sample exceeds `within`, and None if even an hour does not.
+    This function is the inverse of `rest_for`. Like `rest_for`, it rounds to the safe side. The result is 0
+    if `within` is exceeded at the first sample after the rest, and None if it is not exceeded even after an
+    hour.
     """
     P = rested(system, max(round(rest_s / h), 1))
     steps = math.ceil(math.log(max(LONGEST_DRIVE_S / h, 1.0)) / math.log(NEAR))
-    # The standard deviation of a heading may oscillate. All times are computed, since the first excess is
-    # wanted.
+    # The standard deviation of a heading may oscillate in time. So it is computed at all times, and not
+    # searched by bisection, to find where it exceeds `within` first.
     counts = sorted({round(min(NEAR**step, max(LONGEST_DRIVE_S / h, 1.0))) for step in range(steps + 1)})
     times_s = [count * h for count in counts]
     good_s = 0.0

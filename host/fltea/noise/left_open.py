@@ -1,6 +1,7 @@
 """Estimate what a record of given length leaves uncertain about the noise that was found in it.
 
-The likelihood is that of a spectrum (Whittle, *Ark. Mat.* 2, 1953), with the spectrum of the noise as data.
+The likelihood is that of a spectrum (Whittle, *Ark. Mat.* 2, 1953). The data that it is given are the
+spectrum of the noise that was found, not the spectrum of the samples.
 """
 
 import functools
@@ -28,23 +29,26 @@ STEP, STEPS = 0.1, 10
 LEAST, MOST = 0.05, 1.05
 """Lowest and highest order that are tried in addition to the order that was found."""
 UNLIKELY = 7.0
-"""An order whose log L is lower than the best by more than this is left out."""
+"""An order whose log likelihood falls behind that of the best order by more than this is left out."""
 LOWEST = 10
-"""The lowest fitted frequency has this number of periods in the record."""
+"""Number of periods that the lowest fitted frequency has in the record."""
 POINTS = 80
 CONVERGED, ITERATIONS = 1e-3, 60
 PRIOR = 1.0
-"""Fisher information that is added for each free parameter. Nearly all free parameters are logarithms."""
+"""Fisher information that is added for each free parameter, so that none is entirely unknown. It is the same
+for all, since nearly all free parameters are logarithms.
+"""
 
 
 def mean_order(
     parts: Sequence[Part], order: Order | Arfima, lam: Array, h: float, samples: int
 ) -> tuple[float, Array]:
-    """Return the mean variance of the white noise, and the mean spectrum at λ of the order.
+    """Return the mean variance of white noise, and the mean spectrum (at `lam`) of the part with an order.
 
-    Next to white noise, an order whose spectrum is nearly white is hardly known: the most likely order may
-    take all of the white noise's power, or none of it. The filter for the mean of the spectra has the least
-    mean square error of all linear filters, and it predicts this error. The filter for the most likely order
+    The means are taken over the noises that are likely given the record. If there is white noise, too, an
+    order whose spectrum is nearly white is hardly known: the most likely order may take all of the white
+    noise's power, or none of it. Of all linear filters of the samples, the one for the mean of the likely
+    spectra has the least mean square error, and it predicts this error. The filter for the most likely order
     has a larger error, but predicts a smaller one.
 
     For each α that is tried, the order and the white noise are fitted to the spectrum that both have
@@ -86,7 +90,7 @@ def mean_order(
 
 
 def distance(parts: Sequence[Part], others: Sequence[Part], h: float, samples: int) -> float:
-    """Return the expected loss of log L if `others` describe a record of the noise `parts`."""
+    """Return the expected loss of log likelihood if the model `others` describes noise of model `parts`."""
     at, counts = _ordinates(samples)
     ratio = spectrum(parts, at, h) / spectrum(others, at, h)
     return float(counts @ (ratio - 1 - np.log(ratio)))
@@ -108,9 +112,10 @@ def _parts(codes: Sequence[int], eta: Array, h: float) -> list[Part]:
     return [part_of(code, list(itertools.islice(rest, free_of(code))), h) for code in codes]
 
 
-@functools.lru_cache(maxsize=8)  # axes, and devices with records of the same length, share the results
+# the cached result is the same for all axes and devices with records of this length
+@functools.lru_cache(maxsize=8)
 def _ordinates(samples: int) -> tuple[Array, Array]:
-    """Return λ, and the number of ordinates of a record that each λ stands for."""
+    """Return frequencies λ, and the number of spectral ordinates of a record that each λ stands for."""
     low = min(2 * math.pi * LOWEST / samples, 1.0)
     lam = merged(np.geomspace(low, math.pi, POINTS), np.linspace(low, math.pi, POINTS))
     return lam, np.gradient(lam) * samples / (2 * math.pi)

@@ -1,4 +1,4 @@
-"""Store the finite window of past estimates that a fractional difference uses."""
+"""Store the last estimates, up to a finite number, which a fractional difference uses."""
 
 import numpy as np
 
@@ -25,7 +25,7 @@ class NewestFirst:
         return self._count
 
     def push(self, value: Array | float) -> None:
-        """Add `value` in front; if the window is full, the oldest value is dropped."""
+        """Add `value` as the newest. If the window is full, the oldest value is dropped."""
         if self._start == 0:
             keep = self.window - 1
             self._start = 2 * self.window - keep
@@ -36,5 +36,5 @@ class NewestFirst:
 
     @property
     def values(self) -> Array:
-        """The stored values as a view (len, *shape), newest first; it is valid until the next push."""
+        """A view (len, *shape) of the stored values, the newest first. It is valid until the next push."""
         return self._buffer[self._start : self._start + self._count]

@@ -1,7 +1,7 @@
 """Solve least squares for coefficients of 0 or more, by the method of active sets.
 
-Lawson & Hanson, *Solving Least Squares Problems*, 1974, chapter 23. SciPy has this algorithm, too, but fltea
-does not depend on SciPy.
+The algorithm is that of Lawson & Hanson, *Solving Least Squares Problems*, 1974, chapter 23. SciPy has it,
+too, but fltea does not depend on SciPy.
 """
 
 import numpy as np
@@ -9,11 +9,11 @@ import numpy as np
 from fltea.records.arrays import Array, Mask
 
 TOLERANCE = 1e-10
-"""A slope of the sum of squares up to this value counts as zero, where the columns and the right side are
-scaled to length 1.
+"""A derivative of the sum of squares up to this value counts as zero. The columns of M and the right side d
+are scaled to length 1 before.
 """
 ROUNDS = 10
-"""Largest number of iterations per column."""
+"""Largest number of iterations, divided by the number of columns."""
 
 
 def non_negative(M: Array, d: Array) -> Array:
@@ -33,7 +33,7 @@ def non_negative(M: Array, d: Array) -> Array:
 
 
 def _within(M: Array, d: Array, x: Array, free: Mask) -> Array:
-    """Solve least squares for the free columns; columns that would become negative are fixed at 0."""
+    """Solve least squares for the free columns of M. Coefficients that would turn negative are fixed at 0."""
     while free.any():
         best = np.zeros(len(x))
         best[free] = np.linalg.lstsq(M[:, free], d, rcond=None)[0]

@@ -1,4 +1,4 @@
-"""The base class of the parts of a noise, and the native table of the parts' properties.
+"""The base class of the parts of a noise, and the table of the parts' properties from native code.
 
 The table is `kTable` in host/native/whittle_parts.hpp. It holds the code number, the free parameters and the
 traits of each part. A trait is a property, such as "slow", by which other code decides how to treat a part.
@@ -14,7 +14,7 @@ from fltea import _native
 from fltea.records.arrays import Array, Complex
 
 SIGNED = ("f", "s", "d")
-"""Parameters that may be below 0."""
+"""Names of parameters of parts that may be below 0."""
 
 
 class Coordinate(NamedTuple):
@@ -24,7 +24,7 @@ class Coordinate(NamedTuple):
     """Kind of the parameter: a name of the enum `Value` of the native table."""
     low: float
     high: float
-    """`low` and `high` are the bounds of the parameter, if it is an order or a number."""
+    """`low` and `high` are the bounds of the parameter, if its kind is an order or a number."""
 
 
 class Row(NamedTuple):
@@ -39,7 +39,9 @@ class Row(NamedTuple):
     says: str
     """The question of the verdict that the part answers: a name of the enum `Says` of the native table."""
     sought: int
-    """Number of parameters that BIC counts in addition to the free ones."""
+    """Number of parameters that the information criterion BIC counts for the part in addition to its free
+    ones.
+    """
 
 
 def _row(code: int, name: str, coordinates: list[tuple[str, float, float]], *rest: object) -> Row:
@@ -70,7 +72,7 @@ class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="p
 
     @classmethod
     def tag(cls) -> str:
-        """Return the name of the part, in files and in the native table."""
+        """Return the name that the part has in files and in the native table."""
         return str(cls.__struct_config__.tag)
 
     @classmethod
@@ -89,7 +91,9 @@ class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="p
         return self.row().code
 
     def eta(self, h: float) -> list[float]:
-        """Return the transformed free parameters of the native fits; `h`: sampling period [s].
+        """Return the part's parameters, transformed to the free ones of the native fits.
+
+        `h`: sampling period [s].
 
         Raises:
             ValueError: the part is an order that is not stationary.
@@ -98,22 +102,22 @@ class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="p
 
     @classmethod
     def of_eta(cls, eta: Sequence[float], h: float) -> Self:
-        """Return the part with these transformed parameters; `h`: sampling period [s]."""
+        """Return the part that has the transformed parameters `eta`. `h`: sampling period [s]."""
         raise NotImplementedError(f"the part {cls.tag()} is of no coordinates")
 
     def words(self, rate_hz: float) -> str:
-        """Return words that describe the part in a sentence; empty if other words of the sentence name it.
+        """Return words that describe the part in a sentence; "" if other words of the sentence name it.
 
-        `rate_hz`: sample rate. The words say so if a corner frequency is far above it.
+        `rate_hz`: sample rate. If a corner frequency is above half of it, the words say so.
         """
         raise NotImplementedError(f"the part {self.tag()} has no words")
 
     def response(self, lam: Array, h: float) -> Complex:
-        """Return the response at λ of a slow part to the white noise of variance 1 that drives it."""
+        """Return a slow part's frequency response at λ to the white noise of variance 1 that drives it."""
         raise NotImplementedError(f"the part {self.tag()} has no response")
 
     def own_poles(self, lam: Array, h: float, room: int) -> list[complex]:
-        """Return the exact poles of a part that is no filter, or poles that approximate the part.
+        """Return the exact poles of a part that is no filter, or if it has none, poles that approximate it.
 
         `lam`: frequencies λ [rad per sample] at which the poles have to fit. `room`: largest number of
         states.
@@ -121,5 +125,5 @@ class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="p
         raise NotImplementedError(f"the part {self.tag()} has no poles")
 
     def filter_poles(self, h: float) -> tuple[list[complex], int]:
-        """Return a filter's poles (of each pair the upper one) and the number of its additional taps."""
+        """Return a filter's poles (of each pair the upper one), and the number of its additional taps."""
         raise NotImplementedError(f"the filter {self.tag()} has no poles")

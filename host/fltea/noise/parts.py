@@ -1,15 +1,16 @@
 """Describe a noise as a sum of parts, such as white noise, a relaxation and a random walk.
 
-    S(λ) = L(λ) (sum of the parts' spectra) + floor,    λ in rad per sample; white noise of variance R has S =
-        R
+    S(λ) = L(λ) (sum of the parts' spectra) + floor, λ in rad per sample
 
-L is the chain of the sensor's filters, which act on the noise. The fields of a part are its parameters in
-physical units. `eta` converts them to the transformed free parameters of the native fits
+S is the spectrum of the samples, normalised so that white noise of variance R has S = R. L is the power
+response of the sensor's filters, through which all parts but the floor pass. The fields of a part are its
+parameters in physical units. `eta` converts them to the transformed free parameters of the native fits
 (host/native/whittle_parts.hpp), where variances and rates are logarithms. The fields of a part have the order
 of its free parameters, and each field is a monotonic function of the free parameter with the same index. The
 words for a part and its poles are defined here, too.
 
-Variances are in the square of the unit of y, deg/s for a gyroscope; h is the sampling period in s.
+Variances are in the square of the unit of the samples, which is deg/s for a gyroscope. h is the sampling
+period in s.
 """
 
 import math
@@ -30,7 +31,7 @@ from fltea.records.arrays import Array, Complex
 MEAN_FROM = _native.MEAN_FROM
 """The code number of a `Mean` is MEAN_FROM plus the number of averaged samples."""
 ONE_POLE = 1.5
-"""A filter with fewer poles than this looks like a relaxation."""
+"""A filter with fewer poles than this is described as one with one pole."""
 
 
 def in_hz(value: float) -> str:
@@ -58,7 +59,7 @@ class _Level(Part, frozen=True):
 
 
 class White(_Level, frozen=True, tag="white"):
-    """White noise of variance R; the angle is a random walk with N = √(R h)."""
+    """White noise of variance R. The integrated angle is a random walk with coefficient N = √(R h)."""
 
 
 class _Decaying(Part, frozen=True):
@@ -100,7 +101,7 @@ class Alternating(_Decaying, frozen=True, tag="alternating"):
 
 
 class Walk(Part, frozen=True, tag="walk"):
-    """A random walk of the rate; each step has the variance K² h."""
+    """A random walk of the rate. Each step has the variance K² h."""
 
     K: float
 
@@ -140,7 +141,7 @@ class Order(Part, frozen=True, tag="order"):
         return cls(alpha, f_of(alpha, g_of_eta(eta), h), noise_variance(alpha, s2, h))
 
     def words(self, rate_hz: float) -> str:
-        return ""  # the text states the order separately, with its interval
+        return ""  # the verdict's text states the order in a sentence of its own, with its interval
 
     def response(self, lam: Array, h: float) -> Complex:
         turn = np.exp(-1j * lam)
@@ -154,7 +155,7 @@ class Order(Part, frozen=True, tag="order"):
 
 
 class Arfima(Part, frozen=True, tag="arfima"):
-    """An order without f: ARFIMA(1, d, 0) with innovations of variance s2."""
+    """A fractional order without the parameter f: ARFIMA(1, d, 0) with innovations of variance s2."""
 
     d: float
     phi: float
@@ -171,7 +172,7 @@ class Arfima(Part, frozen=True, tag="arfima"):
         return cls(eta[0], phi, math.exp(eta[2]) * (1 - phi) ** 2)
 
     def words(self, rate_hz: float) -> str:
-        return ""  # the text states the order separately, with its interval
+        return ""  # the verdict's text states the order in a sentence of its own, with its interval
 
     def response(self, lam: Array, h: float) -> Complex:
         turn = np.exp(-1j * lam)
@@ -206,14 +207,14 @@ class Resonance(Part, frozen=True, tag="resonance"):
         return [self.pole(h)]
 
     def pole(self, h: float) -> complex:
-        """Return the upper pole."""
+        """Return the upper one of the pair of poles."""
         return complex(np.exp(complex(-self.width_hz, 2 * self.frequency_hz) * math.pi * h))
 
 
 class Quantisation(Part, frozen=True, tag="quantisation"):
-    """Differences of a rounded angle.
+    """Quantisation noise of a rate that is the difference of rounded angles.
 
-    The rounding error is white noise of the angle, with standard deviation Q.
+    The rounding errors of the angle are white noise with standard deviation Q.
     """
 
     Q: float
@@ -233,7 +234,7 @@ class Quantisation(Part, frozen=True, tag="quantisation"):
 
 
 class Rise(Part, frozen=True, tag="rise"):
-    """Power that rises with |1 - e^{-iλ}|^2δ, up to `power` at half the sample rate."""
+    """Noise whose power rises with frequency as |1 - e^{-iλ}|^2δ, up to `power` at half the sample rate."""
 
     power: float
     delta: float
@@ -257,7 +258,7 @@ class Floor(_Level, frozen=True, tag="floor"):
 
 
 class LowPass(Part, frozen=True, tag="low-pass"):
-    """A filter 1 / (1 + (ω/ω_c)^2n) before sampling.
+    """A low-pass before sampling, with power response 1 / (1 + (ω/ω_c)^2n) and n poles.
 
     The corner frequency may be above half the sample rate.
     """
@@ -266,7 +267,7 @@ class LowPass(Part, frozen=True, tag="low-pass"):
     poles: float
 
     def eta(self, h: float) -> list[float]:
-        # The free parameters are log λ² of the corner frequency, and the logit of the number of poles.
+        # The free parameters are log λ², for λ of the corner frequency, and a logit for the number of poles.
         return [2 * co.log_lam(self.corner_hz, h), co.logit_of_poles(self.poles)]
 
     @classmethod
@@ -284,17 +285,19 @@ class LowPass(Part, frozen=True, tag="low-pass"):
 
 
 class HighPass(Part, frozen=True, tag="high-pass"):
-    """A filter 1 / (1 + (s_c/s)^2n), s = 2 sin(ω h/2), that blocks slow signals, as AC coupling does.
+    """A high-pass, which blocks slow signals as AC coupling does.
 
-    With one pole it subtracts the exponentially fading average from the samples. The corner frequency is at
-    most a tenth of the sample rate. A filter with a higher one is described as a rise.
+    Its power response is 1 / (1 + (s_c/s)^2n), where s = 2 sin(ω h/2), s_c is s at the corner frequency and n
+    is the number of poles. With one pole it subtracts the exponentially fading average from the samples. The
+    corner frequency is at most a tenth of the sample rate. A high-pass with a higher corner frequency is
+    described as a `Rise`.
     """
 
     corner_hz: float
     poles: float
 
     def eta(self, h: float) -> list[float]:
-        # The free parameters are log |1 - e^{-iλ}|² at the corner frequency, and the logit of the number of
+        # The free parameters are log |1 - e^{-iλ}|² at the corner frequency, and a logit for the number of
         # poles.
         size = 2 * math.sin(min(math.pi * self.corner_hz * h, math.pi / 2))
         return [2 * co.log(size), co.logit_of_poles(self.poles)]
@@ -311,12 +314,12 @@ class HighPass(Part, frozen=True, tag="high-pass"):
         return [z for z in self.all_poles(h).tolist() if z.imag > -1e-12], 0
 
     def all_poles(self, h: float) -> Complex:
-        """Return all poles, also the lower ones of pairs."""
+        """Return all poles of the filter, also the lower ones of complex pairs."""
         return pole_sets.of_high_pass(2 * math.pi * self.corner_hz * h, self.poles)
 
 
 class Sharpening(Part, frozen=True, tag="sharpening"):
-    """The filter with taps -s, 1 + 2 s, -s; it sharpens for s > 0, and smooths for s < 0."""
+    """The filter with taps -s, 1 + 2 s, -s. It sharpens for s > 0, and smooths for s < 0."""
 
     s: float
 
@@ -335,13 +338,14 @@ class Sharpening(Part, frozen=True, tag="sharpening"):
 
 
 class Notch(Part, frozen=True, tag="notch"):
-    """A filter that stops one frequency. Its width is measured where half the power passes."""
+    """A filter that stops one frequency. `width_hz` is its width where half the power passes."""
 
     frequency_hz: float
     width_hz: float
 
     def eta(self, h: float) -> list[float]:
-        # The free parameters are the logarithms of λ and of the ratio of the width to the frequency.
+        # The free parameters are the logarithms of the frequency λ and of the ratio of the width to the
+        # frequency.
         return [co.log_lam(self.frequency_hz, h), co.log(self.width_hz / self.frequency_hz)]
 
     @classmethod
@@ -352,14 +356,14 @@ class Notch(Part, frozen=True, tag="notch"):
         return f"a notch at {in_hz(self.frequency_hz)}"
 
     def filter_poles(self, h: float) -> tuple[list[complex], int]:
-        # The poles of the analog notch, by the bilinear transform.
+        # The poles follow from those of an analog notch by the bilinear transform.
         centre = math.tan(math.pi * self.frequency_hz * h)
         s = np.roots([1.0, centre * self.width_hz / self.frequency_hz, centre**2])
         return list((1 + s) / (1 - s)), 0
 
 
 class Mean(Part, frozen=True, tag="mean"):
-    """A filter that averages `samples` samples."""
+    """A filter whose output is the mean of the last `samples` samples."""
 
     samples: int
 
@@ -421,31 +425,31 @@ CODES = _by_number()
 """The kinds of parts, indexed by their code numbers in the native module."""
 FILTERS = tuple(kind for kind in CODES if kind.has("filter"))
 SLOW = tuple(kind for kind in CODES if kind.has("slow"))
-"""Kinds of parts that have a memory: a tracker has states for them."""
+"""Kinds of parts that are slow, such as walks and relaxations. A tracker has states for these parts."""
 
 
 def kind_of(code: int) -> type[Part]:
-    """Return the kind of the part with this code number."""
+    """Return the kind of part that this code number stands for."""
     return Mean if code >= MEAN_FROM else CODES[code]
 
 
 def free_of(code: int) -> int:
-    """Return the number of free parameters of the part with this code number."""
+    """Return the number of free parameters of the kind of part that this code number stands for."""
     return 0 if code >= MEAN_FROM else len(ROWS[code].coordinates)
 
 
 def high_pass_of(parts: Iterable[Part]) -> HighPass | None:
-    """Return the high-pass among the parts, or None."""
+    """Return the high-pass among the parts; None if there is none."""
     return next((part for part in parts if isinstance(part, HighPass)), None)
 
 
 def part_of(code: int, eta: Sequence[float], h: float) -> Part:
-    """Return the part with this code number and these free parameters."""
+    """Return the part with this code number and the free parameters `eta`."""
     return Mean(code - MEAN_FROM) if code >= MEAN_FROM else CODES[code].of_eta(eta, h)
 
 
 def spectrum(parts: Iterable[Part], lam: Array, h: float) -> Array:
-    """Return the spectrum at λ > 0, (len(lam),).
+    """Return the spectrum of a noise made of `parts` at frequencies λ > 0, (len(lam),).
 
     Raises:
         ValueError: a part is not stationary.
@@ -465,7 +469,10 @@ def spectrum(parts: Iterable[Part], lam: Array, h: float) -> Array:
 
 
 def spectrum_of(codes: Sequence[int], eta: Sequence[float], lam: Array, h: float) -> Array:
-    """Return the spectrum of parts given by code numbers and free parameters, white noise first."""
+    """Return the spectrum at λ of parts given by code numbers and free parameters.
+
+    The first part has to be white noise.
+    """
     found = np.empty(len(lam))
     _native.model_spectrum(list(codes), list(eta), np.ascontiguousarray(lam, dtype=np.float64), h, found)
     return found

@@ -10,21 +10,24 @@ from fltea.records.arrays import Complex
 A_DECADE = 2
 """Number of poles per decade that approximate an order."""
 FASTEST = 3.0
-"""Largest rate of a pole, per sample."""
+"""Largest rate r, per sample, of a pole e^-r that approximates an order."""
 MOST_POLES = 6
-"""Largest number of poles of a low-pass. With more poles, it has about the same response below its corner
-frequency.
+"""Largest number of poles of a low-pass or high-pass. With more poles, the filter has about the same response
+in the band that it lets pass.
 """
 MOST_TAPS = 10
 """Largest number of taps of a short filter."""
 SMALL = 0.005
-"""Error that is allowed when poles approximate a short filter, which itself has none. The absolute value of
-the poles is a root of it.
+"""Error that is allowed when poles approximate a short filter, which has taps but no poles of its own. For n
+poles, their absolute value is the n-th root of this error.
 """
 
 
 def size(poles: Sequence[complex]) -> int:
-    """Return the number of states that these poles take."""
+    """Return the number of states that a real system with these poles has.
+
+    Each complex pole stands for a pair.
+    """
     return sum(1 if is_real(one) else 2 for one in poles)
 
 
@@ -34,7 +37,7 @@ def is_real(pole: complex) -> bool:
 
 
 def short(taps: int) -> list[complex]:
-    """Return poles that can approximate any filter with this number of taps."""
+    """Return poles by which any short filter with this number of taps can be approximated."""
     if taps < 2:
         return [0.0] * taps
     n = (taps + 2) // 2 * 2
@@ -44,13 +47,16 @@ def short(taps: int) -> list[complex]:
 
 
 def spread(low: float, room: int) -> list[complex]:
-    """Return real poles with rates from `low` up, per sample, evenly spaced in their logarithms."""
+    """Return at most `room` real poles e^-r, whose rates r rise from `low` evenly in their logarithms.
+
+    Rates are per sample.
+    """
     count = 1 + math.ceil(A_DECADE * math.log10(FASTEST / low))
     return list(np.exp(-np.geomspace(low, FASTEST, max(min(count, room), 1))))
 
 
 def of_order(alpha: float, g: float, slowest: float) -> list[complex]:
-    """Return the exact or nearly exact poles z of (1 - 1/z)^α = g / z.
+    """Return the exact or nearly exact poles z of a fractional order, where (1 - 1/z)^α = g / z.
 
     Poles with rates below `slowest` are left out.
     """
@@ -68,9 +74,9 @@ def of_order(alpha: float, g: float, slowest: float) -> list[complex]:
 
 
 def of_low_pass(lam: float, poles: float) -> tuple[list[complex], int]:
-    """Return the upper poles of a low-pass with its corner frequency at λ, and how many taps to add.
+    """Return the upper poles of a low-pass with its corner at λ, and how many taps have to be added.
 
-    The taps correct what the poles alone do not describe.
+    The taps correct the response where `poles` is no whole number, which poles alone do not describe.
     """
     n = math.ceil(min(max(poles, 1.0), MOST_POLES))
     angles = np.pi * (n + 1 + 2 * np.arange((n + 1) // 2)) / (2 * n)
@@ -78,10 +84,10 @@ def of_low_pass(lam: float, poles: float) -> tuple[list[complex], int]:
 
 
 def of_high_pass(lam: float, poles: float) -> Complex:
-    """Return all poles of a high-pass with its corner frequency at λ; the number of poles is rounded.
+    """Return all poles of a high-pass with its corner frequency at λ. The number of poles is rounded.
 
-    The filter has the same number of zeros, at 1. The poles are where |1 - 1/z|² = -(1 - z)²/z is one of the
-    roots s² of 1 + (c/s²)^n, with |z| < 1.
+    The filter has as many zeros, all at z = 1. For n poles and c = |1 - e^{-iλ}|², the poles are the z with
+    |z| < 1 for which -(1 - z)²/z is one of the roots s² of 1 + (c/s²)^n = 0.
     """
     n = min(max(round(poles), 1), MOST_POLES)
     c = (2 * math.sin(min(lam / 2, math.pi / 2))) ** 2

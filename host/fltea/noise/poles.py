@@ -1,8 +1,8 @@
-"""Approximate parts of a noise by poles that one white noise drives.
+"""Approximate a part of a noise by a sum of poles, all driven by the same white noise.
 
-A part or a chain of filters has poles of its own, or is approximated by real poles: for an order, two per
-decade. The contribution of each pole is found by a least-squares fit to the magnitude and phase of the part's
-response.
+A part or a chain of filters has poles of its own, or is approximated by real poles. An order takes two real
+poles per decade of frequency. The contribution of each pole is found by a least-squares fit to the magnitude
+and phase of the part's frequency response.
 """
 
 import math
@@ -18,29 +18,31 @@ from fltea.noise.pole_sets import is_real, short, size
 from fltea.records.arrays import Array, Complex
 
 LINES = math.pi * np.arange(1, 4097) / 4096
-"""Frequencies λ of a spectrum from which a response is computed."""
+"""Frequencies λ at which a spectrum is computed, to derive its minimum-phase response."""
 FAST = 0.3
-"""Weight in the fit of frequencies above 1 rad per sample, which matter less."""
+"""Weight of frequencies above 1 rad per sample in the fit of poles. They matter less than lower ones, which
+have weight 1.
+"""
 DISTINCT = 0.05
 """Least distance between two poles, as a ratio to the distance of one of them from the unit circle.
 
-Poles that are closer would only cancel each other.
+Contributions of poles that are closer would mostly cancel each other.
 """
 LEAST_SINGULAR, CANCELLING = (1e-8, 1e-6, 1e-4, 1e-2), 1e4
-"""Thresholds of the least-squares fit.
+"""Thresholds of the least-squares fit of poles.
 
-LEAST_SINGULAR: singular values are kept down to this ratio to the largest one. CANCELLING: if the total power
-of the states exceeds the power of their sum by this factor, they cancel each other too much for
-floating-point numbers.
+LEAST_SINGULAR: singular values are kept down to this ratio to the largest one. The ratios are tried in turn
+until the states do not cancel each other too much for floating-point numbers. CANCELLING: they do if their
+total power exceeds the power of their sum by this factor.
 """
 DEEPEST = 1e-7
-"""Least value of a spectrum, as a ratio to its mean: the logarithm of a zero of a filter would be
-infinite.
+"""Least value to which a spectrum is raised, as a ratio to its mean. Where a filter has a zero, the logarithm
+of the spectrum would be infinite.
 """
 
 
 class Block(NamedTuple):
-    """A group of states that are independent of all other states."""
+    """A group of a system's states that are independent of all others. The fields are as in `System`."""
 
     a: Array
     b: Array
@@ -51,10 +53,11 @@ class Block(NamedTuple):
 
 
 def least_phase(power: Array) -> Callable[[Array], Complex]:
-    """Return the minimum-phase response that has this spectrum, given at equidistant λ up to π.
+    """Return the minimum-phase response whose square is the spectrum `power`, which is given at `LINES`.
 
-    It is causal, with a causal inverse. The cepstrum of its logarithm is that of the spectrum's, folded
-    (Oppenheim & Schafer, Digital Signal Processing, 1975, section 10.5).
+    A minimum-phase response is causal and has a causal inverse. Its cepstrum is the cepstrum of the
+    spectrum's square root, with the half for negative times folded onto positive times (Oppenheim & Schafer,
+    Digital Signal Processing, 1975, section 10.5).
     """
     logs = 0.5 * np.log(np.maximum(power, DEEPEST * power.mean()))
     cepstrum = np.fft.irfft(np.concatenate([logs[:1], logs]))
@@ -66,7 +69,7 @@ def least_phase(power: Array) -> Callable[[Array], Complex]:
 
 
 def high_pass_response(filters: Sequence[Part], lam: Array, h: float) -> Complex:
-    """Return the response at λ of the high-passes among the filters."""
+    """Return the frequency response at λ of the high-passes among the filters."""
     turn = np.exp(-1j * lam)
     found = np.ones(len(lam), dtype=np.complex128)
     for part in filters:
@@ -79,7 +82,7 @@ def high_pass_response(filters: Sequence[Part], lam: Array, h: float) -> Complex
 
 
 def filter_poles(filters: Sequence[Part], h: float) -> list[complex]:
-    """Return the poles of the filters; of each complex pair, only the upper one."""
+    """Return the poles of all filters; of each complex pair, only the upper one."""
     found: list[complex] = []
     taps = 1 if filters else 0
     for part in filters:
@@ -92,7 +95,11 @@ def filter_poles(filters: Sequence[Part], h: float) -> list[complex]:
 def fitted(
     wanted: Complex, total: Array, poles: Sequence[complex], lam: Array, room: int, *, signal: bool
 ) -> Block:
-    """Fit the response `wanted` by poles. Each frequency is weighted by its importance in the whole noise."""
+    """Return the block of states whose frequency response fits `wanted`, made from some of `poles`.
+
+    `total`: spectrum of the whole noise, by which the error at each frequency is weighted. `room`: largest
+    number of states.
+    """
     chosen: list[complex] = []
     for one in poles:
         upper = complex(one.real, abs(one.imag)) if not is_real(one) else complex(one.real)
@@ -119,13 +126,18 @@ def fitted(
 
 
 def driven(z: Complex, share: Complex, *, signal: bool) -> Block:
-    """Return y = Re Σ ξ, ξ' = z ξ + 2 share w, as a real system; w is one white noise of variance 1."""
+    """Return the complex states of poles `z` as a block of real states.
+
+    Each complex state ξ advances by ξ' = z ξ + 2 share w, where w is the same white noise of variance 1 for
+    all, and the output is y = Re Σ ξ.
+    """
     m = 2 * share
     hermitian, plain = m[:, None] * m.conj(), m[:, None] * m
-    # The state of a real pole has no imaginary part.
+    # Real and imaginary parts of the complex states alternate. The state of a real pole has no imaginary
+    # part.
     keep = np.repeat(z.imag != 0, 2)
     keep[0::2] = True
-    # This follows from Re ξ' = Re z Re ξ - Im z Im ξ.
+    # `a` and `b` follow from Re ξ' = Re z Re ξ - Im z Im ξ, to which the noise is added.
     a, b, c = np.repeat(z.real, 2), np.repeat(-z.imag, 2), np.tile([1.0, 0.0], len(z))
     Q = _real_covariance(hermitian, plain, keep)
     P0 = _real_covariance(hermitian / (1 - z[:, None] * z.conj()), plain / (1 - z[:, None] * z), keep)
@@ -133,7 +145,10 @@ def driven(z: Complex, share: Complex, *, signal: bool) -> Block:
 
 
 def _real_covariance(hermitian: Complex, plain: Complex, keep: NDArray[np.bool_]) -> Array:
-    """Return the covariance of alternating real and imaginary parts, given E ξ ξ* and E ξ ξ'."""
+    """Return the covariance of alternating real and imaginary parts of complex states ξ.
+
+    `hermitian`, `plain`: the expectations of ξ ξ* (conjugated) and of ξ ξ^T (not conjugated).
+    """
     result = np.empty((len(keep), len(keep)))
     result[0::2, 0::2] = (hermitian + plain).real / 2
     result[1::2, 1::2] = (hermitian - plain).real / 2

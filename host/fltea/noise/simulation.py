@@ -6,8 +6,8 @@ The model (Macias & Sierociuk 2023, sections 3, 4 and 6) has one state and the t
     y_k = x_k + v_k,    var ω = Q,    var v = R
 
 y and x are in deg/s, f in s^-α, Q in (deg/s)² s^-2α, R in (deg/s)². White noise is Q = 0. Note that Q here is
-the variance of ω, before the factor h^α, while the Q of the paper's state filter is the variance of a whole
-step, h^2α Q.
+the variance of ω, before the factor h^α. The Q of the paper's state filter is the variance of a whole step,
+h^2α times the Q here.
 """
 
 import math
@@ -25,7 +25,7 @@ Order = float | Sequence[float] | Array
 
 
 class FractionalNoise:
-    """Endless fractional noise: `step()` returns the next measurement and the state without the white noise.
+    """Endless fractional noise. `step()` returns the next measurement, and the state without white noise.
 
     Args:
         alpha: a number, or a sequence whose last value is held: alpha[k-1] is the order of sample k = 1, 2,
@@ -71,13 +71,14 @@ class FractionalNoise:
         self._history.push(0.0)
         self._x = 0.0
         self._k = 0
-        # The weights for the last order are cached. If the order is constant, they are computed only once.
+        # Cache of the fractional difference's weights for the last order. If the order is constant, they are
+        # computed only once.
         self._weights_of: float | None = None
         self._weights = np.empty(0)
         self._advance(0.0, warmup)
 
     def step(self, u: float = 0.0) -> tuple[float, float]:
-        """Return (y_k, x_k) for the next k = 1, 2, ...; `u` is the input u_{k-1}."""
+        """Return measurement and state (y_k, x_k) for the next k = 1, 2, ...; `u` is the input u_{k-1}."""
         self._advance(u, 1)
         self._k += 1
         return self._x + self._v_std * self._rng.standard_normal(), self._x
@@ -101,10 +102,10 @@ class FractionalNoise:
 
 
 def quantise(y_dps: ArrayLike, lsb_per_dps: float, full_scale_dps: float) -> NDArray[np.int16]:
-    """Return the counts that a sensor with `lsb_per_dps` and range ±`full_scale_dps` reads, saturated.
+    """Return the counts that a sensor with `lsb_per_dps` and range ±`full_scale_dps` reads for rates `y_dps`.
 
-    The range ends at ±full_scale_dps or at the limits of int16, whichever is smaller (at ±2000 deg/s and 16.4
-    LSB/(deg/s), the limits of int16 are). Raises ValueError for NaN and for scales <= 0.
+    Counts saturate at ±full_scale_dps or at the limits of int16, whichever is smaller (at ±2000 deg/s and
+    16.4 LSB/(deg/s), the limits of int16 are). Raises ValueError for NaN and for scales <= 0.
     """
     _check_positive("lsb_per_dps", lsb_per_dps)
     _check_positive("full_scale_dps", full_scale_dps)
@@ -131,7 +132,10 @@ def _check_system(f: float, Q: float, R: float, h: float) -> None:
 
 
 def _check_bounded(alpha: float, f: float, h: float) -> None:
-    """Raise ValueError where x diverges. f = 0 gives integrated noise, which wanders but is accepted."""
+    """Raise ValueError if the state x diverges with these parameters.
+
+    f = 0 gives integrated noise, which wanders but is accepted.
+    """
     if f == 0 and abs(alpha) <= HIGHEST_ORDER:
         return
     if not abs(alpha) < HIGHEST_ORDER:

@@ -1,4 +1,4 @@
-"""Compute the spectra of the models, and convert between their parameters.
+"""Compute the spectrum of the fractional state of a noise, and convert between its parameters.
 
 The state of a gyroscope's noise is x_{k+1} = g x_k + α x_k - sum_{j>=2} c_j(α) x_{k+1-j} + noise of variance
 s2, with
@@ -6,13 +6,12 @@ g = h^α f and s2 = h^2α Q (`fltea.noise.simulation`). With unlimited memory it
 
     S_x(λ) = s2 / |(1 - e^{-iλ})^α - g e^{-iλ}|²,    λ in rad per sample
 
-The measurement y = x + v has S_x + R. Spectra here are normalised like `periodogram`: white noise of variance
-R has the spectrum R. The functions below return S_x / s2, whose geometric mean is 1 wherever x is stationary:
-s2 is the variance of x's innovations.
+The measurement y = x + v, with white noise v of variance R, has the spectrum S_x + R. Spectra here are
+normalised like `periodogram`: white noise of variance R has the spectrum R. The functions below return S_x /
+s2, whose geometric mean is 1 wherever x is stationary: s2 is the variance of x's innovations.
 
-Two pairs of parameters are exact aliases: (α = 0, g = φ) and (α = 1, g = φ - 1) both are AR(1) with the
-coefficient φ.
-At φ = 0, which is white noise, α has no meaning at all.
+Two pairs of parameters describe the same noise exactly: (α = 0, g = φ) and (α = 1, g = φ - 1) are both AR(1)
+with the coefficient φ. For φ = 0, which is white noise, α has no meaning at all.
 """
 
 import numpy as np
@@ -21,11 +20,11 @@ from numpy.typing import ArrayLike, NDArray
 from fltea.records.arrays import Array
 
 HIGHEST_ORDER = 2.0
-"""Upper limit of orders: with an order of 2 or more, x is not stationary."""
+"""Upper limit of orders α: with an order of 2 or more, the state x is not stationary."""
 
 
 def stationary(alpha: ArrayLike, g: ArrayLike) -> NDArray[np.bool_]:
-    """Return for which α and g the state x with unlimited memory has a finite variance, for 0 <= α.
+    """Return for which α >= 0 and g the state x with unlimited memory has a finite variance.
 
     The conditions are -2^α < g < 0 for 0 < α < 2; α < 1/2 for g = 0; |g| < 1 for α = 0.
     """
@@ -35,30 +34,33 @@ def stationary(alpha: ArrayLike, g: ArrayLike) -> NDArray[np.bool_]:
 
 
 def fractional(lam: Array, alpha: ArrayLike, g: ArrayLike) -> Array:
-    """Return S_x / s2 of the fractional state; α and g broadcast, and λ becomes an additional last axis."""
+    """Return the spectrum S_x / s2 of the fractional state.
+
+    The arrays α and g broadcast, and λ becomes an additional last axis.
+    """
     a = np.asarray(alpha, dtype=np.float64)[..., np.newaxis]
     b = np.asarray(g, dtype=np.float64)[..., np.newaxis]
-    # 1 - e^{-iλ} = ρ e^{i(π - λ)/2}
+    # Use that 1 - e^{-iλ} = 2 sin(λ/2) e^{i(π - λ)/2}. `size` is |1 - e^{-iλ}|^α.
     size = np.exp(a * np.log(2 * np.sin(lam / 2)))
     distance: Array = size * (size - 2 * b * np.cos(a * ((np.pi - lam) / 2) + lam)) + b * b
     return 1 / distance
 
 
 def g_of(alpha: float, f: float, h: float) -> float:
-    """Return g = h^α f, with f in s^-α."""
+    """Return g = h^α f, the parameter f [s^-α] for a step of one sample."""
     return float(h**alpha * f)
 
 
 def f_of(alpha: float, g: float, h: float) -> float:
-    """Return f = h^-α g, in s^-α."""
+    """Return f = h^-α g [s^-α] for the parameter g of a step of one sample."""
     return float(g * h**-alpha)
 
 
 def step_variance(alpha: float, Q: float, h: float) -> float:
-    """Return s2 = h^2α Q, the variance of a whole step, with Q as in `fltea.noise.simulation`."""
+    """Return s2 = h^2α Q, the variance of a whole step, for Q as in `fltea.noise.simulation`."""
     return float(h ** (2 * alpha) * Q)
 
 
 def noise_variance(alpha: float, s2: float, h: float) -> float:
-    """Return Q = h^-2α s2."""
+    """Return Q = h^-2α s2, as in `fltea.noise.simulation`, for the variance s2 of a whole step."""
     return float(s2 * h ** (-2 * alpha))

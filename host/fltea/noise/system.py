@@ -4,13 +4,14 @@
     y_k   = offset + c x_k + v_k,   var v = R
 
 A is diagonal except for the two states of each complex pole, so that a filter needs only a few products per
-state and sample. Relaxations, the random walk and resonances are exact; all other parts are fitted
-(`fltea.noise.poles`). A state is either signal, which is part of the bias, or coloured noise, which is not.
+state and sample. Relaxations, the random walk and resonances are described exactly, all other parts by poles
+that are fitted (`fltea.noise.poles`). A state is either signal, which is part of the bias, or coloured noise,
+which is not part of the bias.
 
-Every sensor has white noise, which its own filter may turn into a relaxation. So where a noise has hardly any
-white noise, its fastest relaxation counts as filtered white noise, and not as signal (`filtered_noise`). The
-same holds for an order near 1 that is as fast. Other orders, and 1/f noise, remain signals, since they have a
-longer memory than any sensor's filter.
+Every sensor has white noise, which its own filter may turn into a relaxation. So if a noise model has hardly
+any white noise, its fastest relaxation counts as filtered white noise, and not as signal (`filtered_noise`).
+The same holds for an order near 1 that is as fast. Other orders, and 1/f noise, remain signals, since they
+have a longer memory than any sensor's filter.
 """
 
 import functools
@@ -53,68 +54,74 @@ MOST = 23
 """Largest number of states in addition to the offset."""
 POINTS_A_DECADE = 16
 LEAST_WHITE = 1e-4
-"""Least share of white noise in the new noise of a sample, since no Kalman filter works without white
-noise.
+"""Least variance of the white noise R, as a proportion of the variance that the states add to a sample in
+each step. Without white noise, no Kalman filter works.
 """
 NO_MATTER = 0.02
-"""Relative error of the spectrum up to which a relaxation may be treated as if it had not passed the sensor's
-filter.
+"""Largest relative error of the spectrum for which a relaxation is treated as if it had not passed the
+sensor's filters, since they hardly change it.
 """
 STOPPED = 1e-4
-"""Noise that a high-pass stops is neglected where less than this share of the spectrum is left."""
+"""Proportion of the noise's power before a high-pass below which the power behind it does not fall in the
+fits. Deeper attenuation is neglected.
+"""
 DIFFUSE = 1e4
-"""Ratio of the prior variance of an unknown value to the variance of the noise."""
+"""Ratio of the prior variance of an unknown offset to the variance of the noise."""
 STRAIGHT = 100
-"""Time constant, in lengths of the record, with which a slope of the offset decays."""
+"""Time constant, in lengths of the record, with which the state that stands for a slope of the offset decays.
+"""
 SLOWEST_FILTER_S, SLOWEST_FILTER = 0.5, 20
 """Longest time constant of a sensor's own filter: SLOWEST_FILTER_S seconds or SLOWEST_FILTER samples,
 whichever is longer.
 """
 NEARLY_ONE = 0.9
-"""An order above this value may be a relaxation."""
+"""A part with an order above this value may really be a relaxation, which has the order 1."""
 TINY = 1e-300
 
 
 class Coordinate(NamedTuple):
-    """An additional state of a system. No other state drives it, and it adds to a sample directly."""
+    """An additional state of a system, driven by no other state. It is added to each sample with weight 1."""
 
     a: float
     q: float
-    """Variance of a step."""
+    """Variance of the noise that is added to the state in each step."""
     variance: float
-    """Variance before the first sample."""
+    """Variance of the state before the first sample."""
     signal: float
     """1 where the state is signal, as in `System`."""
     shared: float = 0.0
-    """Prior variance that this state shares with the previous state, with opposite signs, so that the
-    variance of their sum does not change.
+    """Prior variance that is added to the previous state's, too, with a covariance of the opposite sign. So
+    the prior variance of the sum of both states does not change.
     """
 
 
 def offset_of(power: float, q: float = 0.0, *, of_state: bool = False) -> Coordinate:
-    """Return an offset of unknown value; arguments as for `System.with_offset`.
+    """Return the state for an offset of unknown value; arguments as for `System.with_offset`.
 
-    `power`: variance of a sample, without the offset, before the first sample.
+    `power`: prior variance of a sample, without the offset.
     """
     return Coordinate(1.0, q, DIFFUSE * power, float(of_state))
 
 
 def relaxation_of(variance: float, a: float) -> Coordinate:
-    """Return an additional relaxation; arguments as for `System.with_relaxation`."""
+    """Return the state for an additional relaxation; arguments as for `System.with_relaxation`."""
     return Coordinate(a, variance * (1 - a * a), variance, 1.0)
 
 
 def ramp_of(slope: float, samples: int) -> Coordinate:
-    """Return a slope of the offset; the previous state is the offset. Arguments as for `System.with_ramp`."""
+    """Return the state for a slope of the offset, which is the state before it.
+
+    Arguments are as for `System.with_ramp`.
+    """
     slow = STRAIGHT * samples
     variance = (slope * slow) ** 2
-    # The sum of this state and its share of the offset is 0 before the first sample, so that the slope does
-    # not change the prior of the offset.
+    # Before the first sample, the slope's contribution to this state and to the offset adds up to 0, so that
+    # the slope does not change the prior of a sample.
     return Coordinate(math.exp(-1 / slow), 0.0, variance, 0.0, variance)
 
 
 class System(NamedTuple):
-    """A linear system with n states.
+    """A linear system with n states, which models the noise of a sensor.
 
     The states of complex pole pairs come first; the two states of a pair are neighbours.
     """
@@ -126,20 +133,20 @@ class System(NamedTuple):
     b: Array
     """Imaginary parts of the poles, (n,): A[i, i + 1] = b[i], A[i + 1, i] = -b[i]; 0 for real poles."""
     Q: Array
-    """Covariance of a step, (n, n)."""
+    """Covariance of the noise that is added to the states in each step, (n, n)."""
     c: Array
     """Weight of each state in a sample, (n,)."""
     signal: Array
-    """1 where the state is signal, else 0; (n,)."""
+    """1 for each state that is signal (part of the bias), 0 for coloured noise, (n,)."""
     P0: Array
-    """Covariance before the first sample, (n, n)."""
+    """Covariance of the states before the first sample, (n, n)."""
     R: float
     walks: bool
-    """Whether the signal has no mean, so that an offset cannot be told from it."""
+    """Whether the signal has no mean, as a random walk. Then an offset cannot be told from the signal."""
 
     @property
     def A(self) -> Array:
-        """Transition matrix, (n, n)."""
+        """Matrix by which the states are multiplied in each step, (n, n)."""
         result = np.diag(self.a)
         for i in range(0, 2 * self.pairs, 2):
             result[i, i + 1], result[i + 1, i] = self.b[i], -self.b[i]
@@ -164,29 +171,33 @@ class System(NamedTuple):
         return found._replace(walks=self.walks or of_state)
 
     def with_relaxation(self, variance: float, a: float) -> "System":
-        """Return the system with one more signal relaxation, of this variance and pole `a`, as last state."""
+        """Return the system with one more relaxation as its last state, which is signal.
+
+        `variance`, `a`: variance and pole of the relaxation.
+        """
         return self.with_coordinate(relaxation_of(variance, a))
 
     def with_ramp(self, slope: float, samples: int) -> "System":
         """Return the system with a slope of the offset as its last state.
 
-        With it, the offset is a straight line. The last state so far has to be the constant offset. The slope
-        is described as a slowly decaying relaxation without noise, since the form of A allows no exact slope.
-        Within the record, the line is straight to 1 / `STRAIGHT` of its rise.
+        With the slope, the offset is a straight line in time. The last state so far has to be the constant
+        offset. The slope is described as a slowly decaying relaxation without noise, since the nearly
+        diagonal form of A allows no exact slope. Within the record, the line is straight to 1 / `STRAIGHT` of
+        its rise.
 
         Args:
             slope: prior standard deviation of the slope, per sample.
             samples: length of the record.
 
         Raises:
-            ValueError: there is no offset.
+            ValueError: the last state is no offset.
         """
         if not (len(self.a) and self.a[-1] == 1.0):
             raise ValueError("only an offset, the last coordinate, can have a slope")
         return self.with_coordinate(ramp_of(slope, samples))
 
     def with_coordinate(self, one: Coordinate) -> "System":
-        """Return the system with one more state, which is its last."""
+        """Return the system with one more state, `one`, as its last."""
         n = len(self.a)
         Q, P0 = np.zeros((n + 1, n + 1)), np.zeros((n + 1, n + 1))
         Q[:n, :n], P0[:n, :n], Q[n, n], P0[n, n] = self.Q, self.P0, one.q, one.variance
@@ -199,17 +210,17 @@ class System(NamedTuple):
 
     @property
     def power(self) -> float:
-        """Variance of y before the first sample."""
+        """Variance of a sample, by the covariance of the states before the first sample."""
         return self.R + float(self.c @ self.P0 @ self.c)
 
     @property
     def numbers(self) -> tuple[int, Array, Array, Array, Array, Array, Array, Array, float]:
-        """The arguments of the native module; there `signal` is multiplied by the weight in a sample."""
+        """The arguments of the native module, where `signal` is multiplied by the weight in a sample."""
         signal = self.signal * self.c
         return self.pairs, self.a, self.b, self.Q, self.c, signal, self.bias, self.P0, self.R
 
     def spectrum(self, lam: Array) -> Array:
-        """Return the spectrum of y at λ > 0 in rad per sample, as approximated by the system."""
+        """Return the spectrum that samples of the system have at λ > 0, in rad per sample."""
         n = len(self.a)
         turn = np.exp(1j * np.asarray(lam))[:, None, None] * np.eye(n)
         row = np.linalg.solve(
@@ -220,7 +231,7 @@ class System(NamedTuple):
 
 
 def system(parts: Sequence[Part], h: float, samples: int, *, found: bool = False) -> System:
-    """Return the system of a noise made of parts.
+    """Return the linear system for a noise that is made of parts.
 
     Args:
         parts: the parts of the noise.
@@ -257,7 +268,8 @@ def system(parts: Sequence[Part], h: float, samples: int, *, found: bool = False
         elif part is of_sensor and isinstance(part, Relaxation):
             noise.append(part)
         elif isinstance(part, Relaxation) and (stopped * spectrum([part], lam, h) < NO_MATTER).all():
-            # The relaxation is so slow that the filters do not change it.
+            # The relaxation is so slow that the sensor's filters do not change it, so it is described
+            # exactly.
             exact.append(_relaxing(math.exp(-h / part.tau_s), part.sigma**2, signal=True))
         elif isinstance(part, SLOW):
             by_fit.append(part)
@@ -278,9 +290,9 @@ def system(parts: Sequence[Part], h: float, samples: int, *, found: bool = False
 def filtered_noise(parts: Sequence[Part], h: float) -> Relaxation | Order | None:
     """Return the part that is a sensor's white noise after a filter; None if there is no such part.
 
-    It is a relaxation, or an order that is hardly different from one. At half the sample rate, where the
-    filters pass least, it has more power than all white noise together and than any other part of this kind,
-    so that white noise is visible at no frequency. It is also at least as fast as the slowest filter of a
+    It is a relaxation, or an order that is hardly different from a relaxation. At half the sample rate, where
+    low-passes pass least, it has more power than all white noise together and than any other relaxation, so
+    that white noise is visible at no frequency. It is also at least as fast as the slowest filter of a
     sensor.
     """
     at = np.array([math.pi])
@@ -294,7 +306,8 @@ def filtered_noise(parts: Sequence[Part], h: float) -> Relaxation | Order | None
 
 
 def _decays_within(part: Part, t_s: float) -> TypeGuard[Relaxation | Order]:
-    if isinstance(part, Order):  # an order near 1 is like a relaxation: flat below |f|^(1/α)
+    # an order near 1 is like a relaxation: its spectrum is flat below |f|^(1/α) in rad/s
+    if isinstance(part, Order):
         return part.alpha > NEARLY_ONE and part.f < 0 and abs(part.f) ** (-1 / part.alpha) <= t_s
     return isinstance(part, Relaxation) and part.tau_s <= t_s
 
@@ -334,7 +347,7 @@ def _of_noise(
     h: float,
     room: int,
 ) -> tuple[list[Block], float]:
-    """Return the blocks of all noise that is no signal, and the variance of its white part."""
+    """Return the blocks of states for all noise that is no signal, and the variance of its white part."""
     blocks: list[Block] = []
     coloured: list[Part] = []
     poles = list(behind)
@@ -356,7 +369,8 @@ def _of_noise(
     power = spectrum([White(0.0), *coloured, *others], LINES, h) if coloured else np.zeros(len(LINES))
     level += float(power.mean())
     if coloured and level > 0:
-        # Treat half of the coloured noise's minimum as white; behind a high-pass the minimum is 0.
+        # Treat half of the coloured noise's least power as white noise. Behind a high-pass the least power is
+        # 0.
         white = 0.5 * float(power.min()) if others and len(others) == len(filters) else 0.0
         response = least_phase(power - white)(lam) * high_pass_response(filters, lam, h)
         blocks.append(fitted(response, total, poles, lam, room - len(exact.a), signal=False))
@@ -365,15 +379,18 @@ def _of_noise(
 
 
 def _response(filters: Sequence[Part], lam: Array, h: float) -> Complex:
-    """Return the response of a chain of filters; high-passes are too slow for the grid `LINES`."""
+    """Return the frequency response of a chain of filters at λ.
+
+    High-passes are computed separately, since they are too slow for the grid of frequencies `LINES`.
+    """
     rest = least_phase(spectrum([White(1.0), *_without_high_passes(filters)], LINES, h))(lam)
     return np.asarray(rest * high_pass_response(filters, lam, h))
 
 
 def _total(parts: Sequence[Part], lam: Array, h: float) -> Array:
-    """Return the spectrum of a noise.
+    """Return the spectrum of a noise at λ, by which errors of a fit are weighted.
 
-    Where a high-pass leaves almost nothing, it is raised to a lower limit.
+    Where a high-pass leaves almost nothing, the spectrum is raised to a lower limit.
     """
     found = spectrum(parts, lam, h)
     high = [part for part in parts if isinstance(part, HighPass)]
@@ -397,9 +414,10 @@ def _relaxing(a: float, variance: float, *, signal: bool) -> Block:
 
 
 def _resonating(part: Resonance, h: float) -> Block:
-    """Return the two states of a resonance."""
+    """Return the block of two states that describe a resonance."""
     z, turn = part.pole(h), np.exp(-2j * math.pi * part.frequency_hz * h)
-    # The spectrum is s2 / (|1 - z e^-iλ|² |1 - z* e^-iλ|²), and s2 follows from its height at the resonance.
+    # The resonance's spectrum is s2 / (|1 - z e^-iλ|² |1 - z* e^-iλ|²), where s2 is the variance of the white
+    # noise that drives it and follows from the height at the resonance.
     s = math.sqrt(part.height) * abs(1 - z * turn) * abs(1 - z.conjugate() * turn)
     return driven(np.array([z]), np.array([s * z / (z - z.conjugate())]), signal=False)
 

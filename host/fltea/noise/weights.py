@@ -20,7 +20,7 @@ def _indices(capacity: int) -> Array:
 
 
 def weights(orders: float | Array, n: int) -> Array:
-    """Return c_0 .. c_n, shape (n+1,) for one order, or (len(orders), n+1) for several.
+    """Return weights c_0 .. c_n, of shape (n+1,) for one order, or (len(orders), n+1) for several.
 
     The recurrence is `c_0 = 1, c_j = c_{j-1} (1 - (a+1)/j)`. Orders beyond the range of floats give
     infinities or NaN, never an exception. `n < 0`, and orders with more than one dimension, raise ValueError.
