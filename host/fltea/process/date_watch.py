@@ -5,7 +5,10 @@ from fltea.records.ports import Report
 
 
 class DateWatch:
-    """Reports when the date becomes impossible. `report`: function that takes kind and text of the report."""
+    """Reports once when the machine's date becomes impossible.
+
+    `report`: function that takes kind and text of the report.
+    """
 
     def __init__(self, report: Report) -> None:
         self._report = report

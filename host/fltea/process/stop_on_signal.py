@@ -8,10 +8,13 @@ from fltea.process.wake_up import WakeUp
 
 
 class StopOnSignal(contextlib.AbstractContextManager["StopOnSignal"]):
-    """Lets SIGINT, SIGTERM and SIGHUP ask for the end; before `armed` they raise KeyboardInterrupt.
+    """Makes SIGINT, SIGTERM and SIGHUP ask the program to end.
 
-    `count`: number of signals. `wake_up`: set when the end is asked for. A `threading.Event` could hang here:
-    a second signal during the handler of the first would wait for its lock forever.
+    While `armed` is false they raise KeyboardInterrupt instead.
+
+    `count`: number of signals so far. `wake_up`: flag that is set when the end is asked for. A
+    `threading.Event` in its place could hang: a second signal during the handler of the first would wait
+    forever for the event's lock.
     """
 
     def __init__(self) -> None:
@@ -23,7 +26,7 @@ class StopOnSignal(contextlib.AbstractContextManager["StopOnSignal"]):
     def __enter__(self) -> "StopOnSignal":
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             if number == signal.SIGHUP and signal.getsignal(number) == signal.SIG_IGN:
-                continue  # the program was started by nohup
+                continue  # the program was started by nohup, so it goes on when its terminal is closed
             self._before[number] = signal.signal(number, self._on_signal)
         return self
 
@@ -38,6 +41,6 @@ class StopOnSignal(contextlib.AbstractContextManager["StopOnSignal"]):
         self.ask()
 
     def ask(self) -> None:
-        """Ask for the end."""
+        """Ask the program to end."""
         self.asked = True
         self.wake_up.ring()
