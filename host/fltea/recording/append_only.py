@@ -1,4 +1,4 @@
-"""Writes a new file with one system call per flush, and checks each time that the file still exists."""
+"""Writes a new file with one system call per flush, and can check that nobody has deleted or moved it."""
 
 import contextlib
 import errno
@@ -14,7 +14,7 @@ NAME_OF_DELETED = ".nfs"
 
 
 class Meddled(OSError):
-    """Raised if another program deleted, moved or truncated the file; nothing more is then written to it.
+    """Raised if another program deleted, moved or truncated a file that this program is writing.
 
     `what`: what happened to the file. `where`: new path of a moved file; "" if the operating system does not
     report it.
@@ -26,7 +26,7 @@ class Meddled(OSError):
 
 
 class AppendOnly:
-    """A new file to which each flush writes all pending data with one system call.
+    """A new file that is only appended to. Each flush writes all pending data with one system call.
 
     `good_bytes`: length of the file after the last successful flush [bytes]; `cut` truncates the file to it.
     """
@@ -37,7 +37,8 @@ class AppendOnly:
         self._pending = bytearray()
         self._fd = os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY | os.O_CLOEXEC, 0o666)
         with contextlib.suppress(OSError):  # some file systems have no locks
-            fcntl.flock(self._fd, fcntl.LOCK_EX)  # programs that read or repair the file see the lock
+            # the lock tells programs that read or repair the file that it is still being written
+            fcntl.flock(self._fd, fcntl.LOCK_EX)
         try:
             if reserve_bytes:
                 _reserve(self._fd, reserve_bytes)
@@ -73,7 +74,7 @@ class AppendOnly:
             raise Meddled("cut short")
 
     def flush(self) -> None:
-        """Write everything that is pending to the file; raise OSError if the operating system refuses."""
+        """Write all pending data to the file; raise OSError if the operating system refuses."""
         done = 0
         while done < len(self._pending):
             done += os.write(self._fd, memoryview(self._pending)[done:])
@@ -95,7 +96,7 @@ class AppendOnly:
                 os.close(fd)
 
     def _is_named(self, ours: os.stat_result) -> bool:
-        """Return whether the file's path still leads to the open file, given the open file's status.
+        """Return whether the file's path still leads to the open file. `ours`: status of the open file.
 
         The number of hard links alone does not show this: a moved file still has one link, and some
         user-space file systems report 0 links for every file. Some network file systems change a file's inode

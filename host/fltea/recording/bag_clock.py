@@ -1,4 +1,4 @@
-"""Chooses the clock of a bag (header stamps or arrival times), and finds its unit and the sampling rate."""
+"""Chooses the clock of a ROS bag (header stamps or arrival times), and finds its unit and sampling rate."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -18,7 +18,9 @@ RATE_TOLERANCE = 0.01
 """Largest relative difference between the rate that the user gives and the rate that the times show."""
 
 CLOCK_TOLERANCE, FEWEST = 0.25, 10
-"""Limits for finding the stamps' unit by the arrival times: relative difference of rates, fewest messages."""
+"""Limits for finding the stamps' unit by the arrival times: largest relative difference of the time that
+passes by both, and fewest messages.
+"""
 
 OTHER_UNITS = 1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9
 """Factors by which a sampling rate is wrong if the times are read in a wrong unit."""
@@ -27,9 +29,9 @@ NS = 1_000_000_000
 
 
 class Ticks(NamedTuple):
-    """Unit of the time stamps.
+    """Unit of the time stamps in the messages.
 
-    `seconds`: unit of each number in a stamp [s], such as 1 and 1e-9; empty if unknown.
+    `seconds`: unit of each number that a stamp consists of [s], such as 1 and 1e-9; empty if unknown.
 
     `by`: text for the user that says where the unit comes from.
     """
@@ -70,7 +72,7 @@ def measured_ticks(layout: Layout, time: Floats, arrival_ns: Ints) -> Ticks:
 
 
 def stamps_of(time: Floats, time_s: Sequence[float]) -> Ints:
-    """Return the stamps in nanoseconds, computed exactly.
+    """Return the stamps in nanoseconds, computed exactly. `time_s`: unit of each column of `time` [s].
 
     A stamp is 0 if the time is missing or impossible.
     """
@@ -85,7 +87,7 @@ def stamps_of(time: Floats, time_s: Sequence[float]) -> Ints:
 
 
 class Judged(NamedTuple):
-    """The chosen clock, and warnings about it.
+    """The clock that was chosen for a topic, and warnings about it.
 
     `by_arrivals`: whether arrival times are used instead of stamps. `problems`: warnings for the user.
     """
@@ -99,9 +101,9 @@ class Judged(NamedTuple):
 def judged(
     where: str, layout: Layout, how: How, ticks: Ticks | None, stamp_ns: Times, arrival_ns: Times
 ) -> Judged:
-    """Choose the stamps or, if they are unusable, the arrival times as the clock.
+    """Choose the header stamps or, if they are unusable, the arrival times as the clock of the samples.
 
-    The user's options must agree with this clock.
+    The user's options about rate and unit must agree with the chosen clock.
 
     Raises:
         NotStated: neither stamps nor arrival times show the sampling rate.

@@ -29,7 +29,8 @@ TIMES = {
 """Types of ROS 1 and ROS 2 that consist of two numbers, whether or not the bag holds their definitions."""
 
 LIST = -1
-"""Value of `Field.many` for a list or text, whose length is stored in the 4 bytes before it."""
+"""Value of `Field.many` for a list or text. The length of a list or text is stored in the 4 bytes before it.
+"""
 
 DEEPEST, MOST_LINES, MOST_LAYOUTS = 10, 5000, 64
 LONGEST_PADDING = 7
@@ -37,7 +38,9 @@ CDR_HEAD = 4
 """Length of the CDR header before each message, which states the encoding [bytes]."""
 
 PLAIN_CDR = {0: (">", 8), 1: ("<", 8), 6: (">", 4), 7: ("<", 4)}
-"""Byte order and largest alignment [bytes] for each value of the CDR header's second byte (XCDR 1 and 2)."""
+"""Byte order, and largest alignment of a number [bytes], for each value of the CDR header's second byte (XCDR
+1 and 2).
+"""
 
 _LINE = re.compile(
     r"\s*(?P<type>[A-Za-z][\w/]*)(?:<=\d+)?(?P<many>\[(?P<atmost><=)?(?P<count>\d*)\])?\s+(?P<name>[\w.]++)"
@@ -47,7 +50,7 @@ _SEPARATOR = re.compile(r"^=+[ \t]*\r?$", re.M)
 
 
 class Field(NamedTuple):
-    """A field of a message: one number, an array of `many` numbers, or a list (`many` is `LIST`).
+    """A field of a message: one number (`many` is None), an array of `many` numbers, or a list (`LIST`).
 
     `code`: type of a number in numpy's notation. `said`: comments in the definition on the field and on the
     fields that contain it, the innermost field first.
@@ -62,9 +65,9 @@ class Field(NamedTuple):
 class Definition(NamedTuple):
     """Fields of a message type in the order in which they are stored.
 
-    `is_whole`: whether these are all fields of the message; otherwise further fields follow. `said`: comment
-    at the beginning of the definition. `padding`: largest number of padding bytes after the last field in
-    CDR.
+    `is_whole`: whether `fields` are all fields of the message; if not, further fields follow that are not
+    read. `said`: comment at the beginning of the definition. `padding`: largest number of padding bytes after
+    the last field in CDR.
     """
 
     fields: tuple[Field, ...]
@@ -77,7 +80,7 @@ class Definition(NamedTuple):
 def parse_definition(text: str) -> Definition:
     """Read the definition of a type in the format of `.msg` files, followed by the definitions it refers to.
 
-    Fields after a list of messages or of texts are left out, since their offsets vary.
+    Fields after a list of messages or texts are left out, since the offsets of these fields vary.
 
     Raises:
         ValueError: the text is not a definition.
@@ -103,7 +106,9 @@ def parse_definition(text: str) -> Definition:
 def _flat(
     text: str, before: str, said: tuple[str, ...], parts: dict[str, str], lines: Iterator[int], depth: int
 ) -> Iterator[Field | None]:
-    """Yield the fields of a type and of its nested types, and None before the first field of unknown offset.
+    """Yield the fields of a type and of its nested types.
+
+    At the first field of unknown offset, yield None and end.
 
     `lines`: number of lines that may still be read.
     """
@@ -148,11 +153,13 @@ def _body_of(kind: str, parts: dict[str, str]) -> str | None:
 
 
 Columns = tuple[NDArray[np.int64], NDArray[np.float64]]
-"""Indices of messages, and the wanted numbers of each. A text is given as its number in `Words`."""
+"""Indices of messages, and the wanted values of each as numbers. A text is given as the number that `Words`
+gave it.
+"""
 
 
 class Words:
-    """Gives each different text of a field a number, counted separately for each field."""
+    """Gives each different text of a field a number. The numbers are counted separately for each field."""
 
     def __init__(self) -> None:
         self._of: dict[str, dict[str, int]] = {}
@@ -162,7 +169,7 @@ class Words:
         return list(self._of.get(name, ()))
 
     def numbers(self, name: str, data: NDArray[np.uint8]) -> NDArray[np.float64]:
-        """Return the number of each text in the field `name`. `data`: bytes of the texts (n, length).
+        """Return the number given to each text in the field `name`. `data`: bytes of the texts (n, length).
 
         Equal texts have equal numbers.
         """
@@ -182,9 +189,12 @@ def read_columns(
     words: Words | None = None,
     check: Callable[[], None] = lambda: None,
 ) -> Columns:
-    """Read the wanted numbers of messages in the bag's order; messages that do not fit are left out.
+    """Read the fields `wanted` of messages in the bag's order.
 
-    `words`: collects the texts in the wanted fields. `check`: function that is called often and may raise.
+    Messages that do not fit the definition are left out.
+
+    `words`: collects the texts in the wanted fields. `check`: function that is called often, and that may
+    raise an error to stop the reading.
     """
     words = Words() if words is None else words
     length = np.fromiter(map(len, messages), np.int64, len(messages))
@@ -217,7 +227,10 @@ def _read(
     words: Words,
     check: Callable[[], None],
 ) -> Iterator[Columns]:
-    """Yield the columns of messages that have equal lengths: bytes (n, length) without the CDR header."""
+    """Yield the wanted columns of messages with equal lengths.
+
+    `data`: their bytes (n, length) without the CDR header.
+    """
     size = data.shape[1]
     in_field: dict[str, list[tuple[str, int]]] = {}
     for name in wanted:
@@ -257,7 +270,7 @@ def _read(
 
 
 def _column(data: NDArray[np.uint8], name: str, at: int, kind: str, words: Words) -> NDArray[np.float64]:
-    """Return the value of the field `name` in each message; a text is replaced by its number in `words`."""
+    """Return the value of the field `name` in each message. A text is replaced by its number in `words`."""
     return (
         words.numbers(name, data[:, at : at + int(kind[1:])]) if kind[0] == "S" else _numbers(data, at, kind)
     )
@@ -268,7 +281,7 @@ def _aligned(at: int, to: int) -> int:
 
 
 def _numbers(data: NDArray[np.uint8], at: int, kind: str) -> NDArray[np.float64]:
-    """Return the number at offset `at` of each message."""
+    """Return the number of type `kind` that is stored at offset `at` of each message."""
     width = np.dtype(kind).itemsize
     found: NDArray[np.float64] = np.ascontiguousarray(data[:, at : at + width]).view(kind)[:, 0]
     return found.astype(np.float64)

@@ -10,21 +10,27 @@ from fltea.records.small_file import open_file
 from fltea.settings.extras import load
 
 (ROS1, SQLITE), MCAP = FORMATS["bag"].magic, b"\x89MCAP0\r\n"
-"""First bytes of the three kinds of bags. A file that begins with those of MCAP may be from fltea instead."""
+"""First bytes of the three kinds of bags. A file that begins with the bytes of MCAP may also be a recording
+of fltea, which is no bag.
+"""
 
 SUFFIXES = FORMATS["bag"].suffixes
-"""Endings of bags other than MCAP. A bag of ROS 1 that is being written is named NAME.bag.active."""
+"""Endings of the names of bags other than MCAP files. A bag of ROS 1 that is being written is named
+NAME.bag.active.
+"""
 
 OF_FOLDERS = ("*.mcap", "*.db3")
 PACKED = ".zstd"
 
 PROFILES = (b"ros1", b"ros2")
 ENCODINGS = ("ros1", "cdr", "json", "protobuf")
-"""Message encodings of ROS and of programs other than fltea."""
+"""Message encodings of MCAP files that are from ROS or other programs, and not from fltea."""
 
 BEGIN_BYTES = 4096
 PROFILE_AT = len(MCAP) + 1 + 8
-"""Offset at which an MCAP file stores the length of its profile's name [bytes]."""
+"""Offset at which an MCAP file stores the length of the name of its profile [bytes]. The profile is the
+convention that its messages follow, such as ros2.
+"""
 
 
 def files_of(folder: Path) -> list[Path]:
@@ -52,9 +58,9 @@ def is_bag_folder(folder: Path) -> bool:
 
 
 def bags_in(folder: Path) -> list[Path]:
-    """Return the bags in a folder that is not a bag itself.
+    """Return the bags in a folder; none if the folder is itself a bag.
 
-    The folder itself is included if it holds fltea's MCAP files.
+    If a folder with bags also holds fltea's own MCAP files, the folder itself is added to the bags.
     """
     if not folder.is_dir() or is_bag_folder(folder):
         return []
@@ -72,7 +78,8 @@ def _is_bag(path: Path) -> bool:
 def is_ros_mcap(path: Path) -> bool:
     """Return whether an MCAP file is from ROS and not from fltea.
 
-    The profile that the file states decides, or else the encoding of its messages.
+    The profile that the file states decides. If it states none, the schemas and the encoding of its messages
+    decide.
     """
     try:
         with open_file(path) as file:

@@ -36,22 +36,23 @@ from fltea.settings.extras import load
 from fltea.settings.how import How
 
 COLUMNS, NUMBERS = ("gyro", "accel", "stamp", "arrival"), 8
-"""Columns of the temporary file, and how many numbers these columns hold together for each sample."""
+"""Columns of the temporary file, and how many numbers it holds for each sample in all these columns."""
 
 SHOWN = 8 * AT_ONCE
-"""Number of samples that the table of candidate units is computed from."""
+"""Number of samples from which the table is computed that shows the user what each unit would mean."""
 
 ZSTD = b"\x28\xb5\x2f\xfd"
-"""First bytes of a message that was compressed individually."""
+"""First bytes of a message that was compressed by itself with zstd."""
 
 
 @dataclass
 class MessageCounts:
-    """Counts of the messages that are not samples.
+    """Counts of the messages that gave no sample.
 
     `unusable`: messages without the topic's layout. `not_numbers`: messages with a value that no sensor
     gives. `twice`: messages equal to the message before. `in_two_files`: messages that another file of the
-    bag holds too. `measured`: `gyro` or `accel` for each sensor that, by at least one message, was measured.
+    bag holds too. `measured`: `gyro`, `accel` or both: the quantities of which at least one message says that
+    they were measured.
     """
 
     unusable: int = 0
@@ -79,13 +80,13 @@ class MessageCounts:
 
 
 class Neighbours:
-    """Marks rows of numbers that equal the row before."""
+    """Marks rows of numbers that equal the row before them."""
 
     def __init__(self) -> None:
         self._last: NDArray[np.int64] | None = None
 
     def repeated(self, rows: Floats) -> Marks:
-        """Mark those of the next rows that equal the row before in all columns.
+        """Mark those of the next rows that equal the row before them in all columns.
 
         The last column holds the stamps.
 
@@ -102,7 +103,7 @@ class Neighbours:
 
 
 class Gathered:
-    """Collects the messages of one topic.
+    """Collects the messages of one topic of a bag, to make a recording from them.
 
     `how`: the user's options. `sensor`: the gyroscope to read if a message holds several.
     `quota`: limits of time and memory for decoding the messages.
@@ -129,7 +130,10 @@ class Gathered:
         self._are_several: bool | None = None
 
     def add(self, batch: Batch, layout: Layout) -> None:
-        """Add a batch of messages with the given layout; messages are decoded many at a time."""
+        """Add a batch of messages that have the given layout.
+
+        Messages are kept first, and decoded many at a time.
+        """
         if (layout.rate, layout.accel_unit) != (self._layout.rate, self._layout.accel_unit):
             self._counts.unusable += batch.count
             return
@@ -172,18 +176,18 @@ class Gathered:
             self._samples.add(imu.gyro[keep], imu.accel[keep], others, lambda _: str(self._path), factor)
 
     def _publishers(self, by: NDArray[np.str_], arrival_ns: Ints) -> NDArray[np.str_]:
-        """Return the publisher of each message, from `by`, if several publishers send at the same time.
+        """Return `by`, the publisher of each message, if several publishers send at the same time.
 
-        Otherwise, return empty texts.
+        Otherwise, return an empty text for each message, since publishers do not distinguish sensors then.
         """
         if self._are_several is None:
             self._are_several = are_at_once(by, arrival_ns)
         return by if self._are_several else np.full(len(by), "")
 
     def lacks(self) -> str:
-        """Return which sensors the topic has, as a text, if the user's sensor is missing.
+        """Return a text on the sensors that the topic has, if the sensor that the user names is missing.
 
-        "" if it is present.
+        Return "" if the sensor is present, or if the user names none.
         """
         self._read_waiting()
         return self._sensors.lacks()
@@ -295,7 +299,7 @@ class Gathered:
     def _clean_accel(self) -> None:
         """Drop messages with invalid accelerations.
 
-        If most are invalid, drop all accelerations and no message.
+        If most accelerations are invalid, drop all accelerations and no message.
         """
         bad = self._samples.bad_accel.count
         if bad > len(self._samples) // 2:
@@ -358,7 +362,7 @@ def _unpacked(message: bytes) -> bytes:
 def _blocks(
     spool: Spool, stamps: Stamps, rate_hz: float, start_ns: int, factors: tuple[float, float]
 ) -> Iterator[Recording]:
-    """Yield the samples in blocks. `factors`: from the file's units to deg/s (or counts) and to m/s²."""
+    """Yield the samples in blocks. `factors`: of the file's units in deg/s (or counts) and in m/s²."""
     names = [name for name in ("gyro", "accel", "arrival") if name in spool]
     row = 0
     for values in spool.blocks(names, AT_ONCE):

@@ -1,7 +1,7 @@
-"""Finds a gyroscope's fields in the messages of a topic, states what is known of them, and reads them.
+"""Finds a gyroscope's fields in the messages of a topic, states their units, and reads them.
 
-The layouts of ROS's sensor_msgs/Imu and of PX4's types are built in; for other types, the bag must hold the
-definition.
+The layouts of ROS's sensor_msgs/Imu and of PX4's message types are built in. For other types, the bag must
+hold the definition.
 """
 
 from collections.abc import Callable, Sequence
@@ -30,13 +30,16 @@ IMU_ROS1 = f"uint32 header.seq\nuint32 header.stamp.sec\nuint32 header.stamp.nan
 IMU_ROS2 = f"int32 header.stamp.sec\nuint32 header.stamp.nanosec\n{_HEAD}{_BODY}"
 
 FRAME = "frame_id"
-"""Header field for the name of the sensor's coordinate frame; some programs store a count of images in it."""
+"""Header field for the name of the sensor's coordinate frame. Some programs store a count of images in it
+instead.
+"""
 
 UNKNOWN = -1.0
-"""First element of a covariance matrix that states that the quantity was not measured."""
+"""Value of a covariance matrix's first element by which a message states that the quantity was not measured.
+"""
 
 FIFO = 32
-"""Number of samples that a SensorGyroFifo message has room for."""
+"""Number of samples that a message of PX4's type SensorGyroFifo has room for."""
 
 _TIMES = "uint64 timestamp\nuint64 timestamp_sample\n"
 PX4 = {
@@ -60,22 +63,22 @@ PX4 = {
 }
 """PX4's message types as its uORB documentation gives them, for bags without definitions.
 
-Releases of PX4 differ.
+Some types have several definitions, since releases of PX4 differ.
 """
 
 PX4_PADDING = 3
-"""Most padding bytes at the end of a message. More bytes show a PX4 release with other fields."""
+"""Most padding bytes at the end of a PX4 message. More bytes show a release of PX4 with other fields."""
 
 PX4_AXES = {"SensorCombined": "gyro_rad", "VehicleAngularVelocity": "xyz"}
 
 
 class Imu(NamedTuple):
-    """Numbers of successive messages.
+    """Numbers that were read from successive messages.
 
     `row`: index of each message in the batch (n,); messages that do not fit the layout are left out. `time`:
     times (n, k), in the k fields that the layout names. `gyro`, `accel`: (n, 3) in the file's units.
-    `measured`, `measured_accel`: whether each message states that it holds rates and accelerations. `tell`:
-    for each field that distinguishes sensors, its values (n,).
+    `measured`, `measured_accel`: whether rates, and accelerations, were measured according to each message
+    (n,). `tell`: for each field that distinguishes sensors, its values (n,).
     """
 
     row: Ints
@@ -87,7 +90,7 @@ class Imu(NamedTuple):
     tell: tuple[NDArray[np.str_], ...] = ()
 
     def rows(self, kept: Marks) -> "Imu":
-        """Return the messages that `kept` marks; `tell` is left out."""
+        """Return the numbers of the messages that `kept` marks, without `tell`."""
         time, gyro, accel = self.time[kept], self.gyro[kept], self.accel[kept]
         return Imu(self.row[kept], time, gyro, accel, self.measured[kept], self.measured_accel[kept])
 
@@ -127,7 +130,7 @@ def ros_layout(kind: str, encoding: Encoding, schema: bytes, sensor: str | None 
 
 
 def _telling(definition: Definition) -> tuple[str, ...]:
-    """Return the fields that may distinguish sensors: whole numbers and texts."""
+    """Return the names of fields that may distinguish sensors. They hold whole numbers or texts."""
     fields = definition.fields
     kinds = {None: "iu", LIST: "u"}
     return tuple(
@@ -177,7 +180,7 @@ def _px4_layout(name: str, own: Definition | None) -> Layout:
 def read_ros(
     messages: Sequence[bytes], layout: Layout, *, is_ros1: bool, check: Callable[[], None] = lambda: None
 ) -> Imu:
-    """Read messages in the bag's order. `check`: function that is called often and may raise an error."""
+    """Read ROS messages in the bag's order. `check`: function that is called often and may raise an error."""
     is_fifo = "samples" in layout.more
     gyro = [f"{axis}[{i}]" for axis in layout.gyro for i in range(FIFO)] if is_fifo else [*layout.gyro]
     wanted = [*layout.time, *gyro, *layout.accel, *layout.more, *layout.tell]
@@ -207,7 +210,9 @@ def _as_texts(column: Floats, name: str, words: Words) -> NDArray[np.str_]:
 
 
 def _samples_of_fifo(values: Floats) -> tuple[Ints, Floats]:
-    """Return, for each sample, the index of its message, its time [µs], and its rates [rad/s].
+    """Return, for each sample of messages with several, its message, its time [µs] and its rates [rad/s].
+
+    A message is given by its index.
 
     `values`: columns with the time of the last sample [µs], the samples of each axis, the sampling period
     [µs], the scale [rad/s], and the number of samples.

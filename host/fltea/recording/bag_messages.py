@@ -11,10 +11,10 @@ LONGEST_MESSAGE = 1 << 16
 """Longest message that is read [bytes]; an Imu message has 350."""
 
 RATES = b"angular_velocity", b"gyro"
-"""Words in a schema that point to a gyroscope."""
+"""Words in a schema (the description of a message type) that point to a gyroscope."""
 
 DEFINITIONS = "ros1msg", "ros2msg", "jsonschema", "protobuf"
-"""Encodings of type descriptions that can be read."""
+"""Encodings of schemas, which describe message types, that can be read."""
 
 
 class Topic(NamedTuple):
@@ -34,7 +34,7 @@ class Topic(NamedTuple):
     def is_imu(self) -> bool:
         """Whether the topic's messages may hold angular rates.
 
-        For JSON and protobuf, this is guessed from names.
+        For JSON and protobuf, this is guessed from the names of the topic, of the type and in the schema.
         """
         if self.is_of_objects:
             names = f"{self.type} {self.name}".lower()
@@ -43,7 +43,7 @@ class Topic(NamedTuple):
 
     @property
     def is_of_objects(self) -> bool:
-        """Whether the messages are objects whose fields have names, that is, in JSON or protobuf."""
+        """Whether the messages are objects, in JSON or protobuf, whose fields are found by their names."""
         return self.encoding in ("json", "protobuf")
 
     def layout(self, messages: list[bytes], sensor: str | None, quota: Quota) -> Layout | None:
@@ -63,7 +63,7 @@ class Topic(NamedTuple):
         return layout_of(messages, self.encoding, self.type, self.schema, sensor, quota)
 
     def read(self, messages: list[bytes], layout: Layout, quota: Quota) -> Imu:
-        """Read messages in the file's order; messages that do not fit the layout are left out.
+        """Read messages in the file's order. Messages that do not fit the layout are left out.
 
         Raises:
             UsageError: reading takes too much time.
@@ -85,7 +85,9 @@ def encoding_of(name: str) -> Encoding | None:
 
 @dataclass
 class Batch:
-    """Successive messages of one topic; if the topic is no Imu topic, the messages are only counted.
+    """Successive messages of one topic.
+
+    If the topic can hold no angular rates, the messages are only counted.
 
     `count`: number of messages. `arrival_ns`: time at which each message was recorded [ns]. `data`: their
     bytes.

@@ -23,11 +23,11 @@ from fltea.records.errors import UsageError
 from fltea.records.records import AXES
 
 IS_IMU = re.compile(r"(?:ros\.)?sensor_msgs[./](?:msg[./])?Imu", re.ASCII)
-"""Names of the type in ROS 1, in ROS 2, and in programs that convert ROS messages to JSON or protobuf."""
+"""Names of the type Imu in ROS 1, in ROS 2, and in programs that convert ROS messages to JSON or protobuf."""
 
 _PLACE = re.compile(r"(.+)(?:\.([xyz])|\[([012])\])")
 _LETTERS = "xyz", "XYZ", "012"
-"""Letters of the axes; the names of three axes differ only in this letter."""
+"""Letters or digits of the axes. The names of the three axes of a sensor differ only in this character."""
 
 MOST_CHARS = 4000
 """Longest text that is searched for a unit [characters]."""
@@ -45,7 +45,10 @@ UnitOf = Callable[[str], str | None]
 
 
 class Said(NamedTuple):
-    """A unit, with its evidence and its source. `against`: a contradicting unit with its source, or ""."""
+    """A unit, with the kind of its evidence and its source.
+
+    `against`: another unit that contradicts it, with its source, or "".
+    """
 
     unit: str
     evidence: Evidence
@@ -62,9 +65,10 @@ class Layout(NamedTuple):
     other fields whose names look like those of a sensor. `definitions`: possible definitions of the ROS type;
     each message is read by the first that fits it. `is_known`: whether the message type is made for inertial
     sensors. `more`: further fields that are read. `tell`: fields whose names show that they distinguish
-    sensors. `others`: fields that perhaps do so. `several`: names of the gyroscopes in one message, if the
-    user has to choose one. `fixed`: texts by field; only messages with these texts are read. `changed`: a
-    scale or offset that may still have to be applied to the rates, "" if none is stated.
+    sensors in one topic. `others`: fields that perhaps distinguish sensors, too. `several`: names of the
+    gyroscopes in one message, if the user has to choose one. `fixed`: fields of units with their texts; only
+    messages with the same texts are read. `changed`: a scale or offset that may still have to be applied to
+    the rates, "" if none is stated.
     """
 
     gyro: tuple[str, ...]
@@ -86,7 +90,11 @@ class Layout(NamedTuple):
 
 
 class Texts(NamedTuple):
-    """Texts that describe a field: `words`, the innermost first, and `unit`, the text of a field of units."""
+    """Functions that return texts on a field.
+
+    `words`: descriptions of the field and of the fields that contain it, the innermost first. `unit`: text of
+    the field of units beside it.
+    """
 
     words: Callable[[str], Iterable[str]] = lambda _: ()
     unit: Callable[[str], str] = lambda _: ""
@@ -104,7 +112,7 @@ def title(names: Sequence[str]) -> str:
 
 
 def by_convention(kind: str) -> tuple[Said | None, Said | None]:
-    """Return the units of rates and accelerations by the convention for a message type, or None."""
+    """Return the units of rates and accelerations that a convention gives for a message type, or None."""
     if IS_IMU.fullmatch(kind) is None:
         return None, None
     why = f"{kind} (REP 103)"
@@ -114,7 +122,7 @@ def by_convention(kind: str) -> tuple[Said | None, Said | None]:
 def named_layout(
     names: Sequence[str], kind: str, texts: Texts = NO_TEXTS, sensor: str | None = None
 ) -> Layout | None:
-    """Return the layout of messages with fields of these names; None if they lack a gyroscope's three axes.
+    """Return the layout of messages with fields of these names; None if these lack a gyroscope's three axes.
 
     `kind`: message type. `sensor`: the gyroscope to read if a message holds several.
 
@@ -153,7 +161,7 @@ def _spoken(name: str) -> str:
 
 
 def _triples(names: Sequence[str], axis_in: UnitOf) -> dict[str, tuple[str, ...]]:
-    """Return the fields of the axes x, y, z of each sensor, by the common part of their names."""
+    """Return the fields of the axes x, y, z of each sensor. The key is the common part of their names."""
     axes = {
         name: axis
         for name in names
@@ -172,14 +180,15 @@ def _triples(names: Sequence[str], axis_in: UnitOf) -> dict[str, tuple[str, ...]
 
 
 def _without(name: str, at: int) -> str:
-    """Return the name of an axis without its letter at index `at`."""
+    """Return the name of an axis's field without the letter of the axis at index `at`."""
     return re.sub(r"([._])[._]+", r"\1", name[:at].rstrip("[") + name[at + 1 :].lstrip("]")).strip("._")
 
 
 def _called(labels: Sequence[str]) -> dict[str, str]:
     """Return the names by which a user may choose a gyroscope, each with the label of that gyroscope.
 
-    A name is the label itself, or the name of a group that belongs to one gyroscope only.
+    A gyroscope's name is its label (the common part of its fields' names), or the name of the group of fields
+    that it is in, if that group has no other gyroscope.
     """
     groups = [label.rpartition(".")[0] for label in labels]
     by_group = zip(groups, labels, strict=True) if len({*groups} - {""}) == len(groups) else ()
@@ -197,7 +206,10 @@ def _clock(names: Sequence[str], texts: Texts) -> tuple[tuple[str, ...], tuple[f
 
 
 def _stated(names: Sequence[str], in_name: UnitOf, texts: Texts, unit_of: UnitOf) -> Said | None:
-    """Return the unit stated by the axes' names, by a field of units in the messages, or by the schema."""
+    """Return the unit of a sensor's axes.
+
+    It is stated by the axes' names, by a field of units in the messages, or by the schema.
+    """
     said: list[Said] = []
     for why, units in (
         ("the name {}", [in_name(_spoken(name)) for name in names]),
@@ -215,7 +227,10 @@ def _stated(names: Sequence[str], in_name: UnitOf, texts: Texts, unit_of: UnitOf
 
 
 def _in_words(names: Sequence[str], texts: Texts, unit_of: UnitOf) -> str | None:
-    """Return the unit in the innermost text on these fields if all axes have this unit; else None."""
+    """Return the unit that the schema's texts state for these fields; None if the fields differ.
+
+    For each field, the innermost text with a unit counts.
+    """
     found = set()
     for name in names:
         units = filter(None, (units_in(text, unit_of) for text in texts.words(name)))
@@ -225,7 +240,7 @@ def _in_words(names: Sequence[str], texts: Texts, unit_of: UnitOf) -> str | None
 
 
 def units_in(text: str, unit_of: UnitOf) -> set[str]:
-    """Return the units of values that `text` names; a unit may have up to three words.
+    """Return the units that `text` names as units of values. A unit may have up to three words.
 
     Units of ranges and sensitivities, and units after a number, are ignored.
     """

@@ -1,7 +1,7 @@
-"""Reads JSON and protobuf messages of MCAP files, which programs other than ROS write.
+"""Reads JSON and protobuf messages of MCAP files that programs other than ROS write.
 
-Fields are found by their names, like columns of text files. Their units come from the names, from the
-schema's descriptions, or from the user, since no convention gives them.
+Fields are found by their names, like columns of text files. No convention gives their units. So the units
+come from the names, from the schema's descriptions, or from the user.
 """
 
 from collections.abc import Callable, Container, Iterator, Sequence
@@ -28,7 +28,9 @@ WORDS = "description", "title", "unit", "units", "x-unit", "$comment"
 """Keywords of JSON Schema whose text describes a field."""
 
 MOST_OTHERS = 16
-"""Largest number of other fields of a message whose values are compared to distinguish sensors."""
+"""Largest number of fields of a message that are examined for whether their values distinguish sensors,
+although their names do not show it.
+"""
 
 MOST_TRIED, MOST_TEXTS = 100, 10_000
 """Largest numbers of messages that are searched for angular rates, and of a schema's texts that are read."""
@@ -80,11 +82,11 @@ def _is_whole(value: Any) -> bool:
 
 
 def _telling(found: dict[str, Any], known: Container[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return fields whose names show that they distinguish sensors, and others that perhaps distinguish them.
+    """Return fields whose names show that they distinguish sensors, and other fields that perhaps do.
 
-    The others hold texts or whole numbers.
+    The other fields hold texts or whole numbers.
 
-    A number in a field frame_id is left out, since it may count images.
+    A field frame_id that holds a number is one of the others, since it may count images.
     """
     free = [name for name, value in found.items() if name not in known and type(value) in (str, int)]
     tell = [name for name in free if tells_sensors(name) or name.rpartition(".")[2] == FRAME]
@@ -96,7 +98,7 @@ def _telling(found: dict[str, Any], known: Container[str]) -> tuple[tuple[str, .
 def read_objects(
     messages: Sequence[bytes], layout: Layout, encoding: str, kind: str, schema: bytes, quota: Quota
 ) -> Imu:
-    """Read messages in the file's order; messages that do not fit the layout are left out.
+    """Read messages in the file's order. Messages that do not fit the layout are left out.
 
     The JSON value null is read as a missing number.
 
@@ -110,7 +112,8 @@ def read_objects(
         try:
             found = decode(message)
             line = [_as_number(found.get(name) if name in layout.accel else found[name])[0] for name in names]
-        except (ValueError, KeyError, TypeError, RecursionError):  # msgspec and protobuf raise ValueErrors
+        # msgspec's and protobuf's errors are ValueErrors
+        except (ValueError, KeyError, TypeError, RecursionError):
             continue
         if any(str(found.get(name)) != text for name, text in layout.fixed):
             continue
@@ -137,9 +140,9 @@ def _as_word(value: Any) -> str:
 
 
 def _as_number(value: Any) -> tuple[float, bool]:
-    """Return a value as a number, and whether it is a date, which is converted to seconds.
+    """Return a value as a number, and whether it is a date. A date is converted to seconds.
 
-    A text may be a number, since protobuf's JSON form writes int64 as text.
+    A text may stand for a number, since protobuf's JSON form writes int64 as text.
 
     Raises:
         ValueError, TypeError: the value is not a number.
@@ -172,7 +175,7 @@ def _about(texts: dict[str, str], name: str) -> Iterator[str]:
 
 
 def _texts_of_json(_: str, schema: bytes) -> dict[str, str]:
-    """Return the descriptions in a JSON Schema, by the field names that `decode_object` gives."""
+    """Return the descriptions in a JSON Schema. The keys are the field names that `decode_object` gives."""
     texts: dict[str, str] = {}
     try:
         whole = msgspec.json.decode(schema)
@@ -201,7 +204,7 @@ def _texts_of_json(_: str, schema: bytes) -> dict[str, str]:
 
 
 def _texts_of_protobuf(kind: str, schema: bytes) -> dict[str, str]:
-    """Return the comments on a message type and on its fields, if its schema has them."""
+    """Return a protobuf schema's comments on a message type (key "") and on its fields (by name)."""
     files, texts = _files_of(schema), dict[str, str]()
     for file in files.file if files is not None else ():
         for number, message in enumerate(file.message_type):
@@ -223,12 +226,16 @@ def _files_of(schema: bytes) -> Any:
 
     try:
         return descriptor_pb2.FileDescriptorSet.FromString(schema)
-    except Exception:  # DecodeError has no specific base class; `decoder_of` reports the error
+    # protobuf's protobuf's DecodeError has no specific base class; `decoder_of` reports the error
+    except Exception:
         return None
 
 
 def _fields_left(message: Any, most: int) -> int:
-    """Return how many of `most` fields are left after a message's own; its absent fields count too."""
+    """Return `most` less the number of a message's fields, including those of nested messages.
+
+    Fields that the message could have, but has not, count, too.
+    """
     left = most - len(message.DESCRIPTOR.fields)
     for field, value in message.ListFields() if left >= 0 else ():
         if field.message_type is None:
@@ -243,10 +250,10 @@ def _fields_left(message: Any, most: int) -> int:
 
 @lru_cache(maxsize=8)
 def decoder_of(kind: str, schema: bytes) -> Decoder:
-    """Return a decoder of messages of the type `kind` that the FileDescriptorSet `schema` describes.
+    """Return a function that decodes messages of type `kind`, described by the FileDescriptorSet `schema`.
 
     Raises:
-        UsageError: the library is not installed.
+        UsageError: the protobuf library is not installed.
     """
     files = _files_of(schema)
     from google.protobuf import descriptor_pool, json_format, message_factory
@@ -276,7 +283,7 @@ def decoder_of(kind: str, schema: bytes) -> Decoder:
             )
         except TooManyFields:
             raise
-        except Exception as error:  # DecodeError has no specific base class
+        except Exception as error:  # protobuf's DecodeError has no specific base class
             raise ValueError(str(error)) from error
         return decode_object(msgspec.json.encode(found))
 

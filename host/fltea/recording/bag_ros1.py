@@ -1,7 +1,7 @@
 """Reads a bag of ROS 1 (format 2.0) from beginning to end, as far as it is readable.
 
-The index at the end is not used: a bag that was not closed has no index, and an index in memory takes over a
-hundred bytes for every message. Without the index, memory for one chunk is enough.
+The index at the end of the file is not used: a bag that was not closed has none, and in memory an index takes
+over a hundred bytes for every message. Without it, memory for one chunk of messages is enough.
 """
 
 import contextlib
@@ -21,21 +21,21 @@ VERSION = ROS1 + b"2.0\n"
 
 
 class Op:
-    """Record types: values of the field `op`."""
+    """Types of a bag's records: values of the field `op` in a record's header."""
 
     MESSAGE, BAG_HEADER, CHUNK, CHUNK_INFO, CONNECTION = b"\x02", b"\x03", b"\x05", b"\x06", b"\x07"
 
 
 LONGEST_HEADER = 1 << 20
 DAMAGE = (struct.error, ValueError, KeyError)
-"""Errors that damaged records raise."""
+"""Errors that are raised when damaged records are read."""
 
 LENGTH = struct.Struct("<I")
 TIME = struct.Struct("<II")
 
 
 def read_ros1(path: Path, limits: Limits) -> Iterator[Batch | Note]:
-    """Yield all messages, and notes on the parts of the file that are unreadable.
+    """Yield all messages of a bag, and notes on the parts of the file that are unreadable.
 
     Raises:
         OSError: the file cannot be read.
@@ -91,11 +91,11 @@ def read_ros1(path: Path, limits: Limits) -> Iterator[Batch | Note]:
 class _Record(NamedTuple):
     fields: dict[bytes, bytes]
     length: int
-    """Length of the data, which follow the header [bytes]."""
+    """Length of the record's data, which follow its header [bytes]."""
 
 
 def next_record(file: BinaryIO, size: int) -> _Record | None:
-    """Read the header of the next record; return None at the end of the file or at invalid bytes."""
+    """Read the header of the next record. Return None at the end of the file or at invalid bytes."""
     head = file.read(LENGTH.size)
     if len(head) < LENGTH.size:
         return None
@@ -130,9 +130,9 @@ def _read_fields(header: bytes) -> dict[bytes, bytes]:
 def _read_chunk(
     packed: bytes, fields: dict[bytes, bytes], messages: "_Messages", limits: Limits, place: str
 ) -> str | None:
-    """Add the records of a chunk to `messages`.
+    """Decompress a chunk, and add its records to `messages`.
 
-    Return a text that says what is wrong with the chunk, or None.
+    Return a text that says what is wrong with the chunk; None if nothing is.
     """
     compression = fields.get(b"compression", b"")
     data, problem = packed, None
@@ -154,7 +154,7 @@ def _read_chunk(
 
 
 class _Messages:
-    """Collects messages by connection."""
+    """Collects the messages of a bag by connection: a publisher's stream of messages on one topic."""
 
     def __init__(self) -> None:
         self._topics: dict[bytes, Topic] = {}
@@ -162,7 +162,10 @@ class _Messages:
         self._batches: dict[bytes, Batch] = {}
 
     def add_all(self, data: bytes) -> str | None:
-        """Add the records in `data`; return a text that says what is wrong with these records, or None."""
+        """Add the records in `data`.
+
+        Return a text that says what is wrong with these records; None if nothing is.
+        """
         at, end = 0, len(data)
         length_at = LENGTH.unpack_from
         try:
@@ -178,7 +181,7 @@ class _Messages:
         return None
 
     def add(self, fields: dict[bytes, bytes], data: bytes) -> None:
-        """Add a message, or the description of a connection."""
+        """Add one record: a message, or the description of a connection. Other records are ignored."""
         kind, connection = fields.get(b"op"), fields.get(b"conn", b"")
         if kind == Op.MESSAGE:
             batch = self._batches.get(connection)

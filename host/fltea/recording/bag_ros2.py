@@ -1,6 +1,7 @@
 """Reads bags of ROS 2: SQLite or MCAP files, and the folders that `ros2 bag record` makes of them.
 
-`metadata.yaml` is not used: the files hold the same facts, and a recorder that was killed wrote no metadata.
+The file `metadata.yaml` of a folder is not used: the bag's files hold the same facts, and a recorder that was
+killed has not written it.
 """
 
 import contextlib
@@ -29,7 +30,7 @@ AT_ONCE = 4096
 """Largest number of messages in a batch."""
 
 STEPS = 10_000
-"""Number of SQLite's virtual-machine steps after which the time limit is checked again."""
+"""Number of steps of SQLite's virtual machine after which the time limit is checked again."""
 
 SQLITE_LIMITS = {
     sqlite3.SQLITE_LIMIT_SQL_LENGTH: 1 << 20,
@@ -41,7 +42,7 @@ SQLITE_LIMITS = {
 }
 
 NO_TIME = LATEST_NS + 1
-"""Stands for an arrival time that is missing or not a number."""
+"""Value in place of an arrival time that is missing or not a number."""
 
 
 def read_sqlite(path: Path, limits: Limits) -> Iterator[Batch | Note]:
@@ -77,9 +78,9 @@ def read_sqlite(path: Path, limits: Limits) -> Iterator[Batch | Note]:
 
 
 def _check_tables(connection: sqlite3.Connection) -> None:
-    """Raise ValueError unless the tables of a bag are plain tables, without views or computed columns.
+    """Raise ValueError unless the bag's tables are plain tables: neither views nor with computed columns.
 
-    SQLite's own parser says of which kind a table is, since the schema in the file may name a wrong kind.
+    SQLite's own parser is asked of which kind a table is, since the schema in the file may name a wrong kind.
     """
     kinds = {name: kind for _, name, kind, *_ in connection.execute("PRAGMA main.table_list")}
     for name in ("topics", "messages"):
@@ -90,7 +91,7 @@ def _check_tables(connection: sqlite3.Connection) -> None:
 
 
 def _definitions(connection: sqlite3.Connection) -> dict[str, bytes]:
-    """Return the definitions of types in the form of `.msg` files; only newer bags hold them."""
+    """Return the definitions of message types in the form of `.msg` files. Only newer bags hold them."""
     kinds = {name: kind for _, name, kind, *_ in connection.execute("PRAGMA main.table_list")}
     columns = list(connection.execute("PRAGMA main.table_xinfo(message_definitions)"))
     if kinds.get("message_definitions") != "table" or any(hidden for *_, hidden in columns):
@@ -119,7 +120,8 @@ def _open_sqlite(path: Path, limits: Limits) -> sqlite3.Connection:
                 connection.setlimit(kind, most)
             for setting in ("trusted_schema=OFF", "query_only=ON", "cell_size_check=ON", "mmap_size=0"):
                 connection.execute(f"PRAGMA {setting}")
-            connection.execute("PRAGMA writable_schema=ON")  # otherwise SQLite refuses a truncated file
+            # without this setting SQLite refuses a truncated file
+            connection.execute("PRAGMA writable_schema=ON")
             connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
         except sqlite3.OperationalError:
             connection.close()
@@ -237,12 +239,12 @@ def _batch_of(topic: Topic, publisher: str, data: bytes, table: Ints, module: Mo
 
 @contextlib.contextmanager
 def unpacked_file(path: Path, limits: Limits) -> Iterator[Path]:
-    """Yield the path of a bag file; for a compressed file, that of a temporary decompressed copy.
+    """Yield the path of a bag file. For a compressed file, it is the path of a temporary decompressed copy.
 
     Raises:
         OSError: the file cannot be read.
         ValueError: the file is damaged.
-        UsageError: its content is larger than the limits allow, or the library is not installed.
+        UsageError: the decompressed content is larger than the limits allow, or zstandard is not installed.
     """
     if path.suffix != PACKED:
         yield path

@@ -12,22 +12,23 @@ from fltea.recording.reading import Missing, NotStated
 from fltea.recording.sample_times import Floats, Ints, Marks
 
 ALL_ARE_ONE = "1/1"
-"""Text after --sensor with which the user states that all messages are from one sensor."""
+"""Value of the option --sensor by which the user states that all messages are from one sensor."""
 
 FEWEST = 10
-"""Number of messages after which a field that never repeated a value counts as a counter."""
+"""Number of messages from which on a field that has another value in each message counts as a counter."""
 
 MOST_LOOKED_AT = 500
-"""Number of messages at the beginning that are checked for several alternating sensors."""
+"""Number of messages at the beginning in which fields are checked for values that alternate between sensors.
+"""
 
 PUBLISHER = "publisher"
-"""Name that stands for a message's publisher in lists of fields."""
+"""Name by which the publisher of a message stands in lists of fields."""
 
 
 def are_at_once(publishers: NDArray[np.str_], arrival_ns: Ints) -> bool:
     """Return whether several publishers send at the same time.
 
-    Otherwise one publisher follows another, as after a restart.
+    If they do not, one publisher follows another, as after a restart.
     """
     names, places = np.unique(publishers, return_inverse=True)
     arrivals = [arrival_ns[places == k] for k in range(len(names))]
@@ -36,13 +37,13 @@ def are_at_once(publishers: NDArray[np.str_], arrival_ns: Ints) -> bool:
 
 
 class Sensors:
-    """The sensors of a topic.
+    """Selects the messages of one of the sensors that send on a topic.
 
     `names`: fields that distinguish sensors. `others`: further fields, which are used only if their values
     alternate.
-    `value`: sensor that the user names, `FIELD=VALUE` or VALUE.
-    `which`: question for the user if there are several sensors and the user named none. Until then, the first
-    sensor is read.
+    `value`: sensor that the user names, in the form `FIELD=VALUE` or `VALUE`.
+    `which`: question for the user if there are several sensors and the user named none. While this question
+    is open, the messages of the first sensor are read.
     """
 
     def __init__(
@@ -54,7 +55,7 @@ class Sensors:
         self.which: Missing | None = None
 
     def keep(self, values: Sequence[NDArray[np.str_]], figures: Floats | None = None) -> Marks:
-        """Mark the messages that are to be read.
+        """Mark the messages that are to be read, which are those of one sensor.
 
         `values`: for each field, its value in each message (n,). `figures`: numbers (n, columns) of the same
         messages.
@@ -97,9 +98,9 @@ class Sensors:
         return {place: OneSensor(self._where, self._names[place], named.get(place)) for place in fields}
 
     def lacks(self) -> str:
-        """Return which sensors the topic has, as a text, if the user's sensor is missing.
+        """Return a text on the sensors that the topic has, if the sensor that the user names is missing.
 
-        "" if it is present.
+        Return "" if the sensor is present, or if the user names none.
         """
         has = [
             f"{self._names[place]} has {listed(sorted(one.others))}"

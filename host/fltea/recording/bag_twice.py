@@ -8,15 +8,16 @@ from fltea.recording.sample_times import Marks
 from fltea.recording.spool import Spool
 
 FACTORS = np.random.default_rng(1).integers(1 << 62, 1 << 63, 6, dtype=np.uint64) | np.uint64(1)
-"""Random odd factors for a hash of the bits of a message's six numbers."""
+"""Random odd factors for a hash of a message's six numbers (three rates, three accelerations)."""
 
 
 def held_twice(spool: Spool) -> Marks | None:
-    """Mark the messages (n,) that repeat an earlier one of the bag; None if the times never run backwards.
+    """Mark the messages (n,) that repeat an earlier one of the bag.
 
-    Two messages are equal if all their numbers and their stamps are equal. Without stamps, their arrival
-    times must be equal. Each step of the times backwards begins a new run of rising times. Only messages of
-    different runs are compared here; `bag_gather` compares neighbouring messages.
+    Return None if the times never run backwards, since the bag then repeats no stretch. Two messages are
+    equal if all their numbers and their stamps are equal. Without stamps, their arrival times must be equal.
+    Each step of the times backwards begins a new run of rising times. Only messages of different runs are
+    compared here; `bag_gather` compares neighbouring messages.
 
     `spool`: columns `gyro`, `accel`, `stamp` [ns] and `arrival` [ns].
     """

@@ -1,4 +1,4 @@
-"""Finds the units of a bag's numbers: the stated units are compared with the values at rest.
+"""Finds the units of a bag's numbers. Stated units are compared with the values that the sensor has at rest.
 
 Some drivers break ROS's conventions and write deg/s instead of rad/s, or g instead of m/s². At rest, the
 length of gravity shows the accelerometer's unit. The noise of MEMS gyroscopes lies in a known range, so it
@@ -22,20 +22,24 @@ from fltea.records.units import SQRT_HOUR
 from fltea.settings.how import How
 
 CLUSTER_S, CLUSTERS, FEWEST = 0.1, 16, 8
-"""Means are taken over CLUSTER_S [s]; then the most and the fewest means in a stretch of time.
+"""CLUSTER_S is the time over which means are taken [s]. CLUSTERS and FEWEST are the largest and smallest
+number of such means in a stretch of time.
 
 Means over 0.1 s show the noise density N even if a low-pass filter removes the noise of single samples.
 """
 
 QUIET = 0.1
-"""Fraction of the stretches of time that count as rest, namely those with the least motion."""
+"""Fraction of the stretches of time that counts as rest. The stretches with the least noise are taken."""
 
 MOVING = 0.05
-"""Largest spread of the accelerations with which the sensor counts as at rest, relative to gravity."""
+"""Largest σ of the accelerations, relative to gravity, for which the sensor counts as at rest."""
 
 
 class Scale(NamedTuple):
-    """A unit, and its factor to deg/s or m/s². For counts also the number of counts in 1 deg/s or 1 g."""
+    """A unit with its evidence, and its factor to deg/s or m/s².
+
+    `lsb`: for counts, the number of counts in 1 deg/s or 1 g, else None.
+    """
 
     said: Said
     factor: float
@@ -114,7 +118,7 @@ class Rest(NamedTuple):
 
 
 def at_rest(blocks: Iterable[Sequence[Floats]], rate_hz: float, g: float) -> Rest | None:
-    """Find the stretches of time with the least motion; return None if there are too few samples.
+    """Return the values in the stretches of time with the least motion; None if there are too few samples.
 
     `blocks`: rates (n, 3), and accelerations (n, 3) or nothing. `g`: gravity in the unit of the
     accelerations.
@@ -163,7 +167,7 @@ class AtRest(NamedTuple):
 
 
 def measured_accel(layout: Layout, accel: Scale | None, rest: Rest, how: How) -> AtRest:
-    """Compare the accelerometer's unit with the length of gravity; derive an unknown unit from gravity."""
+    """Compare the accelerometer's unit with the length of gravity, or derive an unknown unit from it."""
     units = gravity_units(rest.gravity) if len(rest.gravity) else []
     if not units or not layout.accel:
         return AtRest(accel)
@@ -195,10 +199,10 @@ def check_rates(
     table: Callable[[], str],
     options: Sequence[str],
 ) -> None:
-    """Check a unit by convention against the noise and the mean that gyroscopes have at rest.
+    """Check that noise and mean at rest are those of a gyroscope, if only a convention gives the rates' unit.
 
-    `accel`: result for the accelerometer. `table`: function that returns the table of candidate units for the
-    message. `options`: the user's options.
+    `accel`: result of the comparison of the accelerometer with gravity. `table`: function that returns the
+    table of candidate units for the error message. `options`: the user's options.
 
     Raises:
         NotStated: no gyroscope has such a noise or such a mean in this unit.

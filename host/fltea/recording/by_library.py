@@ -1,11 +1,11 @@
 """Reads a file of another program with the library for its format; `reader_process` runs this as a program.
 
-The output goes to a pipe, whose file descriptor is an argument of the program. The output consists of blocks,
-each preceded by its length in four bytes. The first block is a `SheetHead` as JSON, or null. After null, the
-program sends a `TextHead` and then text. After a `SheetHead`, it reads one JSON line with the wanted columns
-from stdin, and sends the numbers of these columns in rows. A length of 0 ends the output. The number `FAILED`
-in place of a length precedes an error message. Stdout is not used, since libraries print to it;
-`reader_process` discards stdout.
+The program writes its output to a pipe, whose file descriptor is one of its arguments. The output consists of
+blocks, each preceded by its length in four bytes. The first block is a `SheetHead` as JSON, or null. After
+null, the program sends a `TextHead` and then text. After a `SheetHead`, it reads one JSON line with the
+wanted columns from stdin, and sends the numbers of these columns in rows. A length of 0 ends the output. The
+number `FAILED` in place of a length precedes an error message. Stdout is not used, since libraries print to
+it; `reader_process` discards stdout.
 """
 
 import sys
@@ -25,7 +25,11 @@ from fltea.records.scarce import is_scarcity
 
 
 def main(limits: str, descriptor: str, kind: str, path: str, topic: str) -> None:
-    """Read a file within the `ProcessLimits`, and write the result only to the pipe."""
+    """Read a file within the limits of the process, and write the result only to the pipe.
+
+    `limits`: `ProcessLimits` as JSON. `descriptor`: file descriptor of the pipe. `kind`: the file's format.
+    `topic`: part of the file to read.
+    """
     held = msgspec.json.decode(limits, type=ProcessLimits)
     held.hold()
     out = open(int(descriptor), "wb")  # noqa: SIM115

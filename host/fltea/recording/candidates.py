@@ -1,6 +1,7 @@
 """Shows the user what each possible answer to a question would mean for the numbers of a file.
 
-Nothing is decided here. A table shows what the columns hold, and the noise and mean in each candidate unit.
+Nothing is decided here. One table shows what the columns hold. Another shows the noise and the mean that the
+rates would have in each candidate unit.
 """
 
 import math
@@ -21,22 +22,26 @@ GRAVITY = {
     "cm/s^2": 100 * STANDARD_GRAVITY_MS2,
     "mm/s^2": 1000 * STANDARD_GRAVITY_MS2,
 }
-"""Length of gravity in each unit of acceleration."""
+"""Length of the vector of gravity in each unit of acceleration."""
 
 GRAVITY_COUNTS = (2048, 4096, 8192, 16384)
 """Length of gravity in 16-bit counts of accelerometers with ranges of ±16, ±8, ±4 and ±2 g."""
 
 GRAVITY_TOLERANCE = 0.15
-"""Relative tolerance of the length of gravity. Cheap accelerometers are wrong by about 5 %. So the units mg
-and cm/s², which differ by 2 %, cannot be distinguished.
+"""Relative tolerance within which a vector has the length of gravity. Cheap accelerometers are wrong by about
+5 %. So the units mg and cm/s², which differ by 2 %, cannot be distinguished.
 """
 
 STEADY = 0.1
-"""Largest spread of a vector's length, relative to its mean, with which the vector may be gravity."""
+"""Largest median deviation of a vector's length from its median, relative to the median, for which the vector
+may be gravity.
+"""
 
 UNITS = ("rad/s", "deg/s", "mrad/s", "mdps", "deg/h")
 COUNTS = ("lsb:131", "lsb:65.5", "lsb:32.8", "lsb:16.4")
-"""Counts per deg/s of the commonest gyroscopes, with ranges of ±250, ±500, ±1000 and ±2000 deg/s."""
+"""Units of counts, by the counts per deg/s that the commonest gyroscopes have with ranges of ±250, ±500,
+±1000 and ±2000 deg/s.
+"""
 
 MOST_N, MOST_MEAN_DPS = 5.0, 20.0
 """Largest plausible noise N [deg/√h] and largest plausible mean [deg/s] of MEMS gyroscopes at rest."""
@@ -48,13 +53,18 @@ LIKELY_HZ = PLAUSIBLE_HZ[0] / 5, PLAUSIBLE_HZ[1] * 2
 
 MOST_COLUMNS = 40
 NOBODY_MEASURES = 1e100
-"""Numbers from this size on are not measurements; squares of smaller numbers do not overflow."""
+"""Numbers of at least this size are no measurements and are left out. The squares of smaller numbers do not
+overflow.
+"""
 
 
 def units_table(values: Floats, rate_hz: float | None, when: Mapping[str, str] | None = None) -> str:
-    """Return a table with a row for each possible unit of the rates; a row shows N and the mean of each axis.
+    """Return a table with a row for each possible unit of the rates.
 
-    `values`: (n, axes) as in the file. `rate_hz`: sampling rate; if None, the table shows σ instead of N.
+    A row shows N and the mean that each axis would have in that unit.
+
+    `values`: rates (n, axes) as in the file. `rate_hz`: sampling rate; if None, the table shows σ instead of
+    N.
     `when`: candidate units, each with the case in which it applies; None: the usual units.
     """
     values = values[(np.abs(values) < NOBODY_MEASURES).all(axis=1)] if values.size else values
@@ -80,7 +90,7 @@ def units_table(values: Floats, rate_hz: float | None, when: Mapping[str, str] |
 
 
 def columns_table(names: Sequence[str] | None, values: Floats) -> str:
-    """Return a table with a row for each column: position, name, mean, σ, and what the values may be."""
+    """Return a table with a row for each column of a file: position, name, mean, σ, and what it may hold."""
     if len(values) < 3:
         return ""
     values = np.where(np.abs(values) < NOBODY_MEASURES, values, math.nan)
@@ -99,9 +109,11 @@ def columns_table(names: Sequence[str] | None, values: Floats) -> str:
 
 
 def times_table(step: float, limits_hz: tuple[float, float] = LIKELY_HZ, also: str = "") -> list[str]:
-    """Return an option for each time unit in which `step` gives a possible sampling rate, with that rate.
+    """Return a line for each time unit in which `step` gives a possible sampling rate: option and rate.
 
-    `also`: further option that is shown after the unit.
+    `step`: usual step between times in the file.
+
+    `also`: further text that is shown after the option.
     """
     rates = {unit: 1 / (step * unit_s) for unit, unit_s in SECONDS.items()} if step > 0 else {}
     return [
@@ -112,12 +124,12 @@ def times_table(step: float, limits_hz: tuple[float, float] = LIKELY_HZ, also: s
 
 
 def ticks_table(step: float, units: Sequence[str]) -> str:
-    """Return a text that shows `step`, the options of a `times_table`, and the option for unknown ticks."""
+    """Return a text of `step`, the lines `units` of a `times_table`, and the option for unknown ticks."""
     return "\n".join([f"A step of {step:.6g} would be:", *units, "  or in ticks of its own: --rate ?"])
 
 
 def gravity_units(values: Floats) -> list[str]:
-    """Return the units that an accelerometer's axes (n, 3) at rest may have, by the length of gravity.
+    """Return the units in which an accelerometer's axes (n, 3) at rest have the length of gravity.
 
     The list is empty if the length fits both counts and a unit.
     """
@@ -145,7 +157,7 @@ def is_rising(column: Floats) -> bool:
 
 
 def _remarks(values: Floats) -> dict[int, str]:
-    """Return remarks by column: its numbers rise, or it and two neighbours have gravity's length."""
+    """Return a remark on each column whose numbers rise, or that has gravity's length with two neighbours."""
     found = {}
     numbers = []
     for place in range(values.shape[1]):
@@ -157,7 +169,7 @@ def _remarks(values: Floats) -> dict[int, str]:
             numbers.append(place)
     for first in sorted(
         range(len(numbers) - 2), key=lambda place: (place % 3, place)
-    ):  # groups that begin at column 1, 4, 7 and so on are tried first
+    ):  # groups of three columns that begin at column 1, 4, 7 and so on are tried first
         three = numbers[first : first + 3]
         units = gravity_units(values[:, three])
         if units and not any(place in found for place in three):

@@ -25,13 +25,15 @@ class MotionMark(Record, frozen=True, forbid_unknown_fields=False, tag="motion")
 
 
 CLASSES = ("step", "motion")
-"""Names of the two record classes, in NDJSON and as the last part of an MCAP topic."""
+"""Names of the classes of these two records. An MCAP topic ends with them, and NDJSON has them in the field
+`class`.
+"""
 
 _decode = msgspec.json.Decoder(StepMark | MotionMark).decode
 
 
 class Changes:
-    """Counts of bias steps and of motions; None if the recording has no channel for such records."""
+    """Counts of bias steps and of motions. They are None if the recording has no channel for such records."""
 
     def __init__(self) -> None:
         self.steps: int | None = None
@@ -42,7 +44,7 @@ class Changes:
         self.steps, self.motions = self.steps or 0, self.motions or 0
 
     def count(self, record: StepMark | MotionMark) -> None:
-        """Count one record."""
+        """Count one record. A motion has two records, of which the first one counts."""
         self.expect()
         assert self.steps is not None
         assert self.motions is not None
@@ -63,5 +65,5 @@ class Changes:
         for message in messages.of_channels(channels).each():
             try:
                 self.count(_decode(message.data))
-            except (ValueError, RecursionError):  # damaged, or nested too deeply
+            except (ValueError, RecursionError):  # the record is damaged, or nested too deeply
                 continue

@@ -1,4 +1,4 @@
-"""Decides by the steps between times whether they are from a sensor's clock, and measures the period."""
+"""Decides by the steps between times whether they are a sensor clock's, and measures the sampling period."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator
@@ -10,14 +10,14 @@ from fltea.recording.sample_numbers import Numbering
 from fltea.recording.sample_times import EVEN_SHARE, EVENNESS, Elapsed, Floats, Ints
 
 Blocks = Callable[[], Iterable[Floats]]
-"""Function that yields elapsed times in blocks; each call starts at the first block again."""
+"""Function that yields the elapsed times of a column in blocks. Each call starts at the first block again."""
 
 MOST_IN_TURNS = 4
 """Largest number of alternating sensors that can be recognised from the times alone."""
 
 SHORT_GAPS = 2, 3, 4
-"""Lengths of steps [sampling periods] that mean lost samples, however many such steps there are. Longer steps
-may also be pauses between bursts.
+"""Lengths of steps between times [sampling periods] that always mean lost samples, however many such steps
+there are. Longer steps may also be pauses between bursts of rows.
 """
 
 NEARLY = 1e-3
@@ -26,28 +26,29 @@ NEARLY = 1e-3
 COARSEST_S = 1e-3 * (1 + NEARLY)
 """Coarsest resolution of times from which the period is measured: milliseconds [s].
 
-If times have a coarser resolution and nearly all steps are equal to it, the period is ambiguous: 99 Hz in
+If times have a coarser resolution and nearly all steps are one unit of it, the period is ambiguous: 99 Hz in
 hundredths of a second look like 100 Hz with every hundredth sample lost.
 """
 
 FEWEST_ODD, ODD_SHARE = 20, 0.005
-"""Limits from which a clock counts as too coarse: number, and fraction, of rows that repeat the time of the
-row before with other values.
+"""A clock counts as too coarse if at least this number, and this fraction, of rows repeat the time of the row
+before with other values.
 """
 
 RARE, CLEAN_SHARE = 0.05, 0.5
-"""Quantile of the durations of stretches that counts as the duration without lost samples, and smallest
-fraction of stretches that must be free of loss.
+"""RARE: quantile of the durations of all stretches with a certain number of rows that counts as the duration
+without lost samples. CLEAN_SHARE: smallest fraction of stretches that must be free of loss.
 """
 
 FEWEST_BURSTS, MANY_BURSTS, ALIKE_SHARE = 3, 10, 0.7
-"""Fewest long steps between times for regular bursts, and for irregular bursts; then the fraction of long
-steps that must be alike in regular bursts.
+"""Fewest long steps between times from which rows count as coming in bursts, if the bursts are regular
+(FEWEST_BURSTS) and if not (MANY_BURSTS). ALIKE_SHARE: fraction of the bursts that must be alike to count as
+regular.
 """
 
 MOST_IN_STEPS, NEARLY_ALL = 0.5, 0.8
-"""Fraction of the whole time that long steps take, from which rows count as coming in bursts: for regular
-bursts, and for irregular bursts.
+"""Fraction of the whole time that the long steps between times must take, so that rows count as coming in
+bursts: MOST_IN_STEPS for regular bursts, NEARLY_ALL for irregular bursts.
 """
 
 
@@ -59,10 +60,11 @@ class Bursts(NamedTuple):
 
 
 class Clock(NamedTuple):
-    """What the steps between times show; times are in the unit of their column.
+    """What the steps between times show about their clock. All times are in the unit of their column.
 
     `typical`: mean step without gaps. `even`: whether the steps are those of a sensor's clock. `bursts`: the
-    bursts in which rows arrive, or None. `is_coarse`: whether rounding made different times equal.
+    bursts in which rows arrive, or None. `is_coarse`: whether times are rounded so coarsely that different
+    times became equal.
     `is_rounded`: whether times are rounded to a large part of the period. `in_turn`: number of alternating
     sensors, after which the lengths of the steps repeat; 0 if sensors do not alternate.
     """
@@ -79,9 +81,9 @@ class Clock(NamedTuple):
 
 
 def clock_of(blocks: Blocks, elapsed: Elapsed) -> Clock | None:
-    """Examine elapsed times; return None if all times are equal.
+    """Examine elapsed times, and return what they show; None if all times are equal.
 
-    `elapsed`: converter of the column of times, with its counts of faults.
+    `elapsed`: the converter that made these elapsed times from a column, with its counts of faulty times.
     """
     medians, least, largest, count = [], math.inf, 0.0, 0
     for steps in _steps(blocks()):
@@ -96,7 +98,8 @@ def clock_of(blocks: Blocks, elapsed: Elapsed) -> Clock | None:
     if single >= EVEN_SHARE and grain * elapsed.unit_s > COARSEST_S:
         grain = 0.0
     period = _by_stretches(blocks, median, grain) if grain else None
-    # if the median step is several units of the resolution, it contains no lost sample
+    # the median step is several units of the resolution, so it contains no lost sample and needs no
+    # correction
     if period == math.inf and grain < median / 2:
         period = None
     if period is not None or (grain and share < EVEN_SHARE):
@@ -112,9 +115,9 @@ def clock_of(blocks: Blocks, elapsed: Elapsed) -> Clock | None:
 
 
 def _in_turn(steps: Floats, grain: float) -> int:
-    """Return the number of steps after which the lengths of the steps repeat.
+    """Return the number of steps after which the lengths of the steps repeat, as for alternating sensors.
 
-    The result is 0 if the steps are equal, or differ only by rounding to `grain`.
+    The result is 0 if the steps are equal, or differ only by the rounding of times to multiples of `grain`.
     """
     for count in range(2, min(MOST_IN_TURNS, len(steps) // 4) + 1):
         middle = np.array([np.median(steps[k::count]) for k in range(count)])
@@ -138,7 +141,7 @@ def _steps(blocks: Iterable[Floats]) -> Iterator[Floats]:
 def _even_share(
     blocks: Iterable[Floats], median: float, tolerance: float, odd: int
 ) -> tuple[float, float, float]:
-    """Return the fraction of steps near `median`, that of steps near 1 to 4 medians, and the mean step.
+    """Return the fraction of steps near `median`, the fraction near 1 to 4 medians, and the mean step.
 
     The mean is taken over the steps near `median`.
     """
@@ -152,7 +155,10 @@ def _even_share(
 
 
 def _grain(blocks: Blocks, median: float) -> float:
-    """Return the resolution of all times, a power of ten, if it is a large part of the period; else 0."""
+    """Return the resolution to which all times are rounded, a power of ten.
+
+    Return 0 if it is only a small part of the period.
+    """
     grain = 10.0 ** math.floor(math.log10(median * (1 + NEARLY)))
     is_fine = grain <= EVENNESS * median
     on_it = (bool((np.abs(t / grain - np.rint(t / grain)) < NEARLY).all()) for t in blocks())
@@ -191,7 +197,7 @@ def _of_block(times: Floats, median: float, grain: float) -> float | None:
     if period == math.inf:
         return period
     steps[steps > (SHORT_GAPS[-1] + 0.5) * period] = period
-    times = np.cumsum(steps)  # samples are numbered, since some stretches have lost samples
+    times = np.cumsum(steps)  # number the samples, since some stretches have lost samples
     numbers = (
         Numbering(period, 1 / period, is_rounded=True).add(times, np.zeros(len(times), np.bool_)).sequence
     )
@@ -203,7 +209,7 @@ def _shortest(times: Floats, rows: int) -> float:
 
 
 def _bursts(blocks: Iterable[Floats], period: float, longest: float) -> Bursts | None:
-    """Return the bursts in which rows arrive, for instance from a radio, or None if there are none."""
+    """Return the bursts in which rows arrive, as from a radio; None if rows do not come in bursts."""
     places: list[Ints] = []
     found: list[Floats] = []
     count, total = 0, 0.0

@@ -1,4 +1,4 @@
-"""Finds axis, time and unit in the names of columns, in the forms that loggers of all kinds write.
+"""Finds in a column's name which axis or time it holds and in which unit, as all kinds of loggers write it.
 
 A name consists of words, one of which may be an axis. A unit may stand in brackets before or after the words,
 or at their end.
@@ -32,8 +32,8 @@ _NO_SENSOR = r"(?!(?:avg|bias|cov|err|max|mean|min|std|var)\d)"
 _PREFIX = r"field|raw|data|sensor|board|device|motion|scaled|highres|imu|shimmer(?:_[\da-f]+)*"
 _PREFIX += rf"|{_NO_SENSOR}[a-z]{{2,7}}\d+[a-z]{{0,4}}\d*"
 _BEFORE = rf"(?:(?:{_PREFIX})_)*"
-"""Matches words before an axis that name a sensor, such as imu0 or lsm6dsox. The word std0 names no
-sensor.
+"""Matches words before an axis that name a sensor, such as imu0 or lsm6dsox. A word such as std0 or mean0
+names a statistic, not a sensor.
 """
 
 _SORT = r"(?:_(?:raw|data|cal|calibrated|uncalibrated|uncal|scaled|adc|unfilt|smooth|ln|wr))*"
@@ -54,7 +54,9 @@ def _sensor(words: str, letters: str) -> re.Pattern[str]:
 
 _GYRO_AXIS, _ACCEL_AXIS = _sensor(_GYRO, "gw"), _sensor(_ACCEL, "a")
 _BARE_AXIS = _axis("(?:(?:as|axis|rate|rotation)_?)?(?P<x>[xyz])")
-"""Matches names of axes that are rates or accelerations only by their unit. WitMotion calls a rate AsX."""
+"""Matches names of axes of which only the unit says whether they are rates or accelerations. WitMotion calls
+a rate AsX.
+"""
 
 _TIME = re.compile(rf"{_TIMES}|{_BEFORE}(?:(?:{_OF_CLOCK})_)*(?:{_OF_TIME})(?:_formatted)?(?:_unix)?{_SORT}")
 _SECONDS = re.compile(r"(.*?)_?(?:secs?|seconds|s)")
@@ -78,22 +80,28 @@ _INDICES = {"0", "1", "2"}
 _CLOCKS = re.compile(
     r"\b(?:utc|gmt|local|unix|epoch|gps|tow|tai|iso|txt|text|string|datetime|date|time)\b|^[+-]\d|yyyy"
 )
-"""Matches words in brackets after the name of a column of times that state a clock or a format, not a
-unit.
+"""Matches text in brackets after the name of a column of times that states a clock or a format, not a unit.
 """
 
 _BODY_AXES = ("x", "y", "z"), ("p", "q", "r"), ("roll", "pitch", "yaw")
-"""Names of the three angular rates, of which two sets are usual in aviation and for vehicles."""
+"""Sets of names for the three angular rates. The second and the third set are usual in aviation and for
+vehicles.
+"""
 
 _NOT_MEASURED = re.compile(
     "(?:.*_)?(?:bias|offset|std|stdev|sigma|var|variance|cov|err|error|noise|target|desired|des|setpoint|sp|ref"
     "|reference|cmd|command|demand|mean|avg|max|min|est|estimated|truth|gt|filtered|filt|lpf)(?:_.*)?"
 )
-"""Matches names of rates that come from a filter or another sensor, not from a gyroscope alone."""
+"""Matches names of rates that are not a gyroscope's measurements, such as biases, targets or filtered rates.
+"""
 
 
 class _Name(NamedTuple):
-    """A parsed name. `words`: words of `base` in small letters, joined by _. `unit`: unit in the name."""
+    """A parsed name of a column.
+
+    `base`: name without the unit. `words`: words of `base` in small letters, joined by _. `unit`: unit in the
+    name. `is_in_brackets`: whether the unit, or an index, is in brackets.
+    """
 
     base: str
     words: str
@@ -108,7 +116,7 @@ def _parts(name: str) -> _Name:
         return _Name(name, "", "", is_in_brackets=False)
     if (found := _UNIT_BEHIND.fullmatch(name)) is not None:
         base, unit = found[1], next(filter(None, found.groups()[1:]), "").strip()
-        if unit in _INDICES:  # PX4 and Betaflight number axes; PX4 writes _rad for rad/s
+        if unit in _INDICES:  # PX4 and Betaflight number the axes in brackets; PX4 writes _rad for rad/s
             inner = _parts(base)
             stated = "rad/s" if inner.unit == "rad" else inner.unit
             return _Name(base, f"{inner.words}_{'xyz'[int(unit)]}", stated, is_in_brackets=True)
@@ -116,7 +124,8 @@ def _parts(name: str) -> _Name:
         return _Name(base, words, unit, is_in_brackets=True)
     if (found := _UNIT_BEFORE.fullmatch(name)) is not None and is_unit(found[1] or found[2]):
         return _Name(found[3], _plain(found[3]), found[1] or found[2], is_in_brackets=True)
-    if (found := _AXIS_BEHIND.fullmatch(name)) is not None:  # the axis of a structure: `gyro_dps.x`
+    # here the axis is a field of a structure, as in `gyro_dps.x`
+    if (found := _AXIS_BEHIND.fullmatch(name)) is not None:
         inner = _parts(found[1])
         if rate_unit(inner.unit) or accel_unit(inner.unit):
             return inner._replace(base=name, words=f"{inner.words}_{found[2].lower()}")
@@ -145,7 +154,7 @@ def time_unit_of(name: str) -> TimeUnit | None:
 
 
 def time_scale_of(name: str) -> tuple[TimeUnit, float] | None:
-    """Return the unit of times in a name, and the multiple of it that 1 stands for.
+    """Return the unit of times in a name, and how many of that unit a 1 in the column stands for.
 
     Abbreviations of minutes and longer units count only if they stand as a unit, since they may mean other
     things.
@@ -158,7 +167,7 @@ def time_scale_of(name: str) -> tuple[TimeUnit, float] | None:
 
 
 def counts_unknown(name: str, unit: str) -> str:
-    """Return the unit of times that a name or the file states if fltea does not know it; else return ""."""
+    """Return the unit of times that a name or the file states, if fltea does not know that unit; else ""."""
     stated = (unit or unit_in(name)).strip()
     is_clock = ":" in stated or _CLOCKS.search(stated.lower())
     return "" if not stated or is_clock or time_scale(stated) or time_scale_of(name) else stated
@@ -175,7 +184,7 @@ def accel_unit_of(name: str) -> float | None:
 
 
 def is_time(name: str) -> bool:
-    """Return whether a name is that of a column of times. For the name T, `times_in` decides."""
+    """Return whether a name is that of a column of times. T is one here; `times_in` decides about T."""
     found = _parts(name)
     if is_physical(found.unit) and time_scale(found.unit) is None:
         return False
@@ -190,7 +199,7 @@ def is_time(name: str) -> bool:
 def times_in(names: Sequence[str]) -> list[str]:
     """Return the names of columns of times.
 
-    T may be a temperature, so a column T counts only if there is no other.
+    T may be a temperature, so a column T counts only if no other column is one of times.
     """
     found = [name for name in names if is_time(name)]
     return [name for name in found if name.strip() != "T"] or found
@@ -211,7 +220,7 @@ def states_units(name: str) -> bool:
 
 
 def split_seconds(names: Sequence[str]) -> dict[int, tuple[int, float]]:
-    """Return, for each column of whole seconds, the column of their fractions and this column's unit [s]."""
+    """Return, for each column of whole seconds, the column of fractions to add, and its unit [s]."""
     parts: dict[int, tuple[int, float]] = {}
     bases = {}
     for place, name in enumerate(names):
@@ -226,7 +235,10 @@ def split_seconds(names: Sequence[str]) -> dict[int, tuple[int, float]]:
 
 
 def axis_of(name: str, unit: str = "") -> str | None:
-    """Return the gyroscope axis (x, y or z) that a name means, or None. `unit`: unit stated elsewhere."""
+    """Return the gyroscope axis (x, y or z) that a column's name means, or None.
+
+    `unit`: unit of the column if it is stated elsewhere.
+    """
     return _axis_in(name, unit, _GYRO_AXIS, rate_unit)
 
 
@@ -254,14 +266,18 @@ def axes_in_units(names: Sequence[str], units: Sequence[str]) -> dict[str, int]:
 
 
 def accel_axis_of(name: str, unit: str = "") -> str | None:
-    """Return the accelerometer axis that a name means, or None. `unit`: unit stated elsewhere."""
+    """Return the accelerometer axis that a column's name means, or None.
+
+    `unit`: unit of the column if it is stated elsewhere.
+    """
     return _axis_in(name, unit, _ACCEL_AXIS, accel_unit)
 
 
 def _axis_in(name: str, unit: str, axis: re.Pattern[str], kind: Callable[[str], object]) -> str | None:
-    """Return the axis in a name, or None if its unit contradicts.
+    """Return the axis that a name means for the sensor that `axis` matches; None if its unit contradicts.
 
-    If the unit is one of angular rates or accelerations, as `kind` tells, the name `x` alone is an axis, too.
+    `kind`: function that knows the sensor's units. If it knows the column's unit, the name `x` alone is an
+    axis, too.
     """
     parts = _parts(name)
     stated = _stated(parts, unit)
@@ -278,7 +294,7 @@ def _stated(parts: _Name, unit: str) -> str:
 
 
 def named_axis(name: str, axis: int) -> str:
-    """Return the name of axis number `axis` (from 0) of an array: `gyro_x_dps` in `gyro_dps`."""
+    """Return the name of axis number `axis` (from 0) of the array `name`: `gyro_x_dps` for `gyro_dps`."""
     found = _parts(name)
     if found.is_in_brackets and found.unit:
         return f"{found.base}_{'xyz'[axis]} [{found.unit}]"

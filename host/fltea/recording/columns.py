@@ -28,15 +28,15 @@ class Chosen:
     """The columns to read, as indices from 0, and their units.
 
     `gyro`: columns of the axes; `axes`: the letter x, y or z of each axis. `units`: unit of the rates in the
-    notation of `--units`; `factor`, `lsb`: results of `parse_units` for this unit. `time`: column of times,
-    None if there is none; `time_unit`: unit of the times, None if unknown; `time_factor`: multiple of this
-    unit that 1 stands for. `fine`: column with fractions that are added to whole seconds; `fine_s`: unit of
-    this column [s]. `accel`: columns of the accelerometer's axes x, y, z, or empty; `accel_ms2`: unit of
-    these columns [m/s²]. `rate_hz`: sampling rate that the user or the file states; `is_given`: whether the
-    user states it. `sensor`: column that distinguishes sensors, and the value of the sensor to read, None if
-    there is only one value. `turn`: index of the sensor to read among sensors whose rows alternate, and the
-    number of these sensors. `answers`: the choices so far, each with its evidence. `notes`: warnings for the
-    user.
+    notation of `--units`; `factor`, `lsb`: factor to deg/s or counts, and counts per deg/s, as `parse_units`
+    returns them. `time`: column of times, None if there is none; `time_unit`: unit of the times, None if
+    unknown; `time_factor`: how many of this unit a 1 in the column stands for. `fine`: column with fractions
+    that are added to whole seconds; `fine_s`: unit of this column [s]. `accel`: columns of the
+    accelerometer's axes x, y, z, or empty; `accel_ms2`: unit of these columns [m/s²]. `rate_hz`: sampling
+    rate that the user or the file states; `is_given`: whether the user states it. `sensor`: column that
+    distinguishes sensors, and the value of the sensor to read, None if there is only one value. `turn`: index
+    of the sensor to read among sensors whose rows alternate, and the number of these sensors. `answers`: the
+    choices so far, each with its evidence. `notes`: warnings for the user.
     """
 
     names: list[str]
@@ -67,28 +67,28 @@ class Chosen:
 
     @cached_property
     def times(self) -> TimeColumn:
-        """The column of times with its unit and the options that concern it."""
+        """The column of times with its unit and the user's options about it."""
         return TimeColumn(
             self.time_name, self.time_unit, self.rate_hz, self.is_given, self.overrule, self.time_factor
         )
 
     @cached_property
     def needed(self) -> tuple[int, ...]:
-        """Columns that every sample must have: the axes, then the times."""
+        """Columns in which every sample must have a number: the axes, then the times."""
         return tuple(place for place in (*self.gyro, self.time, self.fine) if place is not None)
 
     @cached_property
     def time_at(self) -> int | None:
-        """Index of the times among the columns that are read."""
+        """Index of the column of times among the columns that are read; None if there is none."""
         return None if self.time is None else len(self.gyro)
 
     @cached_property
     def places(self) -> tuple[int, ...]:
-        """All columns that are read as numbers."""
+        """All columns that are read as numbers: those of `needed`, then the accelerometer's."""
         return (*self.needed, *self.accel)
 
     def scale(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Convert the columns that are read (n, columns) to deg/s or counts, and to m/s², in place."""
+        """Convert the values read (n, columns) in place: rates to deg/s or counts, accelerations to m/s²."""
         with np.errstate(over="ignore", invalid="ignore"):
             axes = len(self.gyro)
             values[:, :axes] *= self.factor
@@ -176,7 +176,7 @@ def _dialect(where: str, names: Sequence[str] | None, width: int, facts: Facts, 
 
 
 def check_sensors(where: str, chosen: Chosen, how: How, facts: Facts) -> None:
-    """Check for several sensors once more, since more rows of live text have arrived.
+    """Check once more for several sensors in a live text, after more rows have arrived.
 
     Raises:
         NotStated: a column distinguishes several sensors.

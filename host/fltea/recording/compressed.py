@@ -30,12 +30,14 @@ PACKERS: dict[bytes, tuple[Any, str]] = {
     b"BZh": (bz2.open, "bzip2 -dk {}"),
     b"\xfd7zXZ": (lzma.open, "xz -dk {}"),
 }
-"""For the first bytes of a file: the function that opens the compressed data, and the decompressing
-command.
+"""For the first bytes of a compressed file: the function that opens it, and the command by which the user can
+decompress it.
 """
 
 DAMAGE = (OSError, ValueError, zlib.error, lzma.LZMAError, zipfile.BadZipFile, NotImplementedError)
-"""Errors that libraries raise for damaged data; an archive with a password raises RuntimeError."""
+"""Errors that libraries raise for damaged data. An archive with a password raises a RuntimeError, which is
+not among them.
+"""
 
 LIKELY = ("gyro", "imu", "raw data", "angular", "rotation")
 """Words in the names of files that hold gyroscope data, the most telling word first. Phone apps write one
@@ -43,13 +45,13 @@ file per sensor.
 """
 
 BESIDE = ("meta", "__macosx", "readme", "license")
-"""Words in the paths of files that hold no gyroscope data."""
+"""Words in the paths of files in an archive that hold no gyroscope data."""
 
 BUFFER_BYTES = 1 << 18
 
 
 def open_compressed(path: Path, how: How, limits: Limits) -> Stored | Printed:
-    """Read a compressed file. Text is read directly.
+    """Open the recording in a compressed file. Text is read while it is decompressed.
 
     Other formats are decompressed to a temporary file first.
 
@@ -87,7 +89,7 @@ def open_compressed(path: Path, how: How, limits: Limits) -> Stored | Printed:
 def _open_inside(
     place: Path, content: io.BufferedReader, how: How, limits: Limits, advice: str
 ) -> Stored | Printed:
-    """Open the content.
+    """Open the decompressed content of a file.
 
     `place`: name of the content for messages. `advice`: what the user can do if the content is not readable.
     """

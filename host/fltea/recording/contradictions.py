@@ -19,7 +19,9 @@ from fltea.records.units import STANDARD_GRAVITY_MS2
 from fltea.settings.how import TimeUnit
 
 MOST_OFFSET_DPS = 5.0
-"""Largest offset at rest that is usual [deg/s]. Smaller numbers near 1 are not taken for gravity in g."""
+"""Largest offset at rest that is usual [deg/s]. If the rates are at most this large, a length near 1 is not
+taken for gravity in g.
+"""
 
 FEWEST_STEPS = 8
 """Fewest steps between times from which two clocks are compared."""
@@ -32,10 +34,10 @@ def check_clock(
     factor: float,
     fine: tuple[int | None, float] = (None, 0.0),
 ) -> None:
-    """Compare the chosen clock with the dialect, the rate in the file's head, and other columns of times.
+    """Compare the chosen clock with the dialect, the rate in the file's head and other columns of times.
 
-    `time`: column of times. `unit`, `factor`: unit of the times, and multiple of it. `fine`: column of
-    fractions that is added to whole seconds, and the unit of this column [s].
+    `time`: column of times. `unit`, `factor`: unit of the times, and how many of it a 1 in the column stands
+    for. `fine`: column of fractions that is added to whole seconds, and the unit of this column [s].
 
     Raises:
         UsageError: the user's rate differs from the rate in the file's head.
@@ -90,7 +92,7 @@ def _compare_clocks(choice: Choice, time: int, unit_s: float | None, fine: int |
             other_s = unit_s
         if other_s is not None and unit_s is not None:
             ratio = found * other_s / unit_s
-        else:  # the units are unknown: a power of 1000 in the ratio is taken as the ratio of the units
+        else:  # the units are unknown, so a power of 1000 in the ratio is taken as the ratio of the units
             ratio = found / 1000 ** round(math.log(found, 1000))
         if abs(ratio - 1) > SAME_RATE:
             what = f"which clock is right: {listed([names[time], name])} differ by a factor of {ratio:.4g}"
@@ -105,7 +107,10 @@ def _of_dialect(choice: Choice) -> list[str]:
 
 
 def _runs_as(times: Floats, others: Floats) -> float | None:
-    """Return the ratio of the steps of `times` to those of `others`; None if the ratio is not constant."""
+    """Return the ratio of the steps of `times` to those of `others`.
+
+    Return None if the ratio varies from step to step, so that the two are not both clocks.
+    """
     steps, ahead = np.diff(times), np.diff(others)
     known = np.isfinite(steps) & np.isfinite(ahead) & (ahead > 0)
     if known.sum() < FEWEST_STEPS:
@@ -119,14 +124,14 @@ def _runs_as(times: Floats, others: Floats) -> float | None:
 def check_gravity(
     choice: Choice, gyro: Sequence[int], dps: float, accel: Sequence[int], accel_ms2: float
 ) -> None:
-    """Compare the length of gravity with the user's unit, and check that no gyroscope column holds gravity.
+    """Check that the accelerometer's axes, and not the gyroscope's, have the length of gravity.
 
-    `dps`: unit of the gyroscope's numbers [deg/s]. `accel`: columns of the accelerometer's axes; `accel_ms2`:
-    unit of these columns [m/s²].
+    `gyro`: columns of the gyroscope's axes. `dps`: unit of their numbers [deg/s]. `accel`: columns of the
+    accelerometer's axes; `accel_ms2`: unit of these columns [m/s²].
 
     Raises:
-        UsageError: the length of gravity shows another unit than the user's, or gravity is in the gyroscope's
-            columns.
+        UsageError: the accelerations have the length of gravity in another unit than the user says, or the
+            gyroscope's columns have the length of gravity.
     """
     how, dialect, values = choice.how, choice.dialect, choice.first_rows()
     if how.overrule or values is None:
@@ -158,7 +163,7 @@ def check_gravity(
 
 
 def _check_alone(choice: Choice, gyro: Sequence[int], values: Floats, dps: float) -> None:
-    """Raise UsageError if columns have the length of gravity and only the user says that they are rates."""
+    """Raise UsageError if columns have the length of gravity, and only the user says that they are rates."""
     names = [choice.names[place] for place in gyro]
     is_stated = any(rate_unit_of(choice.names[p]) or rate_unit(choice.units[p]) for p in gyro)
     measured = candidates.gravity_units(values) if len(gyro) == 3 and not is_stated else []

@@ -26,7 +26,7 @@ def open_csv(
     file: BinaryIO | None = None,
     head: Sequence[str] = (),
 ) -> Stored:
-    """Read a gyroscope's columns from a text file in one pass, as `TextReader` reads live text.
+    """Read a gyroscope's columns from a text file in one pass, as `TextReader` does with live text.
 
     `file`: the open file, if the caller has opened it. `head`: lines from elsewhere in the file that describe
     these columns.
@@ -61,7 +61,7 @@ def open_csv(
 
 
 def _rows(path: Path, reader: TextReader, stream: BinaryIO) -> Iterator[Rows]:
-    """Yield all rows; raise UsageError unless the columns are known within the first HEAD_BYTES."""
+    """Yield all rows of the text; raise UsageError if the columns are unknown after HEAD_BYTES."""
     size = 0
     while data := stream.read1(BLOCK_BYTES) if hasattr(stream, "read1") else stream.read(BLOCK_BYTES):
         size += len(data)

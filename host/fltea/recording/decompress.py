@@ -3,15 +3,17 @@
 import bz2
 
 SMALLEST_WINDOW_BYTES = 8 << 20
-"""Smallest window limit, since the zstd format requires every reader to support windows of 8 MB [bytes]."""
+"""Smallest limit that is set for the window of a zstd frame [bytes]. The window is the stretch of past data
+that a decompressor keeps. The zstd format requires every reader to support windows of 8 MB.
+"""
 
 
 def decompressed_zstd(data: bytes, most: int, window: int = 0) -> bytes:
     """Return the content of a zstd frame, up to `most` bytes.
 
-    `window`: largest window that the frame may require [bytes].
+    `window`: largest window, the stretch of past data to keep, that the frame may require [bytes].
     """
-    import zstandard  # imported here, since not every bag needs this optional package
+    import zstandard  # imported here, since zstandard is an optional package and most bags do not need it
 
     unpacker = zstandard.ZstdDecompressor(max_window_size=max(window, SMALLEST_WINDOW_BYTES))
     return bytes(unpacker.stream_reader(data).read(most))

@@ -1,4 +1,4 @@
-"""Recognises the dialect of a file: the form in which a certain logger writes. `dialects.toml` lists them."""
+"""Recognises the dialect of a file: the form in which a certain logger writes. `dialects.toml` lists all."""
 
 import math
 import re
@@ -27,9 +27,9 @@ _SHARED = re.compile(r"(?:.*[\s._/:-])?")
 class Dialect(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The form and the meaning of one logger's files.
 
-    `name`: name of the logger, for people. `docs`: address of the documentation of the form. `guide`: entry
-    in the table of `files.md`. `corpus`: example files in `tests/recording/corpus`, each with the first
-    options that read it.
+    `name`: name of the logger, for people. `docs`: address of the documentation of the logger's format.
+    `guide`: entry in the table of `files.md`. `corpus`: example files in `tests/recording/corpus`, each with
+    the options by which it can be read.
 
     A file is in this dialect if all of these conditions hold, as far as they are given:
 
@@ -39,7 +39,7 @@ class Dialect(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=T
     `tag`: regular expression that matches the whole first field of a row, in files with rows of several
     kinds.
     `fields`: number of fields in a row, in files without column names.
-    `file`: regular expression that is found in the file's name, in any case.
+    `file`: regular expression that is found in the file's name; upper and lower case are the same.
 
     The dialect states the facts below. A column is given by a regular expression for its whole name, or by
     its position from 1.
@@ -49,7 +49,8 @@ class Dialect(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=T
     factor for these columns, which the head gives as `NAME,NUMBER`. `ask_unit`: possible units, each with the
     case in which it applies, if nothing in the file shows the unit. `accel`, `accel_unit`, `accel_scale`: the
     same three facts for the accelerometer. `time`: columns of times, the best first; in `A+B`, A holds
-    seconds and B the nanoseconds to add. `time_unit`: s, ms, us or ns; `time_ticks`: multiple of this unit;
+    seconds and B the nanoseconds to add. `time_unit`: s, ms, us or ns; `time_ticks`: how many of this unit a
+    1 in the column stands for;
     `time_scale`: name of a factor for times that the head gives. `convention`: whether other loggers use the
     same names with other units, so that the numbers are checked. `rate`: regular expression for the head,
     whose first group is the sampling rate [Hz]. `sensor`: column that distinguishes several sensors.
@@ -97,22 +98,25 @@ def dialects() -> tuple[Dialect, ...]:
 
 
 MOST_NAMES = 1000
-"""Largest number of columns with which a file is compared with the dialects.
+"""Largest number of columns of a file that is still compared with the dialects.
 
 Each name is compared with each dialect, which would take too long for more columns.
 """
 
 GRAVITY_TOLERANCE = 0.05
-"""Relative tolerance of gravity's length, for dialects that are recognised only by the number of fields."""
+"""Relative tolerance of gravity's length. For dialects that are recognised only by the number of fields, the
+accelerations have to have this length.
+"""
 
 
 class Facts(NamedTuple):
     """What a file states in addition to the names of its columns.
 
-    `head`: the lines before the column names. `file`: name of the file. `rates`: stated sampling rates [Hz],
-    by the source of each, such as `imu.fs`. `sample`: function that returns the first rows of all columns (n,
-    width), NaN where there is no number. `units_from`: evidence and source of the units of the columns.
-    `beside`: names by which other lines of the text label their numbers, as boards print them. `cells`:
+    `head`: the lines before the column names. `file`: name of the file. `rates`: sampling rates that the file
+    states [Hz], by the place where each stands, such as `imu.fs`. `sample`: function that returns the first
+    rows of all columns (n, width), NaN where there is no number. `units_from`: evidence and source of the
+    units of the columns.
+    `beside`: names that label numbers on other lines of the text, as some boards print them. `cells`:
     function that returns the texts in a column, given its index, in the same first rows. `changed`: columns
     whose numbers may need a further scale or offset, each with a text about it.
     """
@@ -137,18 +141,18 @@ class Facts(NamedTuple):
 
 @cache
 def _of_kind(by_names: bool) -> list[Dialect]:
-    """Return the dialects that are recognised by column names, or those that are recognised without them."""
+    """Return the dialects that are recognised by column names; if `by_names` is false, the other dialects."""
     return [one for one in dialects() if bool(one.names) == by_names]
 
 
 @cache
 def _a_first_name() -> re.Pattern[str]:
-    """Return a pattern of the first of each dialect's `names`, which quickly rejects most lines."""
+    """Return one pattern that matches the first of `names` of any dialect. It quickly rejects most lines."""
     return re.compile("|".join(f"(?:{one.names[0]})" for one in dialects() if one.names))
 
 
 def dialect_of(names: Sequence[str], facts: Facts, *, tag: str = "", fields: int = 0) -> Dialect | None:
-    """Return the dialect of a file, or None.
+    """Return the dialect of a file; None if the file is in no dialect.
 
     `names`: names of the columns, or empty. `tag`, `fields`: first field and number of fields of the rows, in
     files without column names.
@@ -159,12 +163,12 @@ def dialect_of(names: Sequence[str], facts: Facts, *, tag: str = "", fields: int
 
 
 def may_be_of_a_dialect(names: Sequence[str]) -> bool:
-    """Return whether any of these names occurs in a dialect."""
+    """Return whether any of these names is one by which dialects are recognised."""
     return len(names) <= MOST_NAMES and any(map(_a_first_name().fullmatch, names))
 
 
 def names_kinds(line: str) -> bool:
-    """Return whether a line stands before the rows of a dialect that has rows of several kinds."""
+    """Return whether a line is one that stands before the rows in a dialect with rows of several kinds."""
     return any(re.search(pattern, line) for one in dialects() if one.tag for pattern in one.head)
 
 
@@ -185,7 +189,7 @@ def _is_in(one: Dialect, names: Sequence[str], facts: Facts, tag: str, fields: i
 
 
 def _has_gravity(one: Dialect, facts: Facts) -> bool:
-    """Return whether the accelerometer's columns, given by position, have gravity's length in their unit."""
+    """Return whether the dialect's columns of accelerations have gravity's length in the dialect's unit."""
     values = facts.sample()
     if not one.accel or values.ndim != 2 or values.shape[1] != one.fields or not len(values):
         return False
@@ -195,10 +199,10 @@ def _has_gravity(one: Dialect, facts: Facts) -> bool:
 
 
 def columns_of(triples: Sequence[Sequence[str]], names: Sequence[str], near: str = "") -> tuple[int, ...]:
-    """Return the columns of the first triple of patterns that gives each axis one column, or empty.
+    """Return the columns of the first triple of patterns by which each axis has exactly one column, or ().
 
-    `near`: beginning of the sensor's column names; of several sensors' columns, those with this beginning are
-    used.
+    `near`: text with which the names of the wanted sensor's columns begin. If there are columns of several
+    sensors, those whose names begin most like it are used.
     """
     for triple in triples:
         places = [[k for k, name in enumerate(names) if re.fullmatch(one, name)] for one in triple]
@@ -209,7 +213,7 @@ def columns_of(triples: Sequence[Sequence[str]], names: Sequence[str], near: str
 
 
 def nearest(places: Sequence[int], names: Sequence[str], near: str) -> list[int]:
-    """Return the columns among `places` whose names share the longest beginning with `near`."""
+    """Return the columns among `places` whose names begin most like `near`."""
     alike = {place: _shared(names[place], near) for place in places}
     return [place for place in places if alike[place] == max(alike.values())]
 

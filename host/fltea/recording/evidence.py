@@ -1,4 +1,4 @@
-"""Finds which columns hold what, and in which units, with the evidence for each; lists the missing facts."""
+"""Finds what a file's columns hold and in which units, with the evidence, and which facts are missing."""
 
 import math
 import re
@@ -45,13 +45,13 @@ _TWO_FIELDS = re.compile(r"(\d+)\+(\d+)")
 """Matches the positions of two columns: one of whole seconds, and one of nanoseconds."""
 
 ENOUGH = 10
-"""A column counts as empty if it holds no number in this many rows."""
+"""A column counts as empty if it holds no number in the first rows, if there are at least this many."""
 
 
 class Choice:
     """The answers about a file's columns so far, and the facts that are still missing.
 
-    `labels`: names by which the user may call the columns.
+    `labels`: names by which the user may name the columns in options.
     """
 
     def __init__(
@@ -78,11 +78,11 @@ class Choice:
         self.by_dialect: Evidence = "convention" if dialect is not None and dialect.convention else "dialect"
 
     def answer(self, question: Question, value: str, evidence: Evidence, why: str) -> None:
-        """Add an answer with its evidence."""
+        """Add an answer about the columns with its evidence."""
         self.answers.append(Answer(question, value, evidence, why))
 
     def state_units(self) -> None:
-        """Take units of columns from columns of texts that state the same unit in every row."""
+        """Take the units of columns from columns of texts, if such a text is the same unit in every row."""
         columns = {
             name: {*self.facts.cells(k)} - {""} for k, name in enumerate(self.names) if states_units(name)
         }
@@ -92,12 +92,12 @@ class Choice:
         self.units = [unit or units.get(name, "") for name, unit in zip(self.names, self.units, strict=True)]
 
     def first_rows(self) -> Floats | None:
-        """Return the numbers in the first rows (n, width), or None if some columns are not available."""
+        """Return the numbers in the first rows (n, width); None if they are not available for all columns."""
         values = self.facts.sample()
         return values if values.ndim == 2 and values.shape[1] == len(self.names) else None
 
     def gyro(self) -> tuple[tuple[int, ...], tuple[str, ...]]:
-        """Return the columns of the axes and their letters.
+        """Return the columns of the gyroscope's axes, and the letter of each axis.
 
         If they are unknown, add a question for the user.
         """
@@ -138,7 +138,7 @@ class Choice:
         return scale if scale is not None and math.isfinite(scale) and scale > 0 else None
 
     def is_of_dialect(self, gyro: Sequence[int]) -> bool:
-        """Return whether the dialect describes these columns."""
+        """Return whether the file's dialect describes these columns of the gyroscope's axes."""
         if self.dialect is None:
             return False
         if not self.dialect.gyro:
@@ -158,7 +158,8 @@ class Choice:
     ) -> None:
         """Raise UsageError if a column's name and its unit contradict each other.
 
-        `flag`: option that the message names.
+        `in_name`, `in_unit`: functions that return the unit in a name, and in a text beside the name. `flag`:
+        option that the message names.
         """
         for place in places if not self.how.overrule else ():
             name, unit = self.names[place], self.units[place]
@@ -172,8 +173,8 @@ class Choice:
     def clock(self, gyro: Sequence[int]) -> tuple[int | None, TimeUnit | None, float, int | None, float]:
         """Find the column of times and its unit.
 
-        Returns the column, its unit, the multiple of this unit, and the column of fractions with its unit
-        [s].
+        Returns the column, its unit, how many of this unit a 1 in it stands for, the column of fractions to
+        add, and the unit of that column [s].
         """
         place, by_dialect = self._time_column(gyro)
         given, factor = self.how.time_unit, 1.0
@@ -220,7 +221,7 @@ class Choice:
             self.tables.append(candidates.ticks_table(step, units))
 
     def _step(self, place: int) -> float | None:
-        """Return the median step between the first times if they form an even clock, else None."""
+        """Return the median step between the first times in a column; None if the steps are uneven."""
         values = self.facts.sample()
         if values.ndim != 2 or values.shape[1] <= place or len(values) < ENOUGH:
             return None
@@ -231,7 +232,7 @@ class Choice:
         return step if is_even else None
 
     def _time_column(self, gyro: Sequence[int]) -> tuple[int | None, bool]:
-        """Return the column of times (None if there is none), and whether the dialect states its unit."""
+        """Return the column of times (None if there is none), and whether the dialect describes it."""
         names = self.names
         dialect, near = self.dialect, common_beginning([names[place] for place in gyro])
         of_dialect = [
@@ -270,7 +271,7 @@ class Choice:
         return (found[0] if found else None), False
 
     def _is_empty(self, place: int) -> bool:
-        """Return whether a column has no number in any of the first rows."""
+        """Return whether a column has no number in any of the first rows, if these are enough to tell."""
         values = self.first_rows()
         least = 1 if self.stated_rates() else ENOUGH
         if values is None or len(values) < least:
@@ -278,7 +279,7 @@ class Choice:
         return not bool(np.isfinite(values[:, place]).any())
 
     def rate(self, time: int | None) -> float | None:
-        """Return the sampling rate that the user or the file states; if it is missing, add a question."""
+        """Return the sampling rate that the user or the file states; if nothing gives it, add a question."""
         if self.how.rate_hz is not None:
             self.answer("clock", f"{self.how.rate_hz:g} Hz", "given", "--rate")
             return self.how.rate_hz
@@ -293,12 +294,18 @@ class Choice:
         return rate_hz
 
     def _has_times_beside_columns(self) -> bool:
-        """Return whether the user is asked for the axes, and a column of times may then give the rate."""
+        """Return whether the user is asked for the axes, and some column may then be one of times.
+
+        The user is not asked for the rate then, since the times may give it.
+        """
         is_asked = any(one.option.startswith("--columns") for one in self.missing)
         return is_asked and any(is_time(name.rpartition(".")[2]) for name in self.names)
 
     def stated_rates(self) -> Mapping[str, float]:
-        """Return the stated sampling rates [Hz], by the source of each; several may contradict each other."""
+        """Return the sampling rates that the file states [Hz], by the place where each stands.
+
+        Several rates may contradict each other.
+        """
         dialect, head = self.dialect, self.facts.head
         if dialect is not None and dialect.rate and (said := re.search(dialect.rate, head, re.M)):
             return {f"the head: {said[0].strip()}": float(said[1])}

@@ -22,7 +22,7 @@ LARGEST_DPS = 1e6
 """Largest accepted angular rate [deg/s], far above any gyroscope's. A larger number shows a wrong unit."""
 
 LONGEST_NAME, MOST_NAMES = 60, 30
-"""Longest name [characters], and most names, that a message shows from a file."""
+"""Longest name [characters], and largest number of names, that an error message shows from a file."""
 
 LARGEST_COUNT, LARGEST_NUMBER = 2.0**31, 2.0**53
 """Largest count of a sensor's register, and largest whole number that a float represents exactly."""
@@ -34,12 +34,13 @@ AT_ONCE = 8192
 
 
 class Recording(NamedTuple):
-    """Samples of a gyroscope at rest.
+    """Samples of a gyroscope, and of an accelerometer if there is one.
 
     `gyro`: (n, axes) in counts if `lsb_per_dps` is given, else in deg/s. `accel`: (n, 3) in counts, or None;
     `accel_lsb_per_g`: counts in 1 g. `accel_ms2`: (n, 3) in m/s², or None. `device_s`: (n,) time of each
     sample by the device's clock [s]. `host_s`: (n,) arrival times by the host's clock [s], or None if they
-    were not recorded. `seq`: (n,) sequence number of each sample; None: the numbers follow from the times.
+    were not recorded. `seq`: (n,) sequence number of each sample; None: the numbers can be derived from the
+    times.
     `epoch`: (n,) number of the epoch (the samples between two restarts) that each sample belongs to.
     """
 

@@ -15,14 +15,14 @@ _KIND = re.compile(r"(\w+),\s*(.*)")
 
 
 class FlashLines:
-    """Converts the lines of a text log; the number of lines stays the same.
+    """Converts the lines of a text log of ArduPilot. The number of lines stays the same.
 
     `columns`: columns that the user names, which decide the kind of rows to keep. None: the first kind that
     has a gyroscope's axes is kept.
     """
 
     begins = re.compile(rb"^FMT,[ \t]*\d+,[ \t]*\d+,", re.M)
-    """Matches the beginning of an FMT row among other lines."""
+    """Matches the beginning of an FMT row, anywhere in a text."""
 
     def __init__(self, columns: Sequence[str] | None) -> None:
         self._wanted = {name.partition(".")[0] for name in columns or () if "." in name}
@@ -36,7 +36,7 @@ class FlashLines:
         return bool(self._formats)
 
     def take(self, lines: list[str], *, is_known: bool) -> list[str]:
-        """Return the converted lines; the header replaces the last line before the first row."""
+        """Return the converted lines. The header replaces the last line before the first row that is kept."""
         found: list[str] = []
         for line in lines:
             format_ = _FORMAT.fullmatch(line.strip().removeprefix("\ufeff"))
@@ -58,7 +58,7 @@ class FlashLines:
         return found
 
     def finish(self) -> list[str]:
-        """Return the last line, which was held back since the header may have to replace it."""
+        """Return the last line. It was held back, since the header may have to replace it."""
         held, self._held = self._held, []
         return held
 

@@ -30,13 +30,13 @@ class Format(NamedTuple):
     """A file format that fltea reads.
 
     `title`: name for people. `guide`: description in the guide. `suffixes`: endings of file names.
-    `is_certain`: whether a file whose name has such an ending has this format even if it begins with none of
-    `magic`. `corpus`: example files in `tests/recording/corpus`, each with the options that read it. `magic`:
-    possible first bytes, which no other format has. `member`: file in an archive (.zip) that shows this
-    format. `opener`: function that reads the file in this process, as MODULE:FUNCTION. `reader`: function
-    that reads a path and a topic in a reader process, as MODULE:FUNCTION. `library`, `extra`: library that
-    the reader needs, and the extra that installs it. `options`: fields of `How` that the user may set for
-    this format. `pipe`: whether such a recording may come through a pipe.
+    `is_certain`: whether a file whose name has such an ending counts as this format even if it begins with
+    none of `magic`. `corpus`: example files in `tests/recording/corpus`, each with the options that read it.
+    `magic`: possible first bytes, which no other format has. `member`: file in an archive (.zip) that shows
+    this format. `opener`: function that reads the file in this process, as MODULE:FUNCTION. `reader`:
+    function that reads a path and a topic in a reader process, as MODULE:FUNCTION. `library`, `extra`:
+    library that the reader needs, and the extra that installs it. `options`: fields of `How` that the user
+    may set for this format. `pipe`: whether such a recording may come through a pipe.
     """
 
     title: str
@@ -243,7 +243,7 @@ FORMATS: Mapping[Kind, Format] = MappingProxyType(
 
 
 class Unread(NamedTuple):
-    """A file format that is recognised, so that the message can give advice, and not read.
+    """A file format that is recognised but not read. Recognising it allows a message with advice.
 
     `what`: name of the format, and advice. `command`: command that converts the file, with {path} for the
     file's path. `guide`: name of the format in the guide. `magic`: bytes that such a file has at the offset
@@ -326,7 +326,9 @@ UNREAD = (
 )
 
 KINDS: Mapping[str, Kind] = {suffix: kind for kind, one in FORMATS.items() for suffix in one.suffixes}
-"""Format for each ending of a file's name. Content decides whether an .mcap file is from ROS or fltea."""
+"""Format for each ending of a file's name. For .mcap, the file's content decides whether it is from ROS or
+fltea.
+"""
 
 MAGIC: Mapping[bytes, Kind] = {begin: kind for kind, one in FORMATS.items() for begin in one.magic}
 
@@ -337,6 +339,6 @@ ENDINGS = f"text ({', '.join(FORMATS['csv'].suffixes)}), packed or not; " + ", "
 
 
 def loaded(name: str) -> Any:
-    """Import a module and return an attribute of it. `name`: MODULE:ATTRIBUTE."""
+    """Import a module and return an attribute of it, such as a reader. `name`: MODULE:ATTRIBUTE."""
     module, _, function = name.partition(":")
     return getattr(importlib.import_module(module), function)

@@ -1,4 +1,7 @@
-"""Finds groups of columns by the columns' names: `left.gyro_x` is in the group `left`."""
+"""Finds groups of columns by the columns' names.
+
+The column `left.gyro_x`, for instance, is in the group `left`.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -10,7 +13,7 @@ DEEPEST = 4
 
 
 def group_of(name: str) -> str:
-    """Return the path of the group that a column is in; "" if it is in no group."""
+    """Return the path of the innermost group that a column is in; "" if it is in no group."""
     return name.rpartition(".")[0]
 
 
@@ -21,7 +24,7 @@ def around(name: str) -> list[str]:
 
 
 def gyroscopes_in(names: Sequence[str], units: Sequence[str] = ()) -> dict[str, list[int]]:
-    """Return the columns of the gyroscope axes of each group that has them.
+    """Return, for each group that has gyroscope axes, the columns of these axes.
 
     The name of a group may identify the sensor: `gyroscope.x` is an axis of a gyroscope, and
     `accelerometer.x` is not. Several such groups, for instance `gyro1` and `gyro2`, are separate gyroscopes.
@@ -44,20 +47,20 @@ def gyroscopes_in(names: Sequence[str], units: Sequence[str] = ()) -> dict[str, 
 
 
 def is_of_accelerometer(name: str) -> bool:
-    """Return whether a column, alone or with its groups, has the name of an accelerometer axis."""
+    """Return whether a column's name, alone or with those of its groups, is that of an accelerometer axis."""
     return any(accel_axis_of(inner) is not None for _, inner in inner_names(name))
 
 
 def tells_gyroscope(group: str) -> bool:
-    """Return whether a group has a gyroscope's name, whatever it contains."""
+    """Return whether a group's name is that of a gyroscope, whatever the group contains."""
     return axis_of(f"{group.rpartition('.')[2]}_x") is not None
 
 
 def with_clocks(names: Sequence[str], of: Sequence[str]) -> list[str]:
-    """Return the groups other than `of` that hold a sensor and its own times.
+    """Return the groups, other than those in `of`, that hold a sensor and a column of times of their own.
 
-    The rows of such a group cannot be matched with the rows of `of`. The result is empty if `of` has no
-    times.
+    The rows of such a group cannot be matched with the rows of the groups in `of`. The result is empty if the
+    groups in `of` have no times.
     """
     times = {group_of(name) for name in names if is_time(name.rpartition(".")[2])}
     if not times & {*of, ""}:
@@ -74,10 +77,10 @@ def with_clocks(names: Sequence[str], of: Sequence[str]) -> list[str]:
 def short_names(
     names: Sequence[str], of: Sequence[str], fixed: Mapping[int, str], keep: Sequence[int]
 ) -> dict[int, str]:
-    """Return names of columns without the names of the groups `of` (innermost group first), by column index.
+    """Return short names of columns, by column index: without the names of the groups `of`, innermost first.
 
-    `fixed`: names that stay unchanged. `keep`: columns that get short names. If short names are equal, only
-    the column in the nearest group gets the name.
+    `fixed`: names that stay unchanged. `keep`: columns that get short names. If several columns would get the
+    same short name, only the column in the innermost group gets it.
     """
     found: dict[int, tuple[int, str]] = {}
     nearest = dict.fromkeys(fixed.values(), -1)

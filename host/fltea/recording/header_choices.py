@@ -1,7 +1,8 @@
 """Stores the columns chosen for each header of a text, so that a repeated header costs no time.
 
 A header is a line with the names of the columns. Choosing columns, units and sensor takes milliseconds.
-Without this store, a sender that prints its header before each row would cost this time for every row.
+Without this store, these milliseconds would be spent on every row if a sender prints its header before each
+row.
 """
 
 from collections.abc import Callable, Hashable
@@ -20,9 +21,10 @@ class Choices:
         self._found: dict[Hashable, Chosen | UsageError] = {}
 
     def of(self, header: Hashable, choose: Callable[[], Chosen], *, had_rows: bool = True) -> Chosen:
-        """Return the columns for a header; they are chosen only when the header appears for the first time.
+        """Return the columns for a header. They are chosen only when the header appears for the first time.
 
-        `had_rows`: whether rows were read before, so that the limit on different headers applies.
+        `had_rows`: whether rows were read before. Only then the limit on different headers applies. `choose`:
+        function that chooses the columns.
 
         Raises:
             UsageError: the columns cannot be chosen, or there are too many different headers.
@@ -38,5 +40,6 @@ class Choices:
                 self._found[header] = error
         found = self._found[header]
         if isinstance(found, UsageError):
-            raise found.with_traceback(None)  # otherwise the traceback would grow with each raise
+            # without None, the traceback would grow each time that the stored error is raised
+            raise found.with_traceback(None)
         return found

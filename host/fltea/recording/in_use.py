@@ -1,4 +1,4 @@
-"""Tells whether a program is writing a recording at present, since the writer holds a lock on the file."""
+"""Tells whether a program is writing a recording at present. Such a program holds a lock on the file."""
 
 import fcntl
 from typing import BinaryIO

@@ -24,13 +24,13 @@ FEWEST_ROWS = 2
 
 TEXTS = "csv", "ndjson", "json"
 OURS, ARRAY = re.compile(rb'\{\s*"class"'), re.compile(rb"\[\s*\{")
-"""Match the beginning of fltea's own NDJSON, and the beginning of a JSON array of objects."""
+"""Patterns that match the beginning of fltea's own NDJSON, and the beginning of a JSON array of objects."""
 
 
 class Opened(NamedTuple):
-    """Format of a recording other than fltea's MCAP, and the recording as a file object if it is a pipe.
+    """Format of a recording that is one file, and the open file if it is a pipe.
 
-    `file`: the open pipe, at its beginning; None: the path can be opened.
+    `file`: the open pipe, of which nothing has been read; None: the recording can be opened by its path.
     """
 
     kind: Kind
@@ -38,9 +38,9 @@ class Opened(NamedTuple):
 
 
 def is_one_file(path: Path) -> bool:
-    """Return whether a path is a whole recording.
+    """Return whether a path is a whole recording by itself: a file, a pipe or the folder of a bag.
 
-    An MCAP file of fltea is not, since all files of a session belong together.
+    An MCAP file of fltea is no whole recording, since all files of a session belong together.
     """
     if path.is_dir():
         return is_bag_folder(path)
@@ -70,7 +70,7 @@ def is_of_this_process(path: Path) -> bool:
 
 
 def kind_of(begin: bytes) -> Kind | None:
-    """Return the format that the first bytes of a file prove, or None."""
+    """Return the format that the first bytes of a file prove; None if they prove none."""
     return next((kind for magic, kind in MAGIC.items() if begin.startswith(magic)), None)
 
 
@@ -134,7 +134,7 @@ def _has_rows(begin: bytes) -> bool:
 
 
 def _kind_of_text(path: Path, begin: bytes, by_end: Kind | None) -> Kind:
-    """Return the kind of a text: fltea's NDJSON, JSON, or other text.
+    """Return the format of a text: fltea's NDJSON, JSON, or other text, which is read as CSV.
 
     `by_end`: format by the ending of the file's name.
     """
@@ -153,8 +153,8 @@ def _kind_of_text(path: Path, begin: bytes, by_end: Kind | None) -> Kind:
 
 
 def _kind_of_zip(path: Path, file: BinaryIO) -> Kind:
-    """Return the format of an archive: arrays of numpy, an Excel workbook, or a compressed file."""
-    # the reader of this format reports what is wrong with the file
+    """Return the format of a zip archive, such as arrays of numpy, an Excel workbook or a compressed file."""
+    # if the archive cannot be read, the reader of this format reports what is wrong with the file
     by_end = "npz" if path.suffix.lower() == ".npz" else "packed"
     try:
         with zipfile.ZipFile(file) as archive:
@@ -176,9 +176,9 @@ def _kind_of_zip(path: Path, file: BinaryIO) -> Kind:
 
 
 def _is_foreign(begin: bytes) -> bool:
-    """Return whether the first line is a JSON object of another program.
+    """Return whether a text's first line is a JSON object that another program wrote, not fltea.
 
-    Its keys are then names of columns.
+    The keys of such an object are names of columns.
     """
     line, end, _ = begin.partition(b"\n")
     try:

@@ -19,9 +19,10 @@ _AXIS = re.compile(r"(?:.*[^\W_]|.*_|)([xyzXYZ])")
 
 
 class _One(NamedTuple):
-    """One line of the text.
+    """One line of a text, with the number and label in it if there are any.
 
-    `label`: label of the line, "" if it has no labelled number. `text`: label and number in a common form.
+    `label`: label of the line's number, "" if it has no labelled number. `text`: label, number and unit in
+    one form for all loggers.
     """
 
     line: str
@@ -30,14 +31,15 @@ class _One(NamedTuple):
 
 
 class LabelLines:
-    """Joins the lines of a sample: the sample's last line gets all numbers, and its other lines become empty.
+    """Joins the lines of each sample.
 
-    A sample ends before a label that repeats, or that comes earlier in the order of the first samples. In
-    lines with Teleplot's mark `>`, a time in ms may stand before the number: `>gx:1000:1.2`.
+    The sample's last line gets all its numbers, and the others become empty. A sample ends before a line
+    whose label the sample already has, or whose label comes earlier in the order of labels in the first
+    sample. In lines with Teleplot's mark `>`, a time in ms may stand before the number: `>gx:1000:1.2`.
     """
 
     begins = re.compile(rb"^[ \t>]*[^\W\d][^:=\n]{0,80}[:=]", re.M)
-    """Matches the beginning of a line with a label, among other lines."""
+    """Matches the beginning of a line with a label, anywhere in a text."""
 
     def __init__(self) -> None:
         self._order: dict[str, int] = {}
@@ -50,7 +52,7 @@ class LabelLines:
         return self._is_on or bool(self._held)
 
     def take(self, lines: list[str], *, is_known: bool) -> list[str]:
-        """Return the complete lines. `is_known`: the form of the text is known, so no lines are held back."""
+        """Return the lines that are complete. `is_known`: the text's form is known, so none are held back."""
         if is_known and not self._is_on:
             return [*self.finish(), *lines]
         found: list[str] = []
@@ -104,7 +106,7 @@ class LabelLines:
 
 
 def _begins_at(labels: list[str]) -> int:
-    """Return the index of the label with which a sample begins: after a label of the z axis, or else 0.
+    """Return the index of the label with which a sample begins: one after a label of the z axis, or else 0.
 
     `labels`: labels in order, until they repeat.
     """

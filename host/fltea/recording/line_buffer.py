@@ -24,29 +24,35 @@ class LineBuffer:
 
     @property
     def is_cut(self) -> bool:
-        """Whether the text consists of documents, and the last one was truncated and left out."""
+        """Whether the text consists of documents, and the last document was truncated and left out."""
         return self._decoder.is_cut
 
     def resume(self, *, within_line: bool) -> None:
-        """Continue after the sender was lost and found again. `within_line`: as for `TextReader.resume`."""
+        """Drop pending bytes, after the connection to the sender was interrupted.
+
+        `within_line`: whether the next bytes may begin within a line, which is then dropped, too.
+        """
         self._decoder.drop()
         self._rest, self._skipping = b"", within_line
 
     def feed(self, data: bytes) -> bytes | None:
-        """Return the lines that end in the next bytes, without the last line feed, or None if none ends."""
+        """Add `data`, and return the lines that end in it, without the last line feed; None if none ends."""
         return self._whole(self._decoder.feed(data, hold=not self._skipping))
 
     def release(self) -> bytes | None:
-        """Return, at the end of the text, the lines that end in the bytes held back, as `feed` does."""
+        """Return lines as `feed` does, from bytes held back for decoding. Call this at the end of the text."""
         return self._whole(self._decoder.release())
 
     def finish(self) -> bytes:
-        """Return the last line, which may lack a line end."""
+        """Return the last line of the text, which may lack a line end."""
         rest, self._rest = self._rest + self._decoder.finish(), b""
         return rest.removesuffix(b"\n")
 
     def drops_too_long(self) -> bool:
-        """Drop the pending line if it is longer than LONGEST_LINE, and return whether it is."""
+        """Drop the line that has not ended yet if it is longer than LONGEST_LINE.
+
+        Return whether it was dropped.
+        """
         if len(self._rest) <= LONGEST_LINE:
             return False
         self._rest, self._skipping = b"", True

@@ -1,4 +1,4 @@
-"""Counts the lines of a text that are not samples, and numbers the lines that were meant as samples."""
+"""Counts the lines of a text that hold no sample, and numbers the rows of samples, lost ones included."""
 
 from collections import Counter
 from typing import NamedTuple
@@ -9,7 +9,11 @@ from fltea.recording.sample_times import Ints
 
 
 class Bad(NamedTuple):
-    """A line without a sample. `line`: line number, from 1. `why`: the reason, with a part of the line."""
+    """A line without a sample.
+
+    `line`: line number, from 1. `reason`: key of the reason. `why`: the reason in words, with a part of the
+    line.
+    """
 
     line: int
     reason: str
@@ -17,7 +21,7 @@ class Bad(NamedTuple):
 
 
 class BadLines:
-    """The lines without a sample.
+    """Counts of the lines of a text that hold no sample.
 
     `counts`: number of such lines for each reason in `text_numbers.REASONS`, except the last three reasons.
     `first`, `newest`: the first and the newest such line.
@@ -48,14 +52,14 @@ class BadLines:
 
 
 class RowNumbers:
-    """Numbers the samples, and finds where the sender restarted. After a restart, it repeats the header."""
+    """Numbers the samples, and finds where the sender restarted, since it repeats its header then."""
 
     def __init__(self) -> None:
         self._ordinal = self._since_header = self._page = 0
         self._begins = False
 
     def begin(self) -> None:
-        """Note that the next row begins a new run of the sender."""
+        """Note that the sender restarted before the next row."""
         self._begins = True
 
     def lose(self) -> None:
@@ -63,16 +67,16 @@ class RowNumbers:
         self._ordinal += 1
 
     def repeat_header(self, rows: int) -> None:
-        """Note that the header repeats.
+        """Note that the sender has repeated its header, which names the columns.
 
-        This means that the sender restarted, unless the header comes after a fixed number of rows. `rows`:
-        number of rows until the header repeats once more, -1 if unknown.
+        This means that the sender restarted, unless it repeats the header after each fixed number of rows.
+        `rows`: number of rows from here until the header comes once more, -1 if unknown.
         """
         self._begins |= self._since_header not in (self._page, rows)
         self._page, self._since_header = self._since_header, 0
 
     def take(self, count: int) -> tuple[Ints, bool]:
-        """Return the numbers of the next rows, and whether the first of them begins a new run."""
+        """Return the numbers of the next `count` rows, and whether the sender restarted before the first."""
         begins, self._begins = self._begins, False
         ordinal = self._ordinal + np.arange(count)
         self._ordinal += count

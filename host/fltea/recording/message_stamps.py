@@ -1,8 +1,8 @@
-"""Measures sampling rate and lost samples from the time stamps of messages, and how reliable these are.
+"""Measures sampling rate and lost samples by the time stamps of messages, and how reliable the stamps are.
 
-A driver stamps samples with its computer's clock, which may be milliseconds late, or with the sensor's clock.
-In both cases the sensor samples evenly. So messages are numbered in the order of arrival, and a sample counts
-as lost only where the stamps become late and stay late.
+A driver stamps samples with the sensor's clock, or with its computer's clock, and then stamps may be
+milliseconds late. In both cases the sensor samples evenly. So messages are numbered in the order of arrival,
+and a sample counts as lost only where the stamps become late and stay late.
 """
 
 from typing import NamedTuple
@@ -15,15 +15,17 @@ from fltea.recording.sample_times import EVEN_SHARE, EVENNESS
 Times = NDArray[np.int64]
 
 AROUND = 64
-"""Number of samples before and after a gap from which its length is found. A driver delivers up to as many at
-once.
+"""Number of samples before and after a gap from which the number of lost samples is found. A driver may
+deliver up to this many samples at once.
 """
 
 LATE = 1.5
 """Steps longer than this many periods are examined as gaps."""
 
 ALIKE = 0.1
-"""A step shorter than this many periods counts as a repeated stamp, which may be too early."""
+"""A step shorter than this many periods counts as a repetition of the stamp before. Such a stamp may be too
+early.
+"""
 
 SET_BACK = 10
 """A step backwards by more than this many periods means that the clock was set."""
@@ -32,8 +34,8 @@ SET_FORWARD_NS = 1_000_000_000
 """Forward jump of the stamps above which the clock counts as changed if arrival times show no gap [ns]."""
 
 STEPS, MORE = 1000, 1.05
-"""Number of steps over which the mean step of samples in batches is measured, and a factor on it so that
-batches do not count as gaps.
+"""STEPS: number of steps over which the mean step is measured if samples come in batches. MORE: factor by
+which it is increased, so that pauses between batches do not count as gaps.
 """
 
 MOST_PASSES, SAME = 5, 1e-6
@@ -43,13 +45,15 @@ LEAST_IN_BATCHES = 3
 """Smallest number of lost samples that can be detected if samples come in batches."""
 
 SURE = 100
-"""Largest number of lost samples in a gap that is certain although the period is not known exactly."""
+"""Largest number of lost samples in a gap for which the number is certain, although the period is not known
+exactly.
+"""
 
 MANY = 1 << 20
-"""Number of steps that are enough for a median."""
+"""Number of steps from which a median is taken; of more steps, a part is used."""
 
 WILD_NS = 60_000_000_000
-"""Largest difference between a step of the arrival times and that of the stamps [ns].
+"""Largest difference between a step of the arrival times and the step that the sequence numbers give [ns].
 
 If it is larger, the arrival times are not used.
 """
@@ -89,7 +93,7 @@ class Stamps(NamedTuple):
 
 
 def even(period_ns: float) -> Stamps:
-    """Return the `Stamps` of samples of which only the sampling period is known."""
+    """Return `Stamps` for evenly spaced samples of which only the sampling period is known."""
     none = np.empty(0, np.int64)
     return Stamps(period_ns, none, none, none, 0, 0, 0, 0.0)
 
@@ -130,13 +134,16 @@ def is_uneven(stamps: Stamps, samples: int) -> bool:
 
 
 def is_arrival(arrival_ns: Times, sequence: Times, period_ns: float) -> bool:
-    """Return whether arrival times are plausible for samples with given sequence numbers."""
+    """Return whether arrival times are plausible for samples with these sequence numbers and this period."""
     off = np.abs(np.diff(arrival_ns) - np.diff(sequence) * period_ns)
     return bool(len(off) == 0 or off.max() <= WILD_NS)
 
 
 def _first_guess(times_ns: Times, steps: Times) -> tuple[float, bool]:
-    """Return the usual step, and whether samples come in batches. For batches, the step is the mean step."""
+    """Return a first value of the period, and whether samples come in batches.
+
+    It is the usual step between stamps. For batches, it is the mean step, slightly increased.
+    """
     thin = steps[:: -(-len(steps) // MANY)]
     typical = float(np.median(thin))
     far = min(STEPS, max(1, len(steps) // 4))
@@ -149,7 +156,7 @@ def _first_guess(times_ns: Times, steps: Times) -> tuple[float, bool]:
 
 
 def _clock_was_set(steps: Times, arrival_ns: Times | None, period_ns: float) -> Times:
-    """Return the rows before which the clock was set: back, or forward while arrival times show no gap."""
+    """Return the rows before which the clock was set: back, or forward where arrival times show no gap."""
     was_set = steps < -SET_BACK * period_ns
     if arrival_ns is not None:
         arrivals = np.diff(arrival_ns)
@@ -163,8 +170,9 @@ def _gaps(
 ) -> tuple[Times, Times]:
     """Return the rows before which samples were lost, and the number of samples lost before each.
 
-    The true length of a gap follows from the least late samples before and after it. A stamp that repeats the
-    previous stamp is ignored, except in batches, where most stamps repeat.
+    Stamps may be late, so the true length of a gap follows from the samples before and after it that are late
+    by the least. A stamp that repeats the previous stamp is ignored, except in batches, where most stamps
+    repeat.
     """
     rows, missing = [], []
     of_epochs = [0, *epoch_row.tolist(), len(times_ns)]
@@ -194,7 +202,10 @@ def _gaps(
 
 
 def _refined(times_ns: Times, gap_row: Times, missing: Times, epoch_row: Times, period_ns: float) -> float:
-    """Return the mean step over all stretches without a long gap [ns]."""
+    """Return the sampling period [ns], as the mean step over all stretches without a long gap.
+
+    Lost samples are counted.
+    """
     sure = missing <= SURE
     breaks = np.union1d(gap_row[~sure], epoch_row)
     begin = np.concatenate([[0], breaks]).astype(np.int64)

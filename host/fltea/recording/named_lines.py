@@ -1,4 +1,4 @@
-"""Chooses the columns of lines that name each number: JSON objects, and numbers with labels."""
+"""Chooses the columns to read in lines that name each of their numbers: JSON objects, or labelled numbers."""
 
 from collections.abc import Callable, Sequence
 
@@ -12,7 +12,7 @@ from fltea.recording.wanted import wanted_of
 from fltea.settings.how import How
 
 MOST_LOOKED_AT = 200
-"""Number of lines whose labels are collected before columns are chosen."""
+"""Largest number of lines whose labels are collected before columns are chosen."""
 
 
 class NamedLines:
@@ -38,7 +38,7 @@ class NamedLines:
         self._alike: tuple[int, list[str]] = -1, []
 
     def of_object(self, number: int, line: str) -> Chosen | None:
-        """Return the columns of a line that is a JSON object with the wanted names; else None."""
+        """Return the columns to read, if a line is a JSON object with the wanted names; else None."""
         try:
             found = decode_object(line)
         except (ValueError, RecursionError):  # msgspec's errors are ValueErrors
@@ -54,7 +54,7 @@ class NamedLines:
         return None
 
     def of_labels(self, number: int, line: str) -> Chosen | None:
-        """Return the columns of a line whose labels are the wanted names; else None."""
+        """Return the columns to read, if a line's labels are the wanted names; else None."""
         found = labelled(line)
         if found is None:
             return None
@@ -76,9 +76,9 @@ class NamedLines:
         return choose(at, names, units, len(names), self._how, facts)
 
     def _are_meant(self, names: Sequence[str], units: Sequence[str]) -> bool:
-        """Return whether a line has the wanted columns.
+        """Return whether a line with these names has the wanted columns.
 
-        Columns that the user gives by position are those of the most common kind of line.
+        If the user gives columns by position, they are meant for the most common kind of line.
         """
         if not self._wanted.by_position or self._wanted.is_in(names):
             return self._are_names(names, units)

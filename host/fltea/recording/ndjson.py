@@ -16,7 +16,7 @@ from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
 
 class EpochMark(Record, frozen=True, forbid_unknown_fields=False, tag="epoch"):
-    """Fields of an `epoch` record that a replay needs; other versions of fltea may write other fields."""
+    """Fields of an `epoch` record that a replay needs. Other versions of fltea may write further fields."""
 
     reason: EpochReason
     host_ns: int
@@ -32,8 +32,8 @@ def read_ndjson(
 
     `file`: the open file, if the caller has opened it.
 
-    Returns the records, and a warning or None. The warning says that the last line is truncated, for instance
-    after a power failure, and was left out.
+    Returns the records, and a warning if the last line is truncated and was left out, for instance after a
+    power failure; else None.
 
     Raises:
         UsageError: a line is damaged or too long, samples come before a hello, there are no samples (they are
@@ -71,7 +71,7 @@ def _parse(path: Path, number: int, line: bytes) -> dict[str, Any] | None:
     """Return a line as an object; None if it is a truncated last line."""
     try:
         record = msgspec.json.decode(line)  # this decoder refuses NaN, which json.loads accepts
-    except (ValueError, RecursionError) as error:  # damaged, or nested too deeply
+    except (ValueError, RecursionError) as error:  # the line is damaged, or nested too deeply
         if number > 1 and not line.endswith(b"\n"):
             return None
         raise UsageError(f"{path}:{number}: is not JSON ({error}).") from error

@@ -1,4 +1,4 @@
-"""Reads .npy files. Columns of the array have their positions as names, or the names of its fields."""
+"""Reads .npy files. An array's columns are named by their positions from 1, or by the array's fields."""
 
 from pathlib import Path
 from typing import Any
@@ -18,10 +18,10 @@ from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
 
 def open_npy(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS) -> Stored:
-    """Read an array (n,), (n, columns), or of a type with named fields.
+    """Read an array of shape (n,) or (n, columns), or of shape (n,) with named fields.
 
-    Without options, the columns other than the times are the axes, up to three. If the array has more
-    columns, `how.columns` must name the axes by their positions from 1.
+    Unless the user names the axes, all columns other than the times are the axes, if there are at most three.
+    If there are more, `how.columns` must name the axes by their positions from 1.
 
     Raises:
         UsageError: the file holds no such array, the unit is unknown, or `open_sheet` refuses the columns.

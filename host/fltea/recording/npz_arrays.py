@@ -1,4 +1,4 @@
-"""Reads arrays from an .npz file; the size that each array declares is checked before memory is used."""
+"""Reads arrays from an .npz file. The size that each array declares is checked before memory is used."""
 
 import contextlib
 import io
@@ -20,24 +20,30 @@ from fltea.settings.limits import Limits
 SUFFIX = ".npy"
 MAGIC = b"\x93NUMPY"
 LENGTHS = {1: struct.Struct("<H"), 2: struct.Struct("<I"), 3: struct.Struct("<I")}
-"""Binary format of the header's length, by the version of the .npy format."""
+"""Binary format in which an array's file states the length of its header, by the version of the .npy format.
+"""
 
 LONGEST_HEADER = 10_000
-"""Longest array header [characters]; numpy has the same limit, and checks it only after reading the
-header."""
+"""Longest header of an array [characters]. numpy has the same limit, but checks it only after reading the
+header.
+"""
 
 KINDS = "biuf"
-"""Accepted numpy types (letters of `dtype.kind`): booleans and numbers. Calculations use 8-byte numbers."""
+"""Accepted numpy types (letters of `dtype.kind`): booleans and real numbers. They are converted to 8-byte
+numbers for calculations.
+"""
 
 UNPACKED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
-"""Compression methods that numpy writes; with other methods, Python decompresses without a size limit."""
+"""Accepted compression methods: those that numpy writes. With other methods, Python decompresses without a
+size limit.
+"""
 
 NUMBER_BYTES = 8
 COPY_BYTES = 1 << 20
 
 
 class Header(NamedTuple):
-    """What an array declares about itself. `length`: length of the whole header [bytes]."""
+    """What an array's file declares about the array. `length`: bytes before the data."""
 
     shape: tuple[int, ...]
     columns_first: bool
@@ -47,7 +53,7 @@ class Header(NamedTuple):
 
 
 class NpzArrays:
-    """The wanted arrays of a file, which are decompressed to temporary files.
+    """The wanted arrays of an .npz file. They are decompressed to temporary files.
 
     `names`: names of all arrays in the file.
 
@@ -69,15 +75,15 @@ class NpzArrays:
         return name in self._headers
 
     def shape(self, name: str) -> tuple[int, ...]:
-        """Return the shape that an array declares."""
+        """Return the shape that the array `name` declares."""
         return self._headers[name].shape
 
     def whole(self, name: str) -> NDArray[Any]:
-        """Return a whole array."""
+        """Return the whole array `name`."""
         return self._arrays[name]
 
     def rows(self, names: Sequence[str], at_once: int) -> Iterator[dict[str, NDArray[Any]]]:
-        """Yield arrays of equal lengths in blocks of `at_once` rows."""
+        """Yield the arrays `names`, which have equal lengths, in blocks of `at_once` rows."""
         for begin in range(0, self.shape(names[0])[0], at_once):
             yield {name: self._arrays[name][begin : begin + at_once] for name in names}
 
@@ -151,6 +157,6 @@ def read_header(file: IO[bytes], name: str) -> Header:
     read = np.lib.format.read_array_header_1_0 if size.size == 2 else np.lib.format.read_array_header_2_0
     try:
         shape, columns_first, dtype = read(whole)
-    except (MemoryError, RecursionError) as error:  # nested too deeply
+    except (MemoryError, RecursionError) as error:  # these errors mean that the header is nested too deeply
         raise ValueError(f"{name} has a broken header") from error
     return Header(shape, columns_first, dtype, len(begin) + len(packed) + length)

@@ -31,7 +31,7 @@ BESIDE = ("t_host_s", "accel_raw", "accel_ms2", "time_s", "seq", "epoch")
 """Optional arrays that have a row for each sample."""
 
 LEAST_POSITIVE = 1e-9
-"""Smallest accepted rate or scale. Counts divided by a smaller number might not be finite."""
+"""Smallest accepted sampling rate or scale. Counts divided by a smaller number might not be finite."""
 NPZ_ARRAYS = ("gyro_raw", "gyro_dps", "fs_hz", "lsb_per_dps", "accel_lsb_per_g", *BESIDE)
 """All arrays that are read; other arrays in a file are ignored."""
 
@@ -82,9 +82,9 @@ def open_npz(path: Path, limits: Limits = DEFAULT_LIMITS) -> Stored:
 
 
 def _reading(key: str, columns: Collection[str], like: Recording) -> tuple[Answer, ...]:
-    """Return the answers about columns, unit and rate that the names of the arrays give.
+    """Return the answers on columns, unit and rate, which the names of the arrays give.
 
-    Each name has one fixed meaning.
+    In such a file, each name has one fixed meaning.
     """
     unit, by = ("deg/s", key) if like.lsb_per_dps is None else (f"lsb:{like.lsb_per_dps:g}", "lsb_per_dps")
     found = [
@@ -102,7 +102,7 @@ def _reading(key: str, columns: Collection[str], like: Recording) -> tuple[Answe
 
 
 def _npz_blocks(path: Path, arrays: NpzArrays, columns: list[str], like: Recording) -> Iterator[Recording]:
-    """Yield the rows in blocks."""
+    """Yield the rows of a recording in blocks."""
     row = 0
     for block in arrays.rows(columns, AT_ONCE):
         found = {name: _numeric(path, name, values, row) for name, values in block.items()}
@@ -156,7 +156,8 @@ class _Check:
         epoch = np.zeros(len(host_s)) if block.epoch is None else block.epoch
         lost = np.where(np.diff(epoch, prepend=self._epoch) == 0, np.diff(seq, prepend=self._seq) - 1, 0)
         took = np.diff(block.device_s, prepend=self._last[0]) * block.rate_hz - 1
-        lacks = (lost > 0) & (took < lost / 2 - 1)  # 1 is subtracted, since message stamps jitter
+        # 1 is subtracted, since stamps of messages jitter by up to a sample
+        lacks = (lost > 0) & (took < lost / 2 - 1)
         self._seq, self._epoch = float(seq[-1]) if block.seq is not None else -1.0, float(epoch[-1])
         beyond = np.abs(block.gyro).max(axis=1) > LARGEST_DPS * (block.lsb_per_dps or 1.0)
         for bad, what in (
@@ -185,7 +186,7 @@ class _Check:
 
 
 def _numeric(path: Path, name: str, array: NDArray[Any], first: int = 0) -> NDArray[np.float64]:
-    """Return an array as floats; raise UsageError unless all numbers are finite.
+    """Return `array` as floats; raise UsageError unless all its numbers are finite.
 
     `first`: row number of the array's first value, for messages.
     """

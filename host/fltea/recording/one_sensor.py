@@ -13,12 +13,14 @@ from fltea.recording.sample_times import Floats, Ints, Marks
 from fltea.records.errors import UsageError
 
 MOST_SENSORS = 64
-"""Largest number of different values of a column that distinguishes sensors; a column with more is a
+"""Largest number of different values in a column that distinguishes sensors. A column with more values is a
 counter.
 """
 
 MOST_IN_TURN, FEWEST_ROWS = 16, 25
-"""Largest number of sensors that are recognised by alternating rows alone, and fewest rows for this."""
+"""MOST_IN_TURN: largest number of sensors that are recognised by alternating values in a column alone.
+FEWEST_ROWS: fewest rows that are enough for it.
+"""
 
 LONGEST_TURN, REGULAR, SELDOM = 32, 0.9, 0.7
 """Thresholds for alternating sensors: the longest cycle [rows], and two fractions of the rows.
@@ -29,13 +31,13 @@ status.
 """
 
 CHANCE_SIGMA, APART = 5.0, 5.0
-"""Thresholds [standard deviations]: by which a regular cycle has to exceed chance, and by which the numbers
-of two sensors have to differ.
+"""Thresholds in standard deviations. CHANCE_SIGMA: how far the regularity of a cycle has to exceed chance.
+APART: how far the numbers of two sensors have to differ.
 """
 
 FEWEST_SHARE, FEWEST_COUNTED = 0.6, 5
-"""Fewest rows of a sensor, relative to an equal number for each; and the fewest numbers in a counter's
-cycle.
+"""FEWEST_SHARE: fewest rows of a sensor, as a fraction of the number that it would have if all sensors had
+equally many. FEWEST_COUNTED: fewest numbers in the cycle of a counter.
 """
 
 
@@ -72,7 +74,7 @@ class OneSensor:
         return marks
 
     def why_none(self) -> UsageError | None:
-        """Return an error if rows were read but none is from the sensor that the user names; else None."""
+        """Return an error if rows were read but none of them is of the sensor to read; else None."""
         if self._kept or not self.others:
             return None
         has = listed(sorted(self.others))
@@ -101,7 +103,7 @@ def as_float(value: float) -> float:
 
 
 def tells_apart(cells: Sequence[str], times: Floats | None, values: Floats) -> bool:
-    """Return whether the values of a column, which is neither a time nor an axis, alternate as sensors do.
+    """Return whether the values of a column, which is neither a time nor an axis, alternate between sensors.
 
     A status changes seldom, and a noisy digit changes by chance. Sensors show one of these patterns: their
     values repeat in a fixed cycle; several rows have the same time, and no value occurs twice at that time;
@@ -127,7 +129,7 @@ def tells_apart(cells: Sequence[str], times: Floats | None, values: Floats) -> b
 def _is_counter(cells: Sequence[str]) -> bool:
     """Return whether the texts are whole numbers that rise by one from row to row, in a cycle.
 
-    The cycle has at least five numbers.
+    At its highest number the cycle begins again. It has at least five numbers.
     """
     if not all(cell.isdecimal() for cell in cells):
         return False
@@ -151,7 +153,7 @@ def _is_regular(codes: Ints, counts: Counter[str]) -> bool:
 
 
 def _is_once_a_time(codes: Ints, times: Floats) -> bool:
-    """Return whether several rows have the same time, and no value occurs twice at the same time."""
+    """Return whether many rows share their time with others, and no value occurs twice at the same time."""
     known = np.isfinite(times)
     alone = len(np.unique(times[known]))
     together = len({*zip(times[known].tolist(), codes[known].tolist(), strict=True)})
@@ -165,7 +167,10 @@ def _begins_again(codes: Ints, times: Floats) -> bool:
 
 
 def _are_of_two_kinds(codes: Ints, values: Floats) -> bool:
-    """Return whether rows of different values also differ in their numbers, and the value changes often."""
+    """Return whether rows with different values in the column also differ in their numbers.
+
+    The value has to change often, too.
+    """
     if (codes[1:] == codes[:-1]).mean() > REGULAR or len(values) != len(codes):
         return False
     groups = [values[codes == code] for code in range(codes.max() + 1)]

@@ -17,14 +17,17 @@ from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
 
 class Printed(NamedTuple):
-    """Records in fltea's own NDJSON output. `cut`: warning about a truncated last line, or None."""
+    """Records that were read from fltea's own NDJSON output.
+
+    `cut`: warning about a truncated last line, or None.
+    """
 
     records: list[Kept]
     cut: str | None
 
 
 def open_recording(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS) -> Stored | Printed:
-    """Open a recording for which `kind.is_one_file` is true; libraries are imported only when needed.
+    """Open a recording for which `kind.is_one_file` is true. Libraries are imported only when needed.
 
     Raises:
         UsageError: the file is missing, damaged or too large, or an option does not apply to it; the message
@@ -60,7 +63,7 @@ def _with_command(text: str, path: Path, how: How) -> str:
     before, asks, rest = text.partition(ASK)
     options, end, table = rest.partition("\n")
     asked = dropwhile(lambda option: "?" not in option, re.split(r" (?=--)", options))
-    # otherwise a name that begins with - would be taken as an option
+    # without ./ a name that begins with - would be taken for an option
     name = f"./{path}" if str(path).startswith("-") else str(path)
     command = ["fltea identify", shlex.quote(name), *given_options(how), *asked]
     return f"{before}{asks}{' '.join(command)}{end}{table}" if asks else text

@@ -37,7 +37,7 @@ CHUNK_BYTES = 1 << 20
 
 
 class _Packer(threading.local):
-    """Compressor for chunks. Each thread has only one, since a compressor uses a megabyte of memory."""
+    """Compressor for chunks of messages. A thread has one for all its files, as each uses a megabyte."""
 
     def __init__(self) -> None:
         self.packed = ZstdCompressor(level=1, write_checksum=True).compress
@@ -60,8 +60,9 @@ class PartWriter:
     it is only checked, not reserved.
 
     Raises:
-        OSError: the constructor, `flush` or `finish` raises it if the disk failed; call `abandon` afterwards.
-        Meddled: `flush` or `finish` found the file deleted, moved or truncated; this is an OSError, too.
+        OSError: the disk failed. The constructor, `flush` and `finish` raise it; call `abandon` afterwards.
+        Meddled: the file was deleted, moved or truncated. `flush` and `finish` raise it; it is an OSError,
+        too.
     """
 
     def __init__(
@@ -89,18 +90,19 @@ class PartWriter:
 
     @property
     def size_bytes(self) -> int:
-        """Length of the file so far, without the chunk that is being filled [bytes]."""
+        """Length of the file so far [bytes], without the chunk of messages that is being filled."""
         return self._file.tell()
 
     def add(self, topic: str, log_ns: int, publish_ns: int, data: bytes) -> None:
-        """Append one message."""
+        """Append one message to the channel `topic`."""
         self._chunks.add_message(self._channels[topic].id, 0, log_ns, publish_ns, data)
         self._end_large()
 
     def add_reads(self, reads: Reads, offset_ns: int, sequence: int) -> None:
         """Append the bytes of serial reads, with one message for each read.
 
-        `offset_ns`: offset from the clock of the reads to log times [ns].
+        `offset_ns`: what is added to the times of the reads to give the messages' log times [ns]. `sequence`:
+        sequence number of the first message.
         """
         end, host_ns = reads.end, reads.host_ns
         times = host_ns + offset_ns, host_ns + reads.unix_offset_ns
@@ -108,7 +110,7 @@ class PartWriter:
         self._end_large()
 
     def add_lines(self, topic: str, log_ns: Ints, lines: bytes) -> None:
-        """Append one message for each line of `lines`."""
+        """Append one message to the channel `topic` for each line of `lines`."""
         self._chunks.add_lines(self._channels[topic].id, log_ns, lines)
         self._end_large()
 
@@ -118,7 +120,7 @@ class PartWriter:
         self._note(HELLO, {key: str(value) for key, value in fields.items() if value is not None})
 
     def flush(self) -> None:
-        """End the chunk and write everything to the file."""
+        """End the chunk that is being filled, and write everything to the file."""
         self._file.check()
         self._end_chunk()
         self._file.flush()
@@ -126,7 +128,7 @@ class PartWriter:
     def finish(self, *, moved: bool = False) -> None:
         """Write the summary and the indexes at the end, and close the file.
 
-        `moved`: the file may have another path meanwhile.
+        `moved`: the file may have been moved, so do not check that it is still at its path.
         """
         if not moved:
             self._file.check()
@@ -145,11 +147,11 @@ class PartWriter:
         self._file.close()
 
     def abandon(self) -> None:
-        """Close the file after a failure; everything that was flushed before stays readable."""
+        """Close the file after a failure. Everything that was flushed before stays readable."""
         self._file.cut()
 
     def discard(self) -> None:
-        """Close and delete the file; call this only if it holds no data yet."""
+        """Close and delete the file. Call this only if the file holds no messages yet."""
         self._file.close()
         with contextlib.suppress(OSError):
             self.path.unlink()
@@ -181,7 +183,7 @@ class PartWriter:
         self._file.write(self._chunks.end(self._file.tell(), _packer.packed))
 
     def _summary(self) -> dict[int, bytes]:
-        """Return the records of the summary, by opcode."""
+        """Return the records of the file's summary, by their opcodes."""
         index, first_ns, last_ns, chunks, counts = self._chunks.summary()
         statistics = Statistics(
             attachment_count=0,

@@ -24,14 +24,14 @@ OWN_CHANNELS = {WIRE_CHANNEL: WIRE, LINK_CHANNEL: LINK}
 
 
 class Part(NamedTuple):
-    """One file of a recording, with the session's metadata in it."""
+    """One file of a recording, with the metadata of the session that wrote it."""
 
     path: Path
     info: PartInfo
 
 
 class Torn(NamedTuple):
-    """States that a file ends without an index. `text`: warning for people.
+    """States that a file ends without an index, so it was not finished. `text`: warning for people.
 
     `is_open`: a program is still writing the file.
     """
@@ -58,14 +58,14 @@ def read_info(path: Path) -> PartInfo:
 
 
 class Batch(NamedTuple):
-    """Successive messages of a file. `topics`: topic of each channel, without the name of the device."""
+    """Successive messages of a file. `topics`: topic of each channel, without the device's name."""
 
     messages: Messages
     topics: dict[int, str]
 
 
 def read_batches(part: Part, limits: Limits = DEFAULT_LIMITS) -> Iterator[Batch | Damage | Torn]:
-    """Yield all messages of a file, and its damage; the last item is a `Torn` if the file was not finished.
+    """Yield all messages of a file, and its damage. If the file was not finished, the last item is a `Torn`.
 
     Raises:
         UsageError: the file is no longer readable, or needs more memory than the limits allow.
@@ -100,12 +100,12 @@ def _torn(scan: Scan) -> Torn:
 
 
 def read_entries(part: Part, limits: Limits = DEFAULT_LIMITS) -> Iterator[Entry]:
-    """Yield the messages one by one; damaged messages and a truncated end are left out."""
+    """Yield the messages of a file one by one. Damaged messages and a truncated end are left out."""
     return entries_of(read_batches(part, limits))
 
 
 def entries_of(items: Iterator[Batch | Damage | Torn]) -> Iterator[Entry]:
-    """Yield the messages in `items` one by one; skip other items."""
+    """Yield the messages of the batches in `items` one by one, and skip other items."""
     for batch in items:
         if not isinstance(batch, Batch):
             continue

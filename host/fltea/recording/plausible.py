@@ -1,4 +1,4 @@
-"""Tells whether numbers can be from a gyroscope or an accelerometer, or show a wrong column or unit."""
+"""Tells whether numbers can be from a gyroscope or an accelerometer, or are of a wrong column or unit."""
 
 import numpy as np
 
@@ -15,7 +15,10 @@ ENOUGH_ROWS = 50
 
 
 class Plausible:
-    """Checks whether rates fit a gyroscope at rest; a wrong unit or column gives impossible values."""
+    """Checks whether rates are possible for a gyroscope at rest.
+
+    A wrong unit or column gives impossible ones.
+    """
 
     def __init__(self, chosen: Chosen) -> None:
         self._chosen, self.rows = chosen, 0
@@ -27,7 +30,7 @@ class Plausible:
         """Add the next samples."""
         self.rows += len(gyro)
         size, most = np.abs(gyro), MOST_DPS * (self._chosen.lsb or 1.0)
-        if size.max() > most:  # tested first, since the sum over rows is slow
+        if size.max() > most:  # this is tested first, since the sum over rows is slow
             self._large += (size > most).sum(axis=0)
         if self._rises.any():
             steps = np.diff(gyro, axis=0, prepend=gyro[:1] - 1.0 if self._last is None else self._last)
@@ -60,6 +63,6 @@ class Plausible:
 
 
 def is_of_sensor(values: Floats) -> Marks:
-    """Mark the rows whose numbers a sensor can give, in deg/s or m/s²; rows with NaN are not marked."""
+    """Mark the rows whose numbers, in deg/s or m/s², a sensor can give. Rows with NaN are not marked."""
     good = np.abs(values) <= LARGEST_DPS
     return np.ones(len(values), np.bool_) if good.all() else np.asarray(good.all(axis=1))

@@ -27,8 +27,8 @@ STARTUP_BYTES = 2 << 30
 """Address space that the interpreter and libraries reserve [bytes]."""
 
 SILENT_RATIO = 4
-"""Ratio of the longest time without output to the limit of processor time, since a process may wait for a
-processor or disk.
+"""Ratio of the longest time without output to the limit of processor time. It is above 1, since a process may
+have to wait for a processor or disk.
 """
 
 OUT_OF_MEMORY = 75
@@ -41,11 +41,11 @@ FALLS = signal.SIGSEGV, signal.SIGBUS, signal.SIGABRT, signal.SIGILL, signal.SIG
 
 
 class ProcessLimits(msgspec.Struct, frozen=True):
-    """Limits of one reader process. `parent`: process ID of the process that starts it.
+    """Limits of one reader process. `parent`: ID of the process that starts the reader process.
 
     `cpu_s`: processor time [s]. `silent_s`: longest time between two blocks of output [s]. `memory_bytes`:
-    address space [bytes]. `is_cpu_ours`, `is_memory_ours`: whether the limit of processor time or memory
-    comes from the file's quota; otherwise it is the lower limit of the login session.
+    address space [bytes]. `is_cpu_ours`, `is_memory_ours`: whether the limit of processor time, and of
+    memory, comes from the file's quota. If not, it is the lower limit of the login session.
     """
 
     parent: int
@@ -70,9 +70,11 @@ class ProcessLimits(msgspec.Struct, frozen=True):
         """Apply the limits to this process, and let it end when its parent ends."""
         if sys.platform == "linux":
             ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
-        if os.getppid() != self.parent:  # the parent ended before the call of prctl
+        # the parent process ended before the call of prctl, so no signal will come
+        if os.getppid() != self.parent:
             os._exit(1)
-        for number in (signal.SIGXCPU, signal.SIGALRM):  # the parent may have ignored or blocked them
+        # the parent process may have ignored or blocked these signals
+        for number in (signal.SIGXCPU, signal.SIGALRM):
             signal.signal(number, signal.SIG_DFL)
         signal.pthread_sigmask(signal.SIG_SETMASK, ())
         for what, most in (
@@ -83,13 +85,14 @@ class ProcessLimits(msgspec.Struct, frozen=True):
             most = _within(what, most)
             resource.setrlimit(what, (most, most))
         hard = _within(resource.RLIMIT_CPU, self.cpu_s + 1)
-        # SIGXCPU comes one second before SIGKILL, so it shows that the processor time ended the process.
+        # SIGXCPU comes one second before SIGKILL. So the signal that ended the process shows that processor
+        # time was the reason.
         resource.setrlimit(resource.RLIMIT_CPU, (min(self.cpu_s, max(1, hard - 1)), hard))
         signal.alarm(self.silent_s)
 
     @contextlib.contextmanager
     def waiting(self) -> Iterator[None]:
-        """Suspend the limit on time without output while this process waits for its parent."""
+        """Suspend the limit on the time without output while this process waits for its parent process."""
         signal.alarm(0)
         try:
             yield
@@ -154,7 +157,7 @@ def _ended(code: int) -> str:
 
 
 def not_started(path: object, error: OSError) -> FlteaError:
-    """Return the error to raise if no process can be started."""
+    """Return the error to raise if no reader process can be started."""
     advice = "Close other programs, or raise the limit of processes (ulimit -u) or of memory."
     if error.errno in (errno.EMFILE, errno.ENFILE):
         advice = "Raise the limit of open files (ulimit -n)."

@@ -1,4 +1,4 @@
-"""Limits of the memory and time for reading one file, equal for all readers, since a file can claim anything.
+"""Limits of memory and time for reading one file. All readers have them, since a file can claim anything.
 
 - **Memory** and temporary files: at most `replay.max_mb`, whatever the file's size.
 - **Decompressed data**: the same limit, and at most `RATIO` times the size of the file. Sensor readings
@@ -21,15 +21,17 @@ from fltea.records.errors import UsageError
 from fltea.settings.limits import MB, Limits
 
 RATIO, SMALLEST_BYTES = 200, 4 * MB
-"""Largest ratio of decompressed to compressed size, and a size that every file may have decompressed
-[bytes].
+"""RATIO: largest ratio of decompressed to compressed size. SMALLEST_BYTES: decompressed size that is allowed
+at any ratio [bytes].
 """
 
 SECONDS_PER_MB = 5.0
 SECONDS_PER_MESSAGE = 0.005
 
 MOST_FIELDS = 1000
-"""Most fields of one message, including nested fields. A robot's whole state has a few hundred."""
+"""Most fields of one message, including nested fields. Even a message with a robot's whole state has only a
+few hundred.
+"""
 
 T = TypeVar("T")
 
@@ -73,7 +75,7 @@ class Quota:
             )
 
     def messages(self, messages: Iterable[T]) -> Iterator[T]:
-        """Yield messages as long as time for decoding is left.
+        """Yield messages as long as processor time for decoding them is left.
 
         Raises:
             UsageError: decoding took too much time.

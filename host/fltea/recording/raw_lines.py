@@ -7,7 +7,7 @@ from typing import IO, AnyStr
 from fltea.records.errors import UsageError
 
 LONGEST_LINE = 1_000_000
-"""Longest line [bytes or characters]; a line of a recording has a few hundred characters."""
+"""Longest line that is read [bytes or characters]. A line of a recording has a few hundred characters."""
 
 LONGEST_SHOWN = 60
 

@@ -1,4 +1,4 @@
-"""Defines how a reader process sends blocks of bytes: each follows its length, which takes four bytes.
+"""Defines how a reader process sends blocks of bytes: before each block, its length in four bytes.
 
 The reader process imports this module instead of `reader_process`, which also reads text. This saves two
 thirds of the time that the reader process needs to start.

@@ -37,7 +37,7 @@ from fltea.settings.limits import Limits
 
 
 def open_in_process(kind: Kind, path: Path, how: How, limits: Limits, file: BinaryIO | None = None) -> Stored:
-    """Read a file in a format that has a reader for the reader process.
+    """Read a file in a format that a reader process has to read.
 
     `file`: the open content, if the content is not at `path`; then `path` is only used as a name.
 
@@ -58,8 +58,8 @@ def open_in_process(kind: Kind, path: Path, how: How, limits: Limits, file: Bina
     except OSError as error:
         raise UsageError(f"{path}: cannot be read ({error.strerror or error}).") from error
     with opened as content:
-        # Another process cannot open this content by its path: /dev/stdin would be its own stdin, and archive
-        # members have no path.
+        # Another process cannot always open the content by its path: /dev/stdin would be its own stdin, and
+        # archive members have no path. Then it gets the open descriptor.
         is_named = file is None and not is_of_this_process(path)
         place = os.fspath(path) if is_named else f"/dev/fd/{content.fileno()}"
         limits_of_it = ProcessLimits.of(quota)
@@ -99,12 +99,12 @@ def _process(
 ) -> Iterator[tuple["subprocess.Popen[bytes]", BinaryIO]]:
     """Start `by_library.main` with the open file, and yield the process and its output.
 
-    Afterwards, end the process.
+    When the caller is done, end the process.
     """
     held = msgspec.json.encode(limits).decode()
     command = [sys.executable, "-B", "-P", "-m", "fltea.recording.by_library", held]
-    # Libraries use only one thread, since each further thread reserves memory, and its processor time counts
-    # against the limit.
+    # Libraries are set to use only one thread: each further thread would reserve memory, and its processor
+    # time would count against the limit.
     threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "ARROW_NUM_THREADS"), "1")
     environment = {
         **os.environ,
@@ -132,7 +132,7 @@ def _process(
 
 
 def _pipe() -> tuple[BinaryIO, BinaryIO]:
-    """Open a pipe with descriptors above 2, which the standard streams of a child process cannot replace."""
+    """Open a pipe with descriptors above 2, so that a child's standard streams do not replace them."""
     ends = os.pipe()
     read, write = (fcntl.fcntl(end, fcntl.F_DUPFD_CLOEXEC, 3) for end in ends)
     for end in ends:
@@ -141,7 +141,7 @@ def _pipe() -> tuple[BinaryIO, BinaryIO]:
 
 
 def _trusted_folders() -> list[str]:
-    """Return the folders for imports, without the current folder, since its files may come from anyone."""
+    """Return the folders for imports without the current folder, in which files may come from anyone."""
     here = os.getcwd()
     return [folder for folder in sys.path if os.path.isabs(folder) and folder != here]
 
@@ -168,7 +168,8 @@ def _frames(
 
 
 def _columns(stdin: IO[bytes], frames: Iterator[bytes], places: Sequence[int]) -> Iterator[Floats]:
-    with contextlib.suppress(BrokenPipeError):  # the process failed; the next block holds the reason
+    # a broken pipe means that the process failed; what it sent holds the reason
+    with contextlib.suppress(BrokenPipeError):
         stdin.write(msgspec.json.encode(list(places)) + b"\n")
         stdin.flush()
     for data in frames:
@@ -176,7 +177,7 @@ def _columns(stdin: IO[bytes], frames: Iterator[bytes], places: Sequence[int]) -
 
 
 class _Text(contextlib.AbstractContextManager["_Text"]):
-    """The text that the process sends, as a file object."""
+    """The text that the reader process sends, as a file object."""
 
     def __init__(self, frames: Iterator[bytes]) -> None:
         self._frames = frames
@@ -185,5 +186,5 @@ class _Text(contextlib.AbstractContextManager["_Text"]):
         pass
 
     def read1(self, _: int) -> bytes:
-        """Return the next block of bytes."""
+        """Return the next block of bytes; b"" at the end."""
         return next(self._frames, b"")

@@ -1,1 +1,1 @@
-"""Readers of other programs' files, each with its library; `by_library` calls their `read(path, topic)`."""
+"""Readers of other programs' files, each with its library. `by_library` calls `read(path, topic)` of each."""

@@ -14,7 +14,9 @@ from fltea.recording.sheet import Sheet
 from fltea.records.errors import UsageError
 
 MESSAGES = "GYR", "IMU", "ISB"
-"""Messages with unfiltered samples, filtered samples, and raw batches; the first kind in the log is read."""
+"""Names of messages with unfiltered samples, filtered samples, and raw batches. The first that the log has is
+read.
+"""
 
 TYPES = {
     "b": "i1",
@@ -40,19 +42,19 @@ TYPES = {
     "a": "(32,)<i2",
 }
 SCALES = {**dict.fromkeys("cCeE", 0.01), "L": 1e-7}
-"""Factor of a field's numbers for each letter of its format:
+"""Factors by which a field's stored numbers are multiplied, by the letter of the field's format. Source:
 ardupilot.org/dev/docs/code-overview-adding-a-new-log-message.html.
 """
 
 OF_GYROSCOPE = 1
-"""Value of the field `type` in an ISBH message that means a gyroscope."""
+"""Value of the field `type` in an ISBH message (the head of a batch) that means a gyroscope."""
 
 SAMPLES = 32
-"""Number of samples in one ISBD message."""
+"""Number of samples in one ISBD message (a part of a batch)."""
 
 
 def read(path: Path, topic: str) -> Sheet:
-    """Read the messages of one sensor; `topic` is in the form `GYR:1`, `IMU`, or `1`."""
+    """Read the messages of one sensor. `topic`: messages and sensor, such as `GYR:1`, `IMU` or `1`."""
     log = _Log(path)
     there = {message: found for message in MESSAGES if (found := log.sensors(message))}
     asked = re.fullmatch(r"(GYR|IMU|ISB)?(?:[:\[]?(\d+)\]?)?", topic.upper())
@@ -100,7 +102,7 @@ class _Log:
         return found[found + self._log.formats[key].len <= len(self._bytes)]
 
     def rows(self, name: str) -> Any:
-        """Return all messages with a given name, with a column for each field."""
+        """Return all messages with a given name as a structured array with a column for each field."""
         offsets = self.offsets(name)
         if not len(offsets):
             return np.empty(0, [("TimeUS", "<u8")])
@@ -128,7 +130,7 @@ class _Log:
         return whole
 
     def sensors(self, message: str) -> dict[int, Any]:
-        """Return the messages with a given name for each sensor, by the sensor's number."""
+        """Return the messages with a given name of each sensor, by the sensor's number."""
         if message == "ISB":
             heads = self.rows("ISBH")
             heads = heads[heads["type"] == OF_GYROSCOPE] if len(heads) else heads
@@ -150,9 +152,9 @@ class _Log:
         return {k: found for k, name in enumerate(names) if len(found := self.rows(name))}
 
     def batches(self, heads: Any) -> Sheet:
-        """Return the samples of batches.
+        """Return the samples in the batches of one sensor as a table. `heads`: ISBH messages of the sensor.
 
-        The message before each batch gives its scale, rate and first time.
+        The ISBH message before each batch gives the batch's scale, rate and first time.
         """
         data, begins = self.rows("ISBD"), self.offsets("ISBH")
         every = self.rows("ISBH")

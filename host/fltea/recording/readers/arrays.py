@@ -31,13 +31,15 @@ MOST_REASONS = 5
 _NOT_ONE = "holds {}, not one number in each row"
 
 Column = Callable[[int, int], Any]
-"""Function that returns the values of a column from one row index to another."""
+"""Function that returns the values of a column. Its arguments are the first row index and the one after the
+last.
+"""
 
 NONE: Mapping[str, Any] = MappingProxyType({})
 
 
 class NoNumbers(NamedTuple):
-    """Stands for an array that cannot be used.
+    """Takes the place of an array that cannot be used.
 
     `reason`: the reason, as the end of a sentence about the array.
     """
@@ -60,7 +62,7 @@ def of_arrays(
     attributes: Mapping[str, Any] = NONE,
     doubts: Mapping[str, str] = NONE,
 ) -> Sheet:
-    """Make a table from arrays (n,) or (n, columns), given by their names, and other facts in the file.
+    """Return a table of arrays (n,) or (n, columns), which are given by name, and of other facts in the file.
 
     `units`, `doubts`: units of the arrays, and reasons why their numbers may be wrong. `attributes`:
     attributes of the arrays, with names such as `gyro@units`.
@@ -77,7 +79,10 @@ def of_arrays(
 
 
 def _facts(arrays: Mapping[str, Any]) -> dict[str, Any]:
-    """Return facts that describe arrays: texts, single numbers, and arrays with one value for each column."""
+    """Return the arrays that are facts on other arrays, by name.
+
+    Such facts are texts, single numbers, and arrays with one value for each column.
+    """
     found = {}
     for name, array in arrays.items():
         if isinstance(array, str):
@@ -90,7 +95,7 @@ def _facts(arrays: Mapping[str, Any]) -> dict[str, Any]:
 
 
 class _Columns:
-    """Collects columns from arrays. `facts`: what the file states about the arrays."""
+    """Collects columns from arrays for a table. `facts`: what the file states about the arrays."""
 
     def __init__(self, facts: Mapping[str, Any], doubts: Mapping[str, str]) -> None:
         self._facts, self._doubts, self._said = facts, doubts, file_facts.units_of(facts)
@@ -178,7 +183,10 @@ class _Columns:
 
 
 def _words(array: Any) -> tuple[Any, list[str]] | None:
-    """Return texts as numbers from 0, and the words that these numbers stand for; None for other arrays."""
+    """Return an array of texts as numbers from 0, and the words that these numbers stand for.
+
+    Return None if the array does not hold texts, or if there are too many different ones to name sensors.
+    """
     if isinstance(array, NoNumbers | str) or np.dtype(array.dtype).kind not in "SUO" or len(array.shape) != 1:
         return None
     values = [one.decode(errors="replace") if isinstance(one, bytes) else one for one in array[()]]
@@ -208,7 +216,7 @@ def _reason(array: Any) -> str:
 
 
 def axes_named(name: str) -> list[str]:
-    """Return the gyroscope axes, or the column that distinguishes sensors, that an array's name states."""
+    """Return the columns that an array's name promises: gyroscope axes, or one that distinguishes sensors."""
     if tells_sensors(name) or states_units(name):
         return [name]
     return [label for label in (name, *(named_axis(name, k) for k in range(3))) if gyroscopes_in([label])][:3]
@@ -246,13 +254,13 @@ def _of_array(name: str, array: Any, facts: Mapping[str, Any]) -> Iterator[_Labe
 
 
 def _named(array: str, column: str) -> str:
-    """Return the full name, with the array's, of the column that the file calls `column`."""
+    """Return the full name of a column of `array`. `column`: name that the file gives the column."""
     axis = "xyz".find(column.strip().lower()) if len(column.strip()) == 1 else -1
     return named_axis(array, axis) if axis >= 0 else f"{array}.{column}"
 
 
 def _label(name: str, k: int, width: int) -> str:
-    """Return the name of an array's column: an axis if the array has three columns, else a number."""
+    """Return the name of column `k` of an array: an axis if the array has three columns, else a number."""
     return name if width == 1 else named_axis(name, k) if width == 3 else f"{name}#{k + 1}"
 
 

@@ -21,11 +21,11 @@ from fltea.recording.text_times import points_of_time
 FEATHER = b"ARROW1"
 
 Batches = Callable[[list[str]], Iterator[Any]]
-"""Function that yields the rows of the named columns in batches."""
+"""Function that yields the rows of a table in batches, with at least the named columns."""
 
 
 def read(path: Path, _: str) -> Sheet:
-    """Read the columns of a Parquet or Feather file; a field of a structure is named `angular_velocity.x`."""
+    """Read a Parquet or Feather file. A structure's field becomes a column, such as `angular_velocity.x`."""
     import pyarrow as pa
     from pyarrow import parquet
 
@@ -45,11 +45,14 @@ def read(path: Path, _: str) -> Sheet:
 
 
 class _Column(NamedTuple):
-    """A column of the table. `source`: column of the file that contains it. `kind`: Arrow type of its values.
+    """A column of the table.
 
-    `place`: index of the value in a list of `of` values; None: the column's values are no lists. `is_date`:
-    whether the texts are dates or times of day. `words`: the different texts, if there are few and they
-    distinguish sensors.
+    `source`: column of the file that contains it. `kind`: Arrow type of its values, or of the elements if
+    they are lists.
+
+    `place`: index of this column's value in lists of `of` values; None: the values of `source` are no lists.
+    `is_date`: whether the texts are dates or times of day. `words`: the different texts, if there are few and
+    they distinguish sensors.
     """
 
     label: str
@@ -107,7 +110,7 @@ def _arrow(schema: Any, rows: int, batches: Batches) -> Sheet:
 
 
 class _Reader:
-    """Reads the batches of one column in order."""
+    """Reads the numbers of one column from a table's batches, in order."""
 
     def __init__(self, column: _Column) -> None:
         self._column = column
@@ -115,7 +118,7 @@ class _Reader:
         self._last_s = self._passed_s = 0.0
 
     def read(self, table: Any) -> Floats:
-        """Return the column's numbers in a batch; times become seconds, and words become numbers from 0."""
+        """Return the column's numbers in a batch. Times become seconds, and words become numbers from 0."""
         import pyarrow as pa
         from pyarrow import compute
 
@@ -150,7 +153,7 @@ class _Reader:
             self._begin = int(known[0].astype(np.int64))
         seconds = (points - np.datetime64(self._begin or 0, "ns")) / np.timedelta64(1, "s") + self._passed_s
         first, last = (seconds[np.isfinite(seconds)][[0, -1]]) if len(known) else (self._last_s, self._last_s)
-        if first < self._last_s - DAY_S / 2:  # midnight lies between two batches
+        if first < self._last_s - DAY_S / 2:  # in this case midnight lies between two batches
             self._passed_s += DAY_S
             seconds, last = seconds + DAY_S, last + DAY_S
         self._last_s = float(last)
@@ -158,7 +161,7 @@ class _Reader:
 
 
 def _columns(schema: Any, batches: Batches) -> Iterator[_Column]:
-    """Yield all columns; fields of structures, and the indices of lists of equal length, are columns too."""
+    """Yield all columns. Fields of structures and elements of lists of equal length are columns, too."""
     import pyarrow as pa
     from pyarrow import compute
 
