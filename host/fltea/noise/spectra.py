@@ -1,8 +1,7 @@
 """Compute the spectrum of the fractional state of a noise, and convert between its parameters.
 
 The state of a gyroscope's noise is x_{k+1} = g x_k + α x_k - sum_{j>=2} c_j(α) x_{k+1-j} + noise of variance
-s2, with
-g = h^α f and s2 = h^2α Q (`fltea.noise.simulation`). With unlimited memory it has the spectrum
+s2, where g = h^α f and s2 = h^2α Q (`fltea.noise.simulation`). With unlimited memory, x has the spectrum
 
     S_x(λ) = s2 / |(1 - e^{-iλ})^α - g e^{-iλ}|²,    λ in rad per sample
 

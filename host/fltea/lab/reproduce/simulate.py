@@ -4,11 +4,9 @@
 
 (Macias & Sierociuk 2023, section 6, equations (1) and (2), with the full memory; c_j = (-1)^j binom(α, j)).
 
-All runs share the orders α_k. For a block of samples, the part of the sum before the block is one matrix
-product
-for all runs; only the part within the block is computed sample by sample. Runs are processed in groups of a
-fixed
-width, so that the samples of one seed do not depend on the number of runs.
+All runs share the orders α_k. For a block of samples, the sum over states before the block is one matrix
+product for all runs. Only the sum over states within the block is computed sample by sample. Runs are
+processed in groups of a fixed width, so that the samples of one seed do not depend on the number of runs.
 """
 
 import numpy as np
