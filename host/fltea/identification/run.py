@@ -3,8 +3,8 @@
 The results have the order of the recordings. A failure of one recording does not affect the others.
 
 The analysis of each axis is a task. FLTEA's run over each group of shuffled copies of an axis is another
-task. These runs take most of the time, so with three tasks of one axis each, four cores would finish no
-earlier than two. The results do not depend on which process does which task.
+task. These runs take most of the time: in one task with the analysis of their axis, they would leave all but
+three cores idle if there are three axes. The results do not depend on which process does which task.
 """
 
 from collections import deque
@@ -152,7 +152,7 @@ class _Axis:
     failure: Failure | None = None
 
     def take(self, task: _Task, result: Any) -> None:
-        """Store the result of a task."""
+        """Store the result of a task of this axis."""
         self.is_examined |= task.do is examine
         if isinstance(result, BaseException):
             if self.looks > 1 and task.do is examine:
@@ -235,7 +235,7 @@ def identify_all(
 
 
 class _Loop(HandOut[_Task]):
-    """Hand out tasks.
+    """Hand out the tasks of an identification to workers.
 
     Tasks of axes come before tasks that read further recordings, so that few recordings are in memory at
     once.

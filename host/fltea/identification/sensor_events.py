@@ -122,7 +122,7 @@ def watch(
     systems = {name: None if one is None else one.system for name, one in tracked.items()}
     staying = _staying(tracked, h)
     runs: list[tuple[Future[_SensorRun], Future[_SensorRun] | None]] = []
-    with ThreadPoolExecutor(2) as pool:  # nearly all the work is native code
+    with ThreadPoolExecutor(2) as pool:  # nearly all the work is native code, which threads do in parallel
         for group, shown in ((gyro, accel), (others, ())):
             if group:
                 other = None

@@ -206,7 +206,7 @@ def examined_stretches(
     """Analyse the spectrum of stretches, as `examined` does. `samples`: number of samples of the axis.
 
     Raises:
-        ValueError: as `examined`.
+        ValueError: for the same reasons as `examined`.
     """
     sums = octaves_of_stretches(stretches)
     lines, drift = lines_of_stretches(stretches, sums, h)
@@ -275,7 +275,7 @@ def examined_sums(
         median: the median filter that was detected in the samples.
 
     Raises:
-        ValueError: as `examined`.
+        ValueError: for the same reasons as `examined`.
     """
     notch = around(lines, notch)
     return examine(

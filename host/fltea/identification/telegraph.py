@@ -227,7 +227,7 @@ def _between_groups(y: Array, bounds: Array, noise: float, resolution: float) ->
 
 
 def _telegraph(y: Array, at: NDArray[np.int64], h: float, noise: float) -> Telegraph | None:
-    """Return the levels of samples y (n,); None if they are no telegraph noise.
+    """Return the telegraph noise in samples y (n,); None if the samples have none.
 
     `at`: index of the level of each sample, (n,). `noise`: standard deviation of the samples from their
     levels.

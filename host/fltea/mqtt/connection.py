@@ -175,7 +175,7 @@ class Connection:
         _subscribe(self._client, subscriptions)
 
     def unsubscribe(self, topics: list[str]) -> None:
-        """End subscriptions."""
+        """End subscriptions to topics."""
         self._client.unsubscribe(topics)
 
     def close(self) -> None:

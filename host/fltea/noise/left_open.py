@@ -97,7 +97,7 @@ def distance(parts: Sequence[Part], others: Sequence[Part], h: float, samples: i
 
 
 def nearby(parts: Sequence[Part], h: float, samples: int) -> Iterator[tuple[list[Part], list[Part]]]:
-    """Yield pairs of noises one standard deviation below and above `parts`, in independent directions."""
+    """Yield pairs of noises one σ below and above `parts`, in independent directions of free parameters."""
     codes, eta = [part.code for part in parts], np.array([x for part in parts for x in part.eta(h)])
     at, counts = _ordinates(samples)
     total, rows = np.empty(len(at)), np.empty((len(eta), len(at)))

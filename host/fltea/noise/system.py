@@ -88,7 +88,7 @@ class Coordinate(NamedTuple):
     variance: float
     """Variance of the state before the first sample."""
     signal: float
-    """1 where the state is signal, as in `System`."""
+    """1 if the state is signal, which is part of the bias; 0 if it is coloured noise."""
     shared: float = 0.0
     """Prior variance that is added to the previous state's, too, with a covariance of the opposite sign. So
     the prior variance of the sum of both states does not change.
@@ -256,7 +256,7 @@ def system(parts: Sequence[Part], h: float, samples: int, *, found: bool = False
     total = _total(parts, lam, h)
     of_sensor = filtered_noise(parts, h)
     high_passed = any(isinstance(part, HighPass) for part in filters)
-    # numpy's median would first import masked arrays, which takes 0.02 s.
+    # Use `statistics.median`, since numpy's median would first import masked arrays, which takes 0.02 s.
     usual = statistics.median(total.tolist())
     stopped = np.abs(1 - spectrum([White(1.0), *filters], lam, h)) / (total + NO_MATTER * usual)
     exact: list[Block] = []
@@ -422,7 +422,8 @@ def _resonating(part: Resonance, h: float) -> Block:
     return driven(np.array([z]), np.array([s * z / (z - z.conjugate())]), signal=False)
 
 
-@functools.lru_cache(maxsize=8)  # axes, and devices with records of the same length, share the results
+# the cached result is the same for all axes and devices with records of this length
+@functools.lru_cache(maxsize=8)
 def _grid(samples: int) -> Array:
     low = min(math.pi / max(samples, 64), 0.02)
     count = round(POINTS_A_DECADE * math.log10(math.pi / low))

@@ -15,7 +15,7 @@ class DateWatch:
         self._is_wrong = False
 
     def check(self) -> None:
-        """Check the date now."""
+        """Check the machine's date now, and report if it has become impossible."""
         text = wrong_date()
         if text and not self._is_wrong:
             self._report("clock_wrong", text)

@@ -63,7 +63,7 @@ class RowNumbers:
         self._begins = True
 
     def lose(self) -> None:
-        """Give the next number to a lost sample."""
+        """Skip the next number, since a sample was lost."""
         self._ordinal += 1
 
     def repeat_header(self, rows: int) -> None:

@@ -41,7 +41,7 @@ class Torn(NamedTuple):
 
 
 def read_info(path: Path) -> PartInfo:
-    """Return the metadata of the session that wrote a file.
+    """Return the metadata of the recording session to which a file belongs.
 
     Raises:
         UsageError: the file cannot be read, or is no recording of fltea.

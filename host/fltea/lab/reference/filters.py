@@ -108,7 +108,7 @@ def order_filter(
     points = sigma_points(prior.mean, prior.P + prior.Q)  # P̃o_k, the predicted variance of the order
     orders = points[:, 0]
     c = weights(orders, len(states))
-    # χ_i = h^α_i rate - sum_{j=1}^{L(k)} c_j(α_i) x̂_{k-j}
+    # the state predicted at sigma point α_i: χ_i = h^α_i rate - sum_{j=1}^{L(k)} c_j(α_i) x̂_{k-j}
     chi = np.power(system.h, orders)[:, np.newaxis] * rate - c[:, 1:] @ states
     return unscented_update(prior, points, chi @ system.C.T, y, R, delta)
 
@@ -129,7 +129,7 @@ def parameter_filter(
     states in `at` is the same for all sigma points, since it does not depend on the parameters.
     """
     points = sigma_points(prior.mean, prior.P + prior.Q)  # P̃w_k, the predicted covariance of the parameters
-    # χ_i = h^α̂_k (A(w_i) x̂_{k-1} + B u_{k-1}) - past
+    # the state predicted at sigma point w_i: χ_i = h^α̂_k (A(w_i) x̂_{k-1} + B u_{k-1}) - past
     chi = at.gain * (np.array([system.A(w) @ x for w in points]) + drive) - at.past
     return unscented_update(prior, points, chi @ system.C.T, y, R, delta)
 

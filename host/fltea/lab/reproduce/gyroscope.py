@@ -82,7 +82,7 @@ def _scenario(axis: str, source: str, R: float, make: Make, h: float, *, single:
 
 
 def _read(path: Path, how: How) -> tuple[Array, float]:
-    """Return the samples (n, axes) of the first epoch in deg/s, and their rate in Hz."""
+    """Return the samples (n, axes) of a recording's first epoch in deg/s, and their rate in Hz."""
     source, decoder = ReplaySource(path, how=how), Decoder(lambda: 0, ANY_GAP)
     decoded = [found for event in source.events() for found in decoder.feed(event)]
     first = [one for one in decoded if isinstance(one, Decoded) and one.block.epoch == 1]

@@ -43,7 +43,7 @@ def check_program() -> Iterator[Finding]:
 def check_packages(config: Config, system: System) -> Iterator[Finding]:
     """Yield a finding on the Python packages that outputs need.
 
-    A missing package is a problem if its output is on.
+    A missing package is a problem if an output that needs it is switched on.
     """
     asked = {output.extra for output in OUTPUTS if output.is_on(config)}
     missing = [extra for extra, module in PACKAGES.items() if not system.has_module(module)]
@@ -80,7 +80,7 @@ def check_clock(system: System) -> Iterator[Finding]:
 def check_udev(system: System) -> Iterator[Finding]:
     """Yield findings on fltea's udev rule and on ModemManager.
 
-    ModemManager writes `AT` to ports of possible modems, which disturbs a board.
+    ModemManager writes `AT` to ports of possible modems, so perhaps to a board.
     """
     installed = any(system.exists(f"{folder}/{RULE}") for folder in RULE_FOLDERS)
     if installed:
