@@ -2,9 +2,10 @@
 
 The results have the order of the recordings. A failure of one recording does not affect the others.
 
-The analysis of each axis is a task. FLTEA's run over each group of shuffled copies of an axis is another
-task. These runs take most of the time: in one task with the analysis of their axis, they would leave all but
-three cores idle if there are three axes. The results do not depend on which process does which task.
+The analysis of each axis is one task. FLTEA also runs over shuffled copies of each axis's samples, and these
+runs take most of the time. So each group of copies is a task of its own. If the copies were part of their
+axis's task, a recording of three axes would keep only three cores busy. The results do not depend on which
+process does which task.
 """
 
 from collections import deque
@@ -58,7 +59,7 @@ from fltea.settings.live import LiveConfig
 USUAL_TASKS = 3
 """Number of tasks that progress reports assume for a recording before it is read.
 
-The tasks for the shuffled copies of its axes are added to the total later.
+The tasks for shuffled copies of the recording's samples are added to the total later.
 """
 
 Progress = Callable[[str, int, int], None]
@@ -74,8 +75,8 @@ class Settings(msgspec.Struct, frozen=True):
     """
 
     options: IdentifyOptions
-    """Options for all axes. `of_axis` returns the options of one axis, whose settings of FLTEA may be its
-    own.
+    """Options for all axes. `of_axis` returns the options of one axis: its settings of FLTEA may differ from
+    those of other axes.
     """
     gyro: EstimatorConfig = EstimatorConfig()
     accel: AccelConfig = AccelConfig()
@@ -107,7 +108,7 @@ class Settings(msgspec.Struct, frozen=True):
 
 
 def _at_rate(options: IdentifyOptions, h: float) -> IdentifyOptions:
-    """Return the options with durations of the estimator converted to numbers of samples.
+    """Return the options, with the estimator's durations converted from seconds to numbers of samples.
 
     `h`: sampling period [s].
 
@@ -159,8 +160,8 @@ class _Axis:
                 # too few samples are left between the bias steps for another analysis, so the previous one
                 # stays valid
                 return
-            # If several tasks fail, report the failure of the axis's analysis, not that of its shuffled
-            # copies: it explains most.
+            # If several tasks of an axis fail, report the failure of its analysis, not that of its shuffled
+            # copies, since the failure of the analysis explains more.
             self.failure = (
                 Failure(_text(result)) if task.part is None else self.failure or Failure(_text(result))
             )
@@ -215,8 +216,8 @@ def identify_all(
 ) -> list[FileReport]:
     """Identify recordings; the reports have the order of the requests.
 
-    `readers`: workers that read the files; by default `workers`. They are other workers if `workers` run on
-        machines that do not have the files.
+    `readers`: workers that read the files; None: `workers` read the files, too. Other workers are needed for
+        reading if `workers` run on machines that do not have the files.
 
     Raises:
         FlteaError: the workers are gone.
@@ -305,9 +306,9 @@ class _Loop(HandOut[_Task]):
         self._total += len(tasks)
 
     def _watch(self, task: _Task) -> None:
-        """Once all axes of a recording are analysed, plan to track their biases.
+        """Once all axes of a recording are analysed, plan the task that tracks their biases.
 
-        After the last analysis, plan to compute bias, forecast and filter instead.
+        After the last analysis, plan the task that computes bias, forecast and filter instead.
         """
         assert task.of is not None
         of, axes = task.of, {axis.name: axis.series for axis in task.of.axes if axis.found is not None}
@@ -321,7 +322,7 @@ class _Loop(HandOut[_Task]):
     def _look_again(self, task: _Task, events: dict[str, AxisEvents]) -> None:
         """Plan a new analysis of the axes for which the tracker found other bias steps or motion than before.
 
-        If there are no such axes, plan to compute bias, forecast and filter of all axes.
+        If there are no such axes, plan the task that computes bias, forecast and filter of all axes.
         """
         assert task.of is not None
         of = task.of
@@ -347,7 +348,7 @@ class _Loop(HandOut[_Task]):
         return _Task(examine, arguments, report, axis, of=of)
 
     def _conclude(self, task: _Task) -> None:
-        """Plan to compute bias, forecast and filter, after the last analysis of all axes of a recording."""
+        """Plan the task that computes bias, forecast and filter, after the last analysis of all axes."""
         assert task.of is not None
         of = task.of
         agreed = of.agreed()
@@ -363,7 +364,7 @@ class _Loop(HandOut[_Task]):
                     self._add(_Task(conclude, arguments, task.report, axis, of=of))
 
     def _run_fltea(self, report: FileReport, of: _Recording) -> None:
-        """Plan to run FLTEA over all axes together, and over their shuffled copies."""
+        """Plan to run FLTEA over all axes together, and over shuffled copies of their samples."""
         axes = [axis for axis in of.axes if axis.found is not None and axis.events is not None]
         fltea_inputs = []
         for axis in axes:
@@ -411,7 +412,7 @@ class _Loop(HandOut[_Task]):
     def _copies(self, axis: _Axis, series: Series, report: FileReport, of: _Recording) -> Iterator[_Task]:
         """Yield the tasks that run FLTEA over shuffled copies of an axis.
 
-        These are many tasks of equal size, so that no process is idle.
+        The tasks are many and of equal size, so that no process is idle.
         """
         epoch = longest_epoch(len(series.y), series.gaps)
         for part, group in enumerate(groups(epoch[1] - epoch[0], axis.options.shuffles)):

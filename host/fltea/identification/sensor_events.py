@@ -31,16 +31,19 @@ from fltea.stream.happenings import BY
 from fltea.stream.tracking import rules_of
 
 LONG = IN_A_ROW * CHUNK
-"""Length in samples above which a span is motion only if the rate changes smoothly from sample to sample.
+"""A span of more samples than this counts as motion only if the rate changes smoothly from sample to sample.
 
-If the rate is not smooth in such a span, it is noise whose power has grown, which the verdict reports.
+If the rate is not smooth in such a span, the samples are noise whose power has grown, which the verdict
+reports.
 """
 FAST_S = 1.0
-"""Longest correlation time of a relaxation that cannot be mistaken for steps of the bias [s]."""
+"""A relaxation (a first-order Gauss-Markov process) whose correlation time is at most this [s] cannot be
+mistaken for steps of the bias.
+"""
 BETTER = 10.0
-"""Least advantage in log likelihood for which a model whose bias is constant between steps is used.
+"""The model whose bias is constant between steps is used if its log likelihood is higher by more than this.
 
-Below it, the model with a moving bias is used.
+It is compared with the log likelihood of the model with a moving bias, which is used otherwise.
 """
 COURSE_POINTS = 500
 
@@ -105,8 +108,8 @@ def watch(
 ) -> dict[str, AxisEvents]:
     """Return steps, motion and bias of each axis of a recording. All axes of a sensor have the same motion.
 
-    The accelerometer shows the motion of the gyroscope beside it, too. It shows that motion until the sensor
-    lies still again in its new position.
+    The accelerometer beside a gyroscope shows the gyroscope's motion, too. For the accelerometer, a motion
+    lasts until the sensor lies still again in its new position.
 
     Args:
         axes: all samples as they were read. Telegraph noise is removed before tracking, so steps between its
@@ -131,8 +134,8 @@ def watch(
                 runs.append((pool.submit(_SensorRun, group, shown, systems, h, live), other))
     found: dict[str, AxisEvents] = {}
     moved: list[_Moved] = []
-    # The gyroscope comes first, since its run includes the motion that the accelerometer has shown. That
-    # motion then counts for the remaining axes, too.
+    # The gyroscope comes first, since only its run finds the motion that the accelerometer shows. This motion
+    # then counts for the remaining axes, too.
     for of_system, of_staying in runs:
         run, stays = of_system.result(), None if of_staying is None else of_staying.result()
         moved = _united([*moved, *run.moved])
@@ -145,10 +148,10 @@ def watch(
 def _staying(tracked: Mapping[str, FittedSystem | None], h: float) -> dict[str, System]:
     """Return a second model, with a bias constant between steps, for each axis whose model has a moving bias.
 
-    A bias that steps to and fro has the spectrum of a relaxation. A bias that steps now and then looks like a
-    random walk. So both models are tried, and the one that predicts the samples better is used. The model
-    with a constant bias predicts badly from each step until the step is detected, so it loses if the bias
-    really walks.
+    A bias that steps to and fro has the spectrum of a relaxation (a first-order Gauss-Markov process). A bias
+    that steps now and then looks like a random walk. So both models are tried, and the one that predicts the
+    samples better is used. The model with a constant bias predicts badly from each step until the step is
+    detected, so it loses if the bias really walks.
     """
     found = {}
     for name, one in tracked.items():
@@ -216,7 +219,7 @@ class _SensorRun:
         tracker = Tracker([None] * len(self._names), rules_of(self._live, self._h, self._unit))
         for lane, one in enumerate(self._systems):
             if one is not None:
-                # ValueError means that no filter works with this system
+                # ValueError means that no Kalman filter works with this state-space model
                 with contextlib.suppress(ValueError):
                     tracker.set(lane, one)
         since: _Moved | None = None
@@ -268,12 +271,14 @@ class _SensorRun:
         """Whether this run's model predicts the samples of an axis clearly better than that of `other`."""
         lane = self._names.index(name)
         if self._counts[lane] < other._counts[lane] - LONG:
-            return False  # this run counted samples that its model cannot predict as motion
+            return False  # this run's model cannot predict some samples, so the run counted them as motion
         mine, its = (one._squares[lane] / max(one._counts[lane], 1) for one in (self, other))
         return bool(0 < mine < its and self._counts[lane] * math.log(its / mine) > 2 * BETTER)
 
     def _undo(self, counts: Sequence[int], events: Sequence[TrackerEvent], first: int) -> None:
-        """Drop bias steps that the tracker has withdrawn, because a motion of the sensor began with them.
+        """Drop the bias steps that the tracker has withdrawn.
+
+        It withdraws a step if a motion began with that step.
 
         `counts`: number of steps of each axis that the tracker still holds valid. `first`: index in the
         recording of the block's first sample, from which `events` count.

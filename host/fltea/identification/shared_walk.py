@@ -21,12 +21,13 @@ UNLIKELY = 1e-300
 
 
 def shared_walk(tracked: Mapping[str, FittedSystem], h: float) -> dict[str, FittedSystem]:
-    """Return the tracked systems of a sensor's axes by name, with a common random walk if possible.
+    """Return the tracked system of each axis of a sensor, by name. The random walk is common if possible.
 
     A tracked system is the state-space model for the tracker of an axis. A walk is bounded by its correlation
     time. If the spectrum itself shows a walk, each axis keeps the size of its walk, and only the correlation
-    time is common. The systems are unchanged if the axes do not agree, or if fewer than two are alike. Axes
-    for which different correlation times were tried are not alike (none is tried for noise with an order).
+    time is common. The systems are unchanged if the axes do not agree, or if fewer than two axes are alike.
+    Axes for which different correlation times were tried are not alike. No correlation time is tried for
+    noise with an order.
     """
     alike: dict[tuple[bool, tuple[float, ...]], list[str]] = {}
     for name, one in tracked.items():
@@ -44,7 +45,8 @@ def shared_walk(tracked: Mapping[str, FittedSystem], h: float) -> dict[str, Fitt
 def _agreed_bounds(walks: list[OffsetWalk], taus: tuple[float, ...]) -> list[OffsetWalk]:
     """Return the walks with common bounds; an empty list if the axes do not agree.
 
-    The probabilities of the bounds, which are correlation times, are then the same for all axes.
+    A bound is a correlation time of the walk. With common bounds, each bound has the same probability on all
+    axes.
     """
     prior = _prior(walks[0].steps[:1].tolist(), taus, stays=0.0)
     own = np.array([[walk.weights[walk.taus == tau].sum() for tau in taus] for walk in walks])
@@ -63,7 +65,8 @@ def _agreed_bounds(walks: list[OffsetWalk], taus: tuple[float, ...]) -> list[Off
 def _prior(steps: list[float], taus: Sequence[float], stays: float) -> Array:
     """Return the prior probabilities of the random walks that are tried.
 
-    They are in rising order of the walk's step variance, and then of its correlation time.
+    The walks are in rising order of their step variance. Walks of equal step variance are in rising order of
+    their correlation time.
     """
     tried = sorted(walks_tried(steps, [one for one in taus if math.isfinite(one)], stays))
     return np.array([weight for _, _, weight in tried])
@@ -72,13 +75,13 @@ def _prior(steps: list[float], taus: Sequence[float], stays: float) -> Array:
 def _agreed(walks: list[OffsetWalk], taus: tuple[float, ...]) -> list[OffsetWalk]:
     """Return the walks of the axes with one common distribution; an empty list if the axes do not agree.
 
-    It is the probability distribution of step variance and bounds.
+    The common distribution gives the probability of each pair of step variance and bound (correlation time).
     """
     low = min(float(walk.steps[walk.steps > 0].min()) for walk in walks)
     high = max(float(walk.steps.max()) for walk in walks)
     steps = np.geomspace(low, high, round(A_DECADE * math.log10(high / low)) + 1).tolist()
     q, tau, prior = np.array(list(walks_tried(steps, [one for one in taus if math.isfinite(one)], STAYS))).T
-    likely = np.array([_log_likelihoods(walk, q, tau) for walk in walks])  # an array of axes × walks × slopes
+    likely = np.array([_log_likelihoods(walk, q, tau) for walk in walks])  # an array (axes, walks, slopes)
     by_walk = np.log(np.exp(likely).sum(axis=2))
     each = np.log(np.exp(by_walk) @ prior).sum()
     together = by_walk.sum(axis=0)
@@ -116,7 +119,10 @@ def _log_likelihoods(walk: OffsetWalk, q: Array, tau: Array) -> Array:
 
 
 def _of_axis(walk: OffsetWalk, q: Array, tau: Array, weights: Array, likely: Array) -> OffsetWalk:
-    """Return the common distribution of walks, joined with that of the slopes of one axis's offset."""
+    """Return the joint distribution of walk and slope for one axis.
+
+    The distribution of walks is the axes' common one.
+    """
     slopes = walk.by_walk[2]
     share = np.exp(likely - likely.max(axis=1, keepdims=True))
     own = weights[:, None] * share / share.sum(axis=1, keepdims=True)

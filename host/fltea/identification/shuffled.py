@@ -28,7 +28,7 @@ processor's caches.
 GROUP_BYTES = 64_000_000
 """Memory for the samples of a group of copies [bytes]."""
 LEAST_LANES, MOST_LANES = 8, 40
-"""Least and largest number of copies in a group, which one process runs.
+"""Least and largest number of copies in a group. One process runs FLTEA over a whole group.
 
 Smaller groups do not use vector instructions fully. Larger ones leave other processes idle at the end.
 """
@@ -36,14 +36,15 @@ LONGEST = 1 << 17
 """Length of a record in samples above which its copies are not shuffled, but drawn from its samples at
 random, block by block, to save memory.
 
-Copies for the variant of FLTEA with a joint filter have at most this length. That filter forgets old samples:
-from this length up to a million samples, the quantiles of its last α change by only 0.003. The quantiles of
-the triple filter keep falling with the length (from 0.13 to 0.11), so its copies are as long as the record.
+For the variant of FLTEA with a joint filter, copies have at most this number of samples. The joint filter
+forgets old samples: between this length and a million samples, the quantiles of its last α change by only
+0.003. The quantiles of the triple filter keep falling with the length (from 0.13 to 0.11), so its copies are
+as long as the record.
 """
 DRAWN = 1 << 13
 """Number of samples in each block that is drawn from a long record."""
 ACCURACY = 3
-"""Accuracy setting of the compressed memory that the filters of the copies have of past samples, in digits.
+"""Accuracy of the filters' memory of past samples, in digits: for copies, this memory is compressed.
 
 The error in α that comes from this memory is 1e-6, while α of the copies differs by 1e-2. The memory needs a
 sixth of the time of an exact one.
@@ -61,11 +62,11 @@ class ShuffledBand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Number of copies that were left out, since their estimates diverged or are not valid at the end."""
     alpha: tuple[float, float, float] | None
     f: tuple[float, float, float] | None
-    """The parameter f of s^-α."""
+    """The parameter f of the fractional model [s^-α]."""
     alpha_rank: float | None
-    """Share of the shuffled copies whose α is below the α of the recorded samples.
+    """Proportion of the shuffled copies whose α is below the α of the recorded samples.
 
-    If the recorded noise is white, this share is between 0.05 and 0.95 in nine of ten cases.
+    If the recorded noise is white, this proportion is between 0.05 and 0.95 in nine of ten cases.
     """
     f_rank: float | None
 
@@ -82,7 +83,7 @@ class Copies(msgspec.Struct, frozen=True):
 
 
 def groups(samples: int, copies: int) -> list[range]:
-    """Divide the numbers of the copies into groups that fit into memory.
+    """Divide the copies, which are numbered from 0, into groups that fit into memory.
 
     The groups depend on the length of the record and the number of copies, but not on the workers that run
     them.
@@ -150,7 +151,8 @@ def _parts(y: Array, copies: range, seed: int, startup: int, variant: str) -> It
     """
     rngs = [np.random.default_rng((seed, number)) for number in copies]
     if len(y) <= LONGEST:
-        shuffles = np.empty((len(copies), len(y)))  # one copy is a row, since filling columns would be slow
+        # each copy is a row of the array, since filling columns would be slow
+        shuffles = np.empty((len(copies), len(y)))
         for row, rng in zip(shuffles, rngs, strict=True):
             row[:] = rng.permutation(y)
         yield shuffles
@@ -164,7 +166,7 @@ def _parts(y: Array, copies: range, seed: int, startup: int, variant: str) -> It
 
 
 def shuffled_band(parts: Sequence[Copies], alpha: float | None, f: float | None) -> ShuffledBand:
-    """Join the estimates for groups of copies to one band.
+    """Combine the estimates for all groups of copies into one band of quantiles.
 
     `alpha`, `f`: FLTEA's estimates for the recorded samples, with the settings used for the copies.
     """

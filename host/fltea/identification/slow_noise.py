@@ -1,4 +1,4 @@
-"""Complete K, the drift rate and the advice for an axis by what the tracker knows of slow noise.
+"""Replace K, drift rate and advice of an axis by those that include the slow noise that the tracker knows.
 
 The figures come from the fit of the spectrum first. That fit leaves out noise so slow that the record has
 fewer than ten periods of it. The tracker includes such noise.
@@ -37,9 +37,9 @@ class Band(NamedTuple):
 def with_slow_noise(
     result: AxisResult, allan: Allan | None, walk: OffsetWalkFound, drift_rate: Interval, unit: str
 ) -> tuple[AxisResult, Allan | None]:
-    """Return result and Allan deviation of an axis, completed by what the tracker knows of slow noise.
+    """Return result and Allan deviation of an axis, with new values of K, drift rate and advice.
 
-    K, drift rate and advice are replaced.
+    The new values include the slow noise that the tracker knows.
     """
     level = replace(result.level, K=walk.K, K_at_most=walk.at_most)
     verdict = result.verdict

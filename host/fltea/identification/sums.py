@@ -1,6 +1,7 @@
 """Compute the running sums of one axis of a recording, as the live fit does, and analyse its spectrum.
 
-Also find spectral lines for which all samples are needed, which live use does not keep.
+Also find spectral lines in all samples together. The live fit cannot do that, since it does not keep all
+samples.
 """
 
 import math
@@ -28,14 +29,14 @@ Bands = tuple[tuple[float, float], ...]
 AT_ONCE = 1 << 18
 """Number of samples processed at once, so that little of a long file is in memory."""
 LEAST_SHARE = 0.5
-"""Share of all samples that the longest stretch without a gap has to hold, so that spectral lines are
+"""If the longest stretch without a gap holds at least this proportion of all samples, spectral lines are
 searched for in the samples of this stretch.
 
-If it holds fewer samples, lines are searched for in the octave spectrum of all stretches.
+If the stretch holds fewer samples, lines are searched for in the octave spectrum of all stretches.
 """
 NOTHING = 1e-20
-"""Ratio of the spectral density to the variance of the samples below which the density is only that of
-rounded floating-point numbers.
+"""If the median spectral density is below the samples' variance times this factor, the density comes only
+from the rounding of floating-point numbers.
 """
 
 
@@ -73,7 +74,7 @@ def lines_of_stretches(
     `sums`: the running sums over all stretches.
 
     `sums` have as many octaves as fit the length of the whole record. Short stretches would leave the lowest
-    octaves empty, so each of several stretches gets sums of its own here.
+    octaves empty. So if there are several stretches, each gets sums of its own here.
 
     Raises:
         ValueError: the stretches are constant, or too short.
@@ -93,7 +94,7 @@ def parts_of(stretches: Sequence[Stretch]) -> list[Parts]:
 def lines_together(found: Sequence[Parts], h: float, longest: int) -> tuple[Periodogram, Drift | None]:
     """Return the joint spectrum and drift of several stretches.
 
-    `found`: the running sums of each. `longest`: number of samples of the longest stretch.
+    `found`: the running sums of each stretch. `longest`: number of samples of the longest stretch.
 
     Raises:
         ValueError: the stretches are too short.
@@ -111,7 +112,7 @@ def lines_together(found: Sequence[Parts], h: float, longest: int) -> tuple[Peri
 def drift_together(found: Sequence[Parts]) -> Drift | None:
     """Return the mean drift power of several stretches.
 
-    Each stretch is weighted by the number of amplitudes that its drift comes from.
+    Each stretch is weighted by the number of amplitudes from which its drift power was computed.
     """
     drifts = [one.drift for one in found if one.drift is not None]
     amplitudes = sum(one.amplitudes for one in drifts)
@@ -121,8 +122,8 @@ def drift_together(found: Sequence[Parts]) -> Drift | None:
 def one_a_depth(found: Sequence[Parts]) -> list[Parts]:
     """Merge the running sums of stretches that have the same depth.
 
-    The lowest octaves of these stretches have the same sampling rate. So fewer ordinates of the spectrum are
-    left.
+    In stretches of the same depth, the lowest octaves have the same sampling rate. So their spectral
+    ordinates can be merged, which leaves fewer of them.
     """
     depths: dict[int, list[Parts]] = {}
     for one in found:

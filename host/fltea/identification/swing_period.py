@@ -14,20 +14,20 @@ from fltea.records.arrays import Array
 from fltea.spectrum.stationarity import Change
 
 BLOCKS_A_SWING = 12
-"""Number of blocks into which the time between highest and lowest power is divided."""
+"""The time from the highest to the lowest power is divided into this number of blocks."""
 LEAST_FREEDOM = 4.0
-"""Least product of a block's duration [s] and the octave's width [Hz], so that the power in a block is well
+"""A block's duration [s] times the octave's width [Hz] is at least this, so that the power in a block is well
 determined.
 """
 PERIODS = 4
-"""Least number of periods that the record has to hold."""
+"""The record has to hold at least this number of periods."""
 COMES_BACK = 0.6
-"""Least autocorrelation of the course of power after one, two and three periods, as a proportion of its
-autocorrelation after one block.
+"""After one, two and three periods, the autocorrelation of the course of power has to be at least this
+proportion of its autocorrelation after one block.
 """
 AS_HIGH = 0.8
-"""Least autocorrelation at the lag that is taken for the period, as a proportion of the highest
-autocorrelation. The shortest such lag is taken.
+"""The autocorrelation's peaks that reach at least this proportion of the highest value are candidates for the
+period. The one with the shortest lag is taken.
 """
 PHASES = 24
 
@@ -77,8 +77,8 @@ def _period(course: Array) -> float | None:
     if not len(tops):
         return None
     period = _top(again, float(tops[0]), 1.0)
-    # The period follows from the autocorrelation's peak at a multiple of it, more exactly with each further
-    # multiple. Each peak is searched for within an eighth of a period of where it is expected.
+    # The autocorrelation has a peak at each multiple of the period. Each further peak gives the period more
+    # exactly. Each peak is searched for within an eighth of a period of where it is expected.
     multiple = 1
     while (multiple + 1) * period < m / 2:
         multiple += 1
@@ -91,7 +91,7 @@ def _period(course: Array) -> float | None:
 def _top(values: Array, at: float, around: float) -> float:
     """Return the interpolated index of the highest of `values` (m,) within `around` of index `at`.
 
-    A parabola interpolates.
+    The interpolation is by a parabola.
     """
     low, high = max(round(at - around), 1), min(round(at + around), len(values) - 2)
     top = low + int(values[low : high + 1].argmax())
@@ -103,8 +103,8 @@ def _top(values: Array, at: float, around: float) -> float:
 def _folded(course: Array, period: float) -> float:
     """Return the variance of the periodic part of a course of power.
 
-    It is the variance of the means at each phase of the period, less the variance that chance would give
-    them.
+    The result is the variance of the mean powers at the phases of the period, less the variance that these
+    means would have by chance.
     """
     phase = (np.arange(len(course)) / period % 1 * min(PHASES, int(period))).astype(np.int64)
     counts = np.bincount(phase)

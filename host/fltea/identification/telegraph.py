@@ -2,8 +2,9 @@
 
 Telegraph noise is popcorn noise whose steps are much larger than the other noise. The tracker would mistake
 the steps for motion, and in the spectrum they would hide everything else. So the levels are subtracted, and
-the rest is analysed like any other noise. Bias and heading then include the levels as a relaxation, which has
-the same spectrum as telegraph noise (Machlup, J. Appl. Phys. 25, 1954).
+the rest is analysed like any other noise. Bias and heading then include the levels as a relaxation (a
+first-order Gauss-Markov process), which has the same spectrum as telegraph noise (Machlup, J. Appl. Phys. 25,
+1954).
 """
 
 import math
@@ -23,66 +24,71 @@ from fltea.settings.live import LiveConfig
 from fltea.spectrum.wording import NUMBERS, listed
 
 LEAST_RATIO = 2.0
-"""Least ratio of the variance of the samples to half of the mean square of the steps between successive
-samples.
+"""In telegraph noise, the variance of the samples is at least this many times half of the mean square of the
+steps between successive samples.
 
 If the ratio is lower, samples do not stay at any level. White noise has a ratio of 1.
 """
 OUTLIERS = 5e-4
 """Proportion of the samples that is ignored as outliers, at each end of the range of values."""
 CALM, OF_GAUSSIAN = 0.95, 0.871
-"""CALM is the proportion of steps between successive samples, the smallest ones, that is attributed to the
-noise alone and not to changes of level.
+"""The smallest steps between successive samples are attributed to the noise alone, and not to changes of
+level. CALM is the proportion of all steps that these smallest ones are.
 
-OF_GAUSSIAN is the root mean square of this proportion of Gaussian steps, divided by that of all Gaussian
-steps.
+OF_GAUSSIAN is the root mean square of the smallest steps of Gaussian noise (the proportion CALM), divided by
+the root mean square of all its steps.
 """
 BINS_A_DEVIATION, MOST_BINS = 2.0, 4096
 VALLEY = 0.02
-"""Largest ratio of the count in a histogram bin between two levels to the count in the fullest bin.
+"""Between two levels, the count in a histogram bin is at most this proportion of the count in the fullest
+bin.
 
-A bin that is 2.8 standard deviations of Gaussian noise from a level has this ratio.
+In Gaussian noise, a bin at 2.8 standard deviations from a level has this proportion.
 """
 APART = 5.5
 """Least distance between two levels, in standard deviations of the noise."""
 WIDEST, LOOSE = 9.0, 0.5
-"""Largest width of the values around a level: in standard deviations of the noise, or as a proportion of the
-least distance between levels. The larger limit counts.
+"""The values around a level span at most WIDEST standard deviations of the noise, or the proportion LOOSE of
+the least distance between levels. The larger of the two limits counts.
 
-The proportion allows for slow noise in addition to the levels.
+LOOSE allows for slow noise in addition to the levels.
 """
 SOON, JUMPS = 4, 0.7
-"""SOON is the distance in samples, before and after a change of level, at which two samples are compared.
-JUMPS is the least median, over all changes, of their difference divided by the distance between the two
-levels.
+"""At each change of level, the sample SOON samples before it is compared with the one SOON samples after it.
+Their difference is divided by the distance between the two levels. The median of this ratio over all changes
+has to be at least JUMPS.
 
-A lower median means that the samples drift from level to level and do not jump.
+If the median is lower, the samples drift from level to level and do not jump.
 """
 LONG_PASSAGE, OFF = 8, 6.0
-"""LONG_PASSAGE is the number of samples before and after a change of level that may be in transition, as
-behind a filter of the sensor.
+"""Up to LONG_PASSAGE samples before and after a change of level may be in transition, as behind a filter of
+the sensor.
 
-OFF is the distance from its level, in standard deviations of the noise, beyond which such a sample is in
-transition.
+Such a sample is in transition if it is more than OFF standard deviations of the noise away from its level.
 """
 LEAST_SHARE, AT_LEVELS = 0.01, 0.93
-"""Least proportion of the samples that is on each level, and that is on all levels together."""
+"""Each level holds at least the proportion LEAST_SHARE of the samples, and all levels together hold at least
+the proportion AT_LEVELS.
+"""
 MOST_LEVELS = 6
 FEWEST_CHANGES = 6
-"""Least number of changes between levels; fewer changes are single steps of the bias."""
+"""Telegraph noise has at least this number of changes between levels. Fewer changes are single steps of the
+bias.
+"""
 PASSING = 2
-"""Longest stay on another level, in samples, that counts as a noise peak and not as a change of level."""
+"""A stay on another level of at most this many samples counts as a noise peak, and not as a change of level.
+"""
 IRREGULAR = 0.3
-"""Least ratio of the standard deviation of the stays' durations to their mean.
+"""The standard deviation of the durations of the stays is at least this proportion of their mean.
 
 Stays that end at random have a ratio of 1. Regular changes have a smaller one: they are a spectral line.
 """
 JUMP = 4.0
-"""Ratio of a step from one sample to the next to the 95 % quantile of such steps, above which the step is a
-jump.
+"""A step from one sample to the next is a jump if it is larger than the 95 % quantile of such steps by more
+than this factor.
 """
 COARSE = 1.5
-"""Distance between two levels, in counts of the sensor, up to which they are only neighbouring counts of slow
+"""Two levels that are at most this many counts of the sensor apart are only neighbouring counts of slow
 noise.
 """
 
@@ -95,7 +101,7 @@ class Telegraph(NamedTuple):
 
     levels: tuple[float, ...]
     shares: tuple[float, ...]
-    """Share of the samples on each level."""
+    """Proportion of the samples that is on each level."""
     changes: int
     every_s: float
     """Mean time between changes [s]."""
@@ -112,13 +118,13 @@ class Telegraph(NamedTuple):
 
     @property
     def part(self) -> Relaxation:
-        """The relaxation whose autocovariance is that of the changing level."""
+        """The first-order Gauss-Markov process that has the same autocovariance as the changing level."""
         return Relaxation(self.sigma, self.tau_s)
 
     def ahead(self, t_s: float) -> float:
         """Return what the level at the end of the samples will add to the mean of the next `t_s` seconds.
 
-        It is an expected value.
+        The result is an expected value, since the level changes at random.
         """
         return self.ends_at * self.tau_s / t_s * -math.expm1(-t_s / self.tau_s)
 
@@ -192,7 +198,8 @@ def _edges(y: Array, lsb: float | None, largest: float) -> tuple[Array, float] |
     if not noise > 0 or not 0 < high - low <= largest + 20 * noise:
         return None
     width = max(noise / BINS_A_DEVIATION, (high - low) / MOST_BINS)
-    if resolution > 0:  # bins are whole counts wide, or some bins would hold one count more than others
+    # each bin is a whole number of counts wide; otherwise some bins would hold one count more than others
+    if resolution > 0:
         width = max(math.ceil(width / resolution), 1) * resolution
     first = low - resolution / 2
     bins = math.ceil((high + resolution / 2 - first) / width)
@@ -250,8 +257,8 @@ def _telegraph(y: Array, at: NDArray[np.int64], h: float, noise: float) -> Teleg
     shares = counts / len(y)
     mean = float(levels @ shares)
     variance = float(shares @ (levels - mean) ** 2)
-    # From lag 0 to lag 1, the autocovariance of the level falls by half of the mean square of its steps. The
-    # correlation time is the variance divided by this fall per second.
+    # From lag 0 to lag 1, the autocovariance of the level falls by half of the mean square of the level's
+    # steps. The correlation time is the level's variance divided by this fall per second.
     steps = np.diff(levels[on])
     tau_s = variance / (float(steps @ steps) / 2) * len(y) * h
     return Telegraph(
@@ -286,7 +293,7 @@ def telegraph_words(found: Telegraph, unit: str) -> str:
 
 
 def jump_words(y: Array, unit: str) -> str:
-    """Return a sentence on the jumps of samples (n,) to a value at which they then stay.
+    """Return a sentence on how samples (n,) jump to another value and then stay there.
 
     Return "" if there are too few such jumps.
     """

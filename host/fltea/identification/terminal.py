@@ -27,7 +27,7 @@ def show(console: Console, report: FileReport, first: bool = True, *, details: b
         return
     good = {name: axis for name, axis in report.axes.items() if isinstance(axis, AxisReport)}
     found = findings.data_checks(report)
-    # Show data checks marked bad first, since they would be overlooked after a verdict.
+    # Show the data checks that are marked bad before the verdict, since they would be overlooked after it.
     _data_checks(console, [one for one in found if one[1].severity == "bad"])
     for name, axis in report.axes.items():
         console.print(_verdict(name, axis))
@@ -86,7 +86,7 @@ def _verdict(name: str, axis: AxisReport | Failure) -> Text:
 
 
 def summary(console: Console, reports: Sequence[FileReport]) -> None:
-    """Show the figures of all recordings side by side, with a table for each axis, and the differences."""
+    """Show the figures of all recordings side by side, in a table for each axis, and their differences."""
     for name, headings, lines in comparison.rows(reports):
         table = Table(box=box.SIMPLE_HEAD, pad_edge=False, title_justify="left")
         table.title = _shown(name, style="bold")

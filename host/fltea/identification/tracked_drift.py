@@ -2,8 +2,8 @@
 
 Noise so slow that the record has fewer than ten periods of it tilts a fitted straight line most, but the
 model that was fitted to the spectrum lacks such noise. The tracker knows the probabilities of several random
-walks of the offset, bounded ones and unbounded ones. The interval of the slope comes from the variances that
-these walks give the slope, weighted by their probabilities.
+walks of the offset, bounded ones and unbounded ones. Each walk gives the slope a variance. The interval of
+the slope comes from these variances, weighted by the probabilities of the walks.
 """
 
 import math
@@ -38,7 +38,7 @@ def tracked_drift_rate(tracked: FittedSystem, y: Array, h: float) -> Interval:
 
 
 def _weights(walk: OffsetWalk) -> Array:
-    """Return the probability of each of the tracker's random walks, with prior `AS_LIKELY`, not `STAYS`."""
+    """Return the probability of each random walk of the tracker, with `AS_LIKELY` as the prior of no walk."""
     stays = walk.steps == 0
     if not stays.any() or stays.all():
         return walk.weights
@@ -51,5 +51,6 @@ def _of_step(n: int, h: float, tau: float) -> float:
 
     `tau`: correlation time of the walk in samples.
     """
-    a = math.exp(-1 / tau)  # `a` is the walk's factor from sample to sample, 1 if the walk is unbounded
+    # `a` is the factor by which the walk is multiplied from sample to sample; 1 if the walk is unbounded
+    a = math.exp(-1 / tau)
     return slope_variance(n, h, lambda lam: 1 / ((1 - a) ** 2 + 4 * a * np.sin(lam / 2) ** 2))

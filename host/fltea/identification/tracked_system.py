@@ -21,11 +21,11 @@ from fltea.records.arrays import Array
 from fltea.records.fit import Interval
 
 TOLD_AT = 900.0
-"""Least size of a random walk that a record of n samples shows: the variance of the walk's step times n²,
-divided by the level of the spectrum.
+"""A record of n samples shows a random walk if the variance of the walk's step times n², divided by the level
+of the spectrum, is at least this.
 
-In four of five records, a walk of this size is told from a constant offset (measured on 40 records of white
-noise).
+In four of five records, a walk of this size can be told from a constant offset (measured on 40 records of
+white noise).
 """
 Said = Literal["walks", "likely constant", "not told", "taken out"]
 LIKELY = 0.5
@@ -52,7 +52,7 @@ class OffsetWalkFound(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 def tracked_system(parts: Sequence[Part], y: Array, h: float) -> FittedSystem | None:
     """Return the tracked system of samples y (n,) without a gap, whose noise has the given parts.
 
-    Return None if no filter works with them.
+    Return None if no Kalman filter works with these parts.
     """
     try:
         return fitted_system(parts, y, h)
@@ -63,7 +63,8 @@ def tracked_system(parts: Sequence[Part], y: Array, h: float) -> FittedSystem | 
 def offset_walk_found(tracked: FittedSystem, h: float, K: Interval) -> OffsetWalkFound:
     """Return whether the offset of an axis walks.
 
-    `K`: K of the fitted parts of the noise, null if no part is a walk.
+    `K`: interval of K according to the parts of the noise that were fitted to the spectrum; null if no part
+    is a walk.
 
     Even if a fitted part is a walk, K comes from the tracker, which also uses noise slower than the fitted
     spectrum.
@@ -78,7 +79,7 @@ def offset_walk_found(tracked: FittedSystem, h: float, K: Interval) -> OffsetWal
         return _in_place_of_a_relaxation(walk, h)
     if walk.is_certain:
         return OffsetWalkFound("walks", walk.K(h), None, None)
-    # without walks to compare, as the likelihood of a constant offset could not be computed
+    # there are no walks to compare, since the likelihood of a constant offset could not be computed
     if not (walk.steps > 0).any():
         return OffsetWalkFound("not told", Interval(), None, None)
     steps, at = np.unique(walk.steps, return_inverse=True)
@@ -89,13 +90,13 @@ def offset_walk_found(tracked: FittedSystem, h: float, K: Interval) -> OffsetWal
         return OffsetWalkFound("likely constant", Interval(), at_most, None)
     q = float(weights @ steps) / float(weights.sum())
     # The longest periods of a record grow with its length. The ratio of a walk's power at these periods to
-    # the level of the spectrum grows with the square of that length.
+    # the level of the spectrum grows with the square of the record's length.
     longer = math.sqrt(max(TOLD_AT / (SHARES[0] * q / float(steps[0])), 1.0))
     return OffsetWalkFound("not told", Interval(), at_most, longer * tracked.samples * h)
 
 
 def _in_place_of_a_relaxation(walk: OffsetWalk, h: float) -> OffsetWalkFound:
-    """Return whether a part that the fit of the spectrum made a slow relaxation is an unbounded walk."""
+    """Return whether a part is an unbounded walk that the fit of the spectrum took for a slow relaxation."""
     steps, at = np.unique(walk.steps, return_inverse=True)
     weights = np.asarray(np.bincount(at, walk.weights * np.isinf(walk.taus)), dtype=np.float64)
     if (endless := float(weights.sum())) >= SURE:

@@ -1,9 +1,9 @@
 """Find values that are too frequent for a sensor's noise: a dead band, a replacement value, clipping.
 
 A record is divided into parts, which are checked separately. The distinct values of a part are sorted and
-counted. In noise, rounded or not, neighbouring values are about equally frequent. An exception are the few
-values that coarse rounding leaves: there, most samples are within a few counts of the most frequent value.
-Most samples are farther from a replacement value.
+counted. In noise, rounded or not, neighbouring values are about equally frequent. Coarse rounding is an
+exception, since it leaves only a few values. But then most samples are within a few counts of the most
+frequent value. A replacement value differs from that: most samples are farther from it.
 """
 
 import math
@@ -18,60 +18,62 @@ from fltea.identification.resolution import LONG
 from fltea.records.arrays import Array
 
 PARTS, MOST_PARTS = 8, 5
-"""Number of parts of the record, and how many of them have to show the fault.
+"""The record is divided into at most PARTS parts. A fault is reported if at least the proportion MOST_PARTS /
+PARTS of the parts shows it.
 
-Not all parts are required to show the fault, but one is not enough: a record with rest and motion has values
+Not all parts have to show the fault, but one part is not enough: a record with rest and motion has values
 that are frequent in one part only.
 """
 LEAST, LEAST_OF_ALL = 500, 100
-"""Least number of samples in a part, and in a short record that is not divided."""
+"""LEAST: least number of samples in a part. LEAST_OF_ALL: least number of samples in a record that is too
+short to be divided.
+"""
 NEIGHBOURS = 3
 """Number of distinct values on either side of a suspicious value from which the usual distance between values
 is computed.
 """
 OFTEN = 20
-"""Least number of times that samples arrive at a value from another one, for the value to be reported.
+"""A value is reported if samples arrive at it from another value at least this often.
 
-A sensor that stays stuck at one value arrives there once, and is found by another data check.
+A sensor that is stuck at one value arrives there only once. Another data check finds such a sensor.
 """
 TOO_OFTEN, BESIDE_A_GAP = 3.0, 2.0
-"""Least ratio of the number of samples at a value to the number at the more frequent of its two neighbouring
-values.
+"""A value is too frequent if it has at least TOO_OFTEN times as many samples as the more frequent of its two
+neighbouring values.
 
-The second ratio is for a value with unusually wide gaps to its neighbouring values.
+BESIDE_A_GAP is used in place of TOO_OFTEN for a value with unusually wide gaps to its neighbouring values.
 """
 GAP = 1.75
-"""Least ratio of the distance between two neighbouring values to the usual distance, for which the distance
-is a gap.
+"""The distance between two neighbouring values is a gap if it is at least this many times the usual distance.
 """
 AWAY = 3.0
-"""Least median distance of all other samples from the suspicious value, in distances of its nearest
-neighbouring value.
+"""The median distance of all other samples from the suspicious value has to be at least this many times the
+distance of the nearest neighbouring value.
 """
 LEAST_SHARE, BAD_SHARE = 0.002, 0.05
-"""Least share of samples at a value in excess of its neighbours' samples: to report the value, and to say
-that N is wrong.
+"""How many more samples a value has than its neighbouring values, as a proportion of all samples. The value
+is reported from LEAST_SHARE on, and N is called wrong from BAD_SHARE on.
 """
 BAD_POWER = 0.01
-"""Share of the noise's power removed by a dead band, above which N is wrong."""
+"""N is wrong if a dead band has removed more than this proportion of the noise's power."""
 CLIPPED = 2.0
-"""Least ratio of the number of samples at the outermost value to the number expected from the two values
-before it.
+"""Samples are clipped if the outermost value has at least this many times the number of samples that is
+expected from the two values before it.
 """
 SURELY, BAD_CLIPPED = 6.0, 0.01
-"""SURELY is the least excess of samples at the outermost value, in standard deviations of the count.
-BAD_CLIPPED is the share of clipped samples that makes N wrong.
+"""SURELY: the number of samples at the outermost value has to exceed the expected number by at least this
+many standard deviations. BAD_CLIPPED: N is wrong if at least this proportion of samples is clipped.
 """
 SHORTEST_STAY = 10.0
-"""Least mean number of successive samples at a value or level, for values to count as levels.
+"""Values count as levels if samples stay at each value for at least this many successive samples in the mean.
 
 Shorter stays come from rounding or from alternating sensors.
 """
 FEW_VALUES, BEGIN = 3, 1000
 """FEW_VALUES is the largest number of distinct values that counts as few. BEGIN is the number of samples at
-the begin of a record that are tested first, to save time.
+the beginning of a record that are tested first, to save time.
 
-These samples of an ordinary record already have more distinct values.
+In an ordinary record, these first samples already have more distinct values than FEW_VALUES.
 """
 REMEDY = (
     "A driver, a filter or the sensor itself puts one value in place of others (a dead band, zero for a "
@@ -93,7 +95,7 @@ class _Values(NamedTuple):
 class _Common(NamedTuple):
     """A value that is too frequent.
 
-    `gap`: its distance to the nearest other value if that distance is unusually large, else 0.
+    `gap`: distance from this value to the nearest other value if the distance is unusually large, else 0.
     """
 
     value: float
@@ -157,7 +159,7 @@ def _common(part: Array, of: _Values) -> _Common | None:
     usual = float(np.median(np.concatenate([np.diff(low), np.diff(high)])))
     gap = float(min(values[at] - low[-1], high[0] - values[at]))
     if gap >= GAP * usual:
-        # Samples in a dead band of ± `gap` had a mean square of gap²/3 before one value replaced them. This
+        # Before one value replaced the samples in a dead band of ± `gap`, their mean square was gap²/3. This
         # is the power that the noise has lost.
         return _Common(float(values[at]), share, gap, share * gap**2 / 3 >= BAD_POWER * float(part.var()))
     away = float(np.median(np.abs(part[~is_it] - values[at])))

@@ -20,10 +20,10 @@ T = TypeVar("T")
 
 SAFE_PATH = "PYTHONSAFEPATH"
 SMALL = 6_000_000
-"""Number of samples of a recording, all axes together, up to which starting processes would take longer than
-it saves.
+"""For a recording of at most this many samples, all axes together, starting processes would take longer than
+the processes save.
 
-This number is 5 hours of three axes at 100 Hz.
+Three axes at 100 Hz have this number of samples after 5 hours.
 """
 
 
@@ -119,7 +119,8 @@ def _safe_path() -> Iterator[None]:
     """Keep processes that start now from importing modules in the current folder.
 
     The fork server is started by `python -c`, which would import a random.py of that folder in place of
-    Python's own. The setting is reset afterwards, since our caller starts other programs, too.
+    Python's own. The environment variable that prevents this is reset afterwards, since our caller starts
+    other programs, too.
     """
     before = os.environ.get(SAFE_PATH)
     os.environ[SAFE_PATH] = "1"
