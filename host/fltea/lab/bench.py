@@ -1,7 +1,7 @@
 """Measure the speed of the estimator: engine, numpy reference and filterpy's unscented filter side by side.
 
 The three contenders run on one core in one run of the program. Every repetition measures all three one after
-the other, so that a change of the processor's clock affects all of them. Results are medians over
+the other, so that a change of the processor's clock rate affects all of them. Results are medians over
 repetitions. Times are processor times (user and system), not wall-clock times, so that other programs matter
 less. The filters' memories are full before the first measurement.
 
@@ -30,8 +30,8 @@ WINDOWS = {str(n): n for n in (1_000, 10_000, 100_000, 1_000_000)} | {"unlimited
 LANES = tuple(2**i for i in range(11))
 
 # Number of axis-steps in one measurement of each contender. An axis-step is the processing of one sample of
-# one axis. Fast contenders take about 0.1 s for this number. Slow ones take longer, so that the result is
-# repeatable.
+# one axis. Fast contenders take about 0.1 s for this number. Slow contenders are measured for longer, so that
+# the result is repeatable.
 STEPS = {"engine_compressed": 200_000, "engine_direct": 20_000, "reference": 500, "filterpy_ukf": 2_000}
 LANE_STEPS = 400_000
 
@@ -54,8 +54,8 @@ def measure(repetitions: int = 5, scale: float = 1.0) -> dict[str, Any]:
     """Measure speed and memory of all contenders, and return the figures.
 
     Speeds are in axis-steps per second; that of filterpy is None if filterpy is not installed. `repetitions`:
-    number of repetitions of each measurement. `scale`: factor on the length of a measurement, below 1 in
-    tests.
+    number of repetitions of each measurement. `scale`: factor by which measurements are lengthened; below 1
+    in tests, which shortens them.
 
     Raises:
         FlteaError: estimates of the engine were not finite, so that the measured figures are void.

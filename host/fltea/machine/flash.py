@@ -73,7 +73,7 @@ WRONG_PORT = (
 
 
 ERASE_UNKNOWN = "--erase-unknown-board"
-"""Option that allows opening a port at 1200 baud whose USB id is not that of a Due."""
+"""Option by which the user allows that a port is opened at 1200 baud although its USB id is not a Due's."""
 
 
 class Plan(NamedTuple):
@@ -271,7 +271,7 @@ def _build_id_of_sources(root: Path) -> str:
 
 
 def carry_out(plan: Plan, sleep: Callable[[float], None] = time.sleep) -> None:
-    """Carry out a plan: open the port at 1200 baud if it says so, and run its command in the terminal.
+    """Carry out a plan: open the port at 1200 baud if the plan says so, and run its command in the terminal.
 
     Raises:
         FlteaError: the port cannot be opened, or the command failed.

@@ -1,4 +1,4 @@
-"""Asks the machine what `fltea devices` and `fltea doctor` need, in one class that tests can replace."""
+"""Finds out what `fltea devices` and `fltea doctor` need to know of the machine. Tests replace the class."""
 
 import contextlib
 import ctypes
@@ -98,8 +98,8 @@ class System:
     def holders(self, name: str) -> list[Holder]:
         """Return the other programs that have a file open.
 
-        Without root's rights, only the user's own programs are found, and programs of others that locked the
-        file, as fltea does.
+        Without root's rights, two kinds of programs are found: the user's own, and those that have locked the
+        file. Every fltea locks the ports that it opens.
         """
         pids = self._openers(str(self.path(name).resolve()), name) | self._lockers(name)
         return [Holder(pid, self._program(pid)) for pid in sorted(pids - {os.getpid()})]

@@ -26,8 +26,8 @@ KEEPALIVE_S = 15
 POLL_S = 0.002
 HOLD_S = 0.1
 TURN_S = 1.0
-"""Longest time for which the thread waits for the network before it looks after the connection again [s]. A
-message to send ends the wait.
+"""Longest time for which the thread waits for the network before it examines the connection again [s]. A
+message to send ends the wait earlier.
 """
 
 
@@ -79,8 +79,9 @@ class Receiver(NamedTuple):
 
     `take`: function that processes a message, given topic, payload, and whether the message was retained. The
     topic is empty if it is not valid UTF-8. The function is called in the connection's thread, and the broker
-    waits meanwhile. `has_room`: function that waits for the given time until there is room for messages [s],
-    and returns whether there is. While there is no room, nothing is read, so messages wait at the broker.
+    waits meanwhile. `has_room`: function that waits until there is room for messages, at most for the given
+    time [s], and returns whether there is room. While there is no room, nothing is read, so messages wait at
+    the broker.
     """
 
     subscriptions: Sequence[Subscription]
@@ -104,7 +105,7 @@ class Session(NamedTuple):
 
 
 class _State:
-    """The state of a connection that the callbacks of the library's client need.
+    """What the callbacks of the library's client need to know of a connection.
 
     The callbacks refer to this object and not to the `Connection`, so that the connection's sockets are freed
     as soon as it is dropped.
@@ -179,7 +180,7 @@ class Connection:
         self._client.unsubscribe(topics)
 
     def close(self) -> None:
-        """End the connection after all published messages, without waiting.
+        """Let the connection end once all published messages are sent. Do not wait for its end.
 
         The broker does not publish the will of a connection that is closed in this way.
         """
@@ -190,7 +191,7 @@ class Connection:
 def await_end(events: deque[Event], deadline_s: float) -> None:
     """Wait until a closed connection has ended, at most until `deadline_s` of `time.monotonic()`.
 
-    If the program hung up before the connection has ended, the broker would publish its will.
+    If the program ended before the connection has, the broker would publish the will.
     """
     while time.monotonic() < deadline_s and not any(isinstance(event, Down) for event in events):
         time.sleep(POLL_S)
@@ -234,7 +235,7 @@ def _exchange(client: Client, state: _State) -> None:
 
 
 def _can_read(state: _State) -> bool:
-    """Return whether to read from the broker: the receiver has room for messages, or none can come yet.
+    """Return whether to read: the receiver has room for messages, or the broker can send none yet.
 
     This function may wait up to HOLD_S for room.
     """

@@ -12,7 +12,7 @@ from fltea.records.ports import Report
 from fltea.settings.mqtt import MqttConfig
 
 RETRY_S = 0.1
-"""Time between two checks whether it is time for another attempt to connect, during an outage [s]."""
+"""During an outage, the thread checks at this interval [s] whether to try again to connect."""
 
 PLAIN = Session()
 """A session without a will, for which the broker keeps nothing."""

@@ -17,7 +17,7 @@ from fltea.records.arrays import Array
 NODES = 128
 """Number of Gauss–Legendre nodes in each panel.
 
-A panel is an interval of λ over which is integrated at once: an octave of λ, or part of one of the highest
+A panel is an interval of λ that is integrated in one piece: an octave of λ, or a part of one of the highest
 octaves.
 """
 PARTS = (16, 8, 4)
@@ -31,10 +31,10 @@ their means.
 MEANS = {1: 3 / 8, 2: 35 / 128}
 """Means of sin⁴ and of sin⁸, for the powers 1 and 2 of the kernel (`allan_integrals`)."""
 BELOW = 24
-"""Number of octaves of λ below π/m that the integration covers.
+"""The integration begins this number of octaves of λ below π/m.
 
-Frequencies below these octaves contribute nothing: the integrand is proportional to λ² S there, and towards
-low λ the spectrum S of a stationary state rises more slowly than λ^-1.
+Lower frequencies contribute nothing: the integrand is proportional to λ² S there, and towards low λ the
+spectrum S of a stationary state rises more slowly than λ^-1.
 """
 
 

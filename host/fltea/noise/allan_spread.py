@@ -29,10 +29,12 @@ MOST = 1 << 13
 is computed for these lags.
 """
 FAST = 1 << 11
-"""Number of frequencies at which the spectrum is computed above those that the lags can sample."""
+"""The lags sample frequencies up to a limit. Above this limit, the spectrum is computed at this number of
+frequencies.
+"""
 RUNG_OUT = 8.0
-"""Lag after which the covariance of a spectral line counts as 0, in units of the time 1 / half-width within
-which its phase is remembered.
+"""Lag after which the covariance of a spectral line counts as 0, in units of 1 / half-width. This unit is the
+time for which the line's phase is remembered.
 """
 
 
@@ -65,7 +67,7 @@ class Line(NamedTuple):
         return self.variance * math.pi / (self.half * (high - low))
 
     def seen(self, terms: float) -> float:
-        """Return which proportion of the sum Σ r(k)² over all lags k counts in a record of `terms` terms.
+        """Return the proportion of the sum Σ r(k)² over all lags k that counts in a record of `terms` terms.
 
         It is small if the line's phase is remembered for longer than the record.
         """
@@ -131,8 +133,8 @@ class _Shape(NamedTuple):
     def resolves(self, line: Line) -> bool:
         """Whether r at these lags represents a spectral line.
 
-        The line's frequency has to be low enough for the distance of the lags, and its covariance has to
-        decay within all the lags, or else the lags have to span twice the record.
+        The line's frequency has to be low enough for the distance between lags. Also, the line's covariance
+        has to decay within the span of all lags, or the lags have to span twice the record.
         """
         around = self.points * self.step
         is_short = around >= 2 * (self.terms + 2 * self.m) or line.half * around >= RUNG_OUT
@@ -142,7 +144,7 @@ class _Shape(NamedTuple):
 class _Grids:
     """Spectra at the midpoints of frequency intervals ("cells").
 
-    They are kept for use at many averaging times.
+    The spectra are kept, since they are used at many averaging times.
     """
 
     def __init__(self, spectrum: Spectrum) -> None:
@@ -171,7 +173,7 @@ def _slow_squares(grids: _Grids, shape: _Shape, lines: Sequence[Line]) -> float:
         S = S + sum(line.mean(edges) for line in lines)
     power = S * _weights(lam, m) * (2 / (points * step))
     lags = np.arange(points // 2)
-    # The first factor is due to the frequencies, which are midpoints of cells and not multiples of a cell's
+    # The exponential is needed since the frequencies are midpoints of cells, and not multiples of a cell's
     # width.
     r = (np.exp(-1j * np.pi * lags / points) * np.fft.fft(power, points)[: points // 2]).real
     weights = np.maximum(1 - lags * (step / terms), 0.0)

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 from fltea.records.arrays import Array
 
 MANY = 150.0
-"""Degrees of freedom of chi-squared from which on Wilson and Hilferty's approximation of a quantile is used.
-It is right to 2e-4 there.
+"""If chi-squared has at least this many degrees of freedom, Wilson and Hilferty's approximation of a quantile
+is used. Its relative error is then at most 2e-4.
 """
 TERMS = 240
 STEPS = 12
@@ -100,11 +100,11 @@ def f_log_tail(ratio: float, first: float, second: float) -> float:
 
 
 def f_deviate(ratio: ArrayLike, first: ArrayLike, second: ArrayLike) -> Array:
-    """Return the standard normal deviate that is exceeded with the same probability as each ratio of F.
+    """Return, for each ratio, the standard normal deviate that is exceeded with the same probability.
 
-    F is a variable with an F distribution. The approximation by Peizer and Pratt (*J. Am. Stat. Assoc.* 63,
-    1968) is quick for many ratios at once. Down to probabilities of 1e-9 it is within 0.02 of the true
-    deviate.
+    A ratio is a value of a variable F, which has an F distribution. The approximation by Peizer and Pratt
+    (*J. Am. Stat. Assoc.* 63, 1968) is quick for many ratios at once. Down to probabilities of 1e-9 it is
+    within 0.02 of the true deviate.
 
     Args:
         ratio: ratios, 0 or more.
@@ -154,8 +154,8 @@ def _most_terms(parameter: float) -> int:
 def _quantile_of_few(probability: float, k: Array, start: Array) -> Array:
     """Return quantiles of chi-squared with few degrees of freedom `k`.
 
-    Newton's method is applied to the logarithm of the distribution function P(k/2, x), as a function of the
-    logarithm of x = chi²/2.
+    The quantile is found by Newton's method. It solves for the logarithm of x = chi²/2, given the logarithm
+    of the distribution function P(k/2, x).
     """
     a = k / 2
     log_gamma = np.array([math.lgamma(one) for one in (a + 1).tolist()])
@@ -177,7 +177,7 @@ def _quantile_of_few(probability: float, k: Array, start: Array) -> Array:
 def _log_incomplete_beta(a: float, b: float, x: float, rest: float) -> float:
     """Return the logarithm of the incomplete beta function I_x(a, b).
 
-    `rest`: 1 - x. It is computed by its continued fraction, with Lentz's method.
+    `rest`: 1 - x. The function's continued fraction is computed with Lentz's method.
     """
     if x <= 0 or rest <= 0:
         return -math.inf if x <= 0 else 0.0

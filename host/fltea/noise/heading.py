@@ -1,8 +1,9 @@
 """Predict the error of a heading and the mean of the bias, from the samples of a sensor at rest.
 
-Both follow from the linear system that models the noise of a rate. The prediction of the bias uses only the
-samples at rest. The error of a heading is the integral of the bias less this prediction. Matrix powers are
-computed by repeated squaring, so that a prediction for an hour costs as little as one for a second.
+Both follow from a linear state-space model of the rate's noise, which is called the system here. The
+prediction of the bias uses only the samples at rest. The error of a heading is the integral of the bias less
+this prediction. Matrix powers are computed by repeated squaring, so that a prediction for an hour costs as
+little as one for a second.
 """
 
 import math
@@ -20,8 +21,8 @@ from fltea.records.units import MOST_DEG
 LONGEST_REST_S = 86400.0
 LONGEST_DRIVE_S = 3600.0
 NEAR = 1.01
-"""Factor within which the searches for a time of rest or of drive (`rest_for`, `drive_for`) know their
-result.
+"""The searches for a time of rest or of drive (`rest_for`, `drive_for`) end when they know the time to within
+this factor.
 """
 
 
@@ -62,9 +63,9 @@ def aheads(system: System, h: float, times_s: Sequence[float]) -> list[Ahead]:
 def mean_ahead(system: System, samples: int) -> Ahead:
     """Return the mean of the bias over the next `samples` samples, in terms of x after the newest sample.
 
-    Bias(T) is the expectation `row @ x` of this mean, with σ = `std(P)`. Noise that is no signal does not
-    contribute to the bias: it is the white noise R, and the states that `system.bias` leaves out. So the mean
-    of the samples themselves varies more. For white noise its variance is larger by N²/T.
+    Bias(T) is the expectation `row @ x` of this mean, with σ = `std(P)`. Two kinds of noise do not contribute
+    to the bias, since they are not signal: the white noise R, and the states that `system.bias` leaves out.
+    So the mean of the samples themselves varies more. Because of white noise, its variance is larger by N²/T.
 
     Raises:
         ValueError: `samples` is below 1.
@@ -100,7 +101,7 @@ def heading_std(system: System, P: Array, h: float, t_s: float) -> float:
 
 
 def rested(system: System, samples: int) -> Array:
-    """Return the covariance of the state x after `samples` samples at rest, the first ones of the system."""
+    """Return the covariance of the state x after `samples` samples at rest, from the initial state on."""
     P = np.empty_like(system.P0)
     _native.rested(system.numbers, max(samples, 1), P)
     return P
@@ -145,7 +146,7 @@ def rest_for(system: System, h: float, t_s: float, within: float, unit: str = "�
 
 
 def drive_for(system: System, h: float, rest_s: float, within: float) -> float | None:
-    """Return how long [s] after a rest the heading's standard deviation stays at most `within`.
+    """Return for how long after a rest [s] the heading's standard deviation stays at most `within`.
 
     This function is the inverse of `rest_for`. Like `rest_for`, it rounds to the safe side. The result is 0
     if `within` is exceeded at the first sample after the rest, and None if it is not exceeded even after an

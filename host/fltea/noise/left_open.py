@@ -1,7 +1,7 @@
 """Estimate what a record of given length leaves uncertain about the noise that was found in it.
 
-The likelihood is that of a spectrum (Whittle, *Ark. Mat.* 2, 1953). The data that it is given are the
-spectrum of the noise that was found, not the spectrum of the samples.
+The likelihood is that of a spectrum (Whittle, *Ark. Mat.* 2, 1953). In place of the spectrum of the samples,
+the likelihood is given the spectrum of the noise that was found.
 """
 
 import functools
@@ -29,9 +29,9 @@ STEP, STEPS = 0.1, 10
 LEAST, MOST = 0.05, 1.05
 """Lowest and highest order that are tried in addition to the order that was found."""
 UNLIKELY = 7.0
-"""An order whose log likelihood falls behind that of the best order by more than this is left out."""
+"""An order is left out if its log likelihood is lower than that of the best order by more than this."""
 LOWEST = 10
-"""Number of periods that the lowest fitted frequency has in the record."""
+"""The record holds this number of periods of the lowest fitted frequency."""
 POINTS = 80
 CONVERGED, ITERATIONS = 1e-3, 60
 PRIOR = 1.0
@@ -45,11 +45,11 @@ def mean_order(
 ) -> tuple[float, Array]:
     """Return the mean variance of white noise, and the mean spectrum (at `lam`) of the part with an order.
 
-    The means are taken over the noises that are likely given the record. If there is white noise, too, an
-    order whose spectrum is nearly white is hardly known: the most likely order may take all of the white
-    noise's power, or none of it. Of all linear filters of the samples, the one for the mean of the likely
-    spectra has the least mean square error, and it predicts this error. The filter for the most likely order
-    has a larger error, but predicts a smaller one.
+    The means are taken over the noises that are likely given the record. If there is white noise, too, a
+    record hardly shows an order whose spectrum is nearly white: the most likely order may take all of the
+    white noise's power, or none of it. Of all linear filters of the samples, the one for the mean of the
+    likely spectra has the least mean square error, and it predicts this error. The filter for the most likely
+    order has a larger error, but predicts a smaller one.
 
     For each α that is tried, the order and the white noise are fitted to the spectrum that both have
     together, and weighted by their likelihood. The other parts are assumed to be known.

@@ -1,4 +1,4 @@
-"""Store the last estimates, up to a finite number, which a fractional difference uses."""
+"""Store the last estimates for a fractional difference, up to a fixed number."""
 
 import numpy as np
 

@@ -9,11 +9,11 @@ import numpy as np
 from fltea.records.arrays import Array, Mask
 
 TOLERANCE = 1e-10
-"""A derivative of the sum of squares up to this value counts as zero. The columns of M and the right side d
-are scaled to length 1 before.
+"""A derivative of the sum of squares that is at most this counts as zero. Before, the columns of M and the
+right side d are scaled to length 1.
 """
 ROUNDS = 10
-"""Largest number of iterations, divided by the number of columns."""
+"""The number of iterations is at most this many times the number of columns."""
 
 
 def non_negative(M: Array, d: Array) -> Array:

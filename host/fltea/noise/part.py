@@ -14,7 +14,7 @@ from fltea import _native
 from fltea.records.arrays import Array, Complex
 
 SIGNED = ("f", "s", "d")
-"""Names of parameters of parts that may be below 0."""
+"""Names of those parameters of noise parts whose values may be below 0."""
 
 
 class Coordinate(NamedTuple):
@@ -106,18 +106,18 @@ class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="p
         raise NotImplementedError(f"the part {cls.tag()} is of no coordinates")
 
     def words(self, rate_hz: float) -> str:
-        """Return words that describe the part in a sentence; "" if other words of the sentence name it.
+        """Return words that describe the part in a sentence; "" if another sentence of the verdict names it.
 
         `rate_hz`: sample rate. If a corner frequency is above half of it, the words say so.
         """
         raise NotImplementedError(f"the part {self.tag()} has no words")
 
     def response(self, lam: Array, h: float) -> Complex:
-        """Return a slow part's frequency response at λ to the white noise of variance 1 that drives it."""
+        """Return the frequency response of a slow part at λ. White noise of variance 1 drives the part."""
         raise NotImplementedError(f"the part {self.tag()} has no response")
 
     def own_poles(self, lam: Array, h: float, room: int) -> list[complex]:
-        """Return the exact poles of a part that is no filter, or if it has none, poles that approximate it.
+        """Return the poles of a part that is no filter; if it has none, return poles that approximate it.
 
         `lam`: frequencies λ [rad per sample] at which the poles have to fit. `room`: largest number of
         states.

@@ -31,7 +31,7 @@ from fltea.records.arrays import Array, Complex
 MEAN_FROM = _native.MEAN_FROM
 """The code number of a `Mean` is MEAN_FROM plus the number of averaged samples."""
 ONE_POLE = 1.5
-"""A filter with fewer poles than this is described as one with one pole."""
+"""If a filter has fewer poles than this, its description says that it has one pole."""
 
 
 def in_hz(value: float) -> str:
@@ -77,7 +77,7 @@ class _Decaying(Part, frozen=True):
 
 
 class Relaxation(_Decaying, frozen=True, tag="relaxation"):
-    """A Gauss–Markov process with standard deviation σ and correlation time τ."""
+    """A first-order Gauss–Markov process with standard deviation σ and correlation time τ."""
 
     def words(self, rate_hz: float) -> str:
         return ""
@@ -288,9 +288,9 @@ class HighPass(Part, frozen=True, tag="high-pass"):
     """A high-pass, which blocks slow signals as AC coupling does.
 
     Its power response is 1 / (1 + (s_c/s)^2n), where s = 2 sin(ω h/2), s_c is s at the corner frequency and n
-    is the number of poles. With one pole it subtracts the exponentially fading average from the samples. The
-    corner frequency is at most a tenth of the sample rate. A high-pass with a higher corner frequency is
-    described as a `Rise`.
+    is the number of poles. With one pole, the filter subtracts an exponentially weighted average from the
+    samples. The corner frequency is at most a tenth of the sample rate. A high-pass with a higher corner
+    frequency is described as a `Rise`.
     """
 
     corner_hz: float

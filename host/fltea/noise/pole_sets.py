@@ -1,4 +1,4 @@
-"""Poles of linear systems that approximate the parts of a noise, computed from the parts' parameters."""
+"""Poles of state-space models that approximate the parts of a noise, computed from the parts' parameters."""
 
 import math
 from collections.abc import Sequence
@@ -8,9 +8,9 @@ import numpy as np
 from fltea.records.arrays import Complex
 
 A_DECADE = 2
-"""Number of poles per decade that approximate an order."""
+"""An order is approximated by this number of poles per decade of frequency."""
 FASTEST = 3.0
-"""Largest rate r, per sample, of a pole e^-r that approximates an order."""
+"""The poles e^-r that approximate an order have rates r of at most this, per sample."""
 MOST_POLES = 6
 """Largest number of poles of a low-pass or high-pass. With more poles, the filter has about the same response
 in the band that it lets pass.
@@ -18,13 +18,13 @@ in the band that it lets pass.
 MOST_TAPS = 10
 """Largest number of taps of a short filter."""
 SMALL = 0.005
-"""Error that is allowed when poles approximate a short filter, which has taps but no poles of its own. For n
-poles, their absolute value is the n-th root of this error.
+"""Error that is allowed when poles approximate a short filter, which has taps but no poles of its own. If n
+poles are used, their absolute value is the n-th root of this error.
 """
 
 
 def size(poles: Sequence[complex]) -> int:
-    """Return the number of states that a real system with these poles has.
+    """Return the number of states of a real state-space model with these poles.
 
     Each complex pole stands for a pair.
     """
@@ -47,7 +47,7 @@ def short(taps: int) -> list[complex]:
 
 
 def spread(low: float, room: int) -> list[complex]:
-    """Return at most `room` real poles e^-r, whose rates r rise from `low` evenly in their logarithms.
+    """Return at most `room` real poles e^-r. Their rates r rise from `low` in steps of equal ratio.
 
     Rates are per sample.
     """
@@ -56,7 +56,7 @@ def spread(low: float, room: int) -> list[complex]:
 
 
 def of_order(alpha: float, g: float, slowest: float) -> list[complex]:
-    """Return the exact or nearly exact poles z of a fractional order, where (1 - 1/z)^α = g / z.
+    """Return the exact or nearly exact poles z of a fractional order, which solve (1 - 1/z)^α = g / z.
 
     Poles with rates below `slowest` are left out.
     """
@@ -74,7 +74,7 @@ def of_order(alpha: float, g: float, slowest: float) -> list[complex]:
 
 
 def of_low_pass(lam: float, poles: float) -> tuple[list[complex], int]:
-    """Return the upper poles of a low-pass with its corner at λ, and how many taps have to be added.
+    """Return the upper poles of a low-pass with its corner at λ, and the number of taps to add.
 
     The taps correct the response where `poles` is no whole number, which poles alone do not describe.
     """

@@ -20,29 +20,34 @@ from fltea.records.arrays import Array, Complex
 LINES = math.pi * np.arange(1, 4097) / 4096
 """Frequencies λ at which a spectrum is computed, to derive its minimum-phase response."""
 FAST = 0.3
-"""Weight of frequencies above 1 rad per sample in the fit of poles. They matter less than lower ones, which
-have weight 1.
+"""Weight of frequencies above 1 rad per sample in the fit of poles. These frequencies matter less than lower
+ones, which have weight 1.
 """
 DISTINCT = 0.05
-"""Least distance between two poles, as a ratio to the distance of one of them from the unit circle.
+"""The distance between two poles is at least this proportion of the distance of one of them from the unit
+circle.
 
 Contributions of poles that are closer would mostly cancel each other.
 """
 LEAST_SINGULAR, CANCELLING = (1e-8, 1e-6, 1e-4, 1e-2), 1e4
 """Thresholds of the least-squares fit of poles.
 
-LEAST_SINGULAR: singular values are kept down to this ratio to the largest one. The ratios are tried in turn
-until the states do not cancel each other too much for floating-point numbers. CANCELLING: they do if their
-total power exceeds the power of their sum by this factor.
+LEAST_SINGULAR: a singular value is kept if it is at least this proportion of the largest one. The proportions
+are tried in turn until the states no longer cancel each other too much for floating-point numbers.
+CANCELLING: states cancel each other too much if their total power exceeds the power of their sum by more than
+this factor.
 """
 DEEPEST = 1e-7
-"""Least value to which a spectrum is raised, as a ratio to its mean. Where a filter has a zero, the logarithm
-of the spectrum would be infinite.
+"""Where a spectrum is lower than this proportion of its mean, it is raised to it. Otherwise its logarithm
+would be infinite where a filter has a zero.
 """
 
 
 class Block(NamedTuple):
-    """A group of a system's states that are independent of all others. The fields are as in `System`."""
+    """A group of states of a state-space model, independent of all other states.
+
+    The fields are as in `System`.
+    """
 
     a: Array
     b: Array

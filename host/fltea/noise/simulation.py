@@ -5,9 +5,9 @@ The model (Macias & Sierociuk 2023, sections 3, 4 and 6) has one state and the t
     x_{k+1} = h^α_{k+1} (f x_k + u_k + ω_k) - sum_{j=1}^{min(k+1, window)} c_j(α_{k+1}) x_{k+1-j}
     y_k = x_k + v_k,    var ω = Q,    var v = R
 
-y and x are in deg/s, f in s^-α, Q in (deg/s)² s^-2α, R in (deg/s)². White noise is Q = 0. Note that Q here is
-the variance of ω, before the factor h^α. The Q of the paper's state filter is the variance of a whole step,
-h^2α times the Q here.
+y and x are in deg/s, f in s^-α, Q in (deg/s)² s^-2α, R in (deg/s)². Q = 0 gives white noise. Q here is the
+variance of ω, before the factor h^α. The Q of the paper's state filter is the variance that one step adds to
+the state, which is h^2α times the Q here.
 """
 
 import math
@@ -30,13 +30,10 @@ class FractionalNoise:
     Args:
         alpha: a number, or a sequence whose last value is held: alpha[k-1] is the order of sample k = 1, 2,
             ...
-        f: parameter in s^-α.
-        Q: variance of ω.
-        R: variance of v.
-        h: time step [s].
-        window: length of the memory in samples.
-        seed: an integer or a numpy Generator; equal seeds give equal samples.
-        warmup: number of steps, with the first order, that are computed and discarded, so that a stationary x
+        f: parameter in s^-α. Q: variance of ω. R: variance of v. h: time step [s]. window: length of the
+        memory in samples. seed: an integer or a numpy Generator; equal seeds give equal samples. warmup:
+        number of steps, with the first order, that are computed and discarded before the first sample, so
+        that a stationary x
             starts near its stationary variance rather than at 0.
 
     Raises:
@@ -132,7 +129,7 @@ def _check_system(f: float, Q: float, R: float, h: float) -> None:
 
 
 def _check_bounded(alpha: float, f: float, h: float) -> None:
-    """Raise ValueError if the state x diverges with these parameters.
+    """Raise ValueError if the state x diverges with these parameters of the noise.
 
     f = 0 gives integrated noise, which wanders but is accepted.
     """

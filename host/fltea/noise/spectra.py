@@ -7,7 +7,8 @@ s2, where g = h^α f and s2 = h^2α Q (`fltea.noise.simulation`). With unlimited
 
 The measurement y = x + v, with white noise v of variance R, has the spectrum S_x + R. Spectra here are
 normalised like `periodogram`: white noise of variance R has the spectrum R. The functions below return S_x /
-s2, whose geometric mean is 1 wherever x is stationary: s2 is the variance of x's innovations.
+s2. The geometric mean of this ratio is 1 wherever x is stationary, since s2 is the variance of x's
+innovations.
 
 Two pairs of parameters describe the same noise exactly: (α = 0, g = φ) and (α = 1, g = φ - 1) are both AR(1)
 with the coefficient φ. For φ = 0, which is white noise, α has no meaning at all.

@@ -1,4 +1,4 @@
-"""Convert a noise model to a linear system, for the filter that tracks a sensor's bias.
+"""Convert a noise model to a linear state-space model (a system), for the filter that tracks a sensor's bias.
 
     x_k+1 = A x_k + w_k,   cov w = Q
     y_k   = offset + c x_k + v_k,   var v = R
@@ -8,10 +8,10 @@ state and sample. Relaxations, the random walk and resonances are described exac
 that are fitted (`fltea.noise.poles`). A state is either signal, which is part of the bias, or coloured noise,
 which is not part of the bias.
 
-Every sensor has white noise, which its own filter may turn into a relaxation. So if a noise model has hardly
-any white noise, its fastest relaxation counts as filtered white noise, and not as signal (`filtered_noise`).
-The same holds for an order near 1 that is as fast. Other orders, and 1/f noise, remain signals, since they
-have a longer memory than any sensor's filter.
+Every sensor has white noise, which its own filter may turn into a relaxation (a first-order Gauss-Markov
+process). So if a noise model has hardly any white noise, its fastest relaxation counts as filtered white
+noise, and not as signal (`filtered_noise`). The same holds for an order near 1 that is as fast. Other orders,
+and 1/f noise, remain signals, since they have a longer memory than any sensor's filter.
 """
 
 import functools
@@ -51,24 +51,26 @@ from fltea.noise.poles import (
 from fltea.records.arrays import Array, Complex, merged
 
 MOST = 23
-"""Largest number of states in addition to the offset."""
+"""Largest number of states of a system, not counting the offset."""
 POINTS_A_DECADE = 16
 LEAST_WHITE = 1e-4
-"""Least variance of the white noise R, as a proportion of the variance that the states add to a sample in
-each step. Without white noise, no Kalman filter works.
+"""Without white noise, no Kalman filter works. So the variance R of the white noise is at least this
+proportion of the variance that the states add to a sample in each step, and of the variance of all noise that
+is no signal.
 """
 NO_MATTER = 0.02
-"""Largest relative error of the spectrum for which a relaxation is treated as if it had not passed the
-sensor's filters, since they hardly change it.
+"""A relaxation is described as if it had not passed the sensor's filters, if that changes the spectrum by
+less than this proportion at every frequency.
 """
 STOPPED = 1e-4
-"""Proportion of the noise's power before a high-pass below which the power behind it does not fall in the
-fits. Deeper attenuation is neglected.
+"""In the fits of poles, a high-pass reduces the noise's power at most to this proportion. Deeper attenuation
+is neglected.
 """
 DIFFUSE = 1e4
-"""Ratio of the prior variance of an unknown offset to the variance of the noise."""
+"""The prior variance of an unknown offset is this many times the variance of the noise."""
 STRAIGHT = 100
-"""Time constant, in lengths of the record, with which the state that stands for a slope of the offset decays.
+"""The state that stands for a slope of the offset decays with a time constant of this many lengths of the
+record.
 """
 SLOWEST_FILTER_S, SLOWEST_FILTER = 0.5, 20
 """Longest time constant of a sensor's own filter: SLOWEST_FILTER_S seconds or SLOWEST_FILTER samples,
@@ -80,7 +82,10 @@ TINY = 1e-300
 
 
 class Coordinate(NamedTuple):
-    """An additional state of a system, driven by no other state. It is added to each sample with weight 1."""
+    """An additional state of a system, which depends on no other state.
+
+    It is added to each sample with weight 1.
+    """
 
     a: float
     q: float
@@ -90,13 +95,13 @@ class Coordinate(NamedTuple):
     signal: float
     """1 if the state is signal, which is part of the bias; 0 if it is coloured noise."""
     shared: float = 0.0
-    """Prior variance that is added to the previous state's, too, with a covariance of the opposite sign. So
-    the prior variance of the sum of both states does not change.
+    """Part of this state's prior variance, which is also added to the variance of the state before it. The
+    covariance of both states is minus this value, so that the prior variance of their sum does not change.
     """
 
 
 def offset_of(power: float, q: float = 0.0, *, of_state: bool = False) -> Coordinate:
-    """Return the state for an offset of unknown value; arguments as for `System.with_offset`.
+    """Return the state for an offset of unknown value. Further arguments are those of `System.with_offset`.
 
     `power`: prior variance of a sample, without the offset.
     """
@@ -104,14 +109,14 @@ def offset_of(power: float, q: float = 0.0, *, of_state: bool = False) -> Coordi
 
 
 def relaxation_of(variance: float, a: float) -> Coordinate:
-    """Return the state for an additional relaxation; arguments as for `System.with_relaxation`."""
+    """Return the state for an additional relaxation. The arguments are those of `System.with_relaxation`."""
     return Coordinate(a, variance * (1 - a * a), variance, 1.0)
 
 
 def ramp_of(slope: float, samples: int) -> Coordinate:
-    """Return the state for a slope of the offset, which is the state before it.
+    """Return the state for a slope of the offset. The state before it has to be the offset.
 
-    Arguments are as for `System.with_ramp`.
+    The arguments are those of `System.with_ramp`.
     """
     slow = STRAIGHT * samples
     variance = (slope * slow) ** 2
@@ -121,7 +126,7 @@ def ramp_of(slope: float, samples: int) -> Coordinate:
 
 
 class System(NamedTuple):
-    """A linear system with n states, which models the noise of a sensor.
+    """A linear state-space model of a sensor's noise, with n states.
 
     The states of complex pole pairs come first; the two states of a pair are neighbours.
     """
@@ -142,7 +147,9 @@ class System(NamedTuple):
     """Covariance of the states before the first sample, (n, n)."""
     R: float
     walks: bool
-    """Whether the signal has no mean, as a random walk. Then an offset cannot be told from the signal."""
+    """Whether the signal has no mean, as with a random walk. Then an offset cannot be distinguished from the
+    signal.
+    """
 
     @property
     def A(self) -> Array:
@@ -210,12 +217,15 @@ class System(NamedTuple):
 
     @property
     def power(self) -> float:
-        """Variance of a sample, by the covariance of the states before the first sample."""
+        """Variance of a sample, computed from the covariance of the states before the first sample."""
         return self.R + float(self.c @ self.P0 @ self.c)
 
     @property
     def numbers(self) -> tuple[int, Array, Array, Array, Array, Array, Array, Array, float]:
-        """The arguments of the native module, where `signal` is multiplied by the weight in a sample."""
+        """The system as arguments of the native module.
+
+        There `signal` is multiplied by the weights of the states in a sample.
+        """
         signal = self.signal * self.c
         return self.pairs, self.a, self.b, self.Q, self.c, signal, self.bias, self.P0, self.R
 
@@ -231,12 +241,13 @@ class System(NamedTuple):
 
 
 def system(parts: Sequence[Part], h: float, samples: int, *, found: bool = False) -> System:
-    """Return the linear system for a noise that is made of parts.
+    """Return the linear state-space model of a noise that is made of parts.
 
     Args:
         parts: the parts of the noise.
         h: sampling period [s].
-        samples: length of the record. Noise of an order that is slower than the record is left out.
+        samples: length of the record. Noise of a fractional order is left out where it is slower than the
+            record.
         found: whether the parts were estimated from that record, so that the order is uncertain
             (`fltea.noise.left_open`).
 
@@ -388,7 +399,7 @@ def _response(filters: Sequence[Part], lam: Array, h: float) -> Complex:
 
 
 def _total(parts: Sequence[Part], lam: Array, h: float) -> Array:
-    """Return the spectrum of a noise at λ, by which errors of a fit are weighted.
+    """Return the spectrum of a noise at λ. The errors of a fit are weighted by this spectrum.
 
     Where a high-pass leaves almost nothing, the spectrum is raised to a lower limit.
     """

@@ -1,1 +1,1 @@
-"""What a program that runs for long needs of the system: signals that end it, wake-ups, the date."""
+"""What a program that runs for long needs of the machine: signals that end it, wake-ups, the date."""

@@ -1,4 +1,4 @@
-"""Ask a program for an orderly end by a signal."""
+"""Let a signal ask the program to end in an orderly way."""
 
 import contextlib
 import signal
@@ -10,11 +10,11 @@ from fltea.process.wake_up import WakeUp
 class StopOnSignal(contextlib.AbstractContextManager["StopOnSignal"]):
     """Makes SIGINT, SIGTERM and SIGHUP ask the program to end.
 
-    While `armed` is false they raise KeyboardInterrupt instead.
+    While `armed` is false, the signals raise KeyboardInterrupt instead.
 
     `count`: number of signals so far. `wake_up`: flag that is set when the end is asked for. A
-    `threading.Event` in its place could hang: a second signal during the handler of the first would wait
-    forever for the event's lock.
+    `threading.Event` in place of this flag could hang: if a second signal came while the first is handled,
+    its handler would wait forever for the event's lock.
     """
 
     def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""Wake a waiting thread up, also from native code that does not hold Python's lock."""
+"""Wake up a waiting thread. Native code that does not hold Python's lock can do that, too."""
 
 import select
 

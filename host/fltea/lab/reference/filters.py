@@ -73,12 +73,11 @@ class Step(NamedTuple):
     innovation_variance: Array
     """Variance of the innovation, C P̃ C' + R, (p, p)."""
     finite: bool
-    """False if any estimate or covariance is infinite or NaN. Then the filter has diverged, and it stays so.
-    """
+    """False if any estimate or covariance is infinite or NaN. Then the filter has diverged for good."""
 
 
 class Difference(NamedTuple):
-    """The fractional difference of past states for one order α. KFw and KFx share that for α̂_k."""
+    """The fractional difference of past states for one order. KFw and KFx share the one for α̂_k."""
 
     order: np.float64
     gain: np.float64
@@ -251,9 +250,9 @@ def symmetric(P: Array) -> Array:
 class Fltea:
     """The finite length triple estimation algorithm, section 5; call `step` for each sample.
 
-    `window` is the implementation length L, the number of past samples that are used. A window at least as
-    long as the data is the full memory. Settings whose shapes do not fit the system raise ValueError. The
-    memory starts with the initial state x0 and its covariance P0.
+    `window` is the implementation length L, the number of past samples that are used. With a window at least
+    as long as the data, no past sample is dropped (full memory). Settings whose shapes do not fit the system
+    raise ValueError. The memory starts with the initial state x0 and its covariance P0.
     """
 
     def __init__(
@@ -287,10 +286,10 @@ class Fltea:
         self._remember(x0, covariance("state P0", state.P0, len(x0)))
 
     def step(self, y: ArrayLike | None, u: ArrayLike | None = None) -> Step:
-        """Process the measurement y_k (p,) and the input u_{k-1} (d,) before it; `u` None is an input of 0.
+        """Process the measurement y_k (p,) and the input u_{k-1} (d,) before it.
 
-        If `y` is None, there is no measurement, and `predict` is called. Wrong shapes and numbers that are
-        not finite raise ValueError, and the estimates stay unchanged.
+        If `u` is None, the input is 0. If `y` is None, there is no measurement, and `predict` is called.
+        Wrong shapes and numbers that are not finite raise ValueError, and the estimates stay unchanged.
         """
         if y is None:
             return self.predict(u)
@@ -346,9 +345,9 @@ class Fltea:
     def run(self, ys: Iterable[ArrayLike | None], us: Iterable[ArrayLike | None] | None = None) -> list[Step]:
         """Process a record and return all steps.
 
-        None stands for a missing sample; us[k] is the input that led to ys[k]. Raises ValueError as `step`
-        does, and if the lengths of `ys` and `us` differ. The steps that both have are processed before that
-        error.
+        None stands for a missing sample; us[k] is the input that led to ys[k]. Raises ValueError for the same
+        reasons as `step`. It also raises ValueError if the lengths of `ys` and `us` differ, after the samples
+        that are in both have been processed.
         """
         if us is None:
             return [self.step(y) for y in ys]

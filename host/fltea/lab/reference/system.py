@@ -51,10 +51,11 @@ class System:
 
 @dataclass(frozen=True)
 class OrderSettings:
-    """Settings of KFo, section 5.1: initial order and variance, process noise, forgetting, measurement noise.
+    """Settings of KFo, section 5.1.
 
-    All except R (p, p) are plain numbers. R is in the square of the unit of y. With P0 = Q0 = 0 the order
-    stays fixed at alpha0.
+    alpha0: initial order. P0: its variance. Q0: initial variance of a step of the order's random walk. delta:
+    forgetting factor by which Q follows the corrections. R (p, p): covariance of the measurement noise, in
+    the square of the unit of y. With P0 = Q0 = 0 the order stays fixed at alpha0.
     """
 
     P0: float
@@ -75,8 +76,8 @@ class OrderSettings:
 class ParameterSettings:
     """Settings of KFw, section 5.3.
 
-    P0, Q0 (n_w, n_w): initial covariances of the estimate and of a step. w0 (n_w,): initial parameters. R (p,
-    p): measurement noise.
+    P0, Q0 (n_w, n_w): initial covariance of the estimate, and initial covariance of a step of its random
+    walk. w0 (n_w,): initial parameters. R (p, p): covariance of the measurement noise.
     """
 
     P0: ArrayLike
@@ -93,8 +94,8 @@ class ParameterSettings:
 class StateSettings:
     """Settings of KFx, section 5.2.
 
-    P0, Q (N, N): initial covariance, and covariance of a whole step. x0 (N,): initial state. R (p, p):
-    measurement noise.
+    P0 (N, N): initial covariance of the state. Q (N, N): covariance of the process noise that one sampling
+    period adds to the state. x0 (N,): initial state. R (p, p): covariance of the measurement noise.
     """
 
     P0: ArrayLike

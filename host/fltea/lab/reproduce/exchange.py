@@ -1,9 +1,9 @@
-"""Judge whether tables 3 and 4 of the paper are exchanged in print. Return the evidence and the inference.
+"""Judge whether tables 3 and 4 of the paper were exchanged when it was printed, with the evidence.
 
 The paper says that table 3 belongs to example 2 (saw-tooth) and table 4 to example 3 (Gaussian input). Eight
 of the paper's numbers are compared with our results of both examples over many seeds. For each table, these
-are the errors of state and parameter at L = 4,000, and the changes of these errors from there to L = 2,000.
-The error of the order is left out here, since in both tables it fits neither example.
+are the errors of state and parameter at L = 4,000, and the changes of these two errors from L = 4,000 to L =
+2,000. The error of the order is left out here, since in both tables it fits neither example.
 """
 
 import math
@@ -52,7 +52,7 @@ class Place(NamedTuple):
 
     @property
     def tail(self) -> float:
-        """Percentage of the seeds whose result is beyond the number, on the side with fewer seeds."""
+        """Percentage of the seeds with a result above the number, or below it, whichever is smaller."""
         return min(self.percentile, 100 - self.percentile)
 
 
@@ -60,7 +60,7 @@ def evidence(results: Results) -> Row:
     """Return what speaks for and against an exchange of tables 3 and 4, as numbers for JSON.
 
     Keys:
-        rarest: the one of the paper's eight numbers that the results of fewest seeds reach.
+        rarest: of the paper's eight numbers, the one that the fewest seeds reach with their results.
         at_least_4: percentage of an example's seeds whose error of the state changes from L = 4,000 to
             L = 2,000, relative to its size, by at least as much as in table 4.
         at_most_3: percentage of the seeds for which this change is at most as large as in table 3.

@@ -154,7 +154,7 @@ def _panel(
     shown = part or slice(None)
     if original is not None and measured:  # measured noise is drawn first, since it would hide the estimates
         axes.plot(t[shown], original[shown], label="measured", color="#999999", linewidth=0.6)
-    # lines for a whole run of measured noise are thinner, since they are dense
+    # a line of measured noise over a whole run is thinner, since its points are dense
     slender = 0.4 if measured and part is None else 1.0
     for style, (name, values) in zip(styles, curves.items(), strict=True):
         width = slender * style["linewidth"]
@@ -172,9 +172,9 @@ def _panel(
 
 
 def _limits(original: Array | None, curves: Mapping[str, Array]) -> tuple[float, float]:
-    """Return the range of values to show: without the most extreme 0.2 % at either end.
+    """Return the range of values to show. It leaves out the highest 0.2 % and the lowest 0.2 %.
 
-    With them, the jump at the beginning of a run would make the rest look flat.
+    With these extreme values, the jump at the beginning of a run would make the rest look flat.
     """
     known = [] if original is None else [original]
     values = np.concatenate([*known, *(v[np.isfinite(v) & (np.abs(v) < 1e6)] for v in curves.values())])

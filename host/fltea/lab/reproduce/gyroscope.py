@@ -1,9 +1,9 @@
 """Set up section 7 of Macias & Sierociuk 2023: a resting gyroscope, or white noise without a recording.
 
-White noise has the paper's R as its variance, and the filters use this R. From a recording, the first 3,000
-samples are used. Their mean is removed, since the paper's algorithm diverges on an offset. R is then the
-variance of these samples, not the paper's R, since R is a property of the sensor, and the algorithm diverges
-if R is far too small.
+Without a recording, white noise with the paper's R as its variance is used, and the filters use this R. With
+a recording, its first 3,000 samples are used. Their mean is subtracted, since the paper's algorithm diverges
+if the samples have an offset. R is then the variance of these samples, and not the paper's R: R is a property
+of the sensor, and the algorithm diverges if R is far too small.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,7 +21,7 @@ from fltea.sources.replay import ReplaySource
 from fltea.stream.decode import Decoded, Decoder
 
 ANY_GAP = 10**9
-"""Longest gap in a recording, in samples, that is ignored. The paper's filters know no gaps."""
+"""Longest gap in a recording, in samples, that is ignored, since the paper's filters cannot treat gaps."""
 
 Make = Callable[[Sequence[int]], Data]
 

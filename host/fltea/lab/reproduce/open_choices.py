@@ -2,7 +2,8 @@
 
 With every choice, examples 1 to 3 are run with the full memory (L = 4,000). The results are the medians of
 our errors over the seeds, and the percentiles of the paper's errors among ours. Tables 3 and 4 are each
-compared with both examples 2 and 3, since they may be exchanged in print (`exchange`).
+compared with both examples 2 and 3, since the two tables may have been exchanged when the paper was printed
+(`exchange`).
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -56,7 +57,10 @@ class Choice:
         return replace(made, filters=replace(made.filters, config=config))
 
     def run(self, scenario: Scenario, data: Data, length: int, options: Options) -> Curves:
-        """Return the estimates of every run. The engine makes them if `reading` is its interpretation."""
+        """Return the estimates of every run.
+
+        The engine makes them if `reading` is the engine's interpretation.
+        """
         if self.reading == AS_BUILT:
             return estimate(scenario, data, length, options)
         return readings.run(scenario.filters, self.reading, data)
@@ -103,8 +107,8 @@ def compare(
         examples: result of `outcome_row` for each example.
         percentiles: percentiles of the paper's numbers at L = 4,000, for each table and each example that
             the table is compared with.
-        near_order: number of seeds whose error of the order differs from the paper's by at most the factor
-            NEAR, for the same tables and examples.
+        near_order: for each table and each example that the table is compared with, the number of seeds whose
+            error of the order differs from the paper's by at most the factor NEAR.
     """
     return [_row(choice, seeds, samples, advance) for choice in choices]
 

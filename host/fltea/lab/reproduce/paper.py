@@ -1,4 +1,4 @@
-"""Numbers printed in Macias & Sierociuk 2023 (Acta Mechanica et Automatica 17(2)).
+"""Numbers from the tables and the text of Macias & Sierociuk 2023 (Acta Mechanica et Automatica 17(2)).
 
 All errors are sums of squared errors (SSE) over a whole run. The error of the state is in the square of the
 state's unit, the error of the order has no unit, and the error of the parameter is in s^-2α.
@@ -43,7 +43,7 @@ TABLE_5 = {
     "y": Errors(3.29e-8, 2.52e-5, 1.08e-6),
     "z": Errors(6.52e-9, 1.62e-6, 7.36e-8),
 }
-"""For each axis, the SSE between the estimates at L = 3000 and at L = 1500."""
+"""For each axis, the sum of squared differences between the estimates at L = 3000 and those at L = 1500."""
 
 GYRO_SETTLED = {"x": (0.3, -1.6), "y": (0.3, -1.5), "z": (0.3, -2.0)}
 """For each axis, order and parameter at the end of the run, as the text of section 7.2 states them."""

@@ -1,8 +1,9 @@
 """Arrange tables 1–5 and section 6.2 as rows for JSON and as Markdown, with the numbers of the paper.
 
-Each of our numbers is a median over the seeds whose runs are finite, with its 5–95 % range. Each of the
-paper's numbers stands with its percentile: the percentage of these seeds with a smaller number. Tables 3 and
-4 are each compared with both examples 2 and 3, since they are most likely exchanged in print (`exchange`).
+Each of our numbers is a median over the seeds whose runs are finite, with its 5–95 % range. Beside each of
+the paper's numbers stands its percentile, which is the percentage of these seeds that have a smaller number.
+Tables 3 and 4 are each compared with both examples 2 and 3, since the two tables were most likely exchanged
+when the paper was printed (`exchange`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -50,7 +51,7 @@ def percentile(values: Array, printed: float | None) -> float | None:
 
 
 def outcome_row(outcome: Outcome, printed: paper.Errors | None) -> Row:
-    """Return the numbers of seeds and of diverged runs, and the spread of the errors over finite runs."""
+    """Return the numbers of seeds and of diverged runs, and the finite runs' errors: median and range."""
     good = ~outcome.not_finite
     row: Row = {
         "seeds": len(good),
@@ -64,7 +65,7 @@ def outcome_row(outcome: Outcome, printed: paper.Errors | None) -> Row:
 
 
 def changes(results: Mapping[int, Outcome], L: int) -> dict[str, tuple[Array, Array]]:
-    """Return each error's change from the longest length L to `L`, and the error at the longest, by seed.
+    """Return for each seed how each error changes from the longest L to `L`, and the error at the longest L.
 
     Seeds with an error that is not finite are left out.
     """
@@ -162,7 +163,7 @@ def markdown(table: str, rows: Sequence[Row]) -> str:
 
 
 def _how(rows: Sequence[Row]) -> str:
-    """Return a sentence for above a table: on the data, and on how to read the table's numbers."""
+    """Return the text above a table. It describes the data, and says how to read the table's numbers."""
     first = rows[0]
     named = [f"Example {row['example']}: {row['data']}" if "example" in row else row["data"] for row in rows]
     how = f"{'; '.join(dict.fromkeys(named))}. Variant {first['variant']}, guard {first['guard']}"
@@ -197,7 +198,7 @@ def _examples(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
     """Lay out tables 2 to 4.
 
     For each example, there is a row for each length L, and a row for the change of the errors from the
-    longest to the shortest.
+    longest L to the shortest.
     """
     heads = ["seeds of", "L", "not finite", "far off"]
     for name in paper.QUANTITIES:
@@ -220,7 +221,7 @@ def _examples(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
 
 
 def _printed(value: Row, sign: str = "") -> str:
-    """Format the paper's number, followed by its percentile among the seeds in brackets."""
+    """Format the paper's number, followed by its percentile in brackets."""
     share = "–" if value["percentile"] is None else percent_text(value["percentile"])
     return f"{value['paper']:{sign}.4g} ({share})"
 

@@ -105,7 +105,7 @@ class _Step:
         self.order = Walk(order.alpha0 * ones, order.P0 * ones, order.Q0 * ones)
         self.parameter = Walk(parameter.f0 * ones, parameter.P0 * ones, parameter.Q0 * ones)
         self.V = 0 * ones
-        """The variance that the states from j = 2 on contributed to the state at the previous sample."""
+        """Variance that the past states from j = 2 on contributed to the state at the previous sample."""
 
     def __call__(self, y: Array, u: Array, past: Past) -> tuple[Array, Array]:
         """Process y_k and u_{k-1}, each (runs,), and return the posterior state and its variance."""

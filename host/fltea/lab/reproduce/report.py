@@ -59,7 +59,7 @@ class Report:
         return rows
 
     def exchange(self) -> Row | None:
-        """Return the evidence that tables 3 and 4 are exchanged; None if neither table was asked for."""
+        """Return the evidence on an exchange of tables 3 and 4; None if neither table was asked for."""
         if not {"3", "4"} & set(self.request.tables):
             return None
         return exchange.evidence({example: self._outcomes(str(example)) for example in (2, 3)})
@@ -115,7 +115,7 @@ class Report:
             return paper_tables.time_rows(dict(times))
         rows: list[Row] = []
         for name in _of_table(table):
-            # only a recording that lacks this axis gives no scenario of this name
+            # there is no scenario of this name only if the recording lacks the axis
             if name not in self._scenarios:
                 continue
             scenario, results = self._scenarios[name], self._outcomes(name)
@@ -132,7 +132,7 @@ class Report:
     def _write_seeds(self, path: Path, name: str, results: Mapping[int, Outcome]) -> None:
         """Write one row for each seed and length L to a CSV file.
 
-        The file is created with the first scenario of a table, and other scenarios are appended.
+        The first scenario of a table creates the file; the rows of further scenarios are appended to it.
         """
         try:
             with path.open("a" if path in self.files else "w", newline="", encoding="utf-8") as file:

@@ -26,7 +26,7 @@ from fltea.records.arrays import Array
 
 ORDER_LIMIT = 10.0
 STATE_LIMIT = 10.0
-"""Largest error of the state, in standard deviations sqrt(R), of a run that is not far off."""
+"""A run is far off if the error of its state is ever larger than this many standard deviations sqrt(R)."""
 
 
 @dataclass(frozen=True)

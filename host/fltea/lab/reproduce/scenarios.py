@@ -73,7 +73,7 @@ class SawTooth:
     def samples(self, n: int, h: float) -> Array:
         """Return u_0 .. u_{n-1} at the times 0, h, 2h, ..., shape (n,)."""
         phase = np.arange(n, dtype=np.float64) * h / self.period_s
-        # the small number keeps a rounding error from hiding the end of a period
+        # the small number is added since a rounding error could hide the end of a period
         phase -= np.floor(phase + 1e-9)
         return self.amplitude * (phase if self.unipolar else 2 * phase - 1)
 
@@ -159,8 +159,8 @@ def example(
 UNKNOWN_ALPHA, UNKNOWN_F = 0.4, -1.0
 SOURCE_ALPHA, SOURCE_F = 0.3, -1.0
 UNKNOWN_R, UNKNOWN_FILTER_R = 0.05, 0.3
-"""Variance of the measurement noise v, and the R that the filters use. This R is about the variance of y, as
-in section 7.
+"""UNKNOWN_R: variance of the measurement noise v. UNKNOWN_FILTER_R: the R that the filters use, which is
+about the variance of y, as in section 7.
 
 One step adds to x the variance STEP_VARIANCE = h^2(α₁+α₂) E[ωω'], as the filters assume. With R = 0.05 in the
 filters, the paper's algorithm diverges for every seed, since KFo and KFw ignore the variance of the estimated
@@ -169,7 +169,7 @@ state.
 
 
 def unknown_input(*, fractional: bool, samples: int = paper.GYRO_SAMPLES) -> Scenario:
-    """Return the experiment of section 6.2: unknown input; the source noise is fractional, or white."""
+    """Return the experiment of section 6.2, with unknown input. The source noise is fractional, or white."""
     alpha = np.full(samples, UNKNOWN_ALPHA)
     source_alpha = np.full(samples, SOURCE_ALPHA)
     h = paper.GYRO_H

@@ -83,10 +83,10 @@ def score(seeds: int, options: Options, advance: Callable[[str, int], None]) -> 
     """Return one row for each case and guard; `options.guard` is ignored.
 
     Keys:
-        not_finite, far_off: number of runs that are not finite, and that are far off.
-        state, parameter, order: for driven cases, medians of the squared errors over the finite runs.
-        kept: the same medians over the seeds whose run without a guard is finite and not far off.
-        alpha, f: for resting cases, medians of the last estimates of finite runs.
+        not_finite: number of runs that are not finite. far_off: number of runs that are far off. state,
+        parameter, order: for driven cases, medians of the squared errors over the finite runs. kept: the same
+        medians over the seeds whose run without a guard is finite and not far off. alpha, f: for resting
+        cases, medians of the last estimates of finite runs.
 
     A median that overflows, or that has no run, is None.
     """

@@ -30,7 +30,7 @@ FLASH = "make flash, in the clone that this fltea is from."
 
 def check_serial(system: System, url: str | None, baud: int, hear_s: float = HEAR_S) -> Iterator[Finding]:
     """Yield findings on the device at a serial URL. A `url` of None means the Due that is plugged in."""
-    # such a URL is no path of a port, but for instance socket://
+    # such a URL, for instance socket://…, does not name a port of this machine
     if url is not None and not url.startswith("/") and url != ANY_BOARD:
         yield from judge(url, hear(url, baud, hear_s))
         return

@@ -1,7 +1,7 @@
 """`fltea doctor`: check everything from the sensor to the outputs, and say what to do.
 
-The checks ask the machine only by `fltea.machine.host_system.System`. The command works without a board and
-for any user.
+The checks examine the machine only through `fltea.machine.host_system.System`. The command works without a
+board and for any user.
 """
 
 from collections.abc import Iterator, Sequence

@@ -30,7 +30,7 @@ BLOCKS_NEEDED = 6
 
 
 class Drift(NamedTuple):
-    """How much faster the device's clock is than the host's, and the standard error of that, in 1e-6."""
+    """How much faster the device's clock is than the host's, and this figure's standard error, in 1e-6."""
 
     ppm: float
     std_ppm: float
