@@ -14,13 +14,16 @@ from fltea.recording.text_fields import units_in
 from fltea.recording.wanted import is_number
 
 HEAD_ROWS, FEW_ROWS = 200, 10
-"""Number of a sheet's first rows that are examined, and most rows of a sheet that holds only facts."""
+"""Number of first rows of a sheet that are examined. A sheet with at most FEW_ROWS rows holds no table of
+samples, but only facts such as the sampling rate.
+"""
 
 
 def read(path: Path, topic: str) -> Text:
     """Return the gyroscope's sheet as lines of text, with tabs between the fields.
 
-    `topic`: name of the sheet; "": the sheet with a gyroscope's names, or the only sheet with a table.
+    `topic`: name of the sheet to read. If it is empty, the sheet whose columns have a gyroscope's names is
+    read, or else the only sheet with a table.
     """
     from openpyxl import load_workbook
 
@@ -39,14 +42,15 @@ def read(path: Path, topic: str) -> Text:
 
 
 class _Part:
-    """A sheet of the workbook. `head`: its first rows.
+    """A sheet of the workbook. `head`: first rows of the sheet.
 
-    `has_names`: whether these name a gyroscope's columns.
+    `has_names`: whether one of the first rows names a gyroscope's columns.
     """
 
     def __init__(self, sheet: Any) -> None:
         self.title: str = sheet.title
-        sheet.reset_dimensions()  # some programs write wrong dimensions, which would hide rows
+        # some programs state too few rows for a sheet; openpyxl would not read the others
+        sheet.reset_dimensions()
         self._rows = map(_fields, sheet.iter_rows(values_only=True))
         self.head = list(islice(self._rows, HEAD_ROWS))
         group = self.title.replace(".", "_")
@@ -70,7 +74,7 @@ class _Part:
     def lines(self) -> Iterator[bytes]:
         """Yield all rows of the sheet as text.
 
-        Short rows of the table get empty cells, as many as its first row has.
+        Rows of the table that are shorter than its first row are filled up with empty cells.
         """
         lines: list[str] = []
         for k, row in enumerate(chain(self.head, self._rows)):
@@ -83,7 +87,11 @@ class _Part:
 
 
 def _axis(group: str, name: str, unit: str) -> str:
-    """Return a column's name, with its unit or its sheet's name if only these show that it is an axis."""
+    """Return a column's name.
+
+    If only the column's unit or the sheet's name shows that the column is an axis of a gyroscope, the unit or
+    the sheet's name is added to the name.
+    """
     forms = name, f"{name} [{unit}]", f"{group} {name}"
     return next((form for form in forms if axis_of(form)), name) if name else name
 

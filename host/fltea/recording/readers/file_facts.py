@@ -22,11 +22,15 @@ from fltea.recording.wanted import NUMBER
 UNITS = "units?|unit_string|ni_unitdescription"
 COLUMNS = "columns?(?:_names?)?|labels?|channels?(?:_names?)?|axes"
 COUNTS = "(?:lsb|counts)_per_(?:dps|deg_s)"
-"""Matches names for the number of counts in 1 deg/s. Names of other scales do not tell how to apply them."""
+"""Matches names of facts that state the number of counts in 1 deg/s. The names of other scales do not tell
+whether to multiply or to divide by the scale.
+"""
 
 SCALES = "scale(?:_?factor)?|scaling|gain|sensitivity|offset|multiplier|factor|lsb|slope|resolution"
 SCALES += rf"|conversion(?:_?factor)?|{COUNTS}"
-"""Matches names of scales and offsets. Such a name does not tell whether to multiply or to divide."""
+"""Matches names of facts that state a scale or an offset. Such a name does not tell whether to multiply or to
+divide by the scale.
+"""
 
 _RATE = re.compile(
     r"(?:imu_|gyro_)?(?:fs|rate|odr|sfreq|data_rate|sampl(?:e|ing)_?(?:rate|freq|frequency))(?:_?(k?hz))?"
@@ -39,7 +43,10 @@ PER_S |= {"hz": 1.0, "hertz": 1.0, "khz": 1e3, "samples per second": 1.0}
 
 
 def texts_of(value: Any) -> list[str]:
-    """Return the texts in a value, which is a text or a list of texts; empty for other values."""
+    """Return the texts in the value of a fact, which is a text or a list of texts.
+
+    For other values, return an empty list.
+    """
     if not isinstance(value, str | bytes | np.ndarray | np.generic | list | tuple):
         return []
     found = np.asarray(value, object).reshape(-1).tolist()
@@ -48,7 +55,10 @@ def texts_of(value: Any) -> list[str]:
 
 
 def number_of(value: Any, other: float = math.nan) -> float:
-    """Return the single number in a value, NaN if it holds none or several; `other` if the value is None."""
+    """Return the single number in the value of a fact.
+
+    Return NaN if the value holds no number or several, and `other` if the value is None.
+    """
     try:
         return float(other if value is None else np.asarray(value, np.float64).reshape(()))
     except (TypeError, ValueError, OverflowError):
@@ -92,11 +102,14 @@ def rates_of(facts: Mapping[str, Any]) -> dict[str, float]:
 
 
 def units_of(facts: Mapping[str, Any]) -> dict[str, list[str]]:
-    """Return the stated units by array name, or by group name followed by a dot.
+    """Return the units that the file states.
 
-    An array has one unit, or one for each column.
+    The key is the name of the array with this unit, or the name of the group of arrays followed by a dot.
 
-    Counts in 1 deg/s are returned as a unit too, if no unit is stated.
+    An array has one unit, or one unit for each of its columns.
+
+    If the file states no unit, but the number of counts in 1 deg/s, this number is returned as the unit
+    `lsb:N`.
     """
     found = {owner: texts for name, owner in _owners(facts, UNITS) if any(texts := texts_of(facts[name]))}
     for name, owner in _owners(facts, COUNTS):
@@ -115,13 +128,16 @@ def unit_of(units: Mapping[str, list[str]], label: str, array: str, place: int, 
     by = next((known for known in (label, array, *_of_sensor(units, label), *groups) if known in units), None)
     own = [""] if by is None else units[by]
     unit = own[0] if len(own) == 1 else own[place] if len(own) == width else ""
-    unit = unit.partition(" since ")[0]  # netCDF writes the unit of times in this form
+    unit = unit.partition(" since ")[0]  # netCDF states the unit of times as `seconds since 2023-05-03`
     is_of_all = len(own) == 1 and (by in groups or width > 1)
     return "" if is_of_all and is_time(label.rpartition(".")[2]) and not time_scale(unit) else unit
 
 
 def _of_sensor(units: Mapping[str, list[str]], label: str) -> Iterator[str]:
-    """Yield the units that groups around a column state for its sensor: `gyro_units` applies to `gx`."""
+    """Yield keys of `units` under which the groups around a column state a unit for its sensor.
+
+    For example, `gyro_units` in the group of `gx` applies to `gx`.
+    """
     axis = axis_of if gyroscopes_in([label]) else accel_axis_of if is_of_accelerometer(label) else None
     is_clock = axis is None and is_time(label.rpartition(".")[2])
     for level in (*around(label), "") if axis or is_clock else ():
@@ -133,7 +149,10 @@ def _of_sensor(units: Mapping[str, list[str]], label: str) -> Iterator[str]:
 
 
 class Near:
-    """Facts of one kind, such as names of columns, by the array or group that they describe."""
+    """Facts of one kind, such as names of columns.
+
+    Each fact is found by the array or group that it describes.
+    """
 
     def __init__(self, facts: Mapping[str, Any], words: str) -> None:
         self._found = defaultdict[str, dict[str, Any]](dict)
@@ -146,7 +165,10 @@ class Near:
 
 
 def columns_of(facts: Mapping[str, Any], array: str, width: int) -> tuple[list[str], str]:
-    """Return the names that the file states for an array's columns, and a text on what is wrong with them."""
+    """Return the names that the file states for an array's columns, and what is wrong with these names.
+
+    The list is empty if the file states no usable names. The text is empty if nothing is wrong.
+    """
     for name, owner in _owners(facts, COLUMNS):
         is_own = owner == array
         if width < 2 or not (is_own or owner == f"{array.rpartition('.')[0]}."):
@@ -165,18 +187,20 @@ def columns_of(facts: Mapping[str, Any], array: str, width: int) -> tuple[list[s
 
 
 def is_of_columns(name: str) -> bool:
-    """Return whether a fact of this name may have a value for each column: units, scales or names."""
+    """Return whether a fact of this name (unit, scale or column name) may have one value for each column."""
     return any(_owners({name: None}, f"{UNITS}|{COLUMNS}|{SCALES}"))
 
 
 def scale_of(
     facts: Mapping[str, Any], array: str, labels: Sequence[str], unit: str, *, is_whole: bool
 ) -> str:
-    """Return the fact that changes an array's numbers, such as `gyro_scale 0.0153`; "" if there is none.
+    """Return the fact by which an array's numbers may have to be scaled or shifted.
+
+    An example is `gyro_scale 0.0153`. Return an empty text if there is no such fact.
 
     `labels`: columns of the array; a scale with a gyroscope's name applies to every array of a gyroscope.
-    `unit`: unit of the columns. `is_whole`: whether they hold whole numbers; their scale may be called
-    resolution.
+    `unit`: unit of the columns. `is_whole`: whether the columns hold whole numbers. Only then a fact called
+    resolution counts as a scale.
     """
     group, _, leaf = array.rpartition(".")
     is_of_gyro = any(axis_of(label.rpartition(".")[2]) for label in labels)
@@ -198,7 +222,10 @@ def scale_of(
 
 
 def _owners(facts: Mapping[str, Any], words: str) -> Iterator[tuple[str, str]]:
-    """Yield the facts named by `words`, each with the name of its array, or with its group and a dot."""
+    """Yield the facts whose names match `words`, each with the name of what it describes.
+
+    This is the name of an array, or the name of a group followed by a dot.
+    """
     for name in facts:
         array, mark, key = name.rpartition("@")
         group, _, leaf = name.rpartition(".")

@@ -23,9 +23,9 @@ from fltea.records.errors import UsageError
 
 MISSING = "_fillvalue", "missing_value"
 NETCDF, NWB = ("scale_factor", "add_offset"), ("conversion", "offset")
-"""Names of the attributes that hold factor and offset of a data set's numbers, in netCDF and in NWB:
-https://cfconventions.org (8.1 Packed Data), and https://nwb-schema.readthedocs.io (TimeSeries), whose
-`resolution` changes no numbers.
+"""Names of the attributes that hold the factor and the offset to apply to a data set's numbers, in netCDF and
+in NWB. Sources: https://cfconventions.org (8.1 Packed Data) and https://nwb-schema.readthedocs.io
+(TimeSeries). The attribute `resolution` of NWB changes no numbers.
 """
 
 NOT_READ = "copy it into this file: h5repack or h5py write it"
@@ -83,9 +83,11 @@ def read(path: Path, _: str) -> Sheet:
 
 
 def outside(item: Any) -> str:
-    """Return where a data set lies outside the file, as the end of a sentence about it.
+    """Return a text that says in which other file a data set lies.
 
-    "" if it lies inside.
+    The text continues a sentence whose subject is the data set.
+
+    Return an empty text if the data set lies in this file.
     """
     import h5py
 
@@ -100,7 +102,10 @@ def outside(item: Any) -> str:
 
 
 def _links_elsewhere(file: Any) -> dict[str, str]:
-    """Return the links that lead out of the file, directly or through other links, with their targets."""
+    """Return the links that lead out of the file, directly or through other links.
+
+    The key is the path of a link in the file. The value is a text that names the other file.
+    """
     import h5py
 
     found: dict[str, str] = {}
@@ -122,7 +127,10 @@ def _links_elsewhere(file: Any) -> dict[str, str]:
 
 
 def _parts_elsewhere(group: Any) -> str:
-    """Return which part of a pandas table lies outside the file, and where; "" if no part does."""
+    """Return a text that says which part of a pandas table lies outside the file, and where.
+
+    Return an empty text if no part does.
+    """
     import h5py
 
     for name in group:
@@ -134,7 +142,9 @@ def _parts_elsewhere(group: Any) -> str:
 
 
 def _attributes_of(item: Any) -> dict[str, Any]:
-    """Return an item's attributes, by their names in small letters, without those of many values.
+    """Return the attributes of an HDF5 object, by their names in small letters.
+
+    Attributes that hold many values are left out.
 
     Attributes of many values do not describe columns.
     """
@@ -143,7 +153,10 @@ def _attributes_of(item: Any) -> dict[str, Any]:
 
 
 def _parts_of(path: str, data: Any) -> Iterator[tuple[str, Any]]:
-    """Yield a data set; for a MATLAB array of structures, yield the data sets that it refers to."""
+    """Yield a data set with its path.
+
+    For a MATLAB array of structures, yield the data sets to which the array refers instead.
+    """
     import h5py
 
     of_structures = "/" in path and h5py.check_ref_dtype(data.dtype) is not None
@@ -158,6 +171,8 @@ def _parts_of(path: str, data: Any) -> Iterator[tuple[str, Any]]:
 
 def _read_as(data: Any, attributes: dict[str, Any], scaled_by: tuple[str, str]) -> tuple[Any, str]:
     """Return a data set converted as its attributes state, and a text on what is wrong with the attributes.
+
+    The text is empty if nothing is wrong.
 
     `scaled_by`: names of the attributes for factor and offset. Attributes that were applied are removed from
     `attributes`.

@@ -30,11 +30,16 @@ NS = 10**6, 10**3, 1
 """Nanoseconds in a millisecond, a microsecond and a nanosecond."""
 
 FIRST_NS, LAST_NS = 10**17, 4 * 10**18
-"""Range of Unix times, from 1973 to 2096 [ns]. In only one time unit a number gives a time in this range."""
+"""Range of Unix times, from 1973 to 2096 [ns]. A whole number is a time in this range in at most one of the
+units ms, µs and ns, so the range shows the unit.
+"""
 
 
 def read(path: Path, _: str) -> Sheet:
-    """Read all lists; in files of the app Sensor Logger, read those of its gyroscope."""
+    """Read all lists of numbers or words in the document.
+
+    In files of the app Sensor Logger, read only the gyroscope's rows.
+    """
     found: dict[str, Any] = {}
     for name, value in _values("", _decoded(path.read_bytes())):
         is_word = isinstance(value, str) and not is_unit(value)
@@ -89,7 +94,7 @@ def _is_part(value: Any) -> bool:
 
 
 def _called(row: Any, place: int) -> str:
-    """Return the name that a row in a list of sensors states, or else its position."""
+    """Return the name that an item in a list of sensors states for its sensor, or else its position."""
     names = [row[key] for key in NAMES if isinstance(row.get(key), str)] if isinstance(row, dict) else []
     return names[0] if names else str(place)
 
@@ -104,19 +109,20 @@ def _columns_of(rows: list[dict[str, Any]]) -> dict[str, list[Any]]:
 def _of_pandas(found: dict[str, Any]) -> Any:
     """Convert the output forms of pandas' `to_json` to lists by column name, or to rows.
 
-    Other values stay unchanged.
+    Objects in other forms stay unchanged.
     """
-    if isinstance(found.get("schema"), dict) and isinstance(found.get("data"), list):  # "table"
+    # written by to_json(orient="table")
+    if isinstance(found.get("schema"), dict) and isinstance(found.get("data"), list):
         return found["data"]
     if (split := _split(found)) is not None:
         return split
     is_by_row = all(isinstance(row, dict) and not any(map(_is_inner, row.values())) for row in found.values())
-    if is_by_row and (keys := _in_order(found)) is not None:  # "index"
+    if is_by_row and (keys := _in_order(found)) is not None:  # written by to_json(orient="index")
         index = _index(keys)
         return [{**found[key], **{name: at[k] for name, at in index.items()}} for k, key in enumerate(keys)]
     columns: dict[str, Any] = {}
     known: dict[str, Any] = {}
-    for name, value in found.items():  # "columns"
+    for name, value in found.items():  # written by to_json(orient="columns")
         if isinstance(value, dict) and not any(map(_is_inner, value.values())):
             keys = list(known) if value.keys() == known.keys() else _in_order(value)
             if keys is not None:
@@ -128,7 +134,10 @@ def _of_pandas(found: dict[str, Any]) -> Any:
 
 
 def _split(found: dict[str, Any]) -> dict[str, Any] | None:
-    """Convert rows in one list, with column names in another list, to columns; None for other forms."""
+    """Convert an object with rows in one list, and column names in another list, to columns by name.
+
+    Return None for an object in another form.
+    """
     tables = [key for key, rows in found.items() if isinstance(rows, list) and rows and _is_table(rows)]
     width = len(found[tables[0]][0]) if len(tables) == 1 else 0
     texts = [
@@ -157,7 +166,10 @@ def _is_inner(value: Any) -> bool:
 
 
 def _in_order(rows: Mapping[str, Any]) -> list[str] | None:
-    """Return the keys of rows in rising order if all are numbers or times; else None."""
+    """Return the keys under which an object holds its rows, in rising order.
+
+    Return None if not all keys are numbers or times.
+    """
     keys = list(rows)
     if len(keys) < 2 or not keys[0].removeprefix("-")[:1].isdigit():
         return None
@@ -169,9 +181,11 @@ def _in_order(rows: Mapping[str, Any]) -> list[str] | None:
 
 
 def _index(keys: Sequence[str]) -> dict[str, Any]:
-    """Return the keys of rows as a column, or nothing if they only count the rows.
+    """Return the keys under which an object holds its rows, as a column `index`.
 
-    Unix times become dates.
+    Return no column if the keys only count the rows.
+
+    Keys that are Unix times become dates.
     """
     if not all(key.removeprefix("-").isdecimal() for key in keys):
         return {"index": list(keys)}
@@ -186,7 +200,7 @@ def _index(keys: Sequence[str]) -> dict[str, Any]:
 def _array(name: str, value: Any) -> Any:
     """Return a list as an array of numbers, dates or words.
 
-    The JSON value null is a missing number, and texts may be numbers.
+    The JSON value null stands for a missing number. Texts that hold numbers are converted to numbers.
     """
     if not isinstance(value, list):
         return value if isinstance(value, str) else np.array(value)

@@ -11,9 +11,12 @@ TABLES = "frame", "frame_table"
 
 
 class BlockColumn:
-    """A column of a block as an array of numbers or times.
+    """One column of a table of pandas, as an array of numbers or times.
 
-    `field`: name of the column's field in the rows of a table; None: the block is an array.
+    The file stores columns of one type as a block.
+
+    `field`: name of the field that holds the column in the rows of a PyTables table. None if the block is
+    stored as an array instead.
     """
 
     def __init__(self, data: Any, field: str | None, place: int | None, kind: str) -> None:
@@ -69,7 +72,7 @@ def _of_rows(group: Any, table: Any) -> Iterator[tuple[str, BlockColumn]]:
 
 
 def _of_index(data: Any, field: str | None, kind: str, name: str) -> Iterator[tuple[str, BlockColumn]]:
-    name = "" if name == "N." else name  # this text is the pickle of None
+    name = "" if name == "N." else name  # "N." is the pickle of None
     if name or kind.startswith("datetime64"):
         yield name or "time", BlockColumn(data, field, None, kind)
 
@@ -85,7 +88,8 @@ def _decoded(value: Any) -> str:
 def _strings(pickled: bytes) -> list[str]:
     """Return the texts in a pickle of pandas without loading it, since loading may run any program.
 
-    `pickled`: empty if the file has no such attribute; then there are no texts.
+    `pickled`: the pickle. It is empty if the file lacks the attribute that would hold it, and then no texts
+    are returned.
 
     Raises:
         ValueError: the pickle is damaged.

@@ -22,11 +22,16 @@ TOPICS = "sensor_combined", "sensor_gyro", "sensor_gyro_fifo", "vehicle_angular_
 FIFO = "sensor_gyro_fifo"
 
 EVEN = 0.2
-"""Largest relative difference between the duration of a message's samples and the interval of messages."""
+"""A FIFO message states its sampling period (`dt`). If this period differs by less than the fraction EVEN
+from the interval since the previous message, divided by the number of samples, the interval gives the period.
+"""
 
 
 def read(path: Path, topic: str) -> Sheet:
-    """Read a topic. If several sensors publish it, `topic` also names one of them, as in `sensor_gyro:1`."""
+    """Read a topic.
+
+    If several sensors publish the topic, `topic` also names one of these sensors, as in `sensor_gyro:1`.
+    """
     name, _, instance = topic.partition(":")
     with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
         whole = mended(content)
@@ -62,7 +67,10 @@ def read(path: Path, topic: str) -> Sheet:
 
 
 def _opened(path: Path, whole: Mended, topics: list[str] | None) -> Any:
-    """Read some topics, or all, with PX4's library; damaged parts of the log are left out."""
+    """Read some topics, or all if `topics` is None, with PX4's library.
+
+    Damaged parts of the log are left out.
+    """
     from pyulog import ULog
 
     return ULog(str(path) if whole.is_whole else BytesIO(whole.data), topics)
@@ -110,7 +118,10 @@ def _devices(data: Mapping[str, Any]) -> list[str]:
 
 
 def _unpacked(data: Mapping[str, Any]) -> Sheet:
-    """Return the samples in FIFO messages. Each holds several samples and the time of the last of them."""
+    """Return the samples in FIFO messages.
+
+    Each message holds several samples and the time of its last sample.
+    """
     axes = {
         axis: sorted((n for n in data if n.startswith(f"{axis}[")), key=lambda n: int(n[2:-1]))
         for axis in "xyz"
@@ -119,7 +130,7 @@ def _unpacked(data: Mapping[str, Any]) -> Sheet:
     last_us, dt_us = (np.asarray(data[name], np.float64) for name in ("timestamp_sample", "dt"))
     behind = count[:, np.newaxis] - 1 - np.arange(len(axes["x"]))
     there = behind >= 0
-    # the messages' own dt is only the nominal sampling period
+    # `dt` in the messages is only the nominal sampling period
     took = np.diff(last_us, prepend=np.nan) / np.maximum(count, 1)
     step_us = np.where(np.abs(took / dt_us - 1) < EVEN, took, dt_us)
     columns = {"time_us": (last_us[:, np.newaxis] - behind * step_us[:, np.newaxis])[there]}

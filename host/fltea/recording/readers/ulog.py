@@ -1,8 +1,8 @@
 """Checks each message in a PX4 log (ULog) before PX4's library reads the log.
 
-A message begins with its length and has no checksum. After a wrong length, the library stops, or continues at
-a later message, and does not report all that it left out. Here, the damaged bytes form a hole. The hole ends
-where valid messages begin again, and its bytes are counted.
+A message begins with its length and has no checksum. After a wrong length, PX4's library stops, or continues
+at a later message, and does not report all that it left out. This module treats the damaged bytes as a hole,
+which ends where valid messages begin again, and counts the bytes of the hole.
 """
 
 import re
@@ -27,17 +27,17 @@ SIZES = {
     **dict.fromkeys(("int32_t", "uint32_t", "float"), 4),
     **dict.fromkeys(("int64_t", "uint64_t", "double"), 8),
 }
-"""Size of a field [bytes], by its type."""
+"""Size of a message's field [bytes], by the type of the field."""
 
 MOST_BYTES = 1 << 16
 LONGEST_NAME = 256
 MOST_NESTED = 16
-"""Deepest nesting of message formats."""
+"""Largest number of levels to which formats of messages may contain each other."""
 
 FORMAT = re.compile(rb"([\w/-]+):((?:[\w/-]+(?:\[\d{1,5}\])? [\w/-]+;)+)")
 FIELD = re.compile(r"([\w/-]+)(?:\[(\d+)\])? ([\w/-]+);")
 KEY = re.compile(rb"(\w+)(?:\[(\d{1,5})\])? [!-~]+")
-"""Matches the type and the name of the value in an information or parameter message."""
+"""Matches the key of an information or parameter message: the type and the name of the message's value."""
 
 KINDS = re.compile(rb"[ACDFILMOPQRS]")
 """Matches a letter that is, by PX4's documentation, a kind of message."""
@@ -51,11 +51,13 @@ PADDING = "_padding"
 
 FLAGS_AT = FILE_HEAD_BYTES + HEAD.size
 APPENDED_AT, APPENDED = FLAGS_AT + 8, struct.Struct("<B7x3Q")
-"""Offset in the log, and binary format, of the flags and offsets that tell of data appended after a crash."""
+"""Data may have been appended to the log after a crash. These are the offset and the binary format of the
+flags that say so, and of the offsets of the appended data.
+"""
 
 
 class Mended(NamedTuple):
-    """A log without its damaged parts.
+    """Result of the check of a log, with the log without its damaged parts.
 
     `data`: the log without its holes; b"" if the log is intact. `holes`: number of holes; `lost_bytes`: total
     length of the holes; `first`: offset of the first hole. `cut_bytes`: length of a truncated last message.
@@ -122,7 +124,7 @@ class _LogScan:
         }
 
     def found(self) -> Mended:
-        """Return the result of the check."""
+        """Return the result of the check of the log."""
         is_whole = not (self._holes or self._odd or self._cut_bytes or self._is_changed)
         data = b"" if is_whole else b"".join(self._pieces())
         first, lost = (self._holes[0][0] if self._holes else 0), sum(end - at for at, end in self._holes)
@@ -132,7 +134,10 @@ class _LogScan:
         return [one if isinstance(one, bytes) else self._content[slice(*one)] for one in self._kept]
 
     def run(self) -> None:
-        """Check the log; if data was appended, check each part separately."""
+        """Check the log.
+
+        If data was appended to the log after a crash, check each appended part separately.
+        """
         at, begins = FILE_HEAD_BYTES, list[int]()
         self._keep(0, at)
         head = self._content[at:FLAGS_AT]
@@ -143,13 +148,14 @@ class _LogScan:
             at = end
 
     def _flags(self, end: int) -> tuple[int, list[int]]:
-        """Return the offset after the flags, and the offsets of the appended parts."""
+        """Return where the message with the log's flags ends, and where parts appended to the log begin."""
         found = self._content[APPENDED_AT : APPENDED_AT + APPENDED.size]
         if end > self._size or len(found) < APPENDED.size:
             return FILE_HEAD_BYTES, []
         flags, *begins = APPENDED.unpack(found)
         begins = sorted({one for one in begins if end < one < self._size}) if flags & 1 else []
-        # no bytes are cut out of this log, since that would change the offsets of the appended parts
+        # In a log without its holes, the offsets of the appended parts would be wrong, so the flag is cleared
+        # and the offsets become zeros
         if begins:
             self._is_changed = True
             self._keep(FILE_HEAD_BYTES, APPENDED_AT)
@@ -191,11 +197,14 @@ class _LogScan:
     def _cut(self, at: int, end: int) -> None:
         if end == self._size:
             self._cut_bytes = end - at
-        else:  # a crash interrupted this message
+        else:  # a crash of the logger interrupted this message
             self._skip(at, end)
 
     def _skip(self, at: int, end: int) -> int:
-        """Leave bytes out as a hole; adjacent holes become one."""
+        """Leave the bytes from `at` to `end` out as a hole, and return `end`.
+
+        Adjacent holes become one hole.
+        """
         if self._holes and self._holes[-1][1] == at:
             at = self._holes.pop()[0]
         self._holes.append((at, end))
@@ -209,7 +218,7 @@ class _LogScan:
             self._kept.append((begin, end))
 
     def _take(self, at: int, end: int, kind: int) -> None:
-        """Keep a message of the log; if it describes later messages, remember the description."""
+        """Keep a message of the log. If the message describes later messages, remember the description."""
         body, size = at + HEAD.size, end - at - HEAD.size
         if kind == ord("F"):
             form = self._form(body, size)
@@ -255,7 +264,10 @@ class _LogScan:
         return at
 
     def _next_kind(self, at: int) -> int | None:
-        """Return the next offset that is followed, two bytes later, by the letter of a message kind."""
+        """Return the next offset at which a message may begin, or None.
+
+        Two bytes after this offset stands the letter of a message kind.
+        """
         found = KINDS.search(self._content, at + 2)
         return None if found is None else found.start() - 2
 
@@ -295,9 +307,11 @@ class _LogScan:
         return found[1].decode(), [(kind, int(many or 1), name) for kind, many, name in fields]
 
     def _sizes(self, name: str) -> tuple[int, int]:
-        """Return the length of a format's messages with their topic number, without and with padding.
+        """Return two lengths of the messages of a format, without and with padding at the end.
 
-        A length is 0 if it is unknown.
+        Both include the two bytes of the topic number [bytes].
+
+        Both lengths are 0 if the length is unknown.
         """
         fields = self._forms.get(name, [])
         sizes = [self._length(kind, MOST_NESTED) * many for kind, many, _ in fields]
@@ -309,9 +323,12 @@ class _LogScan:
         return 2 + sum(sizes), padded
 
     def _length(self, kind: str, most_nested: int) -> int:
-        """Return the length of a field of this type; 0 if the type is unknown or contains itself."""
+        """Return the length of a field of the type `kind` [bytes].
+
+        Return 0 if the type is unknown or contains itself.
+        """
         if kind not in self._lengths:
-            self._lengths[kind] = 0  # this value is found if the format contains itself
+            self._lengths[kind] = 0  # this 0 is found if the format contains itself
             fields = self._forms.get(kind, []) if most_nested else []
             sizes = [self._length(inner, most_nested - 1) * many for inner, many, _ in fields]
             self._lengths[kind] = 0 if 0 in sizes or sum(sizes) > MOST_BYTES else sum(sizes)
