@@ -26,9 +26,9 @@ Question = Literal["rows", "sensor", "columns", "unit", "clock", "accelerometer"
 
 
 class Answer(msgspec.Struct, frozen=True):
-    """One answer about a file. `value`: text such as "gx, gy, gz".
+    """One answer to a question about a file. `value`: text such as "gx, gy, gz".
 
-    `why`: what states it, such as "--units".
+    `why`: what states the value, such as "--units".
     """
 
     question: Question
@@ -52,11 +52,14 @@ OVERRULE = "If the file is wrong, add --overrule."
 """Last sentence of a message about options that contradict the file."""
 
 ASK = "Say it, with the right value for each ?: "
-"""Text before the options in a `NotStated` message; callers insert the command to type after it."""
+"""Text before the options in a `NotStated` message. Callers insert the command to type after this text."""
 
 
 class NotStated(UsageError):
-    """Raised if facts are missing that the user must state. `missing`, `table`: see `not_stated`."""
+    """Raised if facts about a file are missing that the user must state.
+
+    `missing`, `table`: see `not_stated`.
+    """
 
     missing: Sequence[Missing] = ()
     table: str = ""
@@ -65,7 +68,7 @@ class NotStated(UsageError):
 def not_stated(
     where: str, missing: Sequence[Missing], known: Sequence[str] = (), table: str = ""
 ) -> NotStated:
-    """Return the error that asks the user for the missing facts.
+    """Return the error that asks the user for the missing facts about a file.
 
     `where`: file, for messages. `known`: options, with values, that the user gave. `missing`: the missing
     facts.
@@ -86,7 +89,7 @@ def asked_with(where: str, first: Missing, known: Sequence[str], then: Callable[
     except NotStated as error:
         return not_stated(where, [first, *error.missing], known, error.table)
     except UsageError:
-        pass  # an error of this kind may disappear once `first` is answered
+        pass  # an error other than NotStated may disappear once the user answers `first`
     return not_stated(where, [first], known)
 
 

@@ -60,7 +60,7 @@ def _check_unused(path: Path, file: BinaryIO) -> None:
 def _examine(path: Path, limits: Limits) -> Recovered:
     """Count what can be recovered from a file.
 
-    Messages are lost if their channel's description was in a damaged chunk.
+    Messages whose channel's description was in a damaged chunk cannot be recovered.
     """
     scan = Scan(path, limits)
     known: set[int] = set()

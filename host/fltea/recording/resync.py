@@ -10,16 +10,20 @@ from mcap.records import Chunk
 from mcap.writer import MCAP0_MAGIC
 
 HEAD = struct.Struct("<BQ")
-"""Header of every record: its opcode and the length of its data."""
+"""Binary format of a record's header: opcode of the record, and length of the record's data."""
 
 DATA_END_BYTES = 4
 FOOTER = struct.Struct("<BQQQI")
 
 PACKERS = (b"\x04\x00\x00\x00zstd", b"\x03\x00\x00\x00lz4")
-"""Names of the two compressions, as chunks store them. Chunks without compression cannot be searched for."""
+"""Names of the two compressions, as chunks store them. The search for the next chunk looks for these names,
+so it cannot find chunks without compression.
+"""
 
 PACKER_AT = HEAD.size + 28
-"""Offset of the compression's name in a chunk record, which is after times, size and checksum [bytes]."""
+"""Offset in a chunk record at which the name of the compression stands, after times, size and checksum
+[bytes].
+"""
 
 WINDOW_BYTES = 1 << 16
 IN_A_ROW = 3
@@ -27,15 +31,17 @@ IN_A_ROW = 3
 
 
 LAST_KIND = Opcode.DATA_END
-"""Highest opcode of a record that MCAP defines. Higher ones are those of other programs or later versions."""
+"""Highest opcode of a record that MCAP defines. Higher opcodes are those of other programs or of later
+versions of MCAP.
+"""
 
 
 def begins_record(file: BinaryIO, at: int, size: int) -> bool:
     """Return whether a record may begin at byte `at`, or whether the file ends there.
 
-    The length in a header takes eight bytes, so other bytes rarely look like a header. The last bytes of a
-    time, followed by a small number, may look like one. Therefore an unknown opcode is accepted only if a
-    record with a known opcode follows.
+    The length in a header takes eight bytes and must fit into the file, so other bytes rarely look like a
+    header. The last bytes of a time, followed by a small number, may look like a header with an unknown
+    opcode. Therefore such a header is accepted only if a record with a known opcode follows.
     """
     file.seek(at)
     head = file.read(HEAD.size)
@@ -58,7 +64,7 @@ class ChunkLength(NamedTuple):
 
 
 def chunk_length(file: BinaryIO, at: int) -> ChunkLength | None:
-    """Return the lengths of the chunk that begins at byte `at`; None if no chunk can begin there."""
+    """Return both lengths of the chunk that begins at byte `at`; None if no chunk can begin there."""
     file.seek(at)
     data = file.read(PACKER_AT + 64)
     if len(data) < PACKER_AT + 12 or data[0] != Opcode.CHUNK:
@@ -72,7 +78,7 @@ def chunk_length(file: BinaryIO, at: int) -> ChunkLength | None:
 
 
 def chunk_bytes(chunk: Chunk) -> int:
-    """Return the length of a chunk's data after its header [bytes]."""
+    """Return the length of a chunk record without the record's header [bytes]."""
     return _chunk_bytes(len(chunk.compression), len(chunk.data))
 
 
@@ -81,7 +87,7 @@ def _chunk_bytes(packer: int, packed: int) -> int:
 
 
 def behind_zeros(file: BinaryIO, at: int, size: int) -> int | None:
-    """Return the end of the zeros that begin at byte `at`, if several valid records follow; else None."""
+    """Return the offset at which the zeros from byte `at` on end, if valid records follow them; else None."""
     data_at = begin = _data_at(file, at, size)
     for _ in range(IN_A_ROW):
         if begin is None or not begins_record(file, begin, size):
@@ -103,7 +109,7 @@ def next_chunk(file: BinaryIO, begin: int, size: int) -> int | None:
         at = max(begin, data_at - PACKER_AT)
         file.seek(at)
         window = file.read(WINDOW_BYTES)
-        if not window:  # another program truncated the file meanwhile
+        if not window:  # another program truncated the file during the search
             return None
         for place in _places(window):
             one = at + place - PACKER_AT
@@ -117,7 +123,7 @@ def next_chunk(file: BinaryIO, begin: int, size: int) -> int | None:
 
 
 def data_end(file: BinaryIO, begin: int, size: int) -> int | None:
-    """Return the offset of the file's summary if it has one that lies after byte `begin`; else None."""
+    """Return the offset of the file's summary if the file has a summary after byte `begin`; else None."""
     at = size - FOOTER.size - len(MCAP0_MAGIC)
     if at < begin:
         return None
@@ -147,7 +153,7 @@ def _data_at(file: BinaryIO, begin: int, size: int) -> int | None:
 
 
 def _places(window: bytes) -> list[int]:
-    """Return the offsets of all names of compressions in a part of the file."""
+    """Return all offsets in `window`, a part of the file, at which the name of a compression stands."""
     found = []
     for name in PACKERS:
         place = window.find(name)

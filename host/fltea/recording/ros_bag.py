@@ -25,15 +25,18 @@ MOST_NOTES = 5
 
 
 def open_bag(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS) -> Stored:
-    """Read the Imu topic of a bag, or the topic that `how` names, in one pass, through a temporary file.
+    """Read the Imu topic of a bag, or the topic that `how` names, in one pass.
 
-    The units and the rate in `how` have priority over those of a convention. They must not contradict what
-    the bag states.
+    The samples go through a temporary file.
+
+    The units and the rate in `how` have priority over what ROS prescribes by convention. They must not
+    contradict what the bag states.
 
     `path`: a .bag, .db3 or .mcap file, or the folder of a bag of ROS 2.
 
     Raises:
-        NotStated: there are several Imu topics (the message lists them), or the unit or the rate is unknown.
+        NotStated: the bag has several Imu topics (the message lists them), or the unit or the rate is
+        unknown.
         UsageError: there is no such bag, Imu topic or angular velocity, an option in `how` is impossible, or
             the bag exceeds the limits.
     """
@@ -43,7 +46,7 @@ def open_bag(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS)
     chosen, gathered = topics.chosen, topics.gathered
     likely = _alike(topics.layouts)
     if chosen is None or gathered is None:
-        # in a bag with only one topic of a gyroscope, the option may name a sensor instead of a topic
+        # in a bag with only one topic of a gyroscope, --topic may name a sensor instead of a topic
         if how.topic is not None and len(likely) == 1:
             return open_bag(path, replace(how, topic=f"{next(iter(likely))}:{how.topic}"), limits)
         raise topics.none(how.topic)
@@ -60,7 +63,7 @@ def open_bag(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS)
 
 
 class _Topics:
-    """The topics of a bag: how many messages each has, what they hold, and the samples of the chosen one."""
+    """The topics of a bag: number and fields of each topic's messages, and samples of the chosen topic."""
 
     def __init__(self, path: Path, how: How, quota: Quota) -> None:
         self._path, self._how, self._quota = path, how, quota
@@ -71,7 +74,10 @@ class _Topics:
         self.gathered: Gathered | None = None
 
     def take(self, item: Batch | Note) -> None:
-        """Count a batch of messages, and gather its samples if it is of the chosen topic."""
+        """Count a batch of messages.
+
+        Gather the samples in the batch if its messages are of the chosen topic.
+        """
         if isinstance(item, Note):
             self.notes.append(item)
             return
@@ -107,7 +113,7 @@ class _Topics:
 
 
 def _answer(chosen: Topic, sensor: str | None, how: How) -> Answer:
-    """Return the answer that says which topic, or which sensor in it, is read, and what decided this."""
+    """Return the answer that says which topic, or which sensor of a topic, is read, and what decided this."""
     name = visible(chosen.name) + ("" if sensor is None else f", {visible(sensor)}")
     by: tuple[Evidence, str] = (
         ("stated", "no other has a gyroscope")
@@ -122,7 +128,7 @@ def _quota(path: Path, limits: Limits) -> Quota:
     try:
         files = files_of(path) if path.is_dir() else [path]
         return Quota(path, limits, sum(file.stat().st_size for file in files))
-    except OSError:  # opening the file reports the error
+    except OSError:  # the later opening of the file reports the error
         return Quota(path, limits, 0)
 
 
@@ -136,9 +142,9 @@ def _named(topic: Topic, how: How) -> tuple[bool, str | None]:
 
 
 def _alike(layouts: dict[Topic, Layout | None]) -> set[str]:
-    """Return the topics whose type is made for gyroscopes.
+    """Return the names of the topics whose message type is made for gyroscopes.
 
-    If there are no such topics, return all topics with angular rates.
+    If there are no such topics, return the names of all topics with angular rates.
     """
     there = {topic: layout for topic, layout in layouts.items() if layout is not None}
     some_known = any(layout.is_known for layout in there.values())
@@ -165,7 +171,7 @@ def _none(
 
 
 def _listed(topics: dict[Topic, int]) -> str:
-    """Return a list of topics for people; for unreadable topics, the number of messages may be unknown."""
+    """Return a text that lists topics with their numbers of messages, if these numbers are known."""
     known = sorted(topics.items(), key=lambda item: item[0][:2])
     lines = []
     for topic, count in known[:MOST_NAMES]:
@@ -182,7 +188,7 @@ def _about(chosen: Topic, topics: dict[Topic, int]) -> str:
 
 
 def _few(notes: list[Note]) -> list[Note]:
-    """Return the first notes, and one note with the number of the remaining notes."""
+    """Return the first notes on damage, and one note with the number of the remaining notes."""
     left = len(notes) - MOST_NOTES
     return notes[:MOST_NOTES] + (
         [Note(notes[-1].kind, f"… and {left} more such places.")] if left > 0 else []

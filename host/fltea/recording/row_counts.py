@@ -1,4 +1,4 @@
-"""Counts the rows of a table and those that are not samples, and says which numbers these lack."""
+"""Counts the rows of a table, and its rows that are not samples, and says what is wrong with the latter."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -15,7 +15,7 @@ Place = Callable[[int], str]
 
 
 class RowCounts:
-    """Counts of a table's rows. `chosen`: the columns that are read."""
+    """Counts of a table's rows. `chosen`: the columns that are read of the table."""
 
     def __init__(self, chosen: Chosen) -> None:
         self._chosen = chosen

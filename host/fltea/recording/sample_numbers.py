@@ -1,4 +1,7 @@
-"""Numbers samples by their times, by the rules of `sample_times`: a long step means lost samples."""
+"""Numbers samples by their times.
+
+A long step between times means lost samples. `sample_times` states the rules.
+"""
 
 import math
 from typing import NamedTuple
@@ -15,32 +18,36 @@ from fltea.recording.sample_times import (
 )
 
 LEAK, LEAK_OF_ROUNDED = 0.98, 0.998
-"""A step between times is a whole number of periods and a remainder, which is carried to the next step. Each
-time it is multiplied by LEAK, or by LEAK_OF_ROUNDED if times are rounded, since the rate is known only to 0.1
-% or better.
+"""A step between times is a whole number of sampling periods and a remainder. The remainder is carried to the
+next step, so the sum of all remainders would grow with the error of the rate, which is known to 0.1 % at
+best. Therefore the remainder is multiplied by LEAK at each step, or by LEAK_OF_ROUNDED if times are rounded.
 """
 
 FEW, STRETCH, FADED = 8, 256, 2048
-"""Numbers of steps between times that are numbered together.
+"""Numbers of steps between times that are processed together.
 
-Up to FEW steps are numbered one by one, and more steps in stretches of STRETCH steps. After FADED steps, a
-remainder has practically vanished.
+Up to FEW steps are processed one by one, and more steps in stretches of STRETCH steps. After FADED steps,
+what is left of a remainder is negligible.
 """
 
 NO_DOUBT = 0.499
-"""Largest remainder, in periods, with which rounding a step to whole periods is certain to be right."""
+"""As long as remainders of steps are below this, rounding a step to whole sampling periods is certain to be
+right [sampling periods].
+"""
 
 DOUBT_OF_ROUNDED = 0.6
-"""Smallest remainder, in periods, that counts as a lost sample if times are rounded; otherwise it is 0.5.
+"""Smallest remainder of a step that counts as a lost sample if times are rounded [sampling periods]. If times
+are not rounded, the smallest is 0.5.
 
-Rounding a time by 0.99 of a period leaves a remainder of about 0.5 at longer steps.
+If times are rounded to 0.99 of a sampling period, a remainder of about 0.5 occurs at the longer steps without
+a loss.
 """
 
 
 class Numbered(NamedTuple):
     """Numbered samples. `kept`: marks (rows,) of the rows that are samples.
 
-    Other fields have an item per sample.
+    All other fields have one item for each sample.
 
     `begins`: marks of samples that begin a new run of the sender. `elapsed`: strictly increasing times of the
     samples.
@@ -53,7 +60,7 @@ class Numbered(NamedTuple):
 
 
 class Numbering:
-    """Numbers samples from 0 by their elapsed times.
+    """Numbers samples from 0 by the times since the first row.
 
     `period`: sampling period in the unit of the times. `rate_hz`: sampling rate. `is_rounded`: whether the
     times are rounded to a large part of the period.
@@ -71,7 +78,8 @@ class Numbering:
     def add(self, elapsed: Floats, begins: Marks) -> Numbered:
         """Number the samples in the next rows (at least one).
 
-        `begins`: marks of new runs, as from `Elapsed.add`.
+        `elapsed`, `begins`: times since the first row, and marks of rows that begin a new run, both as
+        returned by `Elapsed.add`.
         """
         before = elapsed[0] - self._period if self._last is None else self._last
         steps = differences(elapsed, before)
@@ -92,7 +100,7 @@ class Numbering:
         return Numbered(kept, sequence, begins, elapsed)
 
     def _whole(self, periods: Floats) -> Ints:
-        """Return steps as whole numbers of periods, at least 1. A remainder is carried to the next step."""
+        """Return steps between times as whole numbers of periods, at least 1. Remainders are carried over."""
         off = periods - 1
         if len(off) > FEW and abs(self._ahead) + np.abs(off).max() / (1 - self._leak) < NO_DOUBT:
             last = off[-FADED:]
@@ -107,7 +115,7 @@ class Numbering:
         return found
 
     def _of_stretch(self, periods: Floats, rounded: Ints) -> Ints:
-        if len(periods) > FEW:  # rounding each step alone is right if all remainders stay below one half
+        if len(periods) > FEW:  # Each step may be rounded alone if all remainders stay below half a period
             weights = self._leak ** np.arange(1, len(periods) + 1)
             ahead = weights * (self._ahead + np.cumsum((periods - rounded) / weights))
             if (np.abs(ahead) < NO_DOUBT).all():

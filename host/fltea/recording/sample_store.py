@@ -1,4 +1,4 @@
-"""Gathers the samples of a recording of another program in temporary files, within the limits of memory.
+"""Gathers in temporary files the samples of a recording that another program made, within limits of memory.
 
 Tables and bags are gathered in the same way. `table` and `bag_gather` decide, each in its own way, which rows
 are samples and when they were taken.
@@ -27,7 +27,7 @@ class BadAccel:
         self.first: str | None = None
 
     def add(self, accel: Floats, place: Callable[[int], str]) -> None:
-        """Count unusable ones among the accelerations (n, 3). `place`: as for `SampleStore.add`."""
+        """Count the accelerations (n, 3) that no sensor gives. `place`: as for `SampleStore.add`."""
         good = is_of_sensor(accel)
         if not good.all():
             self.count += int(np.count_nonzero(~good))
@@ -35,14 +35,15 @@ class BadAccel:
 
 
 class SampleStore:
-    """The samples that have been gathered. Its length is their number.
+    """The samples that have been gathered. `len` of a store is the number of these samples.
 
-    `chosen`: what is read, for messages. `numbers`: how many numbers are stored for a sample.
+    `chosen`: the columns that are read, for messages. `numbers`: how many numbers are stored for each sample.
 
-    `spool`: columns `gyro` and `accel`, as in the file or scaled, and those that the caller names.
+    `spool`: the stored columns. These are `gyro` and `accel`, as in the file or scaled, and those that the
+    caller of `add` names.
     `plausible`: whether the rates fit a gyroscope. `bad_accel`: count of the samples without a usable
-    acceleration, among all that were added. `moving`: names of the columns that have had a value other than
-    0; `is_whole`: whether all rates are whole numbers.
+    acceleration, among all that were added. `moving`: which of the columns `gyro` and `accel` have had a
+    value other than 0. `is_whole`: whether all rates are whole numbers.
     """
 
     def __init__(self, chosen: Chosen, numbers: int, limits: Limits) -> None:
@@ -66,8 +67,8 @@ class SampleStore:
     ) -> None:
         """Add samples, at least one.
 
-        `factor`: from the rates to deg/s or counts. `place`: function that returns the position of one of
-        these samples in words, by its index.
+        `factor`: factor that converts the rates to deg/s or counts. `place`: function that returns the
+        position of one of these samples in words, by its index.
 
         Raises:
             UsageError: there are more samples than the limits allow.

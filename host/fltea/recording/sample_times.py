@@ -1,21 +1,24 @@
 """States how the times of samples determine the rate, lost samples, and the beginnings of runs.
 
-There are two kinds of clock. Columns of text, tables and the time stamps of a driver come from the **sensor's
-own clock**. Stamps of messages in a bag come from a **computer**, and are late whenever it was busy. The
-rules for the first kind are the same for live text, text files, tables and Linux IIO:
+Times come from two kinds of clock. Times in columns of text or of tables, and the time stamps of a driver,
+come from the **sensor's own clock**. Stamps of messages in a bag come from a **computer**, and are late
+whenever the computer was busy. The rules for a sensor's own clock are the same for live text, text files,
+tables and Linux IIO:
 
-- **Unit.** The user gives it, or the column's name or a row of units states it. Otherwise the unit is seconds
-  if the sampling rate is then usual for gyroscopes (5 Hz to 10 kHz). A stated unit by which the rate is below
-  2 Hz or above 50 kHz is not accepted, and the user is asked for the rate (`timing`).
+- **Unit.** The user gives it, or the column's name or a row of units states it. Otherwise the unit is taken
+  to be seconds if this gives a sampling rate that is usual for gyroscopes (5 Hz to 10 kHz). If a stated unit
+  gives a rate below 2 Hz or above 50 kHz, the unit is not accepted, and the user is asked for the rate
+  (`timing`).
 - **Rate.** The sampling period is the mean of all steps between times that are within a fifth of the median
-  step. A file is examined as a whole; of live text, the first 2 s decide. If times are rounded to a large
-  part of the period (alternately 2 and 3 ms at 400 Hz), long stretches give the rate, since the shortest of
-  them contain no lost sample (`clocks`).
+  step. A file is examined as a whole; of live text, the first 2 s decide. Times may be rounded to a large
+  part of the period, so that steps are alternately 2 and 3 ms at 400 Hz. Then the rate follows from the
+  duration of long stretches of samples, and the stretches of shortest duration count, since they contain no
+  lost sample (`clocks`).
 - **Even steps.** Nine steps in ten have to be near the median step, or near two, three or four times this
-  step. Otherwise these are times of arrival, not a sensor's clock. The same holds for bursts of rows with
-  long pauses. Such times are refused, and the user is asked for the rate.
-- **Lost samples.** A step of n periods counts as n - 1 lost samples. The remainder is carried to the next
-  step, so that rounded times cause no gaps.
+  step. Otherwise the times are those of arrival at a computer, not of a sensor's clock. Bursts of rows with
+  long pauses show the same. Times of arrival are refused, and the user is asked for the rate.
+- **Lost samples.** A step of n periods counts as n - 1 lost samples. A remainder that is no whole period is
+  carried to the next step, so that rounded times cause no gaps.
 - **A long step**, of more than a minute and more than ten periods, begins a new run and does not count as a
   loss, since it is unknown whether the sensor was running.
 - **A step backwards** begins a new run, except when a 32-bit counter (`millis()`, `micros()`) wraps or a
@@ -29,9 +32,8 @@ rules for the first kind are the same for live text, text files, tables and Linu
 - **A rate that the user gives** has priority. The times still number the samples, by their own period. If the
   times are uneven, the order of the rows numbers the samples instead, and the user is warned.
 
-`message_stamps` has the rules for the second kind of clock: messages are numbered in order of arrival, a
-sample counts as lost only where the stamps are late and stay late, and a new run begins where the clock was
-set.
+`message_stamps` has the rules for a computer's clock. Messages are numbered in order of arrival. A sample
+counts as lost only where the stamps are late and stay late. A new run begins where the clock was set.
 """
 
 import math
@@ -60,35 +62,44 @@ A column of times without a unit is taken as seconds only if the resulting rate 
 """
 
 LONGEST_S = 4e9
-"""Longest time [s]: 126 years, since 64 bits hold no more nanoseconds."""
+"""Longest accepted time [s]. This is 126 years; nanoseconds in 64 bits allow not much more."""
 
 COUNTER_WRAP, DAY_S = float(1 << 32), 86_400.0
-"""Values after which times restart at 0 [s]: those of 32-bit counters (millis() and micros()), and a day."""
+"""Values at which times restart at 0. 32-bit counters (millis() and micros()) restart after 2^32 counts, and
+times of day in seconds after a day.
+"""
 
 LONGEST_GAP_S, LONGEST_GAP_PERIODS = 60.0, 10.0
 
 HOUR_S = 3600.0
 MINUTE_TURNS_S, NEAR_TURN_S = 39.0, 1.0
-"""Times of day written as hhmmss jump at the end of a minute: by at least MINUTE_TURNS_S, and not farther
-than NEAR_TURN_S from it [s].
+"""Times of day written as hhmmss, and read as numbers, jump at the end of a minute, as from 95959.99 to
+100000.00. A step counts as such a jump if it is at least MINUTE_TURNS_S and the true step is at most
+NEAR_TURN_S [s].
 """
 
 SAME_TIME = 4 * float(np.finfo(np.float64).eps)
-"""Largest relative difference between two times that count as equal."""
+"""Largest relative difference up to which two times count as equal."""
 
 SAME_RATE = 0.1
-"""Largest relative difference between the user's and the measured sampling rate that count as equal."""
+"""Largest relative difference between the user's sampling rate and the measured rate up to which they count
+as equal.
+"""
 
 
 class Elapsed:
-    """Converts the times of rows to the time since the first row, in the same unit. This never decreases.
+    """Converts the times of rows to the time since the first row, in the same unit.
+
+    Converted times never decrease.
 
     `rows`: number of rows. `repeated`: number of rows with the same time as the previous row. `odd`: number
     of steps that no sensor's clock makes: steps backwards, and repeated times in rows with different values.
-    `backwards`: number of steps backwards. `first`: number of the first row whose time is repeated or
-    earlier, or None. `of_day`: number of times that passed to the next minute, in times of day written as
-    hhmmss. `hours`: number of steps of one hour, to within a second, in either direction. `longest`: length
-    of a step above which a new run begins; infinite if the unit is unknown. `unit_s`: unit of the times [s].
+    `backwards`: number of steps backwards. `first`: number of the first row whose time is not later than the
+    time of the row before, or None. `of_day`: number of times that passed to the next minute, in times of day
+    written as hhmmss. `hours`: number of steps of one hour, to within a second, in either direction.
+    `longest`: length of a step above which a new run begins, in the unit of the times; infinite if this unit
+    is unknown.
+    `unit_s`: length of the unit of the times [s].
     """
 
     def __init__(self, unit: TimeUnit | None) -> None:
@@ -105,18 +116,19 @@ class Elapsed:
 
     @property
     def between(self) -> float:
-        """Time from the earliest row to the latest."""
+        """Difference between the latest and the earliest time of a row, in the unit of the times."""
         return self._between[1] - self._between[0]
 
     @property
     def span(self) -> float:
-        """Time from the first row to the last."""
+        """Converted time of the last row, which is the time since the first row."""
         return 0.0 if self._last is None else self._last[1]
 
     def add(self, time: Floats, values: Floats, numbers: Ints | None = None) -> tuple[Floats, Marks]:
-        """Return the elapsed times (n,) of the next rows, and marks of the rows that begin a new run.
+        """Return the times of the next rows since the first row (n,), and marks of rows that begin a new run.
 
-        `values`: other numbers of the rows (n, columns). `numbers`: numbers of the rows, for messages.
+        `values`: other numbers in the rows (n, columns), which show whether rows with equal times differ.
+        `numbers`: indices of the rows, for messages.
         """
         is_first = self._last is None
         last_time, last_elapsed, last_values = self._last or (float(time[0]), 0.0, values[0])
@@ -140,7 +152,7 @@ class Elapsed:
             self.backwards += int(begins.sum())
             self.odd += int(begins.sum())
         elapsed = time + offset
-        # Times count as equal if they differ only by the rounding of a float.
+        # Two times count as equal if they differ only by the rounding of a float.
         flat = (differences(elapsed, last_elapsed) <= SAME_TIME * np.abs(time)) & ~begins
         flat[0] &= not is_first
         if flat.any():
@@ -157,7 +169,7 @@ class Elapsed:
     def _minutes(self, time: Floats, steps: Floats) -> Floats | None:
         """Return corrections of the steps at which times of day, written as hhmmss, pass to the next minute.
 
-        The result is None if there are none.
+        Return None if there are no such steps.
         """
         turns = np.flatnonzero(np.abs(steps) * self.unit_s > MINUTE_TURNS_S)
         if not len(turns):
@@ -165,7 +177,8 @@ class Elapsed:
         off_s = np.abs(np.abs(steps[turns]) * self.unit_s - HOUR_S)
         self.hours += int((off_s < NEAR_TURN_S).sum())
         after_s, before_s = time[turns] * self.unit_s, (time[turns] - steps[turns]) * self.unit_s
-        real_s = (_of_day(after_s) - _of_day(before_s)) % DAY_S  # NaN for numbers that are no time of day
+        # this is NaN if the two numbers of a step are no times of day
+        real_s = (_of_day(after_s) - _of_day(before_s)) % DAY_S
         ends = (before_s % 100 >= 60 - NEAR_TURN_S) & (after_s % 100 < NEAR_TURN_S)
         is_turn = ends & (real_s > 0) & (real_s < 2 * NEAR_TURN_S)
         self.of_day += int(is_turn.sum())
@@ -174,7 +187,7 @@ class Elapsed:
         return jump if is_turn.any() else None
 
     def _wrap_of(self, time: Floats) -> tuple[float, float]:
-        """Return the time after which times restart at 0, and the longest step.
+        """Return the value at which times restart at 0, and the longest step within a run.
 
         Fractions of a second restart after 1 s.
         """
@@ -191,7 +204,7 @@ def _of_day(times: Floats) -> Floats:
 
 
 def differences(values: Floats, before: float) -> Floats:
-    """Return the steps between values, the first of them from `before`.
+    """Return the differences between successive values. The first one is from `before` to the first value.
 
     For a few values, this is faster than `np.diff` with `prepend`.
     """
@@ -204,7 +217,7 @@ def differences(values: Floats, before: float) -> Floats:
 class TimeColumn(NamedTuple):
     """A column of times. `unit`: unit of the times, None if unknown.
 
-    `ticks`: number of units that the number 1 in the column stands for.
+    `ticks`: number of units for which the number 1 in the column stands.
 
     `rate_hz`: sampling rate that the user or the file states; `is_given`: whether the user states it.
     `overrule`: whether the user's rate is used even if the times contradict it.
@@ -221,8 +234,9 @@ class TimeColumn(NamedTuple):
 def between(times: Floats, period: float) -> Marks:
     """Mark surplus rows between two samples of an even clock: rows whose two neighbours are one period apart.
 
-    `times`: elapsed times (n,) in the unit of `period`; repeated times are skipped. If two neighbouring rows
-    could be marked, only the row farther from the expected time of the next sample is marked.
+    `times`: elapsed times (n,) in the unit of `period`; repeated times are skipped. If either of two
+    neighbouring rows could be surplus, only the row farther from the expected time of the next sample is
+    marked.
     """
     marks = np.zeros(len(times), np.bool_)
     places = np.flatnonzero(np.diff(times, prepend=-math.inf) > 0)

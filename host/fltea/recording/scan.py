@@ -38,12 +38,13 @@ CHUNK_HEAD_BYTES = 1 << 10
 """Largest number of bytes that precede the data in a chunk."""
 
 INDEX_HEAD = struct.Struct("<HI")
-"""Channel of a message index, and length of its entries [bytes]."""
+"""Binary format of the first fields of a message index: its channel, and the length of its entries [bytes].
+"""
 
 MAX_DESCRIPTION_BYTES = 16 << 20
 """Longest metadata, schema or channel record [bytes]; fltea's records are a thousand times shorter.
 
-Reading a record needs ten times as much memory.
+Reading a record needs ten times as much memory as the record is long.
 """
 
 MOST_DAMAGED_FILES, MOST_DAMAGED_BYTES = 4, 64 << 20
@@ -54,9 +55,9 @@ BEGIN, END, CHANNEL, SEQUENCE, LOG_TIME, PUBLISH_TIME = range(1, 7)
 
 
 class Message(NamedTuple):
-    """A message of the file.
+    """A message of an MCAP file.
 
-    Reading takes a fifth of the time that it would with the MCAP library's class.
+    Reading messages as tuples takes a fifth of the time that it takes with the MCAP library's class.
     """
 
     channel_id: int
@@ -89,7 +90,7 @@ class Messages:
 
 
 class Damage(NamedTuple):
-    """An unreadable record or a hole. `size`: number of bytes that are skipped; 0 if no bytes are."""
+    """An unreadable record or a hole. `size`: number of bytes that are skipped because of the damage."""
 
     offset: int
     text: str
@@ -97,7 +98,7 @@ class Damage(NamedTuple):
 
     @property
     def said(self) -> str:
-        """Description for people."""
+        """Description of the damage for people."""
         if not self.size:
             return f"has a wrong length at byte {self.offset} ({self.text})"
         return f"is damaged at byte {self.offset} ({self.text})"
@@ -114,9 +115,9 @@ class Scan:
     """One pass through a file; only one chunk is in memory at a time.
 
     After the pass, `whole` tells whether the file was finished properly, and `lost_bytes` how many bytes at
-    its end are unreadable. `why` says what is wrong at the end; it is empty if the file merely ends early.
-    `has_writer` tells whether a program was writing the file when the pass began; it is always False unless
-    `asks_for_writer`.
+    its end are unreadable. `why` says what is wrong at the end of the file. It is empty if the file merely
+    ends early. `has_writer` tells whether a program was writing the file when the pass began. This is
+    examined only if `asks_for_writer` is true, else `has_writer` is False.
     """
 
     def __init__(self, path: Path, limits: Limits = DEFAULT_LIMITS, *, asks_for_writer: bool = False) -> None:
@@ -133,7 +134,7 @@ class Scan:
         self._spent_bytes = 0
 
     def __iter__(self) -> Iterator[Item]:
-        """Yield the contents of the file in their order.
+        """Yield the contents of the file in the order in which they stand in the file.
 
         Raises:
             OSError: the file cannot be read.
@@ -141,7 +142,8 @@ class Scan:
             UsageError: a record needs more memory than the limits allow.
         """
         with open_file(self.path) as file:
-            # This is asked before reading, since the writer may finish meanwhile.
+            # Whether a program writes the file is examined before reading, since that program may finish
+            # meanwhile.
             self.has_writer = self._asks_for_writer and is_in_use(file)
             self._size = size = file.seek(0, 2)
             file.seek(0)
@@ -173,10 +175,10 @@ class Scan:
             self.lost_bytes = size - at
 
     def _true_length(self, file: BinaryIO, at: int, kind: int, length: int) -> int | None:
-        """Return the length that the fields of a chunk or a message index give, if a record follows there.
+        """Return the true length of a chunk or a message index whose header states a wrong length, else None.
 
-        Return None if the header claims the same length, or the record is of another kind. A wrong length
-        could end exactly where a later record begins, and the chunks between would be lost in silence.
+        The fields of the record give its true length, if another record follows there. Without this check,
+        chunks could be lost unnoticed, if the wrong length leads to the beginning of a later record.
         """
         if kind == Opcode.CHUNK:
             found = chunk_length(file, at)
@@ -192,9 +194,9 @@ class Scan:
         return by_fields if follows else None
 
     def _hole(self, file: BinaryIO, at: int, kind: int, length: int) -> tuple[Damage | None, int]:
-        """Return the damage at byte `at`, and the offset at which to continue.
+        """Return the damage at byte `at`, and the offset at which to continue reading.
 
-        The damage is None if nothing readable follows.
+        The damage is None if nothing readable follows after it.
         """
         room = self._size - at - HEAD.size
         self.why = (
@@ -251,7 +253,7 @@ class Scan:
                     yield from _records(HEAD.pack(kind, length) + body)
         except (MemoryError, UsageError):
             raise
-        except Exception as error:  # struct, zstandard and mcap raise various errors for damaged bytes
+        except Exception as error:  # struct, zstandard and mcap raise errors of many types for damaged bytes
             self._known = max(self._known, offset + 1)
             self._spent_bytes += length
             text = f"{type(error).__name__}: {error}"
@@ -267,7 +269,7 @@ def _ends_with_magic(file: BinaryIO, size: int) -> bool:
 
 
 def _unpacked(chunk: Chunk, limits: Limits, place: str) -> bytes:
-    """Return the decompressed data of a chunk, after checks of the declared size and the checksum."""
+    """Return the decompressed data of a chunk. The size and checksum that the chunk states are checked."""
     most = min(chunk.uncompressed_size, limits.chunk_bytes)
     match chunk.compression:
         case "zstd":
@@ -288,7 +290,7 @@ def _unpacked(chunk: Chunk, limits: Limits, place: str) -> bytes:
 
 
 def _records(data: bytes) -> Iterator[Schema | Channel | Messages]:
-    """Yield the contents of a chunk in their order."""
+    """Yield the contents of a chunk in the order in which they stand in the chunk."""
     table = np.frombuffer(_native.chunk_records(data), np.int64).reshape(-1, 7)
     kind = table[:, 0]
     if len(table) and table[:, LOG_TIME:].max() > LATEST_NS:

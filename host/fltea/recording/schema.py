@@ -2,7 +2,7 @@
 
 Foxglove's reader of JSON schemas accepts objects, lists and scalars. It does not accept references, nor
 alternatives such as "number or null". So references are resolved. A field that may be null gets the type of
-its other values, and is left out of a message if it is null.
+its other values in the schema. If the field is null in a message, the field is left out of the message.
 """
 
 import functools
@@ -14,14 +14,14 @@ import msgspec
 from fltea.records.records import ACCEL_AXES, AXES
 
 NAMED = {"axes": AXES + ACCEL_AXES}
-"""Fields that are objects with a value for each axis.
+"""Fields of records that are objects with a value for each axis, and the names of the axes.
 
-The schema lists the names of the axes, since a plot needs them.
+The schema lists these names, since a program that plots a value has to offer them.
 """
 
 NULL = re.compile(rb',"\w+":null|"\w+":null,?')
-"""Matches a field that is null in compact JSON, but nothing within a text, where quotation marks are
-escaped.
+"""Matches a field that is null in compact JSON. The expression never matches within a text, since quotation
+marks in texts are escaped.
 """
 
 _encode = msgspec.json.Encoder().encode
@@ -29,7 +29,7 @@ _encode = msgspec.json.Encoder().encode
 
 @functools.cache
 def record_schema(kind: type[msgspec.Struct]) -> bytes:
-    """Return the JSON schema of one class of records, for the schema encoding "jsonschema"."""
+    """Return the JSON schema of one class of records, in MCAP's schema encoding "jsonschema"."""
     (root,), definitions = msgspec.json.schema_components([kind], ref_template="{name}")
     plain = _plain(root, definitions)
     assert plain is not None
@@ -42,7 +42,7 @@ def encode_message(record: msgspec.Struct) -> bytes:
 
 
 def _plain(schema: dict[str, Any], definitions: dict[str, Any]) -> dict[str, Any] | None:
-    """Return the schema without references and alternatives; None if a value may have several types."""
+    """Return a JSON schema without references and alternatives; None if the value may have several types."""
     if "$ref" in schema:
         return _plain(definitions[schema["$ref"]], definitions)
     if "anyOf" in schema:
@@ -56,7 +56,7 @@ def _plain(schema: dict[str, Any], definitions: dict[str, Any]) -> dict[str, Any
                 schema["items"] or schema["prefixItems"][0], definitions
             )  # in fltea's records, all items of a tuple have the same type
             return None if items is None else {"type": "array", "items": items}
-        case None:  # the field is an enumeration, which states no type
+        case None:  # a schema without a type is that of an enumeration of words
             words = [word for word in schema["enum"] if word is not None]
             return {"type": "string", "enum": words}
         case kind:

@@ -1,4 +1,8 @@
-"""Selects the text lines of one sensor, by a column or by the regular alternation of several sensors."""
+"""Selects the text lines of one of several sensors.
+
+The lines are told apart by a column that names the sensor, or by their order if the sensors alternate
+regularly.
+"""
 
 import math
 from collections.abc import Callable
@@ -23,7 +27,7 @@ lines has grown by the factor LOOKS, up to MOST_LINES.
 
 
 class SensorLines:
-    """Leaves out the lines of other sensors than the chosen one.
+    """Leaves out all lines but those of the chosen sensor.
 
     `where`: file, for messages. `how`: the user's options.
     """
@@ -37,7 +41,7 @@ class SensorLines:
 
     @property
     def is_known(self) -> bool:
-        """Whether a column distinguishes sensors."""
+        """Whether a column that distinguishes sensors is known."""
         return self._sensor is not None
 
     def begin(self, chosen: Chosen, looked_at: int) -> None:
@@ -53,7 +57,7 @@ class SensorLines:
             self._sensor = OneSensor(self._where, chosen.names[place], value, given_options(self._how))
 
     def look_again(self, lines: int, facts: Callable[[list[str]], Facts]) -> None:
-        """Check the first lines again for several sensors, since columns were chosen after only a few lines.
+        """Check again whether the lines so far are from several sensors, since few lines were known before.
 
         Raises:
             NotStated: there are several sensors, and the user named none.
@@ -70,11 +74,11 @@ class SensorLines:
         check_sensors(self._where, chosen, self._how, facts(chosen.names))
 
     def why_none(self) -> UsageError | None:
-        """Return an error if no line was from the sensor that the user names; else None."""
+        """Return the error to raise if no line was from the sensor that the user names; else None."""
         return None if self._sensor is None else self._sensor.why_none()
 
     def only(self, layout: Layout, data: bytes) -> bytes:
-        """Return the lines. Lines of other sensors become empty, so that line numbers stay the same.
+        """Return the lines with those of other sensors made empty. Line numbers stay the same.
 
         Raises:
             NotStated: there are several sensors, and the user named none.
@@ -95,12 +99,12 @@ class SensorLines:
         return rows if turns is None else [one for some in rows for one in turns.take(some)]
 
     def finish(self) -> list[Rows]:
-        """Return the rows that were held back, at the end of the text."""
+        """Return the rows that were held back until more rows come; to be called at the end of the text."""
         return [] if self._turns is None else self._turns.finish()
 
 
 def _value(layout: Layout, place: int, line: bytes) -> str | None:
-    """Return a line's text in the column that distinguishes sensors; None if the line is too short."""
+    """Return what a line holds in the column that distinguishes sensors; None if the line is too short."""
     if layout.parse is not None:
         try:
             value = layout.parse(decoded(line)).get(layout.chosen.names[place])

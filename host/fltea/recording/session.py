@@ -7,18 +7,20 @@ import msgspec
 from fltea.records.records import Hello
 
 SESSION, HELLO = "fltea.session", "fltea.hello"
-"""Names of metadata records. A file has one SESSION at its beginning, and a HELLO whenever the device sends a
-new HELLO message.
+"""Names of metadata records. A file has one SESSION record at its beginning, and a HELLO record whenever the
+device sends a new HELLO message.
 """
 
 FORMAT = 1
 WIRE, LINK = "wire", "link"
-"""Last parts of two topics: that of raw bytes and that of port events. Others end in the class of their
-records.
+"""Last parts of the names of two topics: of the topic of raw bytes, and of the topic of port events. The
+names of other topics end in the class of their records.
 """
 
 WIRE_CHANNEL, LINK_CHANNEL = 1, 2
-"""Channel IDs, equal in all files, so that messages are readable even if a channel's description is lost."""
+"""IDs of the channels of raw bytes and of port events. They are equal in all files, so that messages are
+readable even if a channel's description is lost.
+"""
 
 OVERFLOW = "overflow"
 """Kind of a gap that the recorder caused because it was too slow; the lost items were not counted."""
@@ -31,10 +33,14 @@ Whole = Annotated[int, msgspec.Meta(ge=-LATEST_NS, le=LATEST_NS)]
 
 LOWEST_RATE_HZ, HIGHEST_RATE_HZ = 1e-6, 1e7
 LOWEST_SCALE, HIGHEST_SCALE = 1e-6, 1e12
-"""Limits for scales in a HELLO message. They are far beyond any sensor's, and keep results finite."""
+"""Limits for rates and for scales in a HELLO message. They are far beyond those of any sensor, and keep
+numbers that are computed from them finite.
+"""
 
 WIRE_WRAP = 1 << 32
-"""Sequence numbers of wire messages wrap at this value, since MCAP's field has 32 bits."""
+"""Sequence numbers of messages with raw bytes restart at 0 after this value minus 1, since MCAP's field for
+them has 32 bits.
+"""
 
 
 class PartInfo(msgspec.Struct, frozen=True):
@@ -42,7 +48,8 @@ class PartInfo(msgspec.Struct, frozen=True):
 
     `part`: index of the file in the session, from 0. `offset_ns`: offset from the monotonic clock to the log
     time of messages of raw bytes and of port events [ns], equal in the whole session. `created_ns`: Unix time
-    of creation [ns]. `hello`: the device's HELLO before the first message, if it was known then.
+    of creation [ns]. `hello`: the device's HELLO that was known before the first message of the file, or
+    None.
     """
 
     session: str
@@ -72,7 +79,7 @@ def from_metadata(metadata: dict[str, str]) -> PartInfo:
     if "hello" in metadata:
         try:
             hello = msgspec.json.decode(metadata["hello"], type=Hello)
-        except RecursionError as error:  # nested too deeply
+        except RecursionError as error:  # RecursionError: the JSON text is nested too deeply
             raise ValueError("its hello is damaged") from error
         check_hello(hello)
     info = msgspec.convert({**metadata, "hello": hello}, PartInfo, strict=False)
@@ -98,9 +105,9 @@ def check_hello(hello: Hello) -> None:
 class LinkMessage(msgspec.Struct, frozen=True, omit_defaults=True):
     """An event of the serial port or of the recorder.
 
-    `kind`, `message`: kind and description of a failure. For a gap, `kind` is the reason. `chunks` and
-    `bytes` are the numbers of serial reads and of bytes that are missing, as far as they were counted;
-    `items` is the number of missing items.
+    `kind`, `message`: kind and description of a failure. For a gap in the recording, `kind` is the reason.
+    `chunks` and `bytes` are the numbers of serial reads and of bytes that are missing, as far as they were
+    counted. `items` is the number of missing queue items.
     """
 
     event: Literal["opened", "failed", "gap"]
@@ -112,7 +119,7 @@ class LinkMessage(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Entry(NamedTuple):
-    """One message of a file. `topic`: its topic, without the name of the device."""
+    """One message of a file. `topic`: topic of the message, without the name of the device."""
 
     topic: str
     log_ns: int

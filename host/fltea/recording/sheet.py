@@ -42,11 +42,11 @@ SAMPLE_ROWS, MOST_SAMPLED = 60, 64
 """Numbers of a table's first rows, and first columns, that are examined to choose the columns to read."""
 
 FEW = 10
-"""An array with fewer rows than this, next to longer arrays, is a calibration and not a recording."""
+"""An array with fewer rows than this, next to longer arrays, is taken for a calibration, not for samples."""
 
 RATE_TOLERANCE = 0.01
-"""Largest relative difference between two statements of the same sampling rate. Sensor clocks are wrong by at
-most about 5 ‰.
+"""Largest relative difference between two statements of the same sampling rate that still agree. The clocks
+of sensors are wrong by about 5 ‰ at most.
 """
 
 
@@ -57,11 +57,12 @@ class SheetHead(msgspec.Struct, frozen=True):
     of each column, "" if the file states none. `rows`: length of the longest column. `lengths`: length of
     each column; empty if all are equal. `arrays`: name of the array that contains each column; empty if each
     column is an array of its own. `stamps`: columns of dates, which are converted to seconds since the first
-    date. `rates`: stated sampling rates [Hz], by the name of the fact that states each: `imu.fs` applies to
-    all of `imu`, and `imu.gyro@fs` to one array. `doubts`: reasons why the numbers of columns may be wrong.
-    `changed`: columns whose numbers may need a further scale or offset, each with a text about it. `topic`:
-    the sensor that is read if the file holds several, else "". `sample`: first rows of the first columns,
-    null where there is no number. `words`: for columns of words that distinguish sensors, the words for the
+    date. `rates`: stated sampling rates [Hz]. The key is the name of the fact that states the rate: `imu.fs`
+    applies to all columns in `imu`, and `imu.gyro@fs` to one array. `doubts`: reasons why the numbers of
+    columns may be wrong.
+    `changed`: for columns whose numbers may need a further scale or offset, a text that says so. `topic`: the
+    sensor that is read if the file holds several, else "". `sample`: first rows of the first columns, null
+    where there is no number. `words`: for columns of words that distinguish sensors, the words for the
     numbers 0, 1, ….
     """
 
@@ -81,12 +82,15 @@ class SheetHead(msgspec.Struct, frozen=True):
     words: dict[str, list[str]] = {}
 
     def called(self, place: int, values: Sequence[float]) -> list[str]:
-        """Return numbers of a column as texts: as the words that they stand for, or else as digits."""
+        """Return numbers of a column as texts.
+
+        A number that stands for a word becomes the word, else digits.
+        """
         words = self.words.get(self.names[place])
         return [words[int(v)] if words and 0 <= v < len(words) else as_word(v) for v in values]
 
     def length(self, place: int) -> int:
-        """Return the number of rows of a column."""
+        """Return the number of rows of the column with the index `place`."""
         return self.lengths[place] if self.lengths else self.rows
 
 
@@ -119,7 +123,8 @@ class TextHead(msgspec.Struct, frozen=True):
     """Facts about a file that is read as text, such as a workbook.
 
     `topic`: name of the part of the file, such as a sheet, that the user chose. `parts`: names of the parts
-    from which the user has to choose. `head`: lines of other parts that describe this part.
+    from which the user has to choose. `head`: lines of other parts of the file, which describe the part that
+    is read.
     """
 
     topic: str = ""
@@ -169,7 +174,7 @@ def open_sheet(path: Path, sheet: Sheet, how: How, limits: Limits) -> Stored:
 
 
 def _by_names(names: Sequence[str], how: How) -> How:
-    """Return the user's options with names of columns instead of positions."""
+    """Return the user's options with the names of columns where the user gave positions."""
 
     def named(one: str) -> str:
         known = one not in names and one.isdecimal() and 1 <= int(one) <= len(names)
@@ -180,7 +185,10 @@ def _by_names(names: Sequence[str], how: How) -> How:
 
 
 def _choose(where: str, sheet: Sheet, how: How) -> tuple[Sheet, Chosen, How]:
-    """Return the columns that belong to one gyroscope, the choice among them, and the remaining options."""
+    """Return the columns that belong to one gyroscope, the choice among them, and the changed options.
+
+    The options lose a sensor that was chosen here, and gain the only column of dates as the column of times.
+    """
     sheet = of_one_gyroscope(where, sheet, how)
     how = replace(how, topic=None) if sheet.topic else how
     names = sheet.names
@@ -197,7 +205,7 @@ def _choose(where: str, sheet: Sheet, how: How) -> tuple[Sheet, Chosen, How]:
 
 def _facts(where: str, sheet: Sheet) -> Facts:
     topic = sheet.topic if ":" in sheet.topic else f"{sheet.topic}:0"
-    # tools that convert logs name the file of a topic in this way
+    # tools that convert logs name a topic's file by the topic's name and number, as in sensor_gyro_0
     file = f"{Path(where).name} {topic.replace(':', '_')}"
     rates = {name.replace(".", "/"): rate_hz for name, rate_hz in sheet.rates.items()}
 
@@ -220,7 +228,7 @@ def _in_turn(rows: Iterator[Rows], chosen: Chosen) -> Iterator[Rows]:
 
 
 def _rows(where: str, sheet: Sheet, chosen: Chosen, how: How) -> Iterator[Rows]:
-    """Yield the rows of one sensor, numbered separately from other sensors."""
+    """Yield the rows of one sensor, numbered from 0. Rows of other sensors are not counted."""
     row = ordinal = 0
     places, sensor = chosen.places, None
     if chosen.sensor is not None:
@@ -238,7 +246,7 @@ def _rows(where: str, sheet: Sheet, chosen: Chosen, how: How) -> Iterator[Rows]:
 
 
 def _check_rate(where: str, sheet: Sheet, who: str, rate_hz: float | None, how: How) -> None:
-    """Check that a sampling rate agrees with those that the file states.
+    """Raise UsageError if a sampling rate contradicts one that the file states.
 
     `who`: source of the rate, for messages.
     """
@@ -286,10 +294,11 @@ class _Gyroscope(NamedTuple):
 
 
 def of_one_gyroscope(where: str, sheet: Sheet, how: How) -> Sheet:
-    """Return the columns that are as long as the axes, with the sampling rate that is stated for the axes.
+    """Return a table of the columns that belong to the axes, with the sampling rate stated for the axes.
 
-    Columns in the groups around the axes get short names: `imu.t` becomes `t`. An axis of another length or
-    without numbers is kept, so that the error can name it.
+    These columns are as long as the axes, and belong to no other gyroscope. Columns in the groups around the
+    axes get short names: `imu.t` becomes `t`. An axis that has another length or no numbers is kept, so that
+    the later error message can name it.
 
     Raises:
         UsageError: several groups have a gyroscope, or several rates are stated for the same samples.
@@ -318,7 +327,7 @@ def of_one_gyroscope(where: str, sheet: Sheet, how: How) -> Sheet:
 
 
 def _gyroscope(where: str, sheet: Sheet, how: How) -> _Gyroscope:
-    """Find the axes: those that the user or a dialect names, or those of the only group with a gyroscope."""
+    """Find the axes that the user or a dialect names, or else those of the only group with a gyroscope."""
     names = sheet.names
     dialect = dialect_of(names, _facts(where, sheet))
     if how.columns is not None:
@@ -347,7 +356,7 @@ def _gyroscope(where: str, sheet: Sheet, how: How) -> _Gyroscope:
 
 
 def _rates_of(where: str, sheet: Sheet, found: _Gyroscope, how: How) -> Mapping[str, float]:
-    """Return the sampling rate that the axes' own arrays state, or else the one of the nearest group."""
+    """Return the sampling rate stated for the arrays of the axes, or else for the nearest group."""
     arrays = {(sheet.arrays or sheet.names)[place] for place in found.places}
     rates = {name: rate_hz for name, rate_hz in sheet.rates.items() if name.rpartition("@")[0] in arrays}
     for level in (*around(sheet.names[found.places[0]]), ""):

@@ -1,6 +1,6 @@
 """Keeps columns of numbers in temporary files, which are written and read in blocks.
 
-One day at 100 Hz takes 69 MB for each column. With this class, only one block is in memory.
+One day at 100 Hz takes 69 MB for each column. With a `Spool`, only one block at a time is in memory.
 """
 
 import contextlib
@@ -23,14 +23,14 @@ class _Column(NamedTuple):
     file: Any
     dtype: "np.dtype[Any]"
     shape: tuple[int, ...]
-    """Shape of one row of the column."""
+    """Shape of one row of the column, () if a row is a single number."""
 
 
 class Spool(contextlib.AbstractContextManager["Spool"]):
     """Named columns of numbers in temporary files. A column's first block determines its type and width.
 
     The temporary files are deleted at the end of a `with` statement, or with the last reference to the spool.
-    If a folder is given, the files get names there and are not deleted.
+    If `folder` is given, the files get names in this folder and are not deleted.
     """
 
     def __init__(self, folder: Path | None = None) -> None:
@@ -46,7 +46,7 @@ class Spool(contextlib.AbstractContextManager["Spool"]):
         return name in self._columns
 
     def append(self, name: str, values: NDArray[Any]) -> None:
-        """Append rows to a column; the first call creates the column.
+        """Append rows to a column. The first call with a name creates the column of this name.
 
         Raises:
             TemporaryFailed: the folder for temporary files is full or fails.
@@ -72,7 +72,7 @@ class Spool(contextlib.AbstractContextManager["Spool"]):
         self._columns.clear()
 
     def length(self, name: str) -> int:
-        """Return the number of rows of a column; 0 if it does not exist."""
+        """Return the number of rows of a column; 0 if the column does not exist."""
         return self._rows[name] if name in self._columns else 0
 
     def whole(self, name: str) -> NDArray[Any]:
@@ -82,14 +82,14 @@ class Spool(contextlib.AbstractContextManager["Spool"]):
     def mapped(self, name: str) -> NDArray[Any]:
         """Return a non-empty column as a memory map, which other processes may share.
 
-        The spool needs a folder.
+        The spool must have been created with a folder.
         """
         column = self._columns[name]
         column.file.flush()
         return np.memmap(column.file.name, column.dtype, "r", shape=(self._rows[name], *column.shape))
 
     def blocks(self, names: Sequence[str], at_once: int) -> Iterator[list[NDArray[Any]]]:
-        """Yield blocks of `at_once` rows of columns with equal lengths."""
+        """Yield blocks of at most `at_once` rows of some columns, which must be equally long."""
         for begin in range(0, self.length(names[0]), at_once):
             yield [self._read(name, begin, at_once) for name in names]
 
@@ -125,6 +125,7 @@ class Spool(contextlib.AbstractContextManager["Spool"]):
 
 def _close(columns: dict[str, _Column]) -> None:
     for column in columns.values():
-        # Closing writes what is left in the buffer. If the disk is full, this was reported before.
+        # Closing writes what is left in the buffer, and fails if the disk is full. An earlier write has
+        # reported a full disk already.
         with contextlib.suppress(TemporaryFailed, OSError):
             column.file.close()

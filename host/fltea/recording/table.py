@@ -28,17 +28,17 @@ from fltea.recording.timing import Timing, check_given, timing
 from fltea.settings.limits import Limits
 
 FEWEST_BETWEEN = 20
-"""Surplus rows (see `sample_times.between`) are left out if there are at least this many. Fewer may come from
-jitter of the clock.
+"""Surplus rows (see `sample_times.between`) are left out only if a recording has at least this many. Fewer
+rows may look surplus because of jitter of the clock.
 """
 
 STEPS_AT_ONCE = 1 << 16
 LATEST = LARGEST_NUMBER * 1e3
-"""Latest accepted time, in the unit of the column of times."""
+"""Largest number that is accepted in a column of times, in the unit of the column."""
 
 
 class Rows(NamedTuple):
-    """Some rows of a table.
+    """Successive rows of a table.
 
     `numbers`: (n,) number of each row or line in the file, for messages. `values`: (n, columns), in the order
     of `Chosen.places` and scaled by `Chosen.scale`; NaN: no number. `ordinal`: (n,) index of each row, from
@@ -53,7 +53,7 @@ class Rows(NamedTuple):
 
 
 def joined(pieces: Sequence[Rows]) -> Rows:
-    """Join successive `Rows` to one; there must be at least one."""
+    """Join one or more successive `Rows` to one."""
     if len(pieces) == 1:
         return pieces[0]
     numbers, values, ordinal = (
@@ -78,7 +78,7 @@ class Samples(NamedTuple):
 
 
 def samples_of(rows: Rows, chosen: Chosen) -> Samples:
-    """Return the rows that are samples, which have all needed numbers and no impossible ones."""
+    """Return the rows that are samples: those that have all needed numbers, and no impossible numbers."""
     values, numbers, ordinal = rows.values, rows.numbers, rows.ordinal
     axes, needed = len(chosen.gyro), len(chosen.needed)
     largest = LARGEST_DPS * (chosen.lsb or 1.0)
@@ -122,14 +122,15 @@ def gather(
 
 
 def row_place(path: Path, row: int) -> str:
-    """Return the position of a row for messages. `row`: its number, counted from 0."""
+    """Return the position of a row in a file, for messages. `row`: number of the row, counted from 0."""
     return f"{path}: row {row}"
 
 
 class _Runs:
-    """Collects where new runs of the sender begin, as indices of samples.
+    """Collects the indices of samples at which a new run begins, because the sender restarted.
 
-    `by_times`: beginnings that the times show. `by_headers`: beginnings that a repeated header shows.
+    `by_times`: indices where the times show a new run. `by_headers`: indices where a repeated header shows a
+    new run.
     """
 
     def __init__(self) -> None:
@@ -138,7 +139,7 @@ class _Runs:
         self._is_due = False
 
     def add(self, row: int, marks: Marks | None, block: Rows) -> None:
-        """Add samples. `row`: index of the first. `marks`: samples that begin a run, by their times."""
+        """Add the samples of a block; `marks` is None if the block has none."""
         self._is_due |= block.begins
         if marks is None:
             return
@@ -217,7 +218,7 @@ class _Table:
             self._notes.append(Note("missing_numbers", text))
 
     def _count_between(self, period: float) -> int:
-        """Return the number of surplus rows between samples, 0 if they are few; report them to the user."""
+        """Count the surplus rows between samples, and report them to the user; return 0 if they are few."""
         blocks = self._samples.spool.blocks(["time"], AT_ONCE)
         count = sum(int(between(times, period).sum()) for (times,) in blocks)
         if count < FEWEST_BETWEEN:
@@ -236,7 +237,7 @@ class _Table:
         return self._chosen.rate_hz if self._chosen.is_given else None
 
     def _timing(self) -> tuple[Timing, Ints]:
-        """Return how rows are numbered, and where new runs begin; report to the user what the times show."""
+        """Return how rows are numbered, and where new runs begin; note for the user what the times show."""
         chosen, spool, elapsed = self._chosen, self._samples.spool, self._elapsed
         by_headers = np.array(self._runs.by_headers, np.int64)
         if chosen.time is None:
@@ -266,10 +267,10 @@ class _Table:
 def _blocks(
     spool: Spool, chosen: Chosen, timing: Timing, begins: Ints, *, given: bool, has_between: bool
 ) -> Iterator[Recording]:
-    """Yield blocks of samples.
+    """Yield blocks of the recording's samples.
 
-    `given`: whether the user gives the rate; if so, sequence numbers determine the times. `has_between`:
-    whether surplus rows between two samples are left out.
+    `given`: whether the user gives the rate. If so, the times follow from sequence numbers and rate.
+    `has_between`: whether surplus rows between two samples are left out.
     """
     rate_hz, by_times = timing.rate_hz, timing.period is not None and "time" in spool
     columns = ["gyro", "time" if by_times else "row", *(["accel"] if "accel" in spool else [])]

@@ -6,13 +6,15 @@ from fltea.recording.raw_lines import BOM, UTF_16
 from fltea.recording.text_forms import BEGINNING, YAML, YamlDocuments
 
 BEGIN_BYTES, MOST_HELD = 256, 4096
-"""Number of first bytes that show whether a text consists of YAML documents; most bytes held back for
-this.
+"""The first BEGIN_BYTES bytes of a text are kept as `TextDecoder.begin`. At most MOST_HELD bytes are held
+back until they show whether the text consists of YAML documents.
 """
 
 
 class TextDecoder:
-    """Takes the bytes of a text in pieces of any length, and returns lines in UTF-8. `begin`: first bytes.
+    """Takes the bytes of a text in pieces of any length, and returns lines in UTF-8.
+
+    `begin`: first bytes of the text.
 
     A few bytes are held back as long as they may be the beginning of a YAML document.
     """
@@ -29,11 +31,11 @@ class TextDecoder:
         return self._yaml is not None and self._yaml.is_cut
 
     def drop(self) -> None:
-        """Delete the bytes that are held back, since bytes after them were lost."""
+        """Delete the bytes that are held back; call this when bytes after them were lost."""
         self._held = b""
 
     def feed(self, data: bytes, *, hold: bool = True) -> bytes:
-        """Decode the next bytes. `hold`: whether these bytes may be the beginning of the text."""
+        """Decode the next bytes. `hold`: whether to hold back bytes that may begin a YAML document."""
         if hold and not self.begin:
             data = self._held + data
             if len(data) <= MOST_HELD and BEGINNING.fullmatch(data.removeprefix(BOM)):
@@ -43,12 +45,12 @@ class TextDecoder:
         return self._lines(data)
 
     def release(self) -> bytes:
-        """Return the bytes that are held back, at the end of the text."""
+        """Return the decoded bytes that were held back; call this at the end of the text."""
         held, self._held = self._held, b""
         return self._lines(held)
 
     def finish(self) -> bytes:
-        """Return the last YAML document, which may lack its end mark."""
+        """Return the last YAML document; the `---` after the document may be missing."""
         return b"" if self._yaml is None else self._yaml.finish()
 
     def _lines(self, data: bytes) -> bytes:

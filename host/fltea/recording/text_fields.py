@@ -20,13 +20,15 @@ from fltea.records.errors import UsageError
 COMMENTS = ("#", "%", "//")
 
 MOST_COLUMNS = 10_000
-"""Largest number of column names in a line, since some files have lines with a million fields."""
+"""Largest number of column names in a line. A limit is needed since some files have lines with a million
+fields.
+"""
 
 _WORDS = re.compile(r"[^\s\[(]+(?:\s*(?:\[[^\[\]]*\]|\([^()]*\)))?\S*")
 
 MOST_KINDS = 20
-"""Largest number of kinds of rows, given by their first words. If there are more, first words mean
-nothing.
+"""Rows may begin with a word that tells the kind of the row. If rows begin with more different words than
+this, the words tell no kinds.
 """
 
 
@@ -47,7 +49,7 @@ def all_numbers(line: str) -> bool:
 
 
 def separator_of(line: str, columns: int = 0) -> str | None:
-    """Return the separator between the fields of a row; None means white space.
+    """Return the separator between the fields of a row, None for white space.
 
     `columns`: number of columns, if known.
     """
@@ -86,7 +88,10 @@ def bare_fields(line: str) -> list[str]:
 
 
 def units_in(line: str) -> list[str] | None:
-    """Return the units in the second line of a header, or None if fewer than half are known units."""
+    """Return the units in a line below the names of columns.
+
+    Return None if fewer than half of the line's fields are known units.
+    """
     fields = bare_fields(line)
     filled = [
         field for field in fields if field not in ("", "1")
@@ -104,7 +109,7 @@ _MAY_HAVE_THOUSANDS = re.compile(r"\d[.,]\d{3}[.,]\d")
 
 
 class Thousands:
-    """Finds numbers with a sign between thousands, as in `1.000.010`, in a growing list of lines."""
+    """Finds numbers with a decimal sign between thousands, as in `1.000.010`, in a growing list of lines."""
 
     def __init__(self) -> None:
         self._seen = 0
@@ -114,7 +119,7 @@ class Thousands:
         """Check the lines that were added since the last call.
 
         Raises:
-            UsageError: a column has several such numbers, so that it is unknown whether 53.456 means 53456.
+            UsageError: a column has several different numbers of this form, so that 53.456 may mean 53456.
         """
         for line in lines[self._seen :]:
             if not _MAY_HAVE_THOUSANDS.search(line) or is_comment(line):
@@ -131,14 +136,20 @@ class Thousands:
 
 
 class Kinds:
-    """Collects the first words of rows, with the number of fields for each, from a growing list of lines."""
+    """Collects the words with which rows begin, from a growing list of lines.
+
+    Such a word tells the kind of a row, and is stored with the number of fields of the first such row.
+    """
 
     def __init__(self) -> None:
         self._seen = 0
         self._found: dict[str, int] = {}
 
     def of(self, lines: Sequence[str]) -> dict[str, int]:
-        """Examine the new lines, and return the kinds of all rows; empty if there are too many kinds."""
+        """Examine the new lines, and return the first words of all rows with the rows' numbers of fields.
+
+        Return nothing if there are too many different words.
+        """
         for line in lines[self._seen :] if len(self._found) <= MOST_KINDS else ():
             fields = [] if is_comment(line) else split(line, separator_of(line))
             has_word = len(fields) > 2 and not is_number(fields[0]) and bool(fields[0])
@@ -176,11 +187,12 @@ def rows_alike(lines: Sequence[str]) -> tuple[str, list[str]]:
 
 
 def sample_of(lines: Sequence[str], names: Sequence[str] | None, width: int, tag: str) -> Floats:
-    """Return the numbers in lines of one kind (n, width), with NaN for fields that are no numbers.
+    """Return the numbers in lines of the same kind (n, width), with NaN for fields that are no numbers.
 
-    `tag`: first field of the lines.
+    `tag`: first field of all lines, which tells their kind, or "".
 
-    The result is cached, since a header may be repeated thousands of times among the rows.
+    The result is cached, since it is needed at each header, and a header may be repeated thousands of times
+    among the rows.
     """
     return _numbers(tuple(lines), tuple(names or ()), width, tag)
 
@@ -199,7 +211,7 @@ def _has(found: Mapping[str, Any], line: str, names: set[str]) -> bool:
 
 @lru_cache(maxsize=2)
 def _named(lines: Sequence[str]) -> list[Mapping[str, Any]]:
-    """Return the numbers of each line by name, for objects and labelled lines."""
+    """Return the numbers of each line by name, for lines that are JSON objects or have labels."""
     named: list[Mapping[str, Any]] = []
     for line in lines:
         try:
