@@ -1,7 +1,7 @@
 """Converts lines in the forms that various programs print to plain lines of numbers.
 
 Python prints bytes, lists, tuples, dicts and arrays. Messages of NMEA and VectorNav end in a checksum. Each
-of these stays one line. `ros2 topic echo` prints a YAML document for each message, which becomes a JSON
+of these texts stays one line. `ros2 topic echo` prints a YAML document for each message, which becomes a JSON
 object.
 """
 
@@ -19,13 +19,13 @@ _BRACKETS = re.compile(
 )
 _DICT = re.compile(rb"^[ \t]*(\{[ \t]*'.*\})[ \t,\r]*$", re.M)
 _ESCAPED = re.compile(rb"\\(?:t|x([89a-f][0-9a-f]))")
-"""Matches a tab, or a byte outside ASCII, as Python prints it in bytes."""
+"""Matches a tab, or a byte outside ASCII, in the form in which Python prints it for `bytes`."""
 
 _AS_JSON = bytes.maketrans(b"()'", b'[]"')
 _PYTHON_WORD = re.compile(rb"(?<=[:\s,\[])(None|nan|True|False)(?=[,}\s\]])")
 _WORDS = {b"None": b"null", b"nan": b"null", b"True": b"true", b"False": b"false"}
 _NUMPY = re.compile(rb"\bnp\.\w+\(([^()]*)\)")
-"""Matches a number of numpy as version 2 and later print it."""
+"""Matches a number as numpy prints it since version 2: `np.float64(1.5)`."""
 
 MINUS = "\u2212".encode()
 """The typographic minus sign, which some programs write."""
@@ -41,15 +41,16 @@ _COLOUR = re.compile(rb"\x1b\[[0-9;]*m")
 
 
 def plain_lines(data: bytes) -> bytes:
-    """Return whole lines without the Python or NMEA syntax around their numbers.
+    """Return lines with their numbers freed from the syntax of Python or NMEA around them.
 
-    If the checksum of an NMEA message is wrong, its numbers are removed, so that it counts as a lost sample.
+    If the checksum of an NMEA message is wrong, its numbers are removed, so that the message counts as a lost
+    sample.
     """
     if MINUS[:1] in data:
         data = data.replace(MINUS, b"-")
     if b"\x1b" in data:
         data = _COLOUR.sub(b"", data)
-    # a search for the single byte first is ten times faster
+    # searching for the single byte `b` before the pair is ten times faster
     if b"b" in data and (b"b'" in data or b'b"' in data):
         data = _BYTES.sub(_unescaped, data)
     if b"p" in data and b"np." in data:
@@ -72,7 +73,8 @@ def _as_json(found: re.Match[bytes]) -> bytes:
 def _checked(found: re.Match[bytes]) -> bytes:
     """Return an NMEA message without its checksum.
 
-    An 8-bit checksum (XOR) is verified; a 16-bit checksum is not.
+    An 8-bit checksum (XOR) is verified, and if it is wrong, the numbers are replaced by `WRONG_SUM`. A 16-bit
+    checksum is not verified.
     """
     stated = found[2]
     if len(stated) == 2 and reduce(xor, found[1], 0) != int(stated, 16):
@@ -90,16 +92,20 @@ YAML = re.compile(
 """Matches the beginning of the first YAML document in a text."""
 
 BEGINNING = re.compile(_BEFORE + rb"(?:" + _KEY + rb"(?:[ \t\r]*|[ ]*\{[^\n]{0,256})\n)?[^\n]{0,256}")
-"""Matches bytes that may prove to be the beginning of a YAML document when the next line is complete."""
+"""Matches the first bytes of a text if they may be the beginning of a YAML document, which only shows when
+the next line is complete.
+"""
 
 LONGEST_DOCUMENT, LONGEST_LINE = 1 << 20, 1 << 14
-"""Longest YAML document and longest line [bytes]. Of a longer line, such as an image, the beginning is
-kept.
+"""Longest YAML document, and longest line in such a document [bytes]. Of a longer line, such as an image,
+only the beginning is kept.
 """
 
 
 _IN_BRACES = re.compile(rb"([A-Za-z_]\w*)\s*:\s*(?:(\{)|\[[^\[\]]*\]|([^,{}\[\]]*))|(\})")
-"""Matches a key with a mapping, list or value, or the end of a mapping: `{stamp: {sec: 1}}`."""
+"""Matches one item of a YAML mapping in one line, such as `{stamp: {sec: 1}}`: a key with the mapping, list
+or value that follows it, or the end of a mapping.
+"""
 
 DEEPEST = 8
 """Deepest nesting of mappings in one line of YAML."""
@@ -108,8 +114,8 @@ DEEPEST = 8
 class YamlDocuments:
     """Converts YAML documents in the form that ROS prints, each to one JSON object.
 
-    `is_cut`: whether the last document was left out, since it lacks its end, or values that the first
-    document has.
+    `is_cut`: whether the last document was left out as incomplete, since its end is missing, or values that
+    the first document has.
     """
 
     def __init__(self) -> None:
@@ -126,7 +132,7 @@ class YamlDocuments:
         return b"".join(map(self._take, lines))
 
     def finish(self) -> bytes:
-        """Return the last document as a JSON object; it may lack its end mark."""
+        """Return the last document as a JSON object; the `---` after it may be missing."""
         rest, self._rest = self._rest, b""
         found = self._take(rest)
         has_begun = bool(self._values) or b"{" in rest

@@ -1,6 +1,6 @@
-"""Finds the sampling rate and the gyroscope's unit, in plain words, in the head of a text.
+"""Finds the sampling rate and the gyroscope's unit where the head of a text states them in words.
 
-The head consists of the lines before the names of the columns.
+The head of a text consists of the lines before the names of the columns.
 
 Examples are `# Sample rate: 100 Hz`, `Sampling Frequency;0.1 kHz`, `dt = 10 ms`; `Units: deg/s`, `gyro in
 rad/s`,
@@ -73,7 +73,9 @@ _OF_RATES = {
 _PERIOD = {"period", "interval", "dt", "ts"}
 _HZ = {"hz": 1.0, "khz": 1e3, "sps": 1.0, "samples/s": 1.0, "1/s": 1.0}
 _FULL_SCALES = {125.0, 245.0, 250.0, 500.0, 1000.0, 2000.0, 4000.0}
-"""Usual full scales of gyroscopes [deg/s]. One of these numbers after `fs` may be no sampling rate."""
+"""Usual full scales of gyroscopes [deg/s]. If one of these numbers follows `fs`, it may be a full scale
+instead of a sampling rate.
+"""
 
 _OF_UNITS = {"unit", "units", "rates", "values", "measured", "are"}
 _LABEL = re.compile(r"(?:(.*?)([:=(\[]|\bin\b))?(.*)")
@@ -98,9 +100,9 @@ class Head(NamedTuple):
 def stated_in(head: str) -> Head:
     """Return all sampling rates and units that the lines of a head state.
 
-    If they differ, they contradict each other.
+    If the head states several rates or units, they contradict each other.
 
-    Lines that name the gyroscope have priority over lines that name no sensor.
+    Statements in lines that name the gyroscope have priority over those in lines that name no sensor.
     """
     rates: dict[bool, dict[str, float]] = {True: {}, False: {}}
     units: dict[bool, dict[str, str]] = {True: {}, False: {}}
@@ -119,7 +121,7 @@ def stated_in(head: str) -> Head:
 
 
 def _rates(text: str) -> Iterator[tuple[bool, float]]:
-    """Yield sampling rates [Hz], each with whether the line names the gyroscope."""
+    """Yield the sampling rates that a line states [Hz], each after whether the line names the gyroscope."""
     for found in _FACT.finditer(text):
         words = {word.lower() for word in _WORD.findall(found[1])}
         number, unit = float(found[2]), found[3].lower().rstrip(".")
@@ -139,7 +141,7 @@ def _rates(text: str) -> Iterator[tuple[bool, float]]:
 
 
 def _units(text: str) -> Iterator[tuple[bool, str]]:
-    """Yield units of angular rates or counts, each with whether the line names the gyroscope."""
+    """Yield the gyroscope's units that a line states, each after whether the line names the gyroscope."""
     if (found := _SCALE.search(text)) is not None:
         unit = rate_unit((found["of"] or found["unit"]).strip(" ()"))
         words = {word.lower() for word in _WORD.findall(text[: found.start()])}
@@ -151,7 +153,7 @@ def _units(text: str) -> Iterator[tuple[bool, str]]:
     label = ""
     for piece in re.split(r"[,;|\t]|\band\b", text):
         found = _LABEL.match(piece)
-        assert found is not None  # the pattern matches any text
+        assert found is not None  # the regular expression matches any text
         words_before, mark, value = found.groups()
         if mark:
             label = words_before

@@ -17,7 +17,9 @@ from fltea.recording.wanted import NUMBER
 from fltea.records.records import AXES
 
 LONGEST_LABEL = 80
-"""Longest label with group and unit [characters]; the limit keeps the search fast."""
+"""Longest label of a number, with its group and unit [characters]. The limit keeps the search for labels
+fast.
+"""
 
 COMMA = r"[-+]?\d+,\d+(?=[\s;|]|$)"
 _PAIR = re.compile(
@@ -34,13 +36,13 @@ _AXIS = re.compile(r"[._ ]?[xyz]$", re.I)
 
 _decode = msgspec.json.Decoder(dict[str, Any]).decode
 DEEPEST = 4
-"""Deepest nesting of objects in a line."""
+"""Largest number of levels to which JSON objects in a line are read."""
 
 
 def decode_object(line: str | bytes) -> dict[str, Any]:
-    """Read a JSON object. Nested names become `gyro.x`.
+    """Read a JSON object. A name in a nested object becomes `gyro.x`.
 
-    The numbers in a list of three become `gyro_x` and so on.
+    The numbers in a list of three get the names `gyro_x`, `gyro_y` and `gyro_z`.
 
     Raises:
         ValueError: the line is no JSON object.
@@ -81,7 +83,7 @@ def without_axis(name: str) -> str:
 def _fitting(name: str, unit: str) -> str:
     """Return a unit if it fits the quantity that a name means, else "".
 
-    An object may hold several quantities.
+    The unit that an object states for a sensor may be that of another quantity in the object.
     """
     is_rate = axis_of(name, unit) and (rate_unit(unit) or unit.startswith("lsb:"))
     is_other = (accel_axis_of(name, unit) and accel_unit(unit)) or (is_time(name) and time_scale(unit))
@@ -89,7 +91,10 @@ def _fitting(name: str, unit: str) -> str:
 
 
 class Labelled(NamedTuple):
-    """The numbers in a line by their names, and the units of these numbers, "" if no unit is stated."""
+    """The numbers in a line by their names, and the units of these numbers by the same names.
+
+    A unit is "" if the line states none.
+    """
 
     values: dict[str, float]
     units: dict[str, str]
@@ -103,12 +108,13 @@ def labelled(line: str) -> Labelled | None:
     group, end = "", 0
     for found in _PAIR.finditer(line):
         text, start = found["label"], found.start()
-        if text.count("(") > text.count(")"):  # the text before the bracket names a group
+        if text.count("(") > text.count(")"):  # the text before a bracket names the group of the numbers
             start += text.rfind("(") + 1
             text = text.rpartition("(")[2]
         before = _GROUP_BEFORE.search(line[max(end, start - LONGEST_LABEL) : start])
         words = text.split() or [""]
-        while members and len(words) > 1 and is_unit(words[0]):  # this is the unit of the previous number
+        # the text that looked like a label is the unit of the previous number
+        while members and len(words) > 1 and is_unit(words[0]):
             units.update(dict.fromkeys(members, words.pop(0)))
         unit = ""
         if len(words) > 1 and words[-1][0] in "([":

@@ -39,10 +39,10 @@ from fltea.records.errors import UsageError
 from fltea.settings.how import How
 
 SEPARATORS = ("\t", ";", ",", None)
-"""Possible separators; None is white space."""
+"""Possible separators of fields in a line; None is white space."""
 
 MOST_BEFORE = 200
-"""Number of lines before the first row that are kept, since one of them may name the columns."""
+"""Largest number of lines before the first row that are kept, since one of them may name the columns."""
 
 WORDS = re.compile(r"[\s,;:={}\[\]]+")
 
@@ -52,11 +52,12 @@ ONE_WITH_UNIT = re.compile(r"[^\[\]()]+[\[(][^\[\]()]*[\])]")
 class Layout(NamedTuple):
     """The layout of the rows in a text: where the numbers stand in a row.
 
-    `separator`: text between two fields; None means white space. `parse`: for JSON objects and labelled
-    lines, returns the numbers in a line by name; else None. `usual`: number of fields in the first row.
-    `least`: fewest fields of a row. `most`: number of fields after which no number to read follows. `begin`:
-    line number of the first row, from 1. `notes`: warnings for the user. `again`: the line of column names
-    and the line of units, which may be repeated later in the text.
+    `separator`: text between two fields; None means white space. `parse`: function that returns the numbers
+    in a line by name, for JSON objects and labelled lines; else None. `usual`: number of fields in the first
+    row.
+    `least`: fewest fields of a row. `most`: number of columns; fields after these hold no numbers to read.
+    `begin`: line number of the first row, from 1. `notes`: warnings for the user. `again`: the line of column
+    names and the line of units, which may be repeated later in the text.
     """
 
     chosen: Chosen
@@ -71,9 +72,9 @@ class Layout(NamedTuple):
 
 
 class _Names(NamedTuple):
-    """Names of columns in a line.
+    """Names of columns that were found in a line.
 
-    `is_loose`: whether other words, or names with blanks, may be among them.
+    `is_loose`: whether other words, or parts of names with blanks, may be among the names.
     """
 
     names: list[str]
@@ -82,7 +83,7 @@ class _Names(NamedTuple):
 
 
 class _Header(NamedTuple):
-    """Names of columns, with the line that holds them and the number of this line."""
+    """Names of columns, with the line that holds the names (`text`) and the number of this line (`line`)."""
 
     line: int
     text: str
@@ -94,7 +95,8 @@ class _Header(NamedTuple):
 class LayoutFinder:
     """Examines lines one after the other until a line is a row.
 
-    `where`: file, for messages. `how`: the user's options. `sample`: returns the available lines.
+    `where`: file, for messages. `how`: the user's options. `sample`: function that returns the first lines of
+    the text, as far as they are known.
     `before`: finder of the previous header, if the text has several headers.
     `is_other`: whether the newest line is neither empty, nor a comment, nor a part of a header.
 
@@ -165,13 +167,15 @@ class LayoutFinder:
         return next(self._headers(line), None)
 
     def _headers(self, line: str) -> Iterator[_Names]:
-        """Yield the possible names of columns in a line, for each possible separator."""
+        """Yield the names of columns in a line, once for each separator by which the line may be split."""
         text = line.strip(" \r\n")  # tabs stay, since a leading tab follows a first column without a name
         for mark in COMMENTS:
             text = text.removeprefix(mark) if len(mark) > 1 else text.lstrip(mark)
         if any(mark in text for mark in "\t;,"):
             separators = [separator for separator in SEPARATORS if separator is None or separator in text]
-        else:  # " " separates nothing: the line is one name with blanks, which is likely if it ends in a unit
+        # the separator "\n" occurs in no line: then the whole line is one name with blanks, which is likely
+        # if it ends in a unit
+        else:
             separators = ["\n", None] if ONE_WITH_UNIT.fullmatch(text) else [None, "\n"]
         for separator in separators:
             names = words_with_units(text) if separator is None else split(text, separator)
@@ -180,12 +184,12 @@ class LayoutFinder:
                 and not self._wanted.by_position
                 and any(is_number(name.strip(",;")) for name in names)
             ):
-                continue  # labels with numbers, as in "gx: 1.5 gy: 0.2"
+                continue  # these are labels with numbers, as in "gx: 1.5 gy: 0.2"
             if len(names) <= MOST_COLUMNS and self._are_names(names):
                 yield _Names(names, separator, separator is None or is_comment(line))
 
     def _are_names(self, names: Sequence[str], units: Sequence[str] = ()) -> bool:
-        """Return whether the fields of a line are names that include the wanted columns."""
+        """Return whether the fields of a line are names of columns, among them all columns to read."""
         wanted = self._wanted
         if wanted.columns is None:
             has_times = wanted.time is None or wanted.time in names
@@ -220,9 +224,9 @@ class LayoutFinder:
         )
 
     def _choose_named(self, line: str) -> None:
-        """Choose the columns by the header and by the next line, which shows the number of fields."""
+        """Choose the columns by the header and by the line after it, which shows the number of fields."""
         self._thousands.check(self._where, self._sample())
-        header, self._header = self._header, None  # a header that is refused below is dropped
+        header, self._header = self._header, None  # if an error is raised below, the header is forgotten
         assert header is not None
         fields = split(line, separator_of(line))
         if 2 * sum(map(is_number, fields)) > len(fields):
@@ -293,9 +297,9 @@ class LayoutFinder:
         return _layout(chosen, separator, fields, len(fields), number)
 
     def _tag_of(self, fields: Sequence[str]) -> str | None:
-        """Return the first field if it tells the kind of the row, else "".
+        """Return the first field of a row if it tells the kind of the row, else "".
 
-        The result is None for a row of another kind than the one to read.
+        Return None for a row of a kind that is not to be read.
         """
         tag = fields[0] if fields else ""
         if len(fields) < 2 or is_number(tag) or is_missing(tag):
@@ -309,14 +313,14 @@ class LayoutFinder:
             return ""
         if (
             topic is not None and not {*topic} & {*"=/"} and topic not in fields
-        ):  # rows of this kind may come later
+        ):  # rows that begin with the sensor's name may come later
             return None
         if self._is_known(tag, kinds[tag]):
             return tag
         return None if self._has_kinds() else "" if len(kinds) == 1 else tag
 
     def _has_kinds(self) -> bool:
-        """Return whether the text is in a dialect with several kinds of rows."""
+        """Return whether the text is in a logger's dialect that has several kinds of rows."""
         kinds = self._kinds()
         if "head" in self._known or names_kinds(self._newest):
             self._known["head"] = True
@@ -324,7 +328,7 @@ class LayoutFinder:
         return any(self._is_known(kind, width) for kind, width in kinds.items())
 
     def _is_known(self, kind: str, width: int) -> bool:
-        """Return whether a dialect has rows with this first field and this number of fields."""
+        """Return whether a known dialect has rows with the first field `kind` and `width` fields."""
         at_hand = kind, width, min(len(self._sample()), MOST_BEFORE)
         if at_hand not in self._known:
             facts = self.facts(None, width, kind)
@@ -363,7 +367,7 @@ def _layout(
 
 
 def why_too_many(fields: Sequence[str], columns: int) -> str:
-    """Return the reason to refuse a row whose surplus fields hold numbers, else "".
+    """Return the reason to refuse a row that has numbers in more fields than there are columns, else "".
 
     The commas of such a row may be decimal commas.
     """
@@ -376,9 +380,9 @@ def why_too_many(fields: Sequence[str], columns: int) -> str:
 
 
 def why_no_row(chosen: Chosen, fields: Sequence[str], separator: str | None) -> str:
-    """Return why a row's fields are not readable as the needed numbers, else "".
+    """Return why the needed numbers cannot be read from a row's fields; "" if they can.
 
-    Words for missing numbers are readable.
+    Words for missing numbers, such as `nan`, can be read.
     """
     for place, name in zip(chosen.needed, chosen.read, strict=False):
         if place >= len(fields):
@@ -397,7 +401,10 @@ def why_no_row(chosen: Chosen, fields: Sequence[str], separator: str | None) -> 
 
 
 def _without_dates(chosen: Chosen, fields: Sequence[str], how: How) -> tuple[Chosen, str]:
-    """Drop the column of times if it holds words and the user did not name it; also return a warning."""
+    """Drop the column of times from the choice if it holds words and the user did not name it.
+
+    Return the choice, and a warning if the column was dropped.
+    """
     if (
         chosen.time is None
         or chosen.time >= len(fields)

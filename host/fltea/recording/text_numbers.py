@@ -20,13 +20,17 @@ from fltea.recording.text_layout import Layout, why_no_row, why_too_many
 from fltea.recording.wanted import DECIMAL_COMMA, is_missing, is_number
 
 SAMPLE_BEGINS = '0123456789+-.,;"{'
-"""First characters of a line that was meant as a sample (also `nan`), even if it has too few fields."""
+"""A line that begins with one of these characters, or with `nan`, was meant as a sample, even if it has too
+few fields.
+"""
 
 LEAST_AT_ONCE, MOST_AT_ONCE = 1 << 9, 1 << 18
 """Smallest and largest number of bytes that are read as plain rows (lines of numbers only) at a time."""
 
 MOST_LEFT_OUT = 1000
-"""Largest number of lines without a sample that are remembered, to skip them quickly when they repeat."""
+"""Largest number of different lines without a sample that are remembered, to skip them quickly when they
+repeat.
+"""
 
 REASONS = {
     "text": "is no line of numbers",
@@ -40,22 +44,25 @@ REASONS = {
     "too_large": "is beyond what a gyroscope measures; are the units right?",
     "time": "has a time that cannot be",
 }
-"""Reasons why a line holds no sample: keys of the counts in `link.bad_frames`, each with words for the user.
+"""Reasons why a line holds no sample. The keys are those of the counts in `link.bad_frames`. The values are
+words for the user.
 
 `fltea.recording.table` detects the last three when it turns rows into samples.
 """
 
 WhyNot = tuple[str, str]
-"""Why a line holds no sample: the key under which it is counted, and a text that shows the line."""
+"""Why a line holds no sample: the key in `REASONS` under which the line is counted, and a text that shows the
+line.
+"""
 
 
 class Plain(NamedTuple):
     """Result of reading lines up to the first line that is no plain row.
 
-    `next`: offset of that line; beyond the end if there is no such line. `passed`: number of lines before
-    that line. `rows`: (n,) indices of those of the passed lines that are rows; the others are blank or
-    comments. `values`: (n, columns). `goes_on`: whether only a part of the lines was read so far, and all
-    these lines were plain.
+    `next`: offset of the line that is no plain row; beyond the end of the data if there is no such line.
+    `passed`: number of lines before that line. `rows`: (n,) indices of the rows among these lines; the other
+    lines are blank or comments. `values`: (n, columns), numbers in the rows. `goes_on`: whether only a part
+    of the data was read so far, and all lines in this part were plain.
     """
 
     next: int
@@ -66,7 +73,7 @@ class Plain(NamedTuple):
 
 
 class RowParser:
-    """Reads the lines of one layout.
+    """Reads lines as rows of numbers by one layout.
 
     After the first number with a decimal comma or a decimal point, all numbers have to use the same decimal
     sign.
@@ -81,14 +88,15 @@ class RowParser:
     def plain(self, data: bytes, begin: int = 0) -> Plain:
         """Read the lines from byte `begin` on, as far as they are plain rows.
 
-        The last line has no line feed.
+        The last line in `data` has no line feed.
         """
         layout = self.layout
         if layout.parse is not None:
             return self._plain_named(data, begin)
         form = layout.separator or "\0", layout.least, layout.most, layout.chosen.places
         stop = end_of_line(data, begin + self._window) if begin + self._window < len(data) else len(data)
-        # memory is reserved for all lines of this part, so the part is short if few lines are plain
+        # plain_rows reserves memory for all lines of `part`, so `part` is short as long as few lines are
+        # plain
         part = data[begin:stop]
         after, passed, decimal, rows, values = plain_rows(part, 0, *form, self._decimal or "\0")
         self._decimal = decimal.strip("\0")
@@ -97,11 +105,11 @@ class RowParser:
         return Plain(begin + after, passed, rows, values, goes_on and stop < len(data))
 
     def left_out(self, line: bytes) -> WhyNot | None:
-        """Return the reason if the same line was left out before; else None."""
+        """Return why the same line was left out before; None if it was not."""
         return self._left_out.get(line)
 
     def leave_out(self, line: bytes, why: WhyNot) -> None:
-        """Remember a line that holds no sample and names no columns."""
+        """Remember why a line holds no sample. The line must not name columns."""
         if len(self._left_out) < MOST_LEFT_OUT:
             self._left_out[line] = why
 
@@ -121,7 +129,7 @@ class RowParser:
         return Plain(begin, passed, np.array(rows, np.int64), np.array(values))
 
     def one(self, text: str) -> list[float] | WhyNot | None:
-        """Return the numbers in a line, or why it holds no sample; None for an empty line or a comment."""
+        """Return the numbers in a line, or why the line holds no sample; None if it is empty or a comment."""
         layout = self.layout
         if layout.parse is not None:
             return None if self._is_empty(text) else _of_named(layout, layout.parse, text)
@@ -155,7 +163,7 @@ class RowParser:
             return "number", why
         fields += [""] * (
             max(layout.chosen.places) + 1 - len(fields)
-        )  # fields of the accelerometer may be missing
+        )  # a row may lack the fields of the accelerometer
         chosen = [fields[place].strip().strip('"').strip() for place in layout.chosen.places]
         if layout.separator != ",":
             self._note_decimal(chosen[: len(layout.chosen.needed)])
@@ -194,7 +202,7 @@ def _of_named(
     chosen = layout.chosen
     names = chosen.read[: len(chosen.needed)]
     if lacking := [name for name in names if name not in found]:
-        # a line without the needed labels is no error, since boards write other quantities on separate lines
+        # a line without any needed label is skipped, since boards write other quantities on separate lines
         if parse is values_in:
             return (
                 None if len(lacking) == len(names) else ("fields", f"has no number for {shown(lacking[0])}.")
@@ -218,7 +226,7 @@ def end_of_line(data: bytes, begin: int) -> int:
 def decoded(line: bytes) -> str:
     """Return a line as text, read as UTF-8 or, if it is not, in the Windows encoding.
 
-    Units have signs beyond ASCII.
+    The encoding matters since units have signs beyond ASCII.
     """
     try:
         return line.decode()

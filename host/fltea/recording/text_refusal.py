@@ -1,4 +1,4 @@
-"""Explains why a text holds no readable row, and asks the user for the facts that would make it readable."""
+"""Explains why no row of a text can be read, and asks the user for the facts that are needed to read rows."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
@@ -24,10 +24,12 @@ from fltea.records.errors import UsageError
 from fltea.settings.how import How
 
 MOST_TABLES = 4
-"""Largest number of kinds of rows that the message shows."""
+"""Largest number of kinds of rows of which the message shows the columns."""
 
 FactsOf = Callable[[Sequence[str] | None, int, str], Facts]
-"""Function that returns what is known of a file, from column names, number of columns, and first field."""
+"""Function that returns what is known of a file. Its arguments are the names of the columns, the number of
+columns, and the first field of the rows.
+"""
 
 NamesAbove = tuple[int | None, list[str] | None, list[str] | None]
 
@@ -37,7 +39,7 @@ def refusal(
 ) -> UsageError:
     """Return the error that says why none of the first lines is a row.
 
-    `kinds`: first field of each kind of rows.
+    `kinds`: number of fields of each kind of rows, by the first field of the rows.
     """
     wanted = wanted_of(how)
     has_numbers = any(is_number(field) for line in lines for field in bare_fields(line))
@@ -65,7 +67,7 @@ def refusal(
 def _choose_row(
     where: str, how: How, row: str, lines: Sequence[str], kinds: Mapping[str, int], facts: FactsOf
 ) -> None:
-    """Choose the columns of a row, which raises an error that asks the user for the missing facts."""
+    """Choose the columns of a row. This raises an error that asks the user for the missing facts."""
     fields = split(row, separator_of(row))
     if len(kinds) > 1 and fields[0] in kinds and how.topic is None:
         raise _which_rows(where, how, lines, kinds)
@@ -76,7 +78,7 @@ def _choose_row(
 
 
 def _which_rows(where: str, how: How, lines: Sequence[str], kinds: Mapping[str, int]) -> UsageError:
-    """Return the question that asks which of several kinds of rows to read, and shows the columns of each."""
+    """Return the error that asks which of several kinds of rows to read, and shows what each kind holds."""
     tables = [
         f"Rows that begin with {kind}. {columns_table(None, sample_of(lines, None, width, kind))}"
         for kind, width in list(kinds.items())[:MOST_TABLES]
@@ -93,13 +95,13 @@ def _which_rows(where: str, how: How, lines: Sequence[str], kinds: Mapping[str, 
 
 
 def names_above(lines: Iterable[tuple[int, str]], width: int) -> NamesAbove:
-    """Return the nearest header above rows of `width` fields: its line number, names, and units."""
+    """Return the nearest header above rows of `width` fields: number of the line, names, and units."""
     units = None
     for number, line in reversed([*lines]):
         found = bare_fields(line)
         if len(found) != width or all_numbers(line) or is_number(found[0]) or WRONG_SUM in found:
             continue
-        # such a line is a statement in words and not a list of names
+        # such a line states a rate or a unit in words, and is no list of names
         if separator_of(line) is None and any(stated_in(line)):
             continue
         if units is None and units_in(line) is not None:

@@ -30,31 +30,35 @@ from fltea.records.errors import UsageError
 from fltea.settings.how import How
 
 SAMPLE_LINES, SAMPLE_BYTES = 2000, 1 << 18
-"""Number of a text's first lines, and of their bytes, that are kept to find out what the columns hold."""
+"""Largest number of a text's first lines, and of bytes taken from one piece of the text, that are kept to
+find out what the columns hold.
+"""
 
 ONE_DOCUMENT = re.compile(rb'\s*(?:\[\s*[\[{]|\{\s*\n|\{\s*"[^"]*"\s*:\s*(?:\[\s*["\[{]|\{\s*"0"))')
-"""Matches the beginning of a JSON document that is no list of lines: an array, an object over several lines,
-or columns as pandas writes them.
+"""Matches the beginning of a JSON document that cannot be read line by line. Such a document is an array, an
+object over several lines, or columns as pandas writes them.
 """
 
 MOST_CHECKS, MOST_HEADERS = 200, 64
-"""Largest number of lines of a block that are examined as headers, and of different headers in a file."""
+"""Largest number of lines in a block that are examined whether they are headers, and largest number of
+different headers in a file.
+"""
 
 NO_NAME = "0123456789+-."
 """Characters with which a line of names cannot begin."""
 
 
 class TextReader:
-    """Converts bytes to rows. `where`: file, for messages. `how`: the user's options on columns.
+    """Converts bytes of a text to rows. `where`: file, for messages. `how`: the user's options on columns.
 
     `head`: lines from elsewhere that describe the rows.
-    `bad`: the lines without a sample.
+    `bad`: counts of the lines without a sample.
     `cut`: warning about a last line that is incomplete and left out, or None.
-    `lines`: number of lines so far. `notes`: warnings about the columns.
-    `chosen`: the columns that are read; None until a line determines them, and unchanged afterwards.
+    `lines`: number of lines that were read so far. `notes`: warnings about the columns.
+    `chosen`: the columns that are read. None until a line determines the columns, and unchanged afterwards.
 
     Raises:
-        UsageError: `how` is wrong.
+        UsageError: the options in `how` are impossible.
     """
 
     def __init__(self, where: str, how: How, head: Sequence[str] = ()) -> None:
@@ -71,7 +75,8 @@ class TextReader:
         self._finder = LayoutFinder(where, how, lambda: self._sample)
         self._finder.head += head
         self._parser: RowParser | None = None
-        # layout for each line of names; None if the columns do not fit those of the first
+        # layout below each line of column names; None if these columns do not fit those of the first such
+        # line
         self._layouts: dict[str, Layout | None] = {}
         self._checks = 0
         self._sensors = SensorLines(where, how)
@@ -80,18 +85,18 @@ class TextReader:
     def layout(self) -> Layout | None:
         """Layout by which rows are read.
 
-        It is None until a line determines it, and while another header is examined.
+        The layout is None until a line determines it, and while another header is examined.
         """
         return None if self._parser is None else self._parser.layout
 
     @property
     def left_out(self) -> int:
-        """Number of lines without a sample, counted from the line that made the columns known."""
+        """Number of lines without a sample after the line that made the columns known."""
         return self.bad.left_out
 
     @property
     def pending_bytes(self) -> int:
-        """Number of bytes of a line that has not ended yet."""
+        """Number of bytes that were received of a line that has not ended yet."""
         return self._buffer.pending_bytes
 
     def resume(self, *, within_line: bool) -> None:
@@ -102,7 +107,7 @@ class TextReader:
         self._buffer.resume(within_line=within_line)
 
     def with_columns(self, error: UsageError) -> UsageError:
-        """Return the error with a table that shows what the first rows hold."""
+        """Return the same error with a table of what the first rows hold."""
         chosen = self.chosen
         if chosen is None:
             return error
@@ -130,7 +135,7 @@ class TextReader:
         return UsageError(f"{self._where}:{first.line}: {first.why}")
 
     def feed(self, data: bytes) -> list[Rows]:
-        """Take the next bytes; return the rows in all lines that end in these bytes.
+        """Take the next bytes of the text; return the rows in all lines that end in these bytes.
 
         Raises:
             UsageError: the first line that names the columns leaves the choice among them ambiguous.
@@ -147,7 +152,7 @@ class TextReader:
         return found
 
     def finish(self) -> list[Rows]:
-        """Return the remaining rows at the end of the text; its last line may lack a line end."""
+        """Return the remaining rows at the end of the text. The last line may lack a line end."""
         return self._sensors.in_turn(self._finish()) + self._sensors.finish()
 
     def _finish(self) -> list[Rows]:
@@ -203,7 +208,7 @@ class TextReader:
         return _by_run(pieces)
 
     def _find(self, data: bytes, begin: int) -> int | None:
-        """Find the first row after a header; return its offset, or None if there is none."""
+        """Find the first row after a header; return the offset of the row, or None if there is none."""
         while begin <= len(data):
             if self.chosen is None and self.lines >= self.most_before:
                 raise self.refusal()
@@ -237,7 +242,8 @@ class TextReader:
                 self._finder = self._new_finder()
             elif self._finder.is_other:
                 reason, what = "before_header", "came before the columns"
-                if self.chosen is not None:  # a header is incomplete or does not fit its rows
+                # the header before this line is incomplete or does not fit its rows
+                if self.chosen is not None:
                     reason, what = "fields", "does not fit the header before it"
                 self.bad.add(self.lines, reason, f"{what}: {shown(text)}")
             begin = end + 1
@@ -269,7 +275,7 @@ class TextReader:
         return self._parser
 
     def _read(self, parser: RowParser, data: bytes, begin: int, pieces: list[Rows]) -> int | None:
-        """Read rows up to another header; return its offset, or None at the end of the data."""
+        """Read rows up to another header; return the header's offset, or None if the data end first."""
         is_plain = is_first = (
             True  # after two lines without a row, lines are read one by one until a row comes
         )
@@ -318,7 +324,7 @@ class TextReader:
         self.bad.add(self.lines, *why)
 
     def _names_again(self, parser: RowParser, line: str, data: bytes, begin: int, end: int) -> RowParser:
-        """Handle a repeated line of names or units; return the parser to use for the following rows."""
+        """Handle a line of column names or units that occurs again; return the parser for the next rows."""
         known = self._layouts.get(line)
         if known is not None:
             again = data.find(data[begin:end], end)
@@ -338,7 +344,7 @@ class TextReader:
     def _is_header(self, parser: RowParser, text: str) -> bool:
         """Return whether a line in the middle of a text names columns again.
 
-        Only a limited number of lines is examined, since this is slow.
+        Only a limited number of lines is examined, since the examination is slow.
         """
         might_be = parser.layout.parse is None and text.lstrip()[:1] not in NO_NAME
         if not might_be or not self._checks or len(self._layouts) >= MOST_HEADERS:

@@ -34,12 +34,12 @@ _CLOCK = re.compile(
     r"(?:([.:])(\d+)|,(\d+)(?=[;\t\"]|\s*->|[ ]+[-+\d]))?"
     r"(?:\s?([AaPp])\.?[Mm]\b\.?)?(?:\s?(Z|UTC|GMT|[+-]\d\d:?\d\d)(?![\d:]))?|(?<=:\d\d)([.,])(\d+))(?![\w:])"
 )
-"""Matches a time of day from its first colon on. The last two groups match minutes and seconds as in
-Excel.
+"""Matches a time of day from its first colon on. The last two groups match the fraction of seconds in times
+of the form `59:30.5`, minutes and seconds, as Excel writes them.
 """
 
 _SECONDS = re.compile(r"\s*(\d+)(?:[.,](\d+))?\s*")
-"""Matches a time that was converted to seconds."""
+"""Matches a time that `Clocks` has converted to seconds."""
 
 _MINUTES = re.compile(r"(?<![\w:.])\d{1,3}$")
 
@@ -52,10 +52,12 @@ _DECIMAL_COMMAS = re.compile(r"[;\t][-+ ]*\d+,\d")
 _ARROW = re.compile(r"^(\d+(?:[.,]\d+)?) -> ?([^\n]*)", re.M)
 
 _LAST = re.compile(r"^[^\n]*?(\d\d?:\d\d?:\d\d?)([.:])(\d+)(?![\d:])", re.M)
-"""Matches the first time of day in a line: its seconds, and the digits after them."""
+"""Matches the first time of day in a line. The groups are the time to whole seconds, the sign after it, and
+the digits after this sign.
+"""
 
 _ENOUGH = 1 << 14
-"""Number of characters that are examined to find how fractions of seconds are written."""
+"""Number of characters of a block that are examined to find how fractions of seconds are written."""
 
 
 class Clocks:
@@ -100,9 +102,9 @@ class Clocks:
     def _examine(self, text: str) -> None:
         """Find out how fractions of seconds are written.
 
-        Milliseconds without leading zeros have one to three digits and never begin with a zero. If they were
-        read as fractions, they would end in zeros or decrease within a second. Programs that write fractions
-        of several lengths drop final zeros.
+        Milliseconds without leading zeros have one to three digits and never begin with a zero. If these
+        digits were read as fractions, they would end in zeros or decrease within a second. True fractions of
+        different lengths never end in zeros, since programs that write them drop final zeros.
         """
         for clock, sign, digits in _LAST.findall(text):
             if sign == ":":
@@ -120,7 +122,10 @@ class Clocks:
                 self._last = clock, digits
 
     def _seconds(self, found: re.Match[str], before: str, mark: str) -> tuple[int, str] | None:
-        """Return the index in `before` at which a time begins, and the time in seconds, or None."""
+        """Return the index in `before` at which a time begins, and this time in seconds.
+
+        Return None if it is no time.
+        """
         m, s, sign, digits, behind_comma, half, zone, _, fraction = found.groups()
         if s is None:
             minutes = _MINUTES.search(before)
@@ -149,9 +154,11 @@ def with_seconds(text: str) -> str:
 
 
 def points_of_time(texts: Sequence[str | None], *, is_known: bool = False) -> NDArray[np.datetime64] | None:
-    """Return a column of dates or times of day, continued after midnight; None if it is no such column.
+    """Return the times in a column of dates or times of day; None if it is no such column.
 
-    `is_known`: the column is known to hold times, and other texts count as missing.
+    Times of day continue after midnight.
+
+    `is_known`: whether the column is known to hold times. If so, texts that are no times count as missing.
     """
     plain = ["" if text is None or is_missing(text) else text.replace("\n", " ") for text in texts]
     if not is_known and ":" not in next(filter(None, plain), ""):
@@ -178,9 +185,10 @@ def points_of_time(texts: Sequence[str | None], *, is_known: bool = False) -> ND
 class _DayMonth:
     """Order of day and month in dates such as 03/05/2023, the same for a whole text.
 
-    A number above 12 shows the order. Otherwise the next date shows it, since successive dates are near each
-    other. Until the order is known, the month is taken as first. If this proves wrong, later dates are
-    shifted so that they continue the earlier ones, since only steps between dates are used.
+    A number above 12 shows the order. Otherwise the next different date shows the order, since successive
+    dates are near each other. Until the order is known, the month is taken to stand first. If this proves
+    wrong, later dates are shifted so that they continue the earlier dates. The shift does no harm, since only
+    steps between dates are used.
     """
 
     def __init__(self) -> None:
@@ -189,7 +197,7 @@ class _DayMonth:
         self._newest: tuple[int, int] | None = None
 
     def days(self, month_first: int | None, day_first: int | None) -> int | None:
-        """Return a date's days since 1970, given for both orders of day and month, or None."""
+        """Return the days from 1970 to a date, or None. The arguments are these days by both orders."""
         newest = self._newest
         if self._is_day_first is None and (month_first is None or day_first is None):
             self._is_day_first = month_first is None
@@ -206,10 +214,11 @@ class _DayMonth:
 
 
 class _Hour(NamedTuple):
-    """A date and an hour.
+    """A date and an hour, as they stand before the minutes in a text.
 
-    `begin`: index in the text at which they begin. `days`: days since 1970, with the month first and with the
-    day first. `is_either`: whether both orders are possible.
+    `begin`: index in the text at which the date begins. `days`: days from 1970 to the date, if the month
+    stands first and if the day stands first; None if there is no such date. `is_either`: whether both orders
+    are possible.
     """
 
     begin: int
@@ -241,7 +250,7 @@ def _hour(before: str) -> _Hour | None:
 
 
 def _day(year: str, month: str, day: str) -> int | None:
-    """Return the days since 1970 of a date; None if there is no such date."""
+    """Return the days from 1970 to a date; None if there is no such date."""
     try:
         return (
             date(int(year if len(year) == 4 else f"20{year}"), int(month), int(day)) - date(1970, 1, 1)
@@ -251,7 +260,7 @@ def _day(year: str, month: str, day: str) -> int | None:
 
 
 def _before_line(found: re.Match[str]) -> str:
-    """Return the line with the time before it as one more column.
+    """Return a line after an arrow, with the time before the arrow as one more column.
 
     The time has the form of the line: a number, a labelled number, or the name `time` among names.
     """

@@ -23,7 +23,9 @@ from fltea.records.errors import UsageError
 from fltea.settings.how import TimeUnit
 
 POSSIBLE_HZ = 2.0, 50_000.0
-"""Range of accepted rates for times with a stated unit [Hz]; outside it, the unit is likely wrong."""
+"""Range of sampling rates that are accepted from times with a stated unit [Hz]. A rate outside this range
+suggests that the stated unit is wrong.
+"""
 
 LEAST_HZ = 0.01
 """Lowest rate that the user may give without --overrule [Hz]; lower rates are likely mistakes."""
@@ -33,10 +35,10 @@ LIKE_MEAN = 1.5
 
 
 class Timing(NamedTuple):
-    """How rows are numbered and timed.
+    """How rows get sample numbers and times.
 
-    `period`: sampling period in the unit of the column; None: rows are numbered by their order. `unit_s`:
-    unit of the column [s].
+    `period`: sampling period in the unit of the column of times. None if rows are numbered by their order
+    instead of by times. `unit_s`: length of the column's unit [s].
     `warning`: warning for the user, or "". `answers`: answers about the clock. `is_rounded`: whether the
     times are rounded to a large part of the period.
     """
@@ -56,14 +58,14 @@ def timing(
     elapsed: Elapsed,
     place: Callable[[int], str] = str,
 ) -> Timing:
-    """Return the sampling rate of rows, and how they are numbered.
+    """Return the sampling rate of rows, and how the rows are numbered.
 
     `where`: file, for messages. `elapsed`: converter of the times from which `clock` was measured. `place`:
     function that returns the position of a row in words, for messages.
 
     Raises:
-        UsageError: no rate is given and the times tell none, or their rate contradicts the given or stated
-            rate.
+        UsageError: no rate is given and the times tell none, or the rate by the times contradicts the rate
+            that the user gives or the file states.
     """
     where_column = f"{where}: column '{column.name}'"
     if column.is_given and column.rate_hz is not None:
@@ -130,7 +132,7 @@ def _clock_answer(column: TimeColumn, elapsed: Elapsed, rate_hz: float) -> Answe
 def _uneven(
     where: str, column: TimeColumn, clock: Clock, elapsed: Elapsed, place: Callable[[int], str]
 ) -> NotStated:
-    """Return the question for the rate, which explains why the times are not from a sensor's clock."""
+    """Return the error that asks for the rate, and says why the times are not from a sensor's clock."""
     name, shown, unit_s = column.name, column.unit or "s", SECONDS[column.unit or "s"]
     first = "" if elapsed.first is None else place(elapsed.first).removeprefix(where).strip(": ")
     at = f", the first in {f'line {first}' if first.isdigit() else first}" if first else ""
@@ -183,7 +185,7 @@ def _uneven(
 
 
 def _turns(where: str, name: str, count: int, at: str, mean: str) -> NotStated:
-    """Return the question whether times that each stand in `count` rows are from `count` sensors."""
+    """Return the error that asks whether times that each stand in `count` rows are from `count` sensors."""
     what = f"whether {count} sensors take turns, or the clock is coarser than the samples"
     table = [
         f"Each time in '{name}' stands {count} times{at}:",
@@ -194,7 +196,7 @@ def _turns(where: str, name: str, count: int, at: str, mean: str) -> NotStated:
 
 
 def _mean(column: TimeColumn, rate_hz: float) -> str:
-    """Return a remark on the mean rate of uneven times, which is no evidence of the sampling rate."""
+    """Return a remark on the mean rate of uneven times. Such a rate is no evidence of the sampling rate."""
     if column.unit is None and not _is_within(PLAUSIBLE_HZ, rate_hz):
         return "the times tell no rate"
     return f"in the mean these times give {rate_hz:.4g} Hz, which is wrong if rows are missing"
@@ -205,7 +207,7 @@ def _is_coarse(elapsed: Elapsed) -> bool:
 
 
 def _mean_hz(clock: Clock, elapsed: Elapsed, unit_s: float) -> float:
-    """Return the mean rate [Hz] between the first and the last time."""
+    """Return the mean rate of rows between the first and the last time [Hz]."""
     steps, span = (elapsed.rows, clock.median) if _is_coarse(elapsed) else (elapsed.rows - 1, 0.0)
     return steps / (elapsed.span + span) / unit_s if elapsed.span > 0 else math.nan
 
@@ -240,7 +242,7 @@ def _with_rate(
     if clock is None:
         return Timing(rate_hz, None)
     if unit is not None and clock.even and not _is_within(POSSIBLE_HZ, 1 / (clock.typical * SECONDS[unit])):
-        unit = None  # the stated unit is impossible
+        unit = None  # the rate by the stated unit is impossible, so the unit is ignored
     own_s = 1 / (rate_hz * clock.typical) if clock.typical > 0 else 1.0
     by_times = Timing(rate_hz, clock.typical, own_s, is_rounded=clock.is_rounded)
     nearest = math.nan

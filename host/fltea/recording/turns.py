@@ -1,4 +1,4 @@
-"""Selects the rows of one of several sensors whose rows alternate, if no column distinguishes the sensors."""
+"""Selects the rows of one of several sensors whose rows alternate and no column tells them apart."""
 
 import numpy as np
 
@@ -6,8 +6,8 @@ from fltea.recording.sample_times import SAME_TIME, Floats, Ints, Marks
 from fltea.recording.table import Rows, joined
 
 LOOKED_AT, STEADY = 8, 0.2
-"""Number of rounds (one row of each sensor) in which the steps of time between sensors are measured, and
-relative tolerance of a step.
+"""Number of rounds (one row of each sensor) in which the steps of time from sensor to sensor are measured,
+and largest deviation of a step from the measured one, as a fraction of the shortest measured step.
 """
 
 
@@ -16,10 +16,10 @@ class Turns:
 
     `which`: index of the sensor, from 0. `count`: number of sensors. `time`: column of times, or None.
 
-    If rows share times, there is one row of each sensor at each time, in a fixed order. If rows are missing
-    at a time, all rows at that time are left out, since it is unknown which sensor is missing. If all times
-    differ, the steps between them show which sensor's row is missing. Without times, the order of the rows
-    decides.
+    If several rows have the same time, there is one row of each sensor at each time, in a fixed order. If a
+    row is missing at a time, all rows at that time are left out, since it is unknown which sensor's row is
+    missing. If all times differ, the steps between times show which sensor's row is missing. Without times,
+    the order of the rows decides.
     """
 
     def __init__(self, which: int, count: int, time: int | None) -> None:
@@ -31,7 +31,7 @@ class Turns:
         self._ordinal = 0
 
     def take(self, rows: Rows) -> list[Rows]:
-        """Return the sensor's rows among the rows held back and `rows`; hold the last few rows back again."""
+        """Return the sensor's rows among `rows` and those held back so far; hold the last few rows back."""
         found = self.finish() if rows.begins else []
         self._held.append(rows)
         if self._time is not None and sum(len(one.values) for one in self._held) < LOOKED_AT * self._count:
@@ -60,7 +60,7 @@ class Turns:
             ours = self._turn_of(time) == self._which
         else:
             edges = np.flatnonzero(~same) + 1
-            if not is_last:  # more rows with the same time as the last one may still come
+            if not is_last:  # more rows with the same time as the last row may still come
                 end = int(edges[-1]) if len(edges) else 0
                 self._held = [Rows(numbers[end:], values[end:], ordinal[end:], begins and not end)]
                 numbers, values, edges = numbers[:end], values[:end], edges[:-1]
@@ -69,7 +69,7 @@ class Turns:
         return _some(numbers[ours], values[ours], np.arange(first, self._ordinal), begins)
 
     def _of_groups(self, rows: int, edges: Ints) -> Marks:
-        """Mark the sensor's row in each complete group of rows with equal times.
+        """Mark the row of the sensor to read in each complete group of rows with equal times.
 
         Groups begin at row 0 and at `edges`.
         """
@@ -82,9 +82,9 @@ class Turns:
         return ours
 
     def _turn_of(self, time: Floats) -> Ints:
-        """Return for each row the index of its sensor, which the steps between times show."""
+        """Return for each row the index of its sensor. The steps between times show the sensor."""
         if self._steps is None:
-            # the median over few rounds is taken, since later rounds are shifted if a row is missing
+            # the median is over few rounds, since all rounds after a missing row are shifted by a sensor
             rounds = min(len(time[1:]) // self._count, LOOKED_AT)
             steps = np.diff(time[: 1 + rounds * self._count])
             self._steps = np.nanmedian(steps.reshape(-1, self._count), axis=0)
@@ -107,7 +107,7 @@ class Turns:
     def _after(self, turn: int, step: float) -> int:
         """Return the index of the sensor whose row follows a row of sensor `turn` after a step of time.
 
-        Rows in between may be missing.
+        Rows of the sensors between these two may be missing.
         """
         assert self._steps is not None
         around = float(self._steps.sum())

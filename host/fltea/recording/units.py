@@ -1,7 +1,7 @@
 """Reads units as people write them, by a grammar: units of angle per time, of acceleration and of time.
 
-Blanks, brackets, multiplication signs and capitals make no difference, since no logger writes megaradians.
-Ambiguous words are not accepted: `rps` is revolutions or radians per second.
+Blanks, brackets and multiplication signs make no difference. Capitals make none either, since no logger
+writes megaradians. Ambiguous words are not accepted: `rps` is revolutions or radians per second.
 """
 
 import math
@@ -15,7 +15,7 @@ from fltea.settings.how import TimeUnit
 
 
 def _spelled(forms: dict[str, str]) -> dict[str, str]:
-    """Return a mapping from each word to its meaning, given a text of all words for each meaning."""
+    """Return a mapping from each word to its meaning. `words` are all words for a meaning, in one text."""
     return {word: meaning for meaning, words in forms.items() for word in words.split()}
 
 
@@ -29,7 +29,7 @@ PER_UNIT = {
     for prefix, scale in _PREFIXES.items()
     for time, seconds in _TIMES.items()
 }
-"""Factor to deg/s for each unit of angular rates, by the name that the program gives to the unit."""
+"""Size of each unit of angular rates in deg/s, by the name that the program gives to the unit."""
 
 UNITS_HELP = "deg/s, °/s, dps, mdps, rad/s, mrad/s, deg/h, rpm, or lsb:N for counts, N LSB per deg/s"
 ACCEL_UNITS_HELP = "m/s^2, cm/s^2, mm/s^2, g, mg, or lsb:N for counts, N LSB per g"
@@ -52,7 +52,7 @@ _OF_FREE_FALL = {
     "gal": 1e-2,
 }
 _RATES_IN_ONE = {"rads": "rad/s", "rpm": "rev/min", "r/min": "rev/min"}
-"""Units of rates that are written as one word, without a sign between angle and time."""
+"""Units of angular rates in spellings to which the general rule, an angle per time, does not apply."""
 
 TIME_UNITS: Mapping[str, TimeUnit] = {
     **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"),
@@ -66,12 +66,14 @@ _LONG_TIMES_S = {"min": 60.0, "h": 3600.0, "d": 86_400.0}
 _DAYS = dict.fromkeys(("d", "day", "days"), "d")
 
 AMBIGUOUS = ("rads",)
-"""Words that mean radians per second or just radians. They are clear as the unit of a gyroscope, and
-ambiguous as that of a column x.
+"""Words that mean radians per second or just radians. The words are clear as the unit of a column that is
+known to be a gyroscope's, and ambiguous as the unit of a column `x`.
 """
 
 _OF_COUNTS = "- 1 lsb lsbs count counts raw adc digit digits bit bits tick ticks no_units unitless"
-"""Words that mean no physical unit, but counts of a sensor's register or numbers without a dimension."""
+"""Words that stand where a unit is expected, but mean counts of a sensor's register or numbers without a
+dimension.
+"""
 
 _OTHERS = (
     "% percent c °c degc deg_c celsius °f degf k kelvin v mv uv ma hz khz pa hpa kpa mbar bar psi mm cm m km"
@@ -99,10 +101,12 @@ _SIGNS = str.maketrans(
         "â": "",
     }
 )
-"""Other spellings of signs. The letter "â" stands before "°" if UTF-8 was read in the Windows encoding."""
+"""Signs in units by their other spellings. The letter "â" is dropped, since it stands before a sign if UTF-8
+was read in the Windows encoding.
+"""
 
 LONGEST_UNIT = 40
-"""Longest unit [characters]; longer texts are not units."""
+"""Longest unit [characters]. A longer text is not examined as a unit."""
 
 _ANY_TIME = "|".join(_TIME_WORDS)
 _RATE = re.compile(
@@ -138,7 +142,7 @@ def _rate(text: str) -> str | None:
 
 
 def parse_units(text: str) -> tuple[float, float | None]:
-    """Return the factor from a unit to deg/s, and for counts the number of counts in 1 deg/s, else None.
+    """Return the size of a unit in deg/s and None; for counts, 1 and the number of counts in 1 deg/s.
 
     Raises:
         UsageError: the unit is unknown.
@@ -149,7 +153,7 @@ def parse_units(text: str) -> tuple[float, float | None]:
 
 
 def accel_unit(text: str) -> float | None:
-    """Return the factor from a unit of acceleration to m/s²; None if the text is no such unit."""
+    """Return the size of a unit of acceleration in m/s²; None if the text is no such unit."""
     return _accel(text) if len(text) <= LONGEST_UNIT else None
 
 
@@ -164,7 +168,7 @@ def _accel(text: str) -> float | None:
 
 
 def parse_accel_unit(text: str) -> tuple[float, float | None]:
-    """Return the factor from a unit to m/s², and for counts the number of counts in 1 g, else None.
+    """Return the size of a unit of acceleration in m/s². For counts, also return the number in 1 g.
 
     Raises:
         UsageError: the unit is unknown.
@@ -181,9 +185,9 @@ def time_unit(text: str) -> TimeUnit | None:
 
 
 def time_scale(text: str) -> tuple[TimeUnit, float] | None:
-    """Return the unit of times that a text means, and the multiple of it that 1 stands for; or None.
+    """Return the unit of times that a text means, and how many of this unit the number 1 means.
 
-    Minutes, hours and days are multiples of s.
+    Minutes, hours and days are given as multiples of s. Return None if the text is no unit of time.
     """
     bare = _bare(text[: LONGEST_UNIT + 1])
     if (unit := TIME_UNITS.get(bare)) is not None:
@@ -193,7 +197,7 @@ def time_scale(text: str) -> tuple[TimeUnit, float] | None:
 
 
 def is_angle(text: str) -> bool:
-    """Return whether a text is a unit of angles, which rates cannot have."""
+    """Return whether a text is a unit of angles. Such a unit is not one of angular rates."""
     return len(text) <= LONGEST_UNIT and _angle(_bare(text)) is not None
 
 
@@ -215,7 +219,7 @@ def is_physical(text: str) -> bool:
 
 
 def _bare(text: str) -> str:
-    """Return a unit in small letters, with each sign in one spelling."""
+    """Return a unit in small letters, with only one spelling of each sign."""
     return " ".join(text.strip().strip('"').lower().translate(_SIGNS).rstrip(".").split())
 
 

@@ -1,4 +1,4 @@
-"""Gives the columns that the user names, and tests what a field of a text holds."""
+"""Holds the columns that the user names by options, and tests what a field of a text holds."""
 
 import re
 from collections.abc import Sequence
@@ -21,8 +21,8 @@ MISSING = ("", "nan", "-nan", "+nan", "na", "n/a", "null", "none")
 class Wanted(NamedTuple):
     """The columns that the user names.
 
-    `columns`: names of the axes' columns; None: these are chosen by their names or by the dialect. `time`:
-    name of the column of times.
+    `columns`: names of the axes' columns. None if the user names none; then their names or the dialect
+    decide. `time`: name of the column of times, or None.
     """
 
     columns: list[str] | None
@@ -30,12 +30,12 @@ class Wanted(NamedTuple):
 
     @property
     def names(self) -> list[str]:
-        """All names that the user gives."""
+        """All names of columns that the user gives."""
         return [*(self.columns or ()), *([] if self.time is None else [self.time])]
 
     @property
     def by_position(self) -> bool:
-        """Whether the names are positions of columns, from 1."""
+        """Whether the user gives positions of columns, counted from 1, instead of names."""
         return self.columns is not None and all(map(_is_position, self.names))
 
     def is_in(self, header: Sequence[str]) -> bool:
@@ -45,8 +45,8 @@ class Wanted(NamedTuple):
     def is_at(self, fields: Sequence[str]) -> bool:
         """Return whether a line in a text without a header is a row.
 
-        Numbers have to stand at the positions that the user names, or in as many fields as the user names
-        axes.
+        If the user gives positions, numbers have to stand there. If the user gives only names of axes, the
+        line must consist of as many numbers as there are names.
         """
         if self.by_position:
             found = [fields[p - 1] for p in map(int, self.names) if p <= len(fields)]
@@ -61,7 +61,7 @@ class Wanted(NamedTuple):
     def lacking(self, header: Sequence[str] | None, line: str = "") -> str:
         """Return a text that says which of the user's columns a header lacks.
 
-        `line`: position of the missing header, for the text.
+        `line`: words to add to "no header" in the text.
         """
         lacking = [name for name in self.names if header is None or name not in header]
         has = f"no header{line}" if header is None else listed(header)

@@ -13,7 +13,8 @@ from fltea.recording.units import accel_unit, parse_accel_unit
 from fltea.records.errors import UsageError
 
 Accelerometer = tuple[tuple[int, ...], float]
-"""Columns of the axes x, y, z, empty if none are read; and the unit of these columns [m/s²]."""
+"""Columns of the axes x, y, z, empty if no accelerometer is read, and the size of these columns' unit [m/s²].
+"""
 
 
 def choose_accelerometer(choice: Choice, taken: set[int | None]) -> Accelerometer:

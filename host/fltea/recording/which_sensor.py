@@ -20,9 +20,9 @@ MOST_SHOWN, MOST_FIGURES = 8, 6
 
 
 def choose_sensor(choice: Choice, tag: str, gyro: Sequence[int]) -> tuple[int, str | None] | None:
-    """Find the column that distinguishes sensors, and the sensor to read.
+    """Find the column that distinguishes sensors, and the sensor to read; None if there is no such column.
 
-    Later questions about the file use only the rows of this sensor.
+    All later decisions about the file use only the first rows of the sensor to read.
 
     `tag`: first field of the rows, in files with rows of several kinds. `gyro`: columns of the axes.
 
@@ -80,7 +80,7 @@ def _read(choice: Choice, place: int, value: str, column: str) -> tuple[int, str
 
 
 def _place_of(choice: Choice, column: str) -> int | None:
-    """Return the column that the user names by label, name, or position from 1; None if there is none."""
+    """Return the column that the user names by label, name, or position from 1; None if it does not exist."""
     for known in (choice.labels, choice.names):
         if column in known:
             return known.index(column)
@@ -106,7 +106,7 @@ def _named(choice: Choice) -> list[int]:
 
 
 def _counts(choice: Choice, place: int) -> bool:
-    """Return whether the values in a column are those of a counter and not names of sensors."""
+    """Return whether the values in a column are those of a counter, or too many to be names of sensors."""
     cells = _cells(choice, place)
     if len({*cells}) > MOST_SENSORS:
         return True
@@ -115,7 +115,7 @@ def _counts(choice: Choice, place: int) -> bool:
 
 
 def _measured(choice: Choice, gyro: Sequence[int]) -> Iterator[int]:
-    """Yield columns whose values alternate as those of sensors do, except times and measurements."""
+    """Yield columns whose values alternate like numbers of sensors. Times and measurements are excluded."""
     values, names = choice.first_rows(), choice.names
     if values is None:
         return
@@ -129,7 +129,7 @@ def _measured(choice: Choice, gyro: Sequence[int]) -> Iterator[int]:
             axes.append(place)
         elif not (place in gyro or is_time(name) or is_physical(unit_in(name) or unit)):
             free += [] if choice.labels[place] in wanted else [place]
-    if not axes:  # without axes, all columns with many values serve as measurements
+    if not axes:  # if no axes are known, all columns with many different values count as measurements
         axes = [k for k in free if len(np.unique(values[:, k])) > MOST_IN_TURN]
     figures = values[:, axes]
     yield from (
@@ -143,7 +143,7 @@ def _cells(choice: Choice, place: int) -> Sequence[str]:
 
 
 def _only(choice: Choice, marks: Marks) -> None:
-    """Restrict the first rows, which later questions use, to the chosen sensor."""
+    """Keep only the chosen sensor's rows among the first rows, by which later choices are made."""
     values = choice.facts.sample()
     if len(marks) == len(values) and marks.any():
         values, all_cells = values[marks], choice.facts.cells
@@ -178,7 +178,10 @@ def _figures(name: str, values: Floats) -> str:
 
 
 def _turns(given: str) -> tuple[int, int] | None:
-    """Return the index, from 0, and the number of alternating sensors in a text such as `1/2`, or None."""
+    """Return the index of a sensor, from 0, and the number of alternating sensors by a text such as `1/2`.
+
+    Return None for other texts.
+    """
     first, mark, count = given.partition("/")
     if not (mark and first.isdecimal() and count.isdecimal()):
         return None

@@ -1,6 +1,6 @@
 """Chooses the unit of the gyroscope's axes.
 
-The user, the file and the dialect may state it, and must agree.
+The user, the file and the logger's dialect may state the unit. If several of them do, they must agree.
 """
 
 from collections.abc import Sequence
@@ -16,11 +16,11 @@ from fltea.recording.units import is_physical, parse_units, rate_unit
 from fltea.records.errors import UsageError
 
 ALIKE = 0.02
-"""Largest relative difference of two scales that count as equal, since files state rounded scales."""
+"""Largest relative difference up to which two scales count as equal. Files state rounded scales."""
 
 Unit = tuple[str, float, float | None]
-"""Name of a unit, its factor to deg/s (or to counts), and the number of counts per deg/s, None if no
-counts.
+"""Name of a unit, factor by which numbers are converted to deg/s or to counts, and number of counts in 1
+deg/s, None if the numbers are no counts.
 """
 
 _ASKED: Unit = ("", 1.0, None)
@@ -65,7 +65,8 @@ def choose_unit(choice: Choice, gyro: tuple[int, ...]) -> Unit:
 def _ask(choice: Choice, gyro: Sequence[int], stated: Sequence[str | None]) -> None:
     """Ask the user for the unit.
 
-    If the user is asked for the columns too, the unit is asked for only if no column states one.
+    If the axes are unknown and the user is asked for them, the unit is asked for only if no column states a
+    unit of angular rate.
     """
     if any(one.option.startswith("--units ?") for one in choice.missing):
         return
@@ -79,12 +80,13 @@ def _ask(choice: Choice, gyro: Sequence[int], stated: Sequence[str | None]) -> N
 
 
 def _use_head(choice: Choice, gyro: Sequence[int]) -> None:
-    """Use the axes' unit that the lines before the column names state.
+    """Use the unit of the axes that the lines before the column names state.
 
-    Before this, compare this unit with the one in the axes' names.
+    Raise UsageError if this unit contradicts the one in the axes' names or in the row of units.
     """
     units = dict(stated_in(choice.facts.head).units)
-    # numbers with fractions are not counts; a scale stated before the column names is then that of the sensor
+    # Numbers with fractions are not counts. A number of counts per deg/s that the head states is then the
+    # sensor's, and not that of the numbers in the file.
     if not _is_whole(choice, gyro):
         units = {line: unit for line, unit in units.items() if not unit.startswith("lsb:")}
     beside = [choice.units[p] or (rate_unit_of(choice.names[p]) or "") for p in gyro]
@@ -161,7 +163,10 @@ def _check_given(
 
 
 def _of_dialect(choice: Choice, gyro: Sequence[int]) -> Unit | None:
-    """Return the dialect's unit, times the scale that the file's head states if the dialect has one."""
+    """Return the dialect's unit.
+
+    If the dialect has a scale, multiply the unit by the scale in the file's head.
+    """
     dialect = choice.dialect if choice.is_of_dialect(gyro) else None
     scale = None if dialect is None else choice.scale(dialect.gyro_scale)
     if dialect is None or not dialect.gyro_unit or scale is None:
@@ -173,7 +178,7 @@ def _of_dialect(choice: Choice, gyro: Sequence[int]) -> Unit | None:
 
 
 def _check_against_dialect(choice: Choice, gyro: Sequence[int], unit: str) -> None:
-    """Compare the unit that the file states with the unit of the dialect."""
+    """Raise UsageError if the unit that the file states contradicts the unit of the dialect."""
     dialect, (evidence, why) = choice.dialect, choice.facts.units_from
     if not choice.is_of_dialect(gyro) or dialect is None or not dialect.gyro_unit or choice.how.overrule:
         return
@@ -186,7 +191,7 @@ def _check_against_dialect(choice: Choice, gyro: Sequence[int], unit: str) -> No
 
 
 def _refuse_other_units(choice: Choice, gyro: Sequence[int]) -> None:
-    """Raise UsageError for columns whose unit is one of another quantity than angular rate."""
+    """Raise UsageError if an axis has the unit of another quantity than angular rate."""
     for place in gyro if not choice.how.overrule else ():
         unit = unit_in(choice.names[place]) or choice.units[place]
         if is_physical(unit) and rate_unit(unit) is None:
@@ -205,16 +210,16 @@ def _changed(choice: Choice, places: Sequence[int]) -> str:
 def _whole(
     choice: Choice, parsed: tuple[float, float | None], gyro: Sequence[int]
 ) -> tuple[float, float | None]:
-    """Return a unit as a factor to deg/s and, for counts, their number per deg/s.
+    """Return the factor by which the axes' numbers are converted, and for counts their number per deg/s.
 
-    For numbers with fractions, `lsb:N` is only a scale.
+    If the numbers have fractions, they are no counts, and `lsb:N` only gives the factor.
     """
     factor, lsb = parsed
     return (factor, lsb) if lsb is None or _is_whole(choice, gyro) else (factor / lsb, None)
 
 
 def _is_whole(choice: Choice, gyro: Sequence[int]) -> bool:
-    """Return whether the first rows are known to hold whole numbers only."""
+    """Return whether the axes' numbers in the first rows are known to be whole numbers."""
     values = choice.facts.sample()
     if not gyro or values.ndim != 2 or values.shape[1] <= max(gyro):
         return True
