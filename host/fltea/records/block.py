@@ -39,7 +39,7 @@ class Values:
         self._chosen = chosen
 
     def of(self, column: NDArray[Any]) -> Sequence[Any]:
-        """Return the numbers or flags of a column in the chosen rows."""
+        """Return the numbers or flags of a column in the chosen rows as a flat list."""
         values: list[Any] = column[self._chosen].ravel().tolist()
         return values
 
@@ -55,11 +55,11 @@ ALL = Values()
 
 
 class AxisColumns(NamedTuple):
-    """Estimates of the axes of one sensor after n samples. Arrays have shape (n, axes); NaN means unknown.
+    """Estimates of one sensor's axes after each of n samples. Arrays have shape (n, axes); NaN means unknown.
 
     `null_p`, `whiteness`: results of the newest fit, one for each axis.
     `state`, `innovation`: in `unit`.
-    `accepted`: whether the innovations are white and, if the live fit is to tune the filters, it has tuned
+    `settled`: whether the innovations are white and, if the live fit is to tune the filters, it has tuned
     them.
     """
 
@@ -98,12 +98,12 @@ class AxisColumns(NamedTuple):
 
 
 class TrackedColumns(NamedTuple):
-    """Results of the bias trackers of one sensor's axes after n samples.
+    """Results of the bias trackers of one sensor's axes after each of n samples.
 
     Arrays have shape (n, axes) and are in `unit`; NaN means unknown.
 
-    `bias`: offset plus state.
-    `verdict`, `alpha`, `f`: results of the newest accepted fit, one for each axis.
+    `bias`: offset of the sensor plus state of its noise. `verdict`, `alpha`, `f`: results of the newest
+    accepted fit, one for each axis.
     """
 
     axes: tuple[str, ...]
@@ -135,7 +135,7 @@ def _in_unit(sensors: Sequence[C], unit: str) -> C | None:
 
 
 def _by_axis(axes: tuple[str, ...], values: Iterator[T]) -> Iterator[dict[str, T]]:
-    """Yield one dictionary by axis for each row, from a flat iterator of values."""
+    """Yield for each row a dictionary with each axis's value. `values`: all values, row after row."""
     return (dict(zip(axes, row, strict=True)) for row in zip(*[values] * len(axes), strict=True))
 
 
@@ -223,7 +223,10 @@ class Block:
         return slice(-int(self.seq[0]) % every, None, every)
 
     def estimates_at(self, row: int, unit: str) -> dict[str, AxisEstimate]:
-        """Return the estimates after one sample, for axes in `unit`. It suffices that the tracker runs."""
+        """Return the estimates after one sample, for the axes of the sensor whose samples are in `unit`.
+
+        If only the tracker of these axes runs yet, the estimates by the paper's filters are empty.
+        """
         values = Values(slice(row, row + 1))
         tracked, own = _in_unit(self.tracked, unit), _in_unit(self.estimates, unit)
         if own is not None:
@@ -251,7 +254,7 @@ class Block:
     ) -> Iterator[Sample | Estimate | Corrected]:
         """Yield the records of the rows for which records are written, in the order of the samples.
 
-        `values`: other rows for which to write records.
+        `values`: rows for which to yield records, in place of those that `every` selects.
         """
         values = values or Values(self.due(self.every))
         kinds: list[Iterator[Sample | Estimate | Corrected]] = []
@@ -265,7 +268,7 @@ class Block:
 
     @cached_property
     def corrected_dps(self) -> Array | None:
-        """Rates of the tracked axes minus their biases; None if no corrected rates are written."""
+        """Rates of the axes with a bias tracker, minus the biases; None if they are not written."""
         if not self.corrected:
             return None
         tracked = _in_unit(self.tracked, GYRO_UNIT)
@@ -284,7 +287,7 @@ class Block:
             yield Corrected(seq, self.epoch, device_us, host_ns, axes, device=self.device)
 
     def samples(self, values: Values = ALL) -> Iterator[Sample]:
-        """Yield a record of the sample for each of the chosen rows."""
+        """Yield a record of the sample in each of the chosen rows."""
         numbers_and_times, epoch, device = self._numbers_and_times(values), self.epoch, self.device
         n = len(numbers_and_times[0])
         columns = zip(

@@ -6,8 +6,8 @@ The monotonic clock counts on while the computer sleeps, if the system offers su
 import time
 
 SECOND_NS = 10**9
-"""One second [ns]. Statistics are published with each new second, so no block of samples may span the end of
-a second.
+"""One second [ns]. Statistics are published at the beginning of each second, between two blocks of samples.
+So no block may span the end of a second.
 """
 
 END_OF_DATES_NS = 4_102_444_800 * SECOND_NS

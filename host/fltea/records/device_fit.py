@@ -14,7 +14,7 @@ class DeviceSpectrum(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The bins of the spectrum that were fitted."""
 
     hz: list[float]
-    """Frequencies [Hz]."""
+    """Frequencies of the bins [Hz]."""
     density: list[float]
     """One-sided noise density at these frequencies [(deg/s)/√Hz]."""
     ordinates: list[float]
@@ -42,7 +42,7 @@ class DeviceAxisFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     evaluations: int
     """Number of evaluations of the likelihood."""
     searched: bool
-    """Whether the fit tried a grid of orders, since there was no earlier fit to start from."""
+    """Whether the fit began with a grid of orders, since there was no earlier fit to begin with."""
     tuned: bool
     """Whether the device's filters now use `s2` and `R` as Q and R (in firmware built with
     `FLTEA_TUNED=true`).
@@ -54,7 +54,9 @@ class DeviceAxisFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     ratio_relaxation: float
     """2 log L of the fractional model minus 2 log L of a relaxation."""
     alpha: Interval = Interval()
-    """Order α. Its value is null for `none` and `white`; an end is null if the data do not determine it."""
+    """Order α. The value is null for `none` and `white`. An end of the interval is null if the data do not
+    determine this end.
+    """
     f: Interval = Interval()
     """Parameter f, without an interval, since the device sends none [s^-α]."""
     s2: Interval = Interval()

@@ -66,8 +66,8 @@ class SourceFailed(FlteaError):
 def of_input(error: BaseException) -> FlteaError | None:
     """Return a `FlteaError` for an error that the user's command line or files cause.
 
-    This function is for errors that no other code has explained. It returns None for all other errors, which
-    are faults of the program and keep their traceback.
+    This function is for errors that no other code has explained to the user. It returns None for an error
+    that has another cause: such an error is a fault of the program and keeps its traceback.
     """
     kind: type[FlteaError] = UsageError
     happened = "the command line, or a file that it names, cannot be used"

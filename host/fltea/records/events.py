@@ -64,7 +64,10 @@ class Reads(NamedTuple):
 
 
 class Failed(NamedTuple):
-    """The port could not be opened, or was lost. The program will try to open it again."""
+    """The port could not be opened, or the connection was lost.
+
+    The program will try to open the port again.
+    """
 
     kind: str
     message: str
@@ -147,7 +150,10 @@ def block_of(samples: Sequence[RawSample]) -> RawBlock:
 
 
 class DeviceTracker(NamedTuple):
-    """Bias and state of one axis by the device's tracker, as the device sends them, even if not finite."""
+    """Bias and state of one axis by the device's tracker, as the device sends them.
+
+    The numbers may be NaN or infinite.
+    """
 
     bias_dps: float
     bias_std_dps: float
@@ -191,8 +197,8 @@ class DeviceAxis(NamedTuple):
 class DeviceEstimator(NamedTuple):
     """The settings with which the device estimates, and its own counters.
 
-    Tuples have one entry for each of `AXES`; states are in deg/s, variances in (deg/s)². With the variant
-    "joint", `parameter0` and the other settings of the parameter are about h^α f, otherwise about f.
+    Tuples have one entry for each of `AXES`; states are in deg/s, variances in (deg/s)². `parameter0` and the
+    other settings of the parameter are about h^α f with the variant "joint", and about f with "triple".
     """
 
     host_ns: int
@@ -307,7 +313,7 @@ Event = Hello | RawBlock | DeviceStatus | DeviceSays | Trouble | LinkDown | Brea
 
 
 def host_ns_of(event: Event) -> int | None:
-    """Return the time of an event by the source's monotonic clock [ns]; None if it has no time.
+    """Return the time of an event by the source's monotonic clock [ns]; None if the event has no time.
 
     The time of a block is the time of its last sample.
     """

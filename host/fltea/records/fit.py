@@ -33,7 +33,7 @@ class Interval(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """
 
     value: float | None = None
-    """The parameter."""
+    """Value of the parameter."""
     low: float | None = None
     """Lower end of the parameter's 95 % interval."""
     high: float | None = None
@@ -50,7 +50,9 @@ class Level(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     N: Interval = Interval()
     """White-noise density of the accepted noise model."""
     K: Interval = Interval()
-    """Random walk of the bias by the tracker, which also uses drift that is too slow for the spectrum."""
+    """Random walk of the bias, by the bias tracker. The tracker also uses drift that is too slow for the
+    spectrum.
+    """
     knee_hz: float | None = None
     """If N is not known: corner frequency of the fastest relaxation, at most half the sampling rate [Hz]."""
     knee_density: float | None = None
@@ -72,13 +74,13 @@ class Level(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Until(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Time until α is known well enough."""
+    """Time until α's interval is as narrow as the user wants."""
 
     target: float
     """Wanted half-width of α's interval: the setting `live.target`."""
     seconds: float | None = None
-    """Time until the interval is as narrow as `target` [s]; 0 if it is so already; null if the time cannot be
-    predicted.
+    """Time until the half-width of α's interval is `target` [s]; 0 if it is no larger now; null if the time
+    cannot be predicted.
     """
 
 
@@ -100,12 +102,12 @@ class FitAllan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     [`unit`·√s].
     """
     B: float | None = None
-    """Bias instability: the amplitude of 1/f noise, or the height of a flat part of the curve divided by
-    0.664; null if the samples do not determine it [`unit`].
+    """Bias instability: the amplitude of 1/f noise, or the height of a flat part of the Allan deviation
+    divided by 0.664; null if the samples do not determine it [`unit`].
     """
     K: float | None = None
-    """Rate random walk, from the Allan deviation if live, or for a recording from the tracker; null if there
-    may be no random walk [`unit`/√s].
+    """Rate random walk. In a live fit it follows from the Allan deviation; for a recording the tracker gives
+    it. Null if there may be no random walk [`unit`/√s].
     """
 
 
@@ -113,7 +115,7 @@ class FitSpectrum(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Noise density of the samples, and noise density of the fitted model."""
 
     hz: list[float]
-    """Frequencies [Hz]."""
+    """Frequencies of the noise densities [Hz]."""
     density: list[float]
     """Noise density, one-sided [`unit`/√Hz]."""
     model: list[float]
@@ -142,8 +144,8 @@ class Curves(msgspec.Struct, frozen=True, kw_only=True):
     """The curves of an axis; each is None if there are too few samples, or if no curves are wanted."""
 
     allan: FitAllan | None = None
-    """The Allan deviation. It is present in the last fit, and in one fit every 10 s, or every four
-    `stats.fit_period_s` if that is longer; null in all other fits.
+    """The Allan deviation. It is present in the last fit, and in one fit every 10 s, or every 4 ·
+    `stats.fit_period_s` if that is longer. It is null in all other fits.
     """
     spectrum: FitSpectrum | None = None
     """The noise density; present in the same fits as `allan`, otherwise null."""
@@ -189,8 +191,9 @@ class AxisFit(FittedAxis, frozen=True, forbid_unknown_fields=True):
     and `limited` samples; a restart counts as nine lost samples.
     """
     breaks: dict[str, int] = {}
-    """How often the sequence of samples was interrupted: `gaps`, `knocks` (each 128 samples), `motions`,
-    `steps` of the offset, lasting `changes` of the power."""
+    """Number of interruptions of the samples by cause: `gaps`, `knocks` (each leaves 128 samples out),
+    `motions`, `steps` of the offset, lasting `changes` of the power.
+    """
     low_pass: FitLowPass | None = None
     """A low-pass filter that the noise has passed; the fitted parameters describe the noise before the
     filter.
@@ -200,7 +203,7 @@ class AxisFit(FittedAxis, frozen=True, forbid_unknown_fields=True):
     drift, and the bias is the mean of the filter's output.
     """
     until_s: Until | None = None
-    """Time until α is known well enough."""
+    """Time until α's interval is as narrow as the user wants."""
     stable: bool = True
     """Whether the verdict is stable: two fits agreed, of which the later had a tenth more samples, or the fit
     used a whole recording.

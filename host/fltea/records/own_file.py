@@ -6,9 +6,10 @@ import stat
 from pathlib import Path
 
 FLAGS = os.O_CREAT | os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
-"""Flags for opening such a file.
+"""Flags for opening one of the program's own files.
 
-Links are not followed, which protects the files that they lead to. Opening a pipe does not wait.
+Links are not followed, so that nobody can make the program write to another file by a link. Opening a pipe
+does not wait.
 """
 
 
@@ -16,10 +17,10 @@ def open_own(path: Path, mode: int, *, append: bool = False) -> int:
     """Open a file to read and write, create it if it does not exist, and return its descriptor.
 
     `mode`: permissions of a new file, before the umask is applied.
-    `append`: writes append to the file.
+    `append`: whether every write goes to the end of the file.
 
     Raises:
-        OSError: the file cannot be opened, or it is a link, a pipe or anything else that is no file.
+        OSError: the file cannot be opened, or is a link, a pipe or anything else that is no regular file.
         ValueError: the name holds a NUL.
     """
     try:

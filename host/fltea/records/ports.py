@@ -13,7 +13,7 @@ from fltea.records.stats import LinkStats, OutputStats
 class Source(Protocol):
     """The interface that the daemon needs from a source.
 
-    `live`: whether the source may fall silent and come back, as a device does.
+    `live`: whether the source is a device, which may fall silent and come back, and not a recording.
     `prompt`: whether the samples arrive in real time, so that records must be written at once.
     """
 
@@ -109,7 +109,7 @@ once."""
 class SinkClosed(Exception):
     """The program that reads the output has ended, or the output has failed for good.
 
-    Nothing more is written to it.
+    Nothing more is written to this output.
     """
 
 
@@ -165,7 +165,7 @@ class Sink:
 class RecordingView(NamedTuple):
     """The state of the recording of one device.
 
-    `fixed`: whether the recording runs as long as the program, so that the page cannot stop it.
+    `fixed`: whether the recording runs as long as the program, so that the live page cannot stop it.
     `file`: name of the newest file.
     `size_bytes`, `seconds`: size and duration of all files of this session.
     `lost`: number of items that were written to no file.

@@ -41,7 +41,7 @@ class Record(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=
     """Base class of all records that sinks write."""
 
     device: str | None = None
-    """Name of the source in this program."""
+    """Name that the source of the record, a device or a recording, has in this program."""
 
 
 # Over 12 attributes: each is one field of the published record.
@@ -97,8 +97,10 @@ class Placed(Record, frozen=True):
     device_us: int
     """Device time, unwrapped [µs]."""
     host_ns: int
-    """Host time of sampling, by regression on arrival times. It is Unix time by the machine's date at the
-    beginning of the epoch; of recordings, the time since their beginning, or the host time in them [ns]."""
+    """Host time of sampling, by regression on arrival times. For a device it is Unix time by the machine's
+    date at the beginning of the epoch. For a recording it is the host time that the recording holds, or else
+    the time since its beginning [ns].
+    """
 
 
 class Sample(Placed, frozen=True, tag="sample"):
@@ -133,7 +135,7 @@ class Corrected(Placed, frozen=True, tag="corrected"):
     """
 
     axes: dict[str, CorrectedAxis]
-    """Each axis."""
+    """Corrected rate of each axis, by the name of the axis."""
 
 
 class FlteaEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -148,7 +150,7 @@ class FlteaEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     f_std: float | None = None
     """Standard deviation of f, computed like `alpha_std` [s^-α]."""
     state: float | None = None
-    """State x̂ after the sample, without the bias of the start-up window [`unit`]."""
+    """State x̂ of the noise after the sample. The bias of the start-up window is subtracted [`unit`]."""
     innovation: float | None = None
     """Sample minus its prediction [`unit`]."""
     valid: bool = False
@@ -204,7 +206,7 @@ class Estimate(Placed, frozen=True, tag="estimate"):
     variant: str
     """Variant of the estimator: `triple` or `joint`."""
     axes: dict[str, AxisEstimate]
-    """Each axis."""
+    """Estimates of each axis, by the name of the axis."""
 
 
 class DeviceAxisEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -215,17 +217,21 @@ class DeviceAxisEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True
     unit: str = GYRO_UNIT
     """`deg/s`."""
     age: int
-    """Number of the axis's filter step since the device's start-up window, missing samples included; the
-    first is 1."""
+    """Number of steps of the axis's filters since the device's start-up window, missing samples included; 1
+    after the first step.
+    """
     tracker_bias: float | None = None
-    """Offset plus state, by the tracker that uses the device's own fit; null before its first fit of the axis
-    [deg/s]."""
+    """Bias (offset plus state) by the device's tracker, which uses the device's own fit; null before the
+    device's first fit of the axis [deg/s].
+    """
     tracker_bias_std: float | None = None
     """Standard deviation of `tracker_bias` [deg/s]."""
     tracker_state: float | None = None
-    """State of the coloured part of the noise, without the offset; 0 for white noise [deg/s]."""
+    """State of the coloured part of the noise by the device's tracker, without the offset; 0 for white noise
+    [deg/s].
+    """
     tracker_state_std: float | None = None
-    """Standard deviation of that state [deg/s]."""
+    """Standard deviation of `tracker_state` [deg/s]."""
     tracker_bias_difference: float | None = None
     """`tracker_bias` minus `bias` of `estimate` after the same sample; the two come from different fits
     [deg/s]."""
@@ -250,39 +256,39 @@ class DeviceAxisEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True
 class DeviceEstimates(Placed, frozen=True, tag="device_estimate"):
     """The device's own estimates after a sample; those of this computer are in `estimate`.
 
-    It comes only with `--estimate-on both`; with `--estimate-on device`, the records `estimate` hold the
-    device's estimates. The record comes later than the sample, by the delay of the device. An axis whose
+    This record comes only with `--estimate-on both`; with `--estimate-on device`, the records `estimate` hold
+    the device's estimates. The record comes later than the sample, by the delay of the device. An axis whose
     message was lost in transit is left out.
     """
 
     variant: str
     """Variant of the device's estimator: `triple` or `joint`."""
     axes: dict[str, DeviceAxisEstimate]
-    """Each axis."""
+    """The device's estimates of each axis, by the name of the axis."""
     comparable: bool
-    """Whether at least one axis has differences."""
+    """Whether the differences from this computer's estimates are known for at least one axis."""
 
 
 class DeviceFits(Placed, frozen=True, tag="device_fit"):
     """The device's own maximum-likelihood fit of one axis, every three seconds or later.
 
-    It comes only with `--estimate-on device` or `both`. `seq` is the number of the sample that was the newest
-    when the fit arrived. A fit for which the device also sends the spectrum comes twice: first at once, and
-    then with `spectrum`.
+    This record comes only with `--estimate-on device` or `both`. `seq` is the number of the newest sample at
+    the time at which the fit arrived. A fit for which the device also sends the spectrum comes twice: first
+    at once, and then with `spectrum`.
     """
 
     axes: dict[str, DeviceAxisFit]
-    """Each axis."""
+    """The device's fit of each axis, by the name of the axis."""
 
 
 class Fit(Placed, frozen=True, tag="fit"):
     """The noise of every axis, by maximum likelihood over all samples so far.
 
-    It comes whenever the number of samples has grown by a hundredth, once a second at most and once a minute
-    at least, and within a second after a step or a change of power; if `live.period_s` is given, it comes
-    once in that time. It comes once more, with curves, at the end of a recording or of `--once`. A fit uses
-    the samples up to `seq` and is published a little later; estimates use it from the next sample on. A
-    replay gives the same records as the live run.
+    This record comes whenever the number of samples has grown by a hundredth, once a second at most and once
+    a minute at least. It also comes within a second after a step or a change of power. If `live.period_s` is
+    given, it comes once in that time instead. It comes once more, with curves, at the end of a recording or
+    of `--once`. A fit uses the samples up to `seq` and is published a little later; estimates use it from the
+    next sample on. A replay gives the same records as the live run.
     """
 
     samples: int
@@ -290,7 +296,7 @@ class Fit(Placed, frozen=True, tag="fit"):
     with `--state` including the earlier run.
     """
     axes: dict[str, AxisFit]
-    """Each axis."""
+    """The fit of each axis, by the name of the axis."""
 
 
 class Gap(Record, frozen=True, tag="gap"):
@@ -309,8 +315,8 @@ class Gap(Record, frozen=True, tag="gap"):
 class Step(Placed, frozen=True, tag="step"):
     """The bias of an axis has stepped.
 
-    Its `seq` is that of the first sample after the step. It is published later, as soon as enough samples
-    have shown the step.
+    The record's `seq` is that of the first sample after the step. The record is published later, as soon as
+    enough samples have shown the step.
     """
 
     axis: str
@@ -328,8 +334,8 @@ class Step(Placed, frozen=True, tag="step"):
 class Motion(Placed, frozen=True, tag="motion"):
     """The sensor has begun to move, or is at rest again.
 
-    Its `seq` is that of the first sample in motion, or of the first at rest. While the sensor moves, the bias
-    of every axis is predicted; at rest it is estimated from the samples.
+    The record's `seq` is that of the first sample in motion, or of the first sample at rest. While the sensor
+    moves, the bias of every axis is predicted; at rest it is estimated from the samples.
     """
 
     begins: bool
@@ -425,7 +431,7 @@ class Stats(Record, frozen=True, tag="stats"):
     sample_counts: SampleStats
     """Counts of used, lost and refused samples, since the start of the program."""
     axes: dict[str, AxisStats]
-    """Each axis."""
+    """Bias, R, filters and tracker of each axis, by the name of the axis."""
     board: DeviceStatus | None = None
     """The device's own counters since its boot; null before its first STATUS."""
     outputs: dict[str, OutputStats] = {}

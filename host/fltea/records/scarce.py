@@ -14,7 +14,9 @@ libraries end the process, and others hang.
 """
 
 WORDS = "can't start new thread", "failed to map segment", "cannot allocate memory", "memory allocation"
-"""Texts by which errors of threads, of the library loader, and of some libraries show a lack of memory."""
+"""Parts of the texts of errors by which threads, the loader of libraries, and some libraries report a lack of
+memory.
+"""
 
 
 def least_of(what: int, ours: int) -> int:
@@ -54,7 +56,7 @@ def is_scarcity(error: BaseException) -> bool:
 
 
 def scarcity(error: BaseException | None = None) -> FlteaError:
-    """Return the error that tells the user about the scarcity and the limit that is its likely cause."""
+    """Return the error that says that memory or threads are lacking, and which limit likely causes it."""
     said = f" ({error})" if error is not None and str(error) else ""
     limit = address_space()
     if limit is None:

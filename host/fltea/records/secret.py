@@ -24,8 +24,8 @@ class Kind(NamedTuple):
 
 SERVER = r"@"
 FILE = r"^[^/]*@|^[^/@]*:(?!\d*(?:/|$))[^@]*@"
-"""Pattern of a secret in an address of any other scheme. A path may contain an @, and a number after a colon
-is a port.
+"""Regular expression that finds a secret in an address whose scheme is not in `KINDS`. An @ in the path is
+allowed, and a number after a colon is a port.
 """
 
 PASSWORD = r"(?:^|[\s?&])(?:ssl)?password\s*="

@@ -11,7 +11,7 @@ from fltea.records.units import STANDARD_GRAVITY_MS2
 class WithScales(Protocol):
     """An object, such as `Hello`, that states the scales of both sensors.
 
-    A scale is None if samples are not counts.
+    A scale is None if the sensor's samples are no counts.
     """
 
     @property
@@ -41,9 +41,9 @@ class SensorKind(NamedTuple):
     settings: str
     """Name of the settings of the sensor's filters, in the configuration."""
     scale_field: str
-    """Field of `Hello` that has the number of counts in one `scale_size`."""
+    """Field of `Hello` that states the sensor's scale, the number of counts in 1 deg/s or in 1 g."""
     scale_size: float
-    """Size of the unit of `scale_field`, in `unit`."""
+    """Size of the quantity to which `scale_field` refers, 1 deg/s or 1 g, in `unit`."""
 
     def resolution(self, hello: WithScales) -> float | None:
         """Return the size of one count in `unit`; None if the scale is not known or samples are no counts."""

@@ -46,7 +46,7 @@ def read_small(path: Path, *, what: str = "", most_bytes: int = MOST_BYTES, priv
             raise UsageError(f"{name}: has more than {most_bytes} bytes, so it is another kind of file.")
         finally:
             os.close(descriptor)
-    except (OSError, ValueError) as error:  # ValueError: a name with a NUL
+    except (OSError, ValueError) as error:  # ValueError is raised for a name that holds a NUL
         raise UsageError(f"{name}: cannot be read ({getattr(error, 'strerror', None) or error}).") from error
 
 
@@ -91,7 +91,8 @@ def open_stream(path: Path) -> BinaryIO:
         return opened.result(PATIENCE_S)
     except TimeoutError:
         opened.add_done_callback(lambda late: late.exception() or late.result().close())
-        with contextlib.suppress(OSError):  # opens the pipe, so that the waiting thread ends
+        # opens the pipe for writing, so that the thread that waits for a writer ends
+        with contextlib.suppress(OSError):
             os.close(os.open(path, os.O_WRONLY | os.O_NONBLOCK))
         raise UsageError(
             f"{path}: nobody writes into this pipe, for {PATIENCE_S:g} s. Start what writes first."

@@ -15,7 +15,7 @@ CAUSE_WORDS = {
     "state_bound": "the state held near the sample",
     "memory_order": "an order beyond the memory's range",
 }
-"""For each cause for which the guard of the filters intervenes, by its key in records, words for people."""
+"""Causes for which the guard of the filters intervenes: for each key in records, words for people."""
 
 
 class DeviceStatus(msgspec.Struct, frozen=True):
@@ -89,7 +89,7 @@ class BiasCheck(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     pieces: int
     """Number of periods that were compared."""
     rms: float
-    """Root mean square of the difference divided by its σ; 1 if Bias(T) and its σ are right."""
+    """Root mean square of the differences, each divided by its σ; 1 if Bias(T) and its σ are right."""
 
 
 # Over 12 attributes: each is one field of the published record.
@@ -99,11 +99,15 @@ class TrackerStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
     model: str
     """The tracker's noise model: the parts of the fit, or `walks` (random walks) before the first fit."""
     nis: float | None
-    """Mean normalised innovation squared; 1 if the model is right; null before 200 innovations."""
+    """Mean normalised innovation squared of the tracker; 1 if the model is right; null before 200
+    innovations.
+    """
     lag1: float | None
-    """Correlation of neighbouring innovations; 0 if the model is right; null before 200 innovations."""
+    """Correlation of neighbouring innovations of the tracker; 0 if the model is right; null before 200
+    innovations.
+    """
     holds: bool | None
-    """Whether the last 1,000 innovations are white; null before 200 innovations."""
+    """Whether the tracker's last 1,000 innovations are white; null before 200 innovations."""
     moved: int
     """Number of samples in motion, during which the tracker only predicted the bias."""
     restarts: int
@@ -143,13 +147,15 @@ class AxisStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     interventions: dict[str, int]
     """Number of samples since the axis's last start in which the guard intervened, by cause."""
     innovation_lag1: float | None = None
-    """Correlation of neighbouring innovations over the last 1,000 innovations; 0 ± 0.03 if they are white."""
+    """Correlation of neighbouring innovations of the paper's filters over the last 1,000 innovations; 0 ±
+    0.03 if they are white.
+    """
     innovation_nis: float | None = None
     """Mean normalised innovation squared; 1 if the filter's model is right."""
     unit: str = "deg/s"
     """`deg/s`, or `m/s^2` for axes of the accelerometer."""
     Q_in_use: float | None = None
-    """Q in use, the variance of one step of the process noise, with h^2α; null if a device estimates [`unit`
+    """Variance of one step of the process noise: Q in use, times h^2α; null if a device estimates [`unit`
     squared].
     """
     tuned: bool = False

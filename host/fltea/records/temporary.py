@@ -23,7 +23,9 @@ from typing import Any, BinaryIO, cast
 from fltea.records.errors import FlteaError
 
 PREFIX, NEW_PREFIX = "fltea-work-", "fltea-new-"
-"""Prefixes of the names of work folders: of locked folders, and of new folders before they are locked."""
+"""Prefixes of the names of work folders: one of locked folders, and one of new folders that are not locked
+yet.
+"""
 
 YOUNG_S = 60.0
 """A new folder younger than this is not removed [s], since its process may be about to lock it."""
@@ -53,7 +55,7 @@ def _failed(folder: object, error: OSError) -> TemporaryFailed:
 
 
 class _File(io.FileIO):
-    """A temporary file that raises `TemporaryFailed`, since an OSError would seem to be the recording's."""
+    """A temporary file that raises `TemporaryFailed` in place of OSError, which the recording raises too."""
 
     def __init__(self, file: Any, mode: str, folder: object) -> None:
         super().__init__(file, mode)
@@ -123,7 +125,8 @@ def work_folder() -> Iterator[Path]:
     except OSError as error:
         raise _failed(where, error) from error
     try:
-        with contextlib.suppress(OSError):  # the file system has no locks, so no folders are removed
+        # the file system has no locks, so no folders of killed processes are removed
+        with contextlib.suppress(OSError):
             fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
             made = made.rename(made.with_name(made.name.replace(NEW_PREFIX, PREFIX, 1)))
         with _removed_by_signals(made):

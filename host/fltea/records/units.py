@@ -9,8 +9,7 @@ STANDARD_GRAVITY_MS2 = 9.80665
 """The standard acceleration of free fall (ISO 80000-3)."""
 
 MOST_DEG = 180.0
-"""Largest standard deviation of an angle [deg]. Beyond half a turn the angle is unknown: no heading is
-left.
+"""Largest standard deviation with which an angle is known [deg]. Beyond half a turn, any heading is possible.
 """
 
 HEADING_AFTER_S = 60

@@ -35,7 +35,7 @@ def whole_file(out: Path) -> Iterator[BinaryIO]:
     part = out.parent / f".{out.name[:KEPT_OF_NAME]}.{secrets.token_hex(8)}.part"
     try:
         descriptor = os.open(part, NEW, 0o666)
-    except (OSError, ValueError) as error:  # ValueError: a name with a NUL
+    except (OSError, ValueError) as error:  # ValueError is raised for a name that holds a NUL
         raise FlteaError(f"{out}: cannot be written ({_reason(error)}).") from error
     try:
         with open(descriptor, "wb") as file:
@@ -54,7 +54,7 @@ def _check_replaceable(out: Path) -> None:
     """Refuse to replace anything but a file: root could replace /dev/null and so break the system."""
     try:
         mode = os.lstat(out).st_mode
-    except (OSError, ValueError):  # no such file exists, or opening it will report what is wrong
+    except (OSError, ValueError):  # there is no such file, or its later opening reports what is wrong
         return
     in_dev = out.absolute().parent == Path("/dev")
     if not (stat.S_ISREG(mode) or (stat.S_ISLNK(mode) and not in_dev)):
@@ -73,7 +73,7 @@ def text_of(file: BinaryIO) -> Iterator[TextIO]:
 def prepare_folder(flag: str, folder: Path) -> None:
     """Create the folder that a command-line flag names, and check that it can be written to.
 
-    This is done before long computations.
+    Call this before long computations, whose results could not be written otherwise.
 
     Raises:
         UsageError: the folder cannot be written to.

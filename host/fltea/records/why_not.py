@@ -13,5 +13,5 @@ WHY_NOT: dict[WhyNot, str] = {
 
 
 def not_comparable(why: WhyNot) -> str:
-    """Return the text that is shown in place of a difference."""
+    """Return the text that is shown where the difference between device and host is not known."""
     return f"not comparable: {WHY_NOT[why]}"
