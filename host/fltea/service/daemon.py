@@ -37,8 +37,8 @@ if TYPE_CHECKING:
 def run(configs: Sequence[Config]) -> None:
     """Run the program until its end.
 
-    It ends when every source has ended, a signal arrives, the program that reads the only output ends, or a
-    live source fails with `--once`.
+    The program ends when every source has ended, a signal arrives, the program that reads the only output
+    ends, or, with `--once`, a live source fails.
 
     Raises:
         UsageError: the configuration does not describe a source or an output, or a recording cannot be used.
@@ -48,7 +48,7 @@ def run(configs: Sequence[Config]) -> None:
     with StopOnSignal() as stop:
         try:
             failure, done = _Run(configs, stop).run()
-        except KeyboardInterrupt:  # a signal arrived before a source or output had started
+        except KeyboardInterrupt:  # a signal arrived while sources and outputs were being opened
             return
     if not done:  # a normal exit would wait for a thread that hangs in an output
         if failure is not None:
@@ -64,7 +64,7 @@ LOOK_S = 1.0
 STUCK_S = 20.0
 """Time without an event after which a device stream counts as hanging [s].
 
-A live source gives two events a second.
+Even a silent live source gives two events a second.
 """
 
 
@@ -74,7 +74,7 @@ class _Run:
     def __init__(self, configs: Sequence[Config], stop: StopOnSignal) -> None:
         self._configs = configs
         self._stop = stop
-        self._done = False  # every source has ended, or a failure ends them
+        self._done = False  # true when every source has ended, or a failure ends the run
         self._failure: FlteaError | None = None
         self._hub = Hub(self._on_output_end)
         self._lock = threading.Lock()
@@ -88,7 +88,7 @@ class _Run:
     def run(self) -> tuple[FlteaError | None, bool]:
         """Run until the end of the program.
 
-        Return the failure or None, and whether every output was closed.
+        Return the first failure or None, and whether all threads and outputs ended in time.
         """
         ending = Ending(self._is_asked, lambda: self._stop.count, _last_words)
         for config in self._configs:
@@ -132,17 +132,18 @@ class _Run:
         return self._outcome(sources, ending.lost), not ending.left
 
     def _single(self) -> list[Config]:
-        """Return the configurations of the sources that are a single device; a broker stands for many."""
+        """Return the configurations of the sources that are a single device, not a broker of many devices."""
         return [config for config in self._configs if not is_shared(config.source)]
 
     def _open(self, sources: list[Source]) -> StateFile | None:
-        """Open everything that the configurations name, and return the file of the state, if there is one.
+        """Open everything that the configurations name, and return the file of snapshots or None.
 
-        Each source is added to `sources` at once, so that the caller can close those that are open if
-        another one fails.
+        Each source is added to `sources` as soon as it is open, so that the caller can close the open sources
+        if another source cannot be opened.
         """
         configs, shared = self._single(), [one for one in self._configs if is_shared(one.source)]
-        for config in configs:  # open sources before outputs, so that a wrong source leaves no open outputs
+        # sources are opened before outputs, so that a wrong source leaves no open outputs
+        for config in configs:
             sources.append(open_source(config))
             check_recordable(config, sources[-1])
         check_descriptors(sources, configs)
@@ -176,7 +177,7 @@ class _Run:
     def _outcome(self, sources: Sequence[Source], lost: Sequence[str]) -> FlteaError | None:
         """Return the first failure of the run.
 
-        Without a failure, return that some data were not written or not read, or else None.
+        Without a failure, return an error if some data were not written or not read, or else None.
         """
         if self._failure is not None:
             return self._failure
@@ -199,7 +200,7 @@ class _Run:
                 self._manager.alive()
 
     def _stay(self) -> None:
-        """Keep showing the state at the end of a recording until the user ends the program."""
+        """Keep outputs such as the live page open after a recording, until the user ends the program."""
         text = "fltea: the recording is at its end; Ctrl-C ends the program (--once does so automatically)."
         print(text, file=sys.stderr, flush=True)
         self._wait(lambda: False)
@@ -228,7 +229,7 @@ class _Run:
     def _end(self, stream: "DeviceStream | Ingest", error: Exception | None) -> None:
         """Note that a source has ended.
 
-        An error ends the program, so that nobody believes that it still works.
+        An error in one source ends the whole program, so that nobody believes that it still works.
         """
         failure: FlteaError | None = None
         if isinstance(error, FlteaError):
@@ -252,7 +253,10 @@ class _Run:
 
 
 def _begun(close: Callable[[], object], name: str, *, kept: bool = False) -> Awaited:
-    """Call `close`, which may be slow, in a new thread. Return the task that ends with that thread."""
+    """Call `close`, which may be slow, in a new thread.
+
+    Return a task to wait for, which ends with that thread.
+    """
     thread = threading.Thread(target=close, daemon=True)
     thread.start()
     return Awaited(name, _has_ended(thread), kept)
@@ -267,12 +271,12 @@ def _has_ended(thread: threading.Thread) -> Callable[[float], bool]:
 
 
 def _closing(sources: "Sequence[Source | Ingest]") -> list[Awaited]:
-    """Begin to close all sources at the same time."""
+    """Begin to close all sources at the same time; return the tasks to wait for."""
     return [_begun(source.close, "a source") for source in sources]
 
 
 def _check_filters(config: Config) -> None:
-    """Refuse settings of which each is valid, but with which, taken together, no filter can start."""
+    """Refuse settings with which no filter can start, although each setting alone is valid."""
     for name in ("estimator", "accel"):
         try:
             LaneSettings(getattr(config, name), h=1.0, R=1.0).table(1)

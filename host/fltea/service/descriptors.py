@@ -12,15 +12,17 @@ from fltea.settings.config import Config
 from fltea.sources.serial import SerialSource
 
 RESERVE = 64
-"""Number of file descriptors kept for outputs and their clients, the file of snapshots, a recording's next
-file, and serial ports that open again.
+"""Number of file descriptors that are reserved for outputs and their clients, the file of snapshots, a
+recording's next file, and serial ports that are opened again.
 """
 
 OF_OTHERS = 4
 """Largest number of file descriptors of a source that is no serial port. A serial port has one."""
 
 MOST = 1 << 16
-"""Largest limit of file descriptors to ask the system for. Some systems allow a thousand million."""
+"""Largest limit of file descriptors that this program asks the system for. Some systems would allow a
+thousand million.
+"""
 
 
 def check_descriptors(sources: Sequence[Source], configs: Sequence[Config]) -> None:
@@ -52,7 +54,7 @@ def _raised_limit() -> int:
         return MOST
     most = MOST if hard == resource.RLIM_INFINITY else min(hard, MOST)
     if most > soft:
-        with contextlib.suppress(OSError, ValueError):  # the system may forbid it
+        with contextlib.suppress(OSError, ValueError):  # the system may forbid raising the limit
             resource.setrlimit(resource.RLIMIT_NOFILE, (most, hard))
             return most
     return soft

@@ -24,14 +24,16 @@ from fltea.stream.pipeline import Pipeline
 from fltea.stream.snapshot import DeviceState
 
 CHANGES_TEXT = {Stop.EPOCH, Stop.FIT_COUNTS}
-"""Reasons for which the native device stops that may change the fields that all records of samples share."""
+"""The native device (C++) processes samples until something else has to be handled. These reasons for its
+stops may change fields that are equal in all records of samples.
+"""
 
 
 class DeviceStream:
     """Moves everything from a source through its pipeline to the outputs, in the thread of the caller.
 
-    `failure`: error that ends the stream if `--once` is set. `moved_s`: monotonic time of the last event [s];
-    infinity once the stream has ended.
+    `failure`: error that ends the stream, set only with `--once`. `moved_s`: monotonic time at which the last
+    event was handled [s]; infinity once the stream has ended.
     """
 
     def __init__(
@@ -86,9 +88,9 @@ class DeviceStream:
         self.check()
 
     def took(self, arrived_ns: Ints, rows: Rows, *, unprinted: bool) -> None:
-        """Publish samples that the native device has processed.
+        """Publish samples that the native device (C++) has processed.
 
-        `unprinted`: they are not converted to text yet.
+        `unprinted`: whether native code has not converted these samples to text.
         """
         found = list(self._pipeline.took(rows, arrived_ns))
         is_printed = not (unprinted or self._pipeline.has_board)
@@ -98,9 +100,11 @@ class DeviceStream:
             self._print_as(next(one for one in found if isinstance(one, Block)))
 
     def stopped(self, stop: Stop, now_ns: int, details: Any) -> None:
-        """Handle a stop of the native device.
+        """Handle a stop of the native device (C++).
 
-        `now_ns`: arrival time of the sample at which it stopped [ns].
+        It processes samples until something else has to be handled.
+
+        `now_ns`: arrival time of the sample at which the native device stopped [ns].
         """
         self._publish(list(self._pipeline.stopped(stop, now_ns, details)), NOTHING_PRINTED, now_ns)
         if stop in CHANGES_TEXT:
@@ -123,13 +127,13 @@ class DeviceStream:
 
     @property
     def device(self) -> Device:
-        """The native device, for callers whose native code feeds the samples."""
+        """The native device (C++) that processes the samples, for native code that feeds it directly."""
         return self._pipeline.device
 
     def _printed(self, items: Iterable[AnyRecord | Block]) -> tuple[list[AnyRecord | Block], ByText]:
-        """Return the items.
+        """Return the records and blocks as they are, and once more with blocks as text.
 
-        Return also, for each kind of printed text, the items with the samples as that text.
+        There is one text version for each kind of printed text that an output takes.
         """
         texts = () if self._pipeline.has_board else self._hub.printing(self.name)
         found: list[AnyRecord | Block] = []
@@ -153,9 +157,9 @@ class DeviceStream:
         return found, printed
 
     def _lines_of(self, block: Block, text: Wanted | None) -> tuple[list[Block | Printed], int]:
-        """Return a block's rows as text from the native device, and the number of rows that it did not print.
+        """Return a block's rows as text that native code has printed, and the number of rows without text.
 
-        Rows without text follow as a block.
+        The rows without text are returned as a block after the text.
         """
         printer = self._printers.get(text)
         if printer is None:
@@ -165,15 +169,15 @@ class DeviceStream:
         return lines + ([block.rows(len(block) - missed, len(block))] if missed else []), missed
 
     def _print_as(self, block: Block) -> None:
-        """Let the native device print later samples.
+        """Let the native device (C++) convert later samples to text.
 
-        Their text contains the field values that all rows of this block share.
+        The text of later samples contains those values of fields that are equal in all rows of this block.
         """
         self._printers = {text: run_printer(block, text) for text in self._hub.printing(self.name)}
         self.device.set_printers(list(self._printers.values()))
 
     def _check_words(self) -> None:
-        """Stop the native printing of samples if a field that all samples share has changed its value."""
+        """Stop the printing of samples by native code if a field that all samples share has a new value."""
         if (words := self._pipeline.words) != self._words:
             self._words = words
             self._printers = {}
@@ -194,17 +198,17 @@ class DeviceStream:
         return self._pipeline.hello
 
     def save(self) -> DeviceState | None:
-        """Return a snapshot of the estimators; None while there is nothing to keep."""
+        """Return a snapshot of the device's estimators; None while there is nothing to keep."""
         return self._pipeline.save()
 
     def finish(self, *, whole: bool = False, now_ns: int = 0) -> None:
-        """End the stream. `whole`: the source has ended; otherwise no more samples are wanted.
+        """End the stream. `whole`: whether the source has ended by itself, so that all its samples were used.
 
         `now_ns`: arrival time of the newest sample that native code has processed [ns]; 0 if there is none.
         """
         self.moved_s = math.inf
         self._pipeline.came_to(now_ns)
-        # while a user waits for the program to end, no fit of all samples is made
+        # if a user ends a live source, no last fit of all samples is made, since the user waits for the end
         ended = self._once or not self.source.live
         last = list(self._pipeline.finish(last_fit=ended, whole=whole))
         self._hub.publish(self.name, last, wait=not self.source.prompt)
@@ -212,7 +216,7 @@ class DeviceStream:
             self._deposit(self._state)
 
     def _make_wire(self, event: Event) -> None:
-        """Pass an event, encoded in the wire protocol, to outputs that record bytes.
+        """Encode an event in the wire protocol, and pass the bytes to outputs that record bytes.
 
         This is for sources that do not use the wire protocol themselves.
         """
@@ -231,5 +235,5 @@ class DeviceStream:
 
 
 def _is_vain(record: AnyRecord | Block) -> TypeGuard[Error]:
-    """Return whether a record reports that this device cannot give the wanted samples."""
+    """Return whether a record reports that this device cannot give the estimates that the user wants."""
     return isinstance(record, Error) and record.kind == "no_device_estimates"

@@ -5,10 +5,11 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 KEEP_S = 40.0
-"""Time limit after a signal for writing snapshots and recordings, whose data exist nowhere else [s]."""
+"""Time limit, after a signal to end, for writing snapshots and recordings. Their data exist nowhere else [s].
+"""
 
 OTHER_S = 10.0
-"""Time limit after a signal for sources, device streams and other outputs, which may hang [s].
+"""Time limit, after a signal to end, for sources, device streams and other outputs, which may hang [s].
 
 `KEEP_S` and `OTHER_S` together are less than the 90 s after which a service manager kills the program.
 """
@@ -17,10 +18,10 @@ SAY_S, LOOK_S = 3.0, 0.05
 
 
 class Awaited(NamedTuple):
-    """A task that has to end.
+    """A task, such as the closing of an output, whose end the program waits for.
 
-    `name`: of the task, in messages. `done`: waits up to the given time [s]; returns whether the task has
-    ended.
+    `name`: name of the task, for messages. `done`: function that waits for the task up to the given time [s],
+    and returns whether the task has ended.
 
     `kept`: whether the task writes data that exist nowhere else.
     """
@@ -33,10 +34,10 @@ class Awaited(NamedTuple):
 class Ending:
     """Waits for tasks to end, with a time limit as soon as a signal or a failure asks for the end.
 
-    `asked`: returns whether a signal or a failure has asked for the end. `signals`: returns the number of
-    signals received. Once a message says that the program waits, one more signal ends the waiting. `say`:
-    writes a message. `left`: names of the tasks that did not end in time. `lost`: names of the tasks in
-    `left` whose data exist nowhere else.
+    `asked`: function that returns whether a signal or a failure has asked for the end. `signals`: function
+    that returns the number of signals received. Once a message says that the program waits, one more signal
+    ends the waiting. `say`: function that writes a message. `left`: names of the tasks that did not end in
+    time. `lost`: names of the tasks in `left` whose data exist nowhere else.
     """
 
     def __init__(
@@ -48,7 +49,7 @@ class Ending:
         self.lost: list[str] = []
 
     def wait(self, awaited: Sequence[Awaited]) -> None:
-        """Wait for all tasks of `awaited` at the same time."""
+        """Wait for all tasks in `awaited`. The time limits begin for all tasks at the same time."""
         began_s: float | None = None
         for name, done, kept in awaited:
             most_s = KEEP_S if kept else OTHER_S

@@ -13,19 +13,20 @@ from fltea.service.ending import Awaited
 from fltea.service.sink_queue import SinkQueue, SinkThread
 
 ESSENTIAL = "stdout"
-"""Name of the essential output: its failure or end, when no other output is left, ends the program."""
+"""Name of the output whose failure or end ends the program, if no other output is left."""
 
 ByText = Mapping[Wanted | None, Sequence[AnyRecord | Block | Printed]]
-"""For each kind of printed text, the records of a device; samples that are already printed stand as text."""
+"""Records of a device for each kind of printed text. Samples that were converted to text stand as this text.
+"""
 
 NOTHING_PRINTED: ByText = MappingProxyType({})
 
 
 class Hub:
-    """Takes records from the threads of the devices, and queues them for every output.
+    """Takes records from the threads of the devices, and queues the records for every output.
 
-    `on_stop`: called, from any thread, when all outputs have ended. Its argument is the exception if the last
-    output failed, and None if the program that read that output has ended.
+    `on_stop`: function that is called, from any thread, when all outputs have ended. Its argument is the
+    exception if the last output failed, or None if the program that read the last output has ended.
     """
 
     def __init__(self, on_stop: Callable[[Exception | None], None]) -> None:
@@ -79,8 +80,8 @@ class Hub:
     ) -> None:
         """Queue a device's records.
 
-        `printed`: the same records for outputs that take printed text (see `printing`). `wait`: whether to
-        wait for an output that must not lose records while its queue is full.
+        `printed`: the same records, with samples as text, for outputs that take printed text (see
+        `printing`). `wait`: whether to wait while the queue of an output that must not lose records is full.
         """
         for sink_queue in (*self._shared, *self._of.get(device, ())):
             own = printed.get(sink_queue.sink.prints, records)
@@ -105,17 +106,17 @@ class Hub:
                 sink_queue.put((printed,))
 
     def takes_blocks(self, device: str) -> bool:
-        """Return whether any output of a device takes its samples in another form than printed text."""
+        """Return whether any output of a device takes the samples in another form than printed text."""
         return any(
             sink_queue.sink.prints is None for sink_queue in (*self._shared, *self._of.get(device, ()))
         )
 
     def wait_for_room(self, timeout_s: float) -> bool:
-        """Wait until the queues of all shared outputs have room; return False if one has none in time."""
+        """Wait until the queues of all shared outputs have room; return False if the time runs out."""
         return all(sink_queue.wait_for_room(timeout_s) for sink_queue in self._shared)
 
     def written(self) -> Callable[[], bool]:
-        """Return a function that says if the shared outputs have written what is queued now."""
+        """Return a function that returns whether the shared outputs have written all that is queued now."""
         queued = [(sink_queue, sink_queue.progress()[0]) for sink_queue in self._shared]
         return lambda: all(sink_queue.progress()[1] >= count for sink_queue, count in queued)
 
@@ -133,9 +134,9 @@ class Hub:
         return Tap(lambda: self._of.get(device, []), wait)
 
     def report(self, device: str | None = None) -> Callable[[str, str], None]:
-        """Return a function that sends an `error` record to all outputs.
+        """Return a function that sends a record `error`, by kind and text, to outputs and to the log.
 
-        `device`: to the outputs of this device.
+        `device`: name of the device whose outputs get the record; None: all outputs get it.
         """
 
         def report(kind: str, message: str) -> None:
@@ -169,12 +170,12 @@ class Hub:
         }
 
     def release(self) -> None:
-        """End all waiting for room: from now on, an output whose queue is full drops records."""
+        """End all waiting for room in queues. From now on, an output whose queue is full drops records."""
         for _, sink_queue in self.sink_queues():
             sink_queue.release()
 
     def close(self) -> list[Awaited]:
-        """Let every output close after its queued records are written; return the tasks to wait for."""
+        """Let every output write its queued records and then close; return the tasks to wait for."""
         sink_queues = self.sink_queues()
         for _, sink_queue in sink_queues:
             sink_queue.close()

@@ -52,7 +52,7 @@ def _opened(output: Output, opening: Opening) -> Sink:
 
 
 def _with_format(program: Config) -> Config:
-    """Return the settings, with a format for the standard output if none was set."""
+    """Return the settings with a format for the standard output, also if the user has set none."""
     if program.format != "auto":
         return program
     return msgspec.structs.replace(program, format="table" if sys.stdout.isatty() else "ndjson")

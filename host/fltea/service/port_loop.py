@@ -21,8 +21,9 @@ from fltea.wire.transport import QUEUE_BYTES
 
 WAIT_S = 0.5
 PATIENCE_NS = 1_000_000
-"""Time for which blocks of samples, or bytes, wait until more of the same device arrive [ns]. So an output
-that takes blocks or bytes handles each device at most a thousand times a second.
+"""If there are many devices, blocks of samples, or bytes, wait for this time, multiplied by the number of
+devices, until more of the same device arrive [ns]. An output that takes blocks or bytes then gets at most a
+thousand of them a second.
 """
 
 
@@ -34,7 +35,7 @@ class PortStop(IntEnum):
     STOP = 2
     """The native device has stopped, for one of the reasons in `Stop`."""
     ROWS = 3
-    """Samples are ready for an output that takes them in blocks."""
+    """Samples are ready for an output that takes samples in blocks."""
     READS = 4
     """Bytes are ready for an output that takes the received bytes."""
     LOST = 5
@@ -51,8 +52,9 @@ def has_port(stream: DeviceStream) -> bool:
 class PortLoop:
     """Reads all serial ports, and hands the data of each port to the device stream of that port.
 
-    `on_end`: called, from the loop's thread, with a device stream that has ended, and with the exception that
-    ended it or None. `pressure`: receives the time for which samples wait.
+    `on_end`: function that is called in the loop's thread when a device stream has ended. Its arguments are
+    the stream, and the exception that ended the stream or None. `pressure`: receives the times for which
+    samples wait.
     """
 
     def __init__(
@@ -123,7 +125,7 @@ class PortLoop:
             self._happened(index, HANDLERS[kind], details)
 
     def _hand_on(self, indices: Iterable[int]) -> None:
-        """Process all data already received from these ports, whose device streams then end."""
+        """Process all data that were already received from some ports, whose device streams then end."""
         waiting = set(indices)
         for index in waiting:
             self._round.wants(index, *self.streams[index].wants(), 0)
@@ -133,8 +135,8 @@ class PortLoop:
     def _check(self, now_ns: int) -> None:
         """Do the regular work of the loop.
 
-        Ask which forms of samples the outputs take, save snapshots that are due, and check whether this
-        machine is fast enough.
+        The regular work is to ask which forms of samples the outputs take, to save snapshots that are due,
+        and to check whether this machine is fast enough.
         """
         self._changes = self._hub.changes
         many = len(self.streams) if len(self.streams) > DEVICES_A_SECOND else 0
@@ -220,4 +222,4 @@ HANDLERS: dict[int, Callable[[PortLoop, int, Any], None]] = {
     PortStop.LOST: PortLoop._on_lost,
     PortStop.FAULT: PortLoop._on_fault,
 }
-"""Method that handles each kind of event of `PortStop`."""
+"""Methods that handle the events of ports, by the kind of the event."""

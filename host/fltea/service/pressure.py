@@ -4,14 +4,15 @@ from fltea.records.ports import Report
 from fltea.stream.fit_worker import FitWorker
 
 CHECK_NS = 10**9
-"""Time between two checks of all devices, including for how long their samples wait [ns]."""
+"""Time between two checks of all devices. A check looks, among other things, at how long samples wait [ns].
+"""
 
 LATE_NS = 10**9
 """If samples wait longer than this, refits take too much of the processor's time [ns]."""
 
 LOOKS = 3
-"""Number of successive checks with late samples before refits become less frequent. A single late check is
-normal when many devices begin together.
+"""Number of successive checks that must find late samples before refits become less frequent. Late samples in
+a single check are normal when many devices begin together.
 """
 
 CALM_NS = LATE_NS // 4
@@ -21,9 +22,10 @@ SLOWEST = 64.0
 
 
 class Pressure:
-    """Makes refits less frequent while samples wait, and more frequent after a minute without waiting.
+    """Makes refits less frequent while samples wait too long, and more frequent after a minute without delay.
 
-    Samples and estimates are never left out. `report`: called whenever refits become less frequent.
+    Samples and estimates are never left out. `report`: function that is called whenever refits become less
+    frequent.
     """
 
     def __init__(self, fit_worker: FitWorker, report: Report) -> None:

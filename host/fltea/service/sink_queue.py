@@ -1,6 +1,6 @@
 """Put a bounded queue and a thread before an output (sink).
 
-So a slow or broken output loses only its own records.
+Thus a slow or broken output loses only its own records.
 """
 
 import threading
@@ -18,8 +18,8 @@ from fltea.records.stats import OutputStats
 IDLE_S = 0.5
 
 MOST_WAITING = 1_000_000
-"""Largest number of records that may wait for one thread, in all queues of that thread together. So the more
-devices there are, the fewer records fit into each queue.
+"""Largest number of records that may wait in all queues of one thread together. The more devices there are,
+the more queues share this number, and the fewer records fit into each queue.
 """
 
 
@@ -35,9 +35,10 @@ def weight(item: Item | Departed) -> int:
 
 
 class SinkThread:
-    """Writes the items of several queues to their outputs, one queue after the other, until all have ended.
+    """Writes the items of several queues to their outputs, one queue after the other, until all are closed.
 
-    `wake_up`: set when a queue receives an item. `hurry`: set when a queue closes.
+    `wake_up`: rung when a queue receives an item. `hurry`: set when a queue closes, so that the thread does
+    not pause.
     """
 
     def __init__(self, name: str) -> None:
@@ -50,7 +51,7 @@ class SinkThread:
     def room(self, capacity: int) -> int:
         """Return the largest number of records that may wait in a queue.
 
-        `capacity`: this number if the thread serves no other queue.
+        `capacity`: the number that may wait if the thread serves no other queue.
         """
         return min(capacity, MOST_WAITING // max(1, len(self._sink_queues)))
 
@@ -86,9 +87,9 @@ class SinkThread:
 class SinkQueue:
     """Feeds one output (sink) from a queue.
 
-    `on_end`: called once, from the writing thread, when the output can take no more records: with None if the
-    program that reads the output has ended, otherwise with the exception. `thread`: a thread that several
-    queues share; by default the queue has its own thread.
+    `on_end`: function that is called once, in the writing thread, when the output can take no more records.
+    Its argument is None if the program that reads the output has ended, otherwise the exception. `thread`: a
+    thread that several queues share. By default the queue has its own thread.
     """
 
     def __init__(
@@ -103,7 +104,7 @@ class SinkQueue:
         self.done = threading.Event()
         self._on_end = on_end
         self._queue: deque[tuple[Item | Departed, int | None]] = deque()
-        # number of all records queued so far, and number of those that still wait
+        # number of all records that were queued so far, and number of records that still wait
         self._queued = self._waiting = 0
         self.thread = thread or SinkThread(f"sink {sink.name}")
         self._changed = self.thread.changed
@@ -111,7 +112,8 @@ class SinkQueue:
         self._written = self._dropped = self._overflow = 0
         self._in_hand = 0
         self._idle_s = 0.0
-        # records that the output had lost before the batch that is now written; None between two batches
+        # number of records that the output had lost before the batch that is now written; None between two
+        # batches
         self._lost_before: int | None = None
 
     @property
@@ -160,14 +162,14 @@ class SinkQueue:
             )
 
     def progress(self) -> tuple[int, int]:
-        """Return the number of records queued so far, and how many of these are written or dropped."""
+        """Return how many records were queued so far, and how many of these are written or dropped."""
         with self._changed:
             return self._queued, self._queued - self._waiting - self._in_hand
 
     def stats(self) -> OutputStats:
         """Return the numbers of written, lost and waiting records.
 
-        A record being written counts as waiting.
+        A record that is being written counts as waiting.
         """
         with self._changed:
             lost = self.sink.lost if self._lost_before is None else self._lost_before
@@ -182,7 +184,7 @@ class SinkQueue:
         self.thread.wake_up.ring()
 
     def release(self) -> None:
-        """Let no caller wait for room any more."""
+        """End all waiting for room in this queue, now and later."""
         with self._changed:
             self._released = True
             self._changed.notify_all()
@@ -204,7 +206,7 @@ class SinkQueue:
             self.sink.close()
         except SinkClosed:
             self._end(None)
-        except Exception as error:  # whatever a library raises ends only this output
+        except Exception as error:  # an error of any kind, such as one of a library, ends only this output
             self._end(error)
         return False
 

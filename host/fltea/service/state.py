@@ -22,13 +22,15 @@ MOST_BYTES = 1 << 30
 """Largest size of the file of snapshots [bytes]: enough for many devices whose filters keep every sample."""
 
 VERSION = 5
-"""Version of the file, and of the native states of estimators in it.
+"""Version of the file's format, and of the states of native estimators in the file.
 
-Up to version 4, each native state had a header.
+Up to version 4, the state of each native estimator had a header.
 """
 
 LOOK_S = 1.0
-"""Longest time until a new snapshot is in the file [s]. The setting `period_s` says how often one is made."""
+"""Longest time from a new snapshot until it is in the file [s]. The setting `period_s` says how often a
+snapshot is made.
+"""
 
 
 class _File(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -107,7 +109,7 @@ class StateFile:
         refused = self._path.with_name(self._path.name + ".refused")
         try:
             self._path.replace(refused)
-        except FileNotFoundError:  # it was already set aside because of another device
+        except FileNotFoundError:  # the file was already set aside because of another device
             return
         except OSError as error:
             self._report("state_failed", f"{why}; the file cannot be kept as {refused} ({error}).")
@@ -115,7 +117,7 @@ class StateFile:
             self._report("state_refused", f"{why}; the file is kept as {refused}.")
 
     def put(self, name: str, state: DeviceState) -> None:
-        """Replace a device's snapshot. The new snapshot is written within `LOOK_S` seconds."""
+        """Replace a device's snapshot. The new snapshot is written to the file within `LOOK_S` seconds."""
         with self._lock:
             self._devices[name] = state
             self._changed = True
@@ -166,7 +168,7 @@ def _hold(path: Path) -> int:
     lock = path.with_name(f".{path.name}.lock")
     try:
         held = open_own(lock, 0o644)
-    except (OSError, ValueError) as error:  # ValueError: the name contains a NUL
+    except (OSError, ValueError) as error:  # ValueError is raised for a name that holds a NUL
         raise UsageError(f"--state {path}: {lock} cannot be made ({error}).") from error
     try:
         fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)

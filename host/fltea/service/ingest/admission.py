@@ -1,6 +1,6 @@
 """Decide which devices are accepted, by their names.
 
-A client that makes up names must neither fill the memory nor keep other devices out for long.
+A client of the broker that makes up names must neither fill the memory nor keep other devices out for long.
 """
 
 from collections import OrderedDict
@@ -9,7 +9,9 @@ from typing import Generic, Literal, NamedTuple, TypeVar
 from fltea.settings.device_name import NAME
 
 CANDIDATES = 50_000
-"""Largest number of names with one message so far, which wait for a second message: about 10 MB."""
+"""Largest number of names from which one message has come, and which wait for a second message. They take
+about 10 MB.
+"""
 
 CANDIDATE_NS = 60 * 10**9
 
@@ -20,9 +22,9 @@ M = TypeVar("M")
 
 
 class _Candidate(NamedTuple, Generic[M]):
-    """A device's name with one message so far.
+    """A device's name under which only one message has come so far.
 
-    `message`: this message, or None if there was no room for its `size` bytes.
+    `message`: this message, or None if there was no room to keep its `size` bytes. `heard_ns`: when it came.
     """
 
     heard_ns: int
@@ -33,9 +35,9 @@ class _Candidate(NamedTuple, Generic[M]):
 Verdict = Literal["in", "new", "candidate", "once", "full", "bad_name"]
 """What is done with a message.
 
-"in": the device is known. "new": the device is admitted now. "candidate": the first message of its name.
-"once": no second message of its name came in time. "full": there are too many devices. "bad_name": no device
-may have the name.
+"in": the device is known, and the message is accepted. "new": the device is admitted now. "candidate": the
+message is the first one under its name, and waits for a second one. "once": no second message of its name
+came in time. "full": there are too many devices. "bad_name": no device may have the name.
 """
 
 
@@ -61,8 +63,8 @@ class Admission(Generic[M]):
     def judge(self, name: str, now_ns: int, message: M, size: int) -> tuple[Verdict, M | None, int]:
         """Judge a message of `size` bytes, and count it if it is not accepted.
 
-        For a new device, the first message is returned too, or the size of the first message if that message
-        was not kept.
+        Return the verdict, and for a new device also its first message, or the size of the first message if
+        that message was not kept.
         """
         if name in self._admitted:
             return "in", None, 0
@@ -92,7 +94,7 @@ class Admission(Generic[M]):
         self._admitted.discard(name)
 
     def expire(self, now_ns: int) -> None:
-        """Drop names without a second message in time."""
+        """Drop names whose second message did not come in time."""
         while self._candidates and now_ns - next(iter(self._candidates.values())).heard_ns > CANDIDATE_NS:
             self._drop_oldest()
 

@@ -7,20 +7,23 @@ some messages before the end of what the worker before it has processed.
 from dataclasses import dataclass
 
 BEHIND_NS = 5 * 10**9
-"""For this long after a message that was read late, no device of its partition counts as silent [ns]."""
+"""No device of a partition counts as silent for this long after a message of the partition was read late
+[ns].
+"""
 
 WAITED_NS = 2 * 10**9
-"""A message that waited this long shows that this partition is read late [ns]."""
+"""If a message waited at least this long before it was read, its partition is read late [ns]."""
 
 IN_TIME_NS = 10**9
-"""A message that waited less than this shows that the worker reads new messages again [ns]."""
+"""If a message waited less than this before it was read, the worker has caught up with its partition [ns]."""
 
 
 @dataclass
 class _Again:
     """Messages of a partition that are processed a second time.
 
-    `until`: number of the last such message. `count`: how many there were so far.
+    `until`: number of the last message that is processed a second time. `count`: number of such messages so
+    far.
     """
 
     until: int
@@ -36,7 +39,7 @@ class CatchingUp:
         self._behind_ns: dict[int, int] = {}
 
     def begin(self, partition: int, done: int) -> None:
-        """Begin with a partition. Another worker has processed the messages up to number `done`."""
+        """Begin to serve a partition. Another worker has processed its messages up to number `done`."""
         self._again[partition] = _Again(done)
 
     def forget(self, partition: int) -> None:
@@ -45,10 +48,10 @@ class CatchingUp:
         self._again.pop(partition, None)
 
     def shows_pressure(self, partition: int, waited_ns: int, now_ns: int) -> bool:
-        """Note how long a message waited. Return whether this waiting time says if this machine is too slow.
+        """Note how long a message waited; return whether this time tells if this machine is too slow.
 
-        It says nothing until the worker has caught up with messages that waited for other reasons, for
-        example for a worker.
+        The waiting time tells nothing until the worker has caught up with messages that waited for other
+        reasons, for example because no worker served the partition.
         """
         if waited_ns >= WAITED_NS:
             self._behind_ns[partition] = now_ns

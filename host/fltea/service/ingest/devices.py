@@ -25,7 +25,9 @@ TICK_NS = 2 * 10**9
 """Time without a message after which a device is checked for silence; also the time between checks [ns]."""
 
 STATS_S = 10
-"""Time between two `stats` records of a device [s]. Each second, a tenth of the devices publishes one."""
+"""Time between two records `stats` of a device [s]. Each second, a tenth of the devices publishes such a
+record.
+"""
 
 FAULT_NS = 60 * 10**9
 """Time after which a device whose stream failed, by a fault or unsuitable settings, is tried again [ns]."""
@@ -33,11 +35,11 @@ FAULT_NS = 60 * 10**9
 
 @dataclass
 class OpenDevice:
-    """A device with its device stream.
+    """An open device with its device stream.
 
-    `partition`: of the device, if the broker has partitions. `mark`: number of the device's last processed
-    message. `kept_ns`: time of the device's last snapshot. `is_whole`: whether that snapshot contains the
-    estimators.
+    `partition`: number of the device's partition, if the broker has partitions. `mark`: number of the
+    device's last processed message. `kept_ns`: time of the device's last snapshot. `is_whole`: whether that
+    snapshot contains the estimators.
     """
 
     stream: DeviceStream
@@ -53,9 +55,10 @@ class OpenDevice:
 class Devices:
     """Opens, feeds and ends the streams of all devices, in one thread.
 
-    `config`: settings of every device. `url`: of the broker. `shared`: this worker's share of the devices, if
-    there are several workers. `fit_worker`: thread that refits the noise of all devices. `wait_for_room`:
-    called before each event; returns when the outputs have room.
+    `config`: settings of every device. `url`: URL of the broker. `shared`: this worker's part of the
+    partitions of devices, if there are several workers. `fit_worker`: thread that refits the noise of all
+    devices. `wait_for_room`: function that is called before each event, and returns when the outputs have
+    room.
     """
 
     def __init__(
@@ -80,12 +83,12 @@ class Devices:
     def offset_ns(self) -> int:
         """Return the offset from `host_ns` to Unix time.
 
-        With several workers it comes from the clock of the stream that keeps the messages.
+        With several workers, the offset comes from the clock of the stream that keeps the messages.
         """
         return self._shared.unix_offset_ns if self._shared is not None else unix_offset_ns()
 
     def is_broken(self, name: str, now_ns: int) -> bool:
-        """Return whether the device stream failed recently. Messages of such a device are not processed."""
+        """Return whether a device's stream failed recently. Messages of such a device are not processed."""
         return now_ns < self._broken_ns.get(name, 0)
 
     def open(
@@ -104,7 +107,7 @@ class Devices:
         return device
 
     def feed(self, name: str, item: Chunk | Reads | None) -> None:
-        """Process what came from a device. If this fails, give the device up.
+        """Process what came from a device. Give the device up if an error occurs.
 
         `item`: None if nothing came and only time has passed.
         """
@@ -131,8 +134,8 @@ class Devices:
     def check(self, now_ns: int, is_silent: Callable[[OpenDevice], bool]) -> None:
         """Tell the streams of silent devices the time, and give up devices that are silent for too long.
 
-        `is_silent`: returns whether a device without messages is truly silent: no message of it can still
-        wait in the broker.
+        `is_silent`: function that returns whether a device without new messages is truly silent, since none
+        of its messages can still wait in the broker.
         """
         forget_ns = int(self._config.ingest.forget_s * 1e9)
         for name, device in list(self.opened.items()):
@@ -148,7 +151,7 @@ class Devices:
     def _give_up(self, name: str, *, moved: bool) -> None:
         device = self.opened.pop(name)
         if not moved and device.partition is not None and self._shared is not None:
-            # otherwise another worker would continue from this snapshot
+            # if the device's snapshot were kept, another worker would continue from it
             self._shared.drop(device.partition, name)
         self._hub.depart(name, moved=moved)
         self._fit_worker.devices -= 1

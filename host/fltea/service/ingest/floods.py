@@ -13,15 +13,16 @@ SECOND_BYTES = 1 << 18
 """
 
 BURST_BYTES = 64 * SECOND_BYTES
-"""Bytes of one device that may come at once, for example what a board or bridge has kept during an outage.
-They are 1.5 hours of 100 samples a second, or five minutes of 2,000 samples a second.
+"""Number of bytes of one device that may come at once, for example after a board or bridge has kept them
+during an outage. The number is enough for 1.5 hours of 100 samples a second, or five minutes of 2,000 samples
+a second.
 """
 
 
 class Allowance:
     """Number of bytes that each device may still publish.
 
-    It begins with `BURST_BYTES`, which is also its maximum, and grows by `SECOND_BYTES` every second.
+    The number begins with `BURST_BYTES`, which is also its maximum, and grows by `SECOND_BYTES` every second.
     """
 
     def __init__(self) -> None:

@@ -14,7 +14,8 @@ from fltea.service.ingest.kept import Kept
 BATCH_BYTES = 8_000_000
 """Largest size of the messages that `Inbox.take` returns at once [bytes].
 
-It returns as many waiting messages as fit, so that the messages of a device are processed together.
+`Inbox.take` returns as many waiting messages as fit, so that the messages of each device are processed
+together.
 """
 
 LONGEST_SHOWN = 64
@@ -24,7 +25,8 @@ class Message(NamedTuple):
     """A message with frames of the wire protocol that a device has published together.
 
     `arrived_ns`: monotonic time at which the broker received the message. If the broker keeps messages in a
-    stream, `mark` is the number of the message in the stream, and `partition` the device's partition.
+    stream, `mark` is the number of the message in this stream, and `partition` is the number of the device's
+    partition.
     """
 
     device: str
@@ -35,10 +37,12 @@ class Message(NamedTuple):
 
 
 class Served(NamedTuple):
-    """Marks in the queue where the messages of a partition begin, which this worker serves from now on.
+    """Item of the queue that says that this worker serves a partition from now on.
+
+    The partition's messages follow.
 
     `kept`: snapshots of the partition's devices. `done`: number of the last message that the previous worker
-    has processed. `start`: number of the message before the first one in the queue.
+    has processed. `start`: number of the message before the first message of the partition that follows.
     """
 
     partition: int
@@ -48,13 +52,16 @@ class Served(NamedTuple):
 
 
 class Resumed(NamedTuple):
-    """Marks in the queue where messages that were left out follow, since a partition's lease had lapsed."""
+    """Item of the queue that says that messages of a partition come again.
+
+    They were left out because the partition's lease had lapsed.
+    """
 
     partition: int
 
 
 class Left(NamedTuple):
-    """Marks in the queue that this worker serves a partition no more, and another worker may serve it."""
+    """Item of the queue that says that this worker serves a partition no more. Another may serve it."""
 
     partition: int
 
@@ -65,16 +72,16 @@ Item = Message | Served | Resumed | Left
 class Inbox:
     """A queue between the receiver of messages and their reader.
 
-    The reader gets messages of admitted devices only.
+    The reader gets only messages of devices that were admitted (see `Admission`).
 
     Before it takes more messages from a broker, the receiver waits until the queue has room, without a time
-    limit. So the only messages left out, and counted, are those of devices that are not admitted or that
-    publish too much. Each message counts as `MESSAGE_BYTES` more than its size, so that empty messages are
-    limited too.
+    limit. So the queue drops no messages for lack of room. The only messages that are left out, and counted,
+    are those of devices that are not admitted or that publish too much. Each message counts as
+    `MESSAGE_BYTES` more than its size, so that empty messages are limited too.
 
-    `queue_bytes`: most bytes that may wait. `reserved`: a name that no device may have. `put`, `post`,
-    `wait_for_room`, and `wake` may be called from any thread, all other methods from the reader's thread
-    only.
+    `queue_bytes`: number of waiting bytes above which the receiver waits. `reserved`: a name that no device
+    may have. `put`, `post`, `wait_for_room`, and `wake` may be called from any thread, all other methods from
+    the reader's thread only.
     """
 
     def __init__(self, devices: int, queue_bytes: int, reserved: str = "") -> None:
@@ -129,7 +136,7 @@ class Inbox:
             return self._changed.wait_for(lambda: self._bytes < self.queue_bytes, timeout_s)
 
     def wake(self) -> None:
-        """End the waiting in `take`."""
+        """End the waiting in `take`, from any thread."""
         with self._changed:
             self._changed.notify_all()
 
@@ -139,9 +146,10 @@ class Inbox:
         return bool(self._queue)
 
     def take(self, timeout_s: float) -> tuple[list[Message], Served | Resumed | Left | None]:
-        """Return the waiting messages in order, and the first other item behind them, or None.
+        """Return the waiting messages in order, and the item after them that is no message, or None.
 
-        Waits at most `timeout_s`, or until `wake`. Between two calls the reader may admit or forget devices.
+        If nothing waits, wait for an item at most `timeout_s`, or until `wake` is called. Between two calls
+        of `take` the reader may admit or forget devices.
         """
         messages, size = list[Message](), 0
         behind: Served | Resumed | Left | None = None
@@ -179,7 +187,7 @@ class Inbox:
                 self.overflow_bytes[device] += len(each.data)
 
     def put_back(self, messages: Sequence[Message]) -> None:
-        """Put messages that were not processed back in front of all others."""
+        """Put messages that were not processed back into the queue, in front of all others."""
         with self._changed:
             self._queue.extendleft(reversed(messages))
             self._bytes += sum(len(message.data) + MESSAGE_BYTES for message in messages)

@@ -1,6 +1,6 @@
 """Define what another worker needs to continue with a device.
 
-It needs the device's estimators and the number of the last processed message.
+Another worker needs the device's estimators, and the number of the device's last processed message.
 """
 
 import zlib
@@ -19,7 +19,7 @@ class Kept(msgspec.Struct, frozen=True):
     """Snapshot of a device after message `mark` of the broker's stream.
 
     `state`: the estimators; None while the start-up window fills. `hello`: the device's newest HELLO, so that
-    its samples can be used at once. `unix_ns`: when the snapshot was taken.
+    its samples can be used at once. `unix_ns`: Unix time at which the snapshot was taken [ns].
     """
 
     mark: Annotated[int, msgspec.Meta(ge=0)]
@@ -35,9 +35,9 @@ def pack(kept: Kept) -> bytes | None:
 
 
 def unpack(data: bytes) -> Kept | None:
-    """Return the snapshot from bytes made by `pack`.
+    """Return the snapshot from bytes that `pack` has made.
 
-    None for other data, such as those of another version.
+    Return None for other bytes, such as those of another version of the program.
     """
     try:
         unpacker = zlib.decompressobj()

@@ -1,9 +1,10 @@
 """Decide which worker serves which partition of the devices, by leases in a key-value store.
 
-Every `RENEW_S`, a worker writes its own key and the keys of its leases, so that their revision numbers grow.
-A lease is free once an observer has seen the same revision for `LEASE_S` by its own clock; so the clocks of
-the workers need not agree. A worker takes a free lease by writing it on the condition that the revision is
-still the same. If two workers try, the store lets one succeed.
+Every `RENEW_S`, a worker writes its own entry and the entries of its leases, so that the revision numbers of
+these entries grow. For another worker, a lease is free once that worker has seen the same revision for
+`LEASE_S` by its own clock. So the clocks of the workers need not agree. A worker takes a free lease by
+writing it on the condition that the revision is still the same. If two workers try this, the store lets only
+one succeed.
 """
 
 from collections.abc import Iterable, Mapping
@@ -13,7 +14,7 @@ import msgspec
 
 RENEW_S = 1.5
 LEASE_S = 6.0
-"""Time after which others may take over a lease that was not renewed [s].
+"""Time after which other workers may take over a lease that was not renewed [s].
 
 The owner of the lease stops serving two renewals earlier, after `STOP_S`.
 """
@@ -22,10 +23,10 @@ STOP_S = LEASE_S - 2 * RENEW_S
 
 
 class Lease(msgspec.Struct, frozen=True):
-    """A lease of a partition.
+    """The lease of a partition, by which one worker serves the partition.
 
-    `owner`: name of the worker; empty if the lease was given back. `done`: number of the last message that
-    was processed.
+    `owner`: name of the worker that holds the lease; empty if the lease was given back. `done`: number of the
+    partition's last message that was processed.
     """
 
     owner: str
@@ -33,9 +34,9 @@ class Lease(msgspec.Struct, frozen=True):
 
 
 class Seen(NamedTuple):
-    """An entry of the store, as this worker last saw it.
+    """An entry of the key-value store, as this worker last saw it.
 
-    `changed_s`: when this worker saw the revision change, by its own clock.
+    `changed_s`: time, by this worker's clock, at which it saw the revision change [s].
     """
 
     revision: int
@@ -44,7 +45,7 @@ class Seen(NamedTuple):
 
 
 class Sightings:
-    """Remembers when this worker saw the entries of the store change."""
+    """Remembers when this worker saw each entry of the key-value store change."""
 
     def __init__(self) -> None:
         self._seen: dict[str, Seen] = {}
@@ -71,7 +72,7 @@ class Sightings:
 
 
 def lease_of(data: bytes) -> Lease:
-    """Return the lease in an entry's value; if the value is no lease, a lease without owner."""
+    """Return the lease in the value of an entry. If the value is no lease, return a lease without owner."""
     try:
         return msgspec.json.decode(data, type=Lease)
     except msgspec.DecodeError:
@@ -91,7 +92,8 @@ def share(partitions: int, workers: int) -> int:
 def surplus(held: Iterable[int], partitions: int, workers: int) -> list[int]:
     """Return the partitions that a worker has to give back.
 
-    They are those with the highest numbers, beyond the worker's share. `held`: partitions that it serves.
+    These are the partitions with the highest numbers, beyond the number that one worker may serve. `held`:
+    partitions that the worker serves.
     """
     mine = sorted(held)
     return mine[share(partitions, workers) :]

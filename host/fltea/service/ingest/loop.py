@@ -22,7 +22,9 @@ from fltea.settings.config import Config
 from fltea.stream.fit_worker import FitWorker
 
 STILL_NS = 5 * 10**9
-"""If the program stood still for longer than this, no device counts as silent in that time [ns]."""
+"""If the program stood still for longer than this, for example while the machine slept, no device counts as
+silent in that time [ns].
+"""
 
 BACK_NS = 15 * 10**9
 """Time that devices get to connect again after an outage of the broker [ns]."""
@@ -30,17 +32,23 @@ BACK_NS = 15 * 10**9
 WAIT_S, SLICE_S = 0.25, 0.1
 
 HELD_S = 10.0
-"""Time without room in the outputs after which this is reported [s]. The waiting itself has no limit."""
+"""Time for which the outputs have had no room after which this is reported [s]. The waiting for room has no
+limit.
+"""
 
 DRAIN_S = 0.3
-"""Time at the end to process messages that have already arrived [s]. The rest is counted as lost."""
+"""Time at the end of the program in which messages that have already arrived are processed [s]. The rest is
+counted as lost.
+"""
 
 PIECE_BYTES = 1 << 16
-"""Bytes of a device that are processed at a time: far less than an output with room can take."""
+"""Largest number of bytes of a device that are processed at a time. It is far less than an output with room
+can take.
+"""
 
 
 class Hearing:
-    """Knows whether messages of devices can arrive. While they cannot, no device counts as silent."""
+    """Knows whether messages of devices can arrive. While none can, no device counts as silent."""
 
     def __init__(self) -> None:
         self.checked_ns = host_ns()
@@ -59,8 +67,9 @@ class Hearing:
 class Ingest:
     """Processes the messages of all devices that publish to one broker.
 
-    `config`: settings of every device; its `name` is the one that the topics contain. `receiver`: makes the
-    receiver that fills an inbox. `on_end`: called with the exception that ended the loop, or with None.
+    `config`: settings of every device. Its `name` stands in the topics of this program, so no device may have
+    it. `receiver`: function that makes the receiver, which fills the inbox. `on_end`: function that is called
+    at the end, with the exception that ended the loop, or with None.
     `fit_worker`: thread that refits the noise of all devices.
     """
 
@@ -106,10 +115,11 @@ class Ingest:
                 self.moved_s = time.monotonic()
                 if now_ns - self.hearing.checked_ns >= CHECK_NS:
                     self.check(now_ns)
-            # with partitions, the next worker processes the remaining messages
+            # if the broker has partitions, the next worker processes the remaining messages
             if self._receiver.partitions is None:
                 self._drain()
-            self._report_losses(host_ns())  # once more, for messages that were refused since the last report
+            # report once more, for messages that were refused since the last report
+            self._report_losses(host_ns())
             for device in self.devices.opened.values():
                 device.stream.finish()
         except Exception as error:
@@ -163,7 +173,8 @@ class Ingest:
     def check(self, now_ns: int) -> None:
         """Do the regular work, about once a second.
 
-        It looks after silent devices, snapshots, the speed of the machine, and losses.
+        The regular work is to check for silent devices, to take snapshots, to check that the machine is fast
+        enough, and to report losses.
         """
         opened = self.devices.opened
         if not self.hearing.check(self._receiver.connected and self.inbox.wait_for_room(0), now_ns):
@@ -187,7 +198,7 @@ class Ingest:
             self._report(trouble.kind, trouble.message)
 
     def _is_due(self, message: Message) -> bool:
-        """Return whether this worker serves the message's partition, and has not processed it yet."""
+        """Return whether this worker serves a message's partition, and has not processed the message yet."""
         name, _, arrived_ns, partition, mark = message
         now_ns, shared = host_ns(), self._receiver.partitions
         waited_ns = now_ns - arrived_ns
@@ -212,8 +223,8 @@ class Ingest:
     def _serves(self, partition: int) -> bool:
         """Return whether messages of a partition may be processed.
 
-        Once a message of the partition was left out, none is processed until the messages left out come
-        again.
+        Once a message of the partition was left out, none is processed until the messages that were left out
+        come again.
         """
         shared = self._receiver.partitions
         if shared is None or partition in self._left_out or not shared.serves(partition):
@@ -221,9 +232,9 @@ class Ingest:
         return partition not in self._left_out
 
     def _walk(self, groups: dict[str, list[Message]]) -> None:
-        """Process messages, grouped by device.
+        """Process messages, which are grouped by device.
 
-        For each partition without a left-out message, note the last one.
+        For each partition of which no message was left out, note the number of the last processed message.
         """
         shared = self._receiver.partitions
         done: dict[int, int] = {}
@@ -256,7 +267,7 @@ class Ingest:
         device.heard_ns = device.checked_ns = now_ns
         device.mark = last.mark
         for piece in _pieces(messages, offset_ns):
-            # otherwise the device stream has failed on an earlier piece
+            # if it is not, the device stream has failed on an earlier piece
             if devices.opened.get(name) is device:
                 devices.feed(name, piece)
 
@@ -271,7 +282,7 @@ class Ingest:
         self.catching_up.forget(item.partition)
         for name, device in list(devices.opened.items()):
             if device.partition == item.partition:
-                # so that the last `stats` record counts what was processed here
+                # finish the device, so that its last record `stats` counts what was processed here
                 devices.finish(name, moved=True)
         self.walked.pop(item.partition, None)
         if isinstance(item, Left):
@@ -290,11 +301,11 @@ class Ingest:
 
 
 def _pieces(messages: Sequence[Message], offset_ns: int) -> Iterator[Reads]:
-    """Yield the bytes of a device's messages, like reads of a port, in pieces of limited size."""
+    """Yield the bytes of a device's messages in pieces of limited size, in the form of reads of a port."""
     chunks: list[Chunk] = []
     size, now_ns = 0, messages[0].arrived_ns
     for message in messages:
-        # the times must not decrease, but the stream's clock may have been set back
+        # arrival times must not decrease, but the clock of the broker's stream may have been set back
         now_ns = max(now_ns, message.arrived_ns)
         for begin in range(0, max(1, len(message.data)), PIECE_BYTES):
             data = message.data[begin : begin + PIECE_BYTES]

@@ -11,9 +11,9 @@ from fltea.service.ingest.inbox import Inbox
 
 
 class _Reason(NamedTuple):
-    """A reason for refusing messages, as text.
+    """Why messages are refused, as text for a report.
 
-    `fewest`: smallest number of such messages that is reported.
+    `fewest`: smallest number of messages refused for this reason that is reported.
     """
 
     fewest: int

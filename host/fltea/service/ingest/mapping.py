@@ -1,9 +1,9 @@
 """Check whether a NATS server assigns devices to partitions as fltea's settings say.
 
-A server without this mapping of subjects, or with another number of partitions, accepts all frames, but no
-worker reads them. So test messages are published under names that no device can have. The subjects under
-which they come back show the mapping. The header of a test message names a stream that does not exist, so no
-stream keeps the message.
+A server whose settings lack the mapping of subjects, or have another number of partitions, accepts all
+frames, but no worker reads them. So test messages are published under names that no device can have. The
+subjects under which the test messages come back show the mapping. The header of a test message names a stream
+that does not exist, so no stream keeps the message.
 """
 
 import asyncio
@@ -14,10 +14,10 @@ from nats.aio.client import Client
 from nats.aio.msg import Msg
 
 NAMES = 32
-"""Number of test names.
+"""Number of names of devices under which test messages are published.
 
-With a wrong number of partitions, about half of the names at most get the right partition, so a wrong number
-shows.
+If the server has a wrong number of partitions, at most about half of the names get the right partition. So a
+wrong number is noticed.
 """
 
 MOST = 4096
@@ -35,15 +35,16 @@ def partition_of(name: str, partitions: int) -> int:
 
 
 def line(partitions: int) -> str:
-    """Return the line with the mapping that the server's settings need."""
+    """Return the line for the server's settings that assigns devices to partitions."""
     mapped = f"fltea.frames.{{{{partition({partitions},1)}}}}.{{{{wildcard(1)}}}}"
     return f'mappings {{ "fltea.*.frames": "{mapped}" }}'
 
 
 def judge(subjects: Mapping[str, str | None], partitions: int) -> str | None:
-    """Return what is wrong with the mapping as text; None if nothing is wrong.
+    """Return, as text, what is wrong with the server's mapping of subjects; None if nothing is wrong.
 
-    `subjects`: for each test name, the subject under which its message came back; None if it did not.
+    `subjects`: for each test name, the subject under which its message came back, or None if the message did
+    not come back.
     """
     wanted = f"the server's settings need: {line(partitions)}"
     if _are_mapped(subjects, partitions):
@@ -74,8 +75,8 @@ def _are_mapped(subjects: Mapping[str, str | None], partitions: int) -> bool:
 async def check(client: Client, worker: str, partitions: int) -> str | None:
     """Publish test messages, and return what is wrong with the server's mapping; None if nothing is wrong.
 
-    `client`: connected to the server. `worker`: unique name of this process. The test names are made of it
-    and begin with "-", which no device's name does.
+    `client`: client that is connected to the server. `worker`: unique name of this process. The test names
+    contain the worker's name and begin with "-", which no device's name does.
     """
     names = [f"-{worker.replace('.', '-')}-{k}" for k in range(NAMES)]
     subjects: dict[str, str | None] = dict.fromkeys(names)

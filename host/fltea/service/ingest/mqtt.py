@@ -16,10 +16,10 @@ SESSION_S = 600
 
 
 class MqttFrames:
-    """Receives frames until it is closed, and connects again whenever the connection is lost.
+    """Receives frames from an MQTT broker, and connects again whenever the connection is lost.
 
-    While the inbox has no room, nothing is read, so messages wait at the broker. Messages that the broker has
-    retained are left out, since the age of their frames is unknown.
+    While the inbox has no room, nothing is read from the connection, so messages wait at the broker. Retained
+    messages are left out, since the age of their frames is unknown.
 
     `partitions`: None, since a single worker receives all messages.
 
@@ -46,11 +46,11 @@ class MqttFrames:
 
     @property
     def connected(self) -> bool:
-        """Whether messages can come now."""
+        """Whether the connection works, so that messages can arrive."""
         return self._subscriber.is_up.is_set()
 
     def start(self) -> None:
-        """Begin to receive."""
+        """Begin to receive messages."""
         self._subscriber.start()
 
     def close(self) -> None:

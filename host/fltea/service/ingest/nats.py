@@ -1,9 +1,10 @@
 """Receive frames of many devices from NATS JetStream, shared by several workers (host/docs/guide/ingest.md).
 
-The server puts each device into a partition, by a mapping of subjects: `fltea.NAME.frames` becomes
-`fltea.frames.PARTITION.NAME`, which a stream keeps. For each partition, one worker has the lease. This worker
-pulls the partition's messages in order, and stores snapshots of the devices, each with the number of the last
-message processed before the snapshot. A worker that takes over a partition continues from there.
+The server assigns each device to a partition by a mapping of subjects. The subject `fltea.NAME.frames`
+becomes `fltea.frames.PARTITION.NAME`, and a stream keeps the messages of the latter subjects. For each
+partition, one worker has the lease. This worker pulls the partition's messages in order, and stores snapshots
+of the devices, each with the number of the last message processed before the snapshot. Another worker that
+takes the partition over continues from these snapshots.
 """
 
 import asyncio
@@ -32,11 +33,16 @@ AGAIN_S = 1.0
 """Time between two attempts to connect [s]."""
 
 PROBE_S = 60.0
-"""Time between two checks of the server's mapping, whose settings may be reloaded at any time [s]."""
+"""Time between two checks of the server's mapping of subjects [s]. The mapping is checked again and again,
+since the server may load other settings at any time.
+"""
 
 
 class _Login(NamedTuple):
-    """Addresses and credentials of the server. `servers`: one URL, or several if it is a cluster."""
+    """Addresses and credentials of the NATS server.
+
+    `servers`: one URL, or several for a cluster of servers.
+    """
 
     servers: list[str]
     user: str | None
@@ -47,8 +53,8 @@ class _Login(NamedTuple):
 class NatsFrames:
     """Receives the messages of this worker's share of the partitions, in a separate thread.
 
-    `url`: URL of the first server. `worker`: unique name of this process. `partitions`: the partitions that
-    this process serves.
+    `url`: URL of the first server. `worker`: unique name of this process. `partitions`: this worker's part of
+    the partitions.
     """
 
     def __init__(self, config: Config, inbox: Inbox, report: Report) -> None:
@@ -62,7 +68,7 @@ class NatsFrames:
         self._thread = threading.Thread(target=self._run, name="nats", daemon=True)
 
     def start(self) -> None:
-        """Start the thread."""
+        """Start the thread that receives messages."""
         self._thread.start()
 
     def close(self) -> None:
@@ -97,14 +103,14 @@ class NatsFrames:
                 connect_timeout=5,
                 flush_timeout=LEASE_S,
                 allow_reconnect=False,
-                # also limits the first connection, which the library would try 60 times
+                # this also limits the attempts at the first connection, of which the library would make 60
                 max_reconnect_attempts=1,
                 error_cb=self._heard,
             )
             self._reports.on_server()
             serving = asyncio.create_task(self._serve_over(client))
-            # The connection is checked here because the library lets requests wait forever after it has
-            # broken.
+            # The connection is checked here, since the library lets requests wait forever after the
+            # connection has broken.
             while not (serving.done() or client.is_closed):
                 await asyncio.wait([serving], timeout=LOOK_S)
             if client.is_closed:
@@ -122,12 +128,12 @@ class NatsFrames:
 
     async def _serve_over(self, client: Client) -> None:
         """Serve partitions over one connection, until `close`."""
-        # A busy server gets `LEASE_S` to answer. If it takes longer, the leases end anyway.
+        # A busy server has `LEASE_S` to answer. If the server takes longer, the leases end anyway.
         store = Store(self._settings, client.jetstream(timeout=LEASE_S))
         await store.prepare()
         self._reports.differences(store.differs)
         self.partitions.begin(store)
-        # raises if the server's store is full; such a server is not reported as back
+        # renew() raises an error if the server's store is full; such a server is not reported as back
         await self.partitions.renew()
         renewed_s, probed_s = time.monotonic(), -PROBE_S
         self.connected = True
@@ -147,7 +153,10 @@ class NatsFrames:
 
 
 async def _end_others() -> None:
-    """Cancel all other tasks until they end. The library may ignore a cancellation while it waits."""
+    """Cancel all other tasks, again and again until they end.
+
+    A task of the library may ignore a cancellation while it waits.
+    """
     while others := asyncio.all_tasks() - {asyncio.current_task()}:
         for task in others:
             task.cancel()

@@ -1,4 +1,7 @@
-"""Report troubles of a NATS server: each of them once in an outage, or at most once a minute."""
+"""Report troubles of a NATS server.
+
+Each kind of trouble is reported once in an outage, or at most once a minute.
+"""
 
 import ssl
 from collections.abc import Sequence
@@ -17,7 +20,7 @@ USER, PASSWORD = "FLTEA_NATS_USER", "FLTEA_NATS_PASSWORD"
 
 
 APART_NS = 5 * 10**9
-"""Difference between the server's and this machine's clock above which it is reported [ns]."""
+"""A difference between the server's and this machine's clock is reported if it is larger than this [ns]."""
 
 
 class Reports:
@@ -40,9 +43,11 @@ class Reports:
         self._reached = True
 
     def refused(self, error: Exception) -> None:
-        """Note an error that the server reports separately, since it does not answer forbidden requests.
+        """Note that the server refuses a request.
 
-        Errors about the publishing of frames are reported by `mapping`.
+        The server does not answer such a request, but reports the error separately.
+
+        Refusals to publish frames are left to `mapping`, which reports them.
         """
         text = str(error)
         if "permissions" in text.lower() and '"fltea.' not in text:
@@ -54,7 +59,10 @@ class Reports:
         return bool(self._down)
 
     def down(self, error: Exception) -> None:
-        """Report an outage: once that no server can be used, and once that the server is unsuitable."""
+        """Report an outage.
+
+        In one outage, it is reported once that no server can be used, and once that the server is unsuitable.
+        """
         unfit = isinstance(error, Unfit)
         if unfit in self._down:
             return
@@ -108,8 +116,8 @@ class Reports:
     def left(self, partition: int, error: BaseException) -> None:
         """Report that a partition is given back since its messages cannot be pulled.
 
-        Each reason is reported once a minute for all partitions together, since the same partition is soon
-        taken and given back again.
+        Each reason is reported at most once a minute for all partitions together. A partition is soon taken
+        again and given back again, and would be reported each time.
         """
         reason = type(error), getattr(error, "err_code", None)
         if self._once_a_minute.is_due(reason, host_ns()):
@@ -158,7 +166,7 @@ class Reports:
 
 
 def explain(error: BaseException) -> str:
-    """Return, as text, what happened and what to do."""
+    """Return, as text, what an error of the NATS library means and what to do about it."""
     if isinstance(error, Unfit):
         return str(error)
     if isinstance(error, ConnectionRefusedError | NoServersError):

@@ -25,21 +25,24 @@ GRACE_S = 2 * RENEW_S
 """Time after an outage in which no partition is taken [s]. Otherwise, the first worker that is back would
 take all of them.
 
-A partition whose messages cannot be pulled is left to other workers for the same time.
+If the messages of a partition cannot be pulled, the partition is left to other workers for the same time.
 """
 
 STEADY_NS = 50_000_000
-"""Changes between the server's clock and ours up to this size are ignored [ns], since asking takes time."""
+"""Changes of the difference between the server's clock and ours are ignored up to this size [ns]. They may
+come from the time that the request takes.
+"""
 
 PULL, PULL_S = 64, 0.5
 LOOKS = 4
-"""Number of requests without a message after which to check that our consumer on the server still exists.
+"""After this number of requests without a message, it is checked that our consumer on the server still
+exists.
 
-The server does not report that it was deleted.
+The server does not report if the consumer was deleted.
 """
 
 PUTS = 64
-"""Largest number of snapshots that are being sent to the store; further snapshots wait."""
+"""Largest number of snapshots that are sent to the store at the same time. Further snapshots wait."""
 
 ROOM_BYTES = 4_000_000
 """Largest size of messages that wait in this process [bytes]. Further messages wait in the server's
@@ -51,9 +54,10 @@ stream.
 class Held:
     """A partition that this worker serves.
 
-    `before`: number of the last message that the previous worker has processed. `lapsed`: the lease was not
-    renewed in time. Messages are then left out, until all messages after the last processed one come again.
-    `resuming`: these messages were requested.
+    `before`: number of the last message that the previous worker has processed. `lapsed`: whether the lease
+    was not renewed in time. If so, messages are left out until all messages after the last processed one come
+    again.
+    `resuming`: whether these messages were requested from the server.
     """
 
     revision: int
@@ -87,12 +91,12 @@ class Partitions:
         self._sightings = Sightings()
         self._takes_from_s = 0.0
         self._left_s: dict[int, float] = {}
-        """When each partition was given back since its messages could not be pulled."""
+        """For each partition whose messages could not be pulled, the time at which it was given back."""
         self._loop: asyncio.AbstractEventLoop | None = None
         self._puts: set[concurrent.futures.Future[None]] = set()
 
     def begin(self, store: Store) -> None:
-        """Use a new connection until `let_go_of_all`. The caller is in the event loop of the connection."""
+        """Use a new connection until `let_go_of_all` is called. Call this in the connection's event loop."""
         self.store, self._loop = store, asyncio.get_running_loop()
 
     def wait_for_others(self) -> None:
@@ -102,7 +106,7 @@ class Partitions:
     def serves(self, partition: int) -> bool:
         """Return whether this worker may still process messages of a partition.
 
-        It is called for each message.
+        This method is called for each message.
         """
         held = self._held.get(partition)
         if held is None:
@@ -124,15 +128,15 @@ class Partitions:
     def keep(self, partition: int, device: str, data: bytes) -> bool:
         """Store a snapshot of a device in the background.
 
-        Return False if too many are being stored already.
+        Return False if too many snapshots are being stored already, or the partition is served no more.
         """
         return self._in_background(partition, device, data)
 
     def drop(self, partition: int, device: str) -> None:
         """Delete a device's snapshot in the background.
 
-        If that fails, the next worker begins with the snapshot, and gives the device up since it is
-        silent.
+        If the snapshot cannot be deleted, the next worker opens the device with it, and gives the device up
+        again since it is silent.
         """
         self._in_background(partition, device, None)
 
@@ -154,7 +158,7 @@ class Partitions:
         try:
             await (snapshots.delete(key) if data is None else snapshots.put(key, data))
         except NatsError as error:
-            # the end of a connection is reported elsewhere
+            # if the connection has ended, this is reported elsewhere
             if data is not None and not isinstance(error, ConnectionClosedError):
                 self._reports.snapshot(key, error)
 
@@ -173,7 +177,7 @@ class Partitions:
                 self._let_go(partition)
 
     async def _check_clock(self) -> None:
-        """Write this worker's entry, and compare the time that the server gives it with our clock."""
+        """Write this worker's entry, and compare the server's time for the entry with our clock."""
         key, before_ns = f"worker.{self._worker}", host_ns()
         await self.store.leases.put(key, b"")
         written_ns = (before_ns + host_ns()) // 2
@@ -183,11 +187,11 @@ class Partitions:
         self._reports.clock(offset_ns - unix_offset_ns())
 
     def _done_of(self, partition: int, held: Held) -> int:
-        """Return the number of the partition's last message that any worker has processed."""
+        """Return the number of the partition's last message that this or an earlier worker has processed."""
         return max(held.before, self.done.get(partition, 0))
 
     async def share_out(self) -> bool:
-        """Give back failed and surplus partitions, and take free ones, up to this worker's share.
+        """Give back failed and surplus partitions, and take free partitions, up to this worker's share.
 
         Returns:
             False if no partition may be taken yet, since an outage has just ended.
@@ -223,12 +227,12 @@ class Partitions:
         return True
 
     async def _take(self, partition: int, before: Lease, revision: int | None) -> None:
-        """Take a partition's lease, load the snapshots, and receive messages from the oldest snapshot on."""
+        """Take a partition's lease, load its snapshots, and receive messages from the oldest snapshot on."""
         began_s = time.monotonic()
         lease = msgspec.json.encode(Lease(self._worker, before.done))
         try:
             new = await self.store.leases.update(f"lease.{partition}", lease, last=revision or 0)
-        except KeyWrongLastSequenceError:  # another worker was faster
+        except KeyWrongLastSequenceError:  # another worker has taken the lease first
             return
         held = self._held[partition] = Held(new, began_s, before.done)
         kept, unreadable = await self.store.devices_of(partition)
@@ -237,7 +241,7 @@ class Partitions:
         marks = [one.mark for one in kept.values()]
         first, last = await self.store.ends()
         start = (min(marks) if marks else before.done) + 1
-        if start > last + 1:  # the stream was made anew since the snapshots
+        if start > last + 1:  # the stream was deleted and made anew after the snapshots
             held.before = 0
             start, kept = 1, {name: msgspec.structs.replace(one, mark=0) for name, one in kept.items()}
         self.done[partition] = start - 1
@@ -255,7 +259,7 @@ class Partitions:
     async def _pull_again(self, partition: int, held: Held) -> None:
         """Receive again all messages after the last processed one.
 
-        This is done when a lease was renewed late, but no other worker has taken it.
+        This is done after a lease was renewed too late, but before another worker has taken the lease.
         """
         if held.task is not None:
             held.task.cancel()
@@ -299,8 +303,8 @@ async def _pull(
     """Put all messages of a partition from number `start` on into the inbox.
 
     Whenever numbers are missing, since the library may lose messages of a request that it gave up, the
-    missing messages are requested again. `unix_offset_ns`: returns the offset, at present, from `host_ns` to
-    the Unix time of the stream.
+    missing messages are requested again. `unix_offset_ns`: function that returns the present offset from
+    `host_ns` to the Unix time of the stream.
     """
     while True:
         pulling = await store.consume(partition, start)

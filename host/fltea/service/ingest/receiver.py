@@ -4,10 +4,10 @@ from typing import Protocol
 
 
 class Shared(Protocol):
-    """This worker's share of the partitions of devices, with a store for snapshots of the devices.
+    """This worker's part of the partitions of devices, with a store for snapshots of the devices.
 
-    `unix_offset_ns`: offset from `host_ns` to the Unix time of the stream. That time is the same for all
-    workers, whatever their own clocks say.
+    `unix_offset_ns`: offset from `host_ns` to the Unix time of the stream. The Unix time of the stream is the
+    same for all workers, whatever their own clocks say.
     """
 
     unix_offset_ns: int
@@ -19,7 +19,7 @@ class Shared(Protocol):
         """Note that messages of a partition come again that were left out while `serves` was False."""
 
     def walked(self, partition: int, mark: int) -> None:
-        """Note the number of a partition's last message that was processed."""
+        """Note the number `mark` of the partition's last message that was processed."""
 
     def keep(self, partition: int, device: str, data: bytes) -> bool:
         """Store a snapshot of a device in the background; return False if there is no room for it now."""
@@ -35,14 +35,14 @@ class Receiver(Protocol):
 
     @property
     def partitions(self) -> Shared | None:
-        """This worker's share of the partitions; None if there is only one worker, without partitions."""
+        """This worker's part of the partitions; None if there is only one worker, and no partitions."""
 
     @property
     def connected(self) -> bool:
         """Whether the connection to the broker works, so that messages can arrive."""
 
     def start(self) -> None:
-        """Begin to receive."""
+        """Begin to receive messages."""
 
     def close(self) -> None:
-        """End receiving."""
+        """Stop receiving messages."""

@@ -16,7 +16,7 @@ from fltea.settings.extras import load
 
 
 def receiver_of(config: Config) -> Callable[[Inbox, Report], Receiver]:
-    """Return a function that makes the receiver, with an inbox and a function for reports as arguments.
+    """Return a function that makes the receiver. Its arguments are an inbox and a function for reports.
 
     Raises:
         UsageError: the URL is not the address of a broker, or a library is not installed.
@@ -50,5 +50,6 @@ def _is_address(url: str) -> bool:
     try:
         parts = urlsplit(url)
         return bool(parts.hostname) and not parts.netloc.endswith(":") and parts.port != 0
-    except ValueError:  # the port is no number or too large, or a bracket is not closed
+    # ValueError is raised if the port is no number or too large, or a bracket is not closed
+    except ValueError:
         return False

@@ -1,7 +1,8 @@
 """Take snapshots of a worker's devices, one after the other, so that another worker can continue with them.
 
-The next worker processes and publishes the messages after a snapshot again, and not the messages before the
-snapshot. So a snapshot is stored only after the outputs have written everything from before it.
+A worker that takes over processes and publishes the messages after a snapshot again, but not the messages
+before the snapshot. So a snapshot is stored only after the outputs have written all records from before the
+snapshot.
 """
 
 from collections import deque
@@ -24,9 +25,9 @@ MOST_TAKEN = 64
 
 
 class _Taken(NamedTuple):
-    """A snapshot that waits to be stored.
+    """A snapshot of a device that waits to be stored.
 
-    `is_written`: returns whether the outputs have written everything from before the snapshot.
+    `is_written`: function that returns whether the outputs have written all records from before the snapshot.
     """
 
     name: str
@@ -38,7 +39,8 @@ class _Taken(NamedTuple):
 class Snapshots:
     """Stores a snapshot of each device, every `period_s`, where all workers can read it.
 
-    `written`: the method `Hub.written`, which says when the outputs have written all records queued so far.
+    `written`: the method `Hub.written`. It returns a function that says whether the outputs have written all
+    records that were queued at the call.
     """
 
     def __init__(
@@ -50,7 +52,7 @@ class Snapshots:
         self._once_a_minute = OnceAMinute()
 
     def keep(self, name: str, device: OpenDevice, kept: Kept) -> None:
-        """Queue a snapshot. It is stored once the outputs have written everything from before it."""
+        """Queue a snapshot. It is stored once the outputs have written all records from before it."""
         device.kept_ns = host_ns()
         data = pack(kept)
         if data is not None:
@@ -60,9 +62,9 @@ class Snapshots:
             self._report("snapshot_failed", text)
 
     def store(self, opened: Mapping[str, OpenDevice]) -> bool:
-        """Store the snapshots that may be stored now. Return whether no snapshot waits any longer.
+        """Store the snapshots that may be stored now; return whether no snapshot waits any longer.
 
-        A snapshot is dropped if its device stream has ended, or has moved to another worker.
+        A snapshot is dropped if the stream of its device has ended, or another worker serves the device now.
         """
         while self._taken and self._taken[0].is_written():
             name, device, data, _ = self._taken[0]
@@ -89,7 +91,8 @@ class Snapshots:
                 continue
             state = device.stream.save()
             if state is None and young < self._period_ns:
-                # while the start-up window fills, another worker has to begin at its first message anyway
+                # while the start-up window fills, a later snapshot is no better: another worker has to begin
+                # at the device's first message anyway
                 continue
             device.is_whole = True
             mark = max(device.mark, walked.get(device.partition, 0))

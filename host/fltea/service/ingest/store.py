@@ -26,8 +26,8 @@ from fltea.service.ingest.kept import Kept, unpack
 from fltea.settings.ingest import IngestConfig
 
 MOST_A_SECOND = 2
-"""Number of messages of each device that the stream keeps for each second of the setting `keep_s`. So a
-device that publishes too much drops only its own messages.
+"""Number of messages of each device that the stream keeps for each second of the setting `keep_s`. By this
+limit, a device that publishes too much drops only its own messages.
 """
 
 LEASES_BYTES = 16_000_000
@@ -37,7 +37,7 @@ DUPLICATE_S = 120.0
 """
 
 NO_ROOM = (10023, 10047)
-"""Error codes of JetStream for a lack of room: for a message, and for a new stream."""
+"""Error codes of JetStream for a lack of room, one for a message and one for a new stream."""
 
 FULL = 10077
 """Error code of JetStream for a full bucket."""
@@ -70,7 +70,7 @@ class Entry(NamedTuple):
 
 
 class Store:
-    """The stream and the buckets on a server. Those that are missing are created.
+    """The stream and the buckets on a NATS server. If they are missing, they are created.
 
     `prepare` sets `leases` and `snapshots` to the buckets, and lists in `differs` how the server's limits
     differ from the settings.
@@ -175,7 +175,7 @@ class Store:
             try:
                 entry = await bucket.get(key)
                 found[key] = Entry(entry.revision or 0, entry.value or b"")
-            except NotFoundError:  # the entry was deleted or expired meanwhile
+            except NotFoundError:  # the entry was deleted, or has expired, after the keys were listed
                 continue
         return found
 
@@ -239,7 +239,7 @@ class Store:
 
 
 def _text(config: StreamConfig, key: str) -> object:
-    """Return a limit of a stream as text for the user."""
+    """Return the setting `key` of a stream as text for the user."""
     subjects = config.subjects or []
     if key == "subjects" and len(subjects) > 1:
         return f"{subjects[0]} to {subjects[-1]}"
@@ -247,7 +247,7 @@ def _text(config: StreamConfig, key: str) -> object:
 
 
 def _of(config: StreamConfig, key: str) -> object:
-    """Return a limit of a stream in a form in which settings and servers can be compared."""
+    """Return the setting `key` of a stream in a form in which wanted and existing streams can be compared."""
     value = getattr(config, key)
     if key == "subjects":
         return " ".join(sorted(value or []))
