@@ -28,7 +28,7 @@ FAULT = "The recording stopped because of a fault: see the list of events."
 class RecorderOfHub:
     """Adds recordings, which are outputs of one device, to the hub, and removes them again.
 
-    `settings`: settings of `--record`; `folder` is used if they name no folder.
+    `settings`: settings of `--record`. `folder`: folder for recordings if these settings name none.
     `replays`: names of the devices whose source is itself a recording.
     """
 

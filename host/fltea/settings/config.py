@@ -27,12 +27,12 @@ MOST_BYTES = 250_000
 """Largest size of a settings file [bytes], enough for the tables of a thousand devices."""
 
 DOT, MOST_DOTS = re.compile(r"\.[^.]"), 50
-"""Largest number of dots in a line of settings, since tomllib's time and memory grow with the square of the
-number of parts of a key.
+"""Largest number of dots in a line of a settings file. The limit is needed since tomllib's time and memory
+grow with the square of the number of parts of a key.
 """
 
 MOST_MB = 1e9
-"""Largest value of a setting that limits memory [MB]: a thousand TB."""
+"""Largest value of a setting that limits memory [MB]. It is a thousand TB."""
 
 
 class LinkConfig(Table, frozen=True):
@@ -192,7 +192,7 @@ class Config(Outputs, frozen=True):
 
 
 TABLES = tables(Config())
-"""All tables of settings by their paths. The path of the top table is ""."""
+"""All tables of settings by their paths, such as `estimator`. The path of the top table is ""."""
 
 SETTINGS = all_declared(Config())
 """All settings by their paths, such as `estimator.window`."""
@@ -215,7 +215,7 @@ def load_configs(
     """Merge defaults, a TOML file, its tables of devices, and flags; return one `Config` for each device.
 
     `file`: the TOML file, or None for no file.
-    `overrides`: values of flags by the dotted path of their setting, such as {"estimator.window": 1500}.
+    `overrides`: values that flags set, by the dotted path of the setting, such as {"estimator.window": 1500}.
     `sources`: URLs given as flags, which replace the file's devices.
 
     Raises:
@@ -230,7 +230,7 @@ def load_configs(
         raise UsageError('command line: --source: say where it is, for instance "serial:/dev/ttyACM0".')
     devices: dict[str | None, Mapping[str, Any]] = {**tree.pop("device", {})}
     if urls:
-        # with one device, the setting `name` gives its name
+        # a single device gets its name from the setting `name`
         names = device_names(urls) if len(urls) > 1 else [None]
         devices = dict(zip(names, ({"source": url} for url in urls), strict=True))
     configs = []
@@ -273,7 +273,7 @@ def _merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
 def parse_setting(text: str) -> tuple[str, Any]:
     """Split the text `path=value` of a --set flag.
 
-    The value is read as TOML; if it is no TOML, it is read like the text of the setting's own flag.
+    The value is read as TOML. If the value is no TOML, it is read like the text after the setting's own flag.
 
     Raises:
         UsageError: the path or the value is missing.
@@ -291,7 +291,7 @@ def parse_setting(text: str) -> tuple[str, Any]:
 def of_flags(flags: Mapping[str, Any]) -> dict[str, Any]:
     """Return the values of flags, each by the path of its setting.
 
-    Texts are converted to the setting's type; None means that a flag was not given and is left out.
+    Texts are converted to the type of the setting. A flag with the value None was not given, and is left out.
     """
     return {
         path: SETTINGS[path].read(value) if isinstance(value, str) else value
@@ -343,7 +343,7 @@ def _explain(message: str, tree: Mapping[str, Any]) -> str:
         key = joined(path, unknown[1])
         return f"{key}: there is no such setting. Known here: {', '.join(TABLES[path].__struct_fields__)}."
     setting = SETTINGS.get(re.sub(r"\[.*", "", path))
-    if setting is not None:  # the value has a wrong type, or is none of the setting's words
+    if setting is not None:  # in this case the value has a wrong type, or is none of the setting's words
         return f"{setting.wrong(_value(tree, setting.path))}."
     if path in TABLES and reason.partition(" ")[0].rstrip(":") in TABLES[path].__struct_fields__:
         # A table's own check begins its message with the setting's name only, since a table does not know its

@@ -3,7 +3,7 @@
 import re
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
-"""Pattern of a device's name, which becomes part of file names and of MQTT topics."""
+"""Regular expression for a device's name. The name becomes part of file names and of MQTT topics."""
 
 
 def device_name(url: str | None) -> str:

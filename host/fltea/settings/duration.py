@@ -4,7 +4,7 @@ import math
 import re
 
 Duration = int | str
-"""A number of samples, or a time as text: a number followed by a unit in `SECONDS`."""
+"""A number of samples, or a time as text. Such a text is a number followed by a unit in `SECONDS`."""
 
 SECONDS = {"ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0}
 EXAMPLE = "30 s"
@@ -15,7 +15,7 @@ MOST_S = 1e9
 def in_samples(value: Duration, rate_hz: float, least: int) -> int:
     """Return a duration as a number of samples at `rate_hz`.
 
-    A time above 0 s gives at least `least` samples.
+    A duration above 0 s that is given as a time becomes at least `least` samples.
     """
     if not isinstance(value, str):
         return value
@@ -25,7 +25,7 @@ def in_samples(value: Duration, rate_hz: float, least: int) -> int:
 
 
 def known(name: str, value: Duration) -> int:
-    """Return a duration that is given in samples; raise ValueError if it is given as a time."""
+    """Return a duration that is given in samples; raise ValueError if the duration is given as a time."""
     if isinstance(value, str):
         raise ValueError(f"{name} is a time, {value}: `at` converts it to samples once the rate is known")
     return value

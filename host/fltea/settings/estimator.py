@@ -18,8 +18,8 @@ small computer.
 """
 
 LONGEST_GAP = 1_000_000
-"""Longest gap that the filters bridge [samples]: three hours at 100 Hz. They make a step for each missing
-sample, so this takes seconds.
+"""Longest gap that the filters may bridge [samples]: three hours at 100 Hz. The filters make a step for each
+missing sample, so a gap of this length takes them seconds.
 """
 
 SQUARED = "(deg/s)²"
@@ -86,11 +86,11 @@ EstimateOn = Literal["host", "device", "both"]
 """Which computer estimates the gyroscope's axes."""
 
 Tuning = Literal["live", "startup"]
-"""Source of the filters' Q and R while they run: the live fit, or the start-up window."""
+"""Where the filters get Q and R from while they run: from the live fit, or from the start-up window."""
 
 DEFAULT_TUNING: Tuning = "live"
-"""Default value of `tuning`. With "live", errors are smaller for most noises, and σ agrees with the errors
-(host/docs/evaluation/live.md, Tuned live).
+"""Default value of the setting `tuning`. With "live", errors are smaller for most noises, and σ agrees with
+the errors (host/docs/evaluation/live.md, Tuned live).
 """
 
 BY_DEVICE = ("device", "both")
@@ -216,7 +216,7 @@ class EstimatorConfig(Table, frozen=True):
 
     @property
     def tuned_by(self) -> Tuning:
-        """The value of `tuning`, or its default if it is unset."""
+        """The value of the setting `tuning`, or the default if the setting is unset."""
         if self.tuning is not None:
             return self.tuning
         given = self.R != "auto" or self.state.Q != type(self)().state.Q

@@ -12,7 +12,10 @@ _ROOT = Path(__file__).resolve().parents[3]
 
 
 def how_to_install(*extras: str) -> str:
-    """Return the command that installs extras from a clone, since fltea is on no package index."""
+    """Return the command that installs extras of the package.
+
+    The command works only in a clone, since fltea is on no package index.
+    """
     wanted = f"'.[{','.join(extras)}]'"
     if (_ROOT / "pyproject.toml").is_file():
         return f"cd {_ROOT} && {sys.executable} -m pip install -e {wanted}"
@@ -24,7 +27,7 @@ def load(module: str, library: str, extra: str, who_needs: str, otherwise: str =
 
     `extra`: name of the extra that installs the library.
     `who_needs`: beginning of the error message, such as "MCAP files need".
-    `otherwise`: end of the error message: what to do without the library.
+    `otherwise`: end of the error message, which says what to do without the library.
 
     Raises:
         UsageError: the library is not installed; the text says how to install it.
@@ -40,5 +43,8 @@ def load(module: str, library: str, extra: str, who_needs: str, otherwise: str =
 
 
 def need_matplotlib(who_needs: str, otherwise: str = "") -> None:
-    """Check that matplotlib is installed, before anything is computed. The arguments are those of `load`."""
+    """Check that matplotlib is installed; call this before long computations.
+
+    The arguments are those of `load`.
+    """
     load("matplotlib", "matplotlib", "plot", who_needs, otherwise)

@@ -1,4 +1,4 @@
-"""Settings for reading a recording that does not state its columns, units or rate itself."""
+"""Settings for reading a recording that does not itself state its columns, units or rate."""
 
 from collections.abc import Collection
 from typing import Annotated, Literal

@@ -13,12 +13,12 @@ DAY_S = 86400
 
 
 def is_shared(url: str | None) -> bool:
-    """Return whether the source at a URL is shared: many devices send through it."""
+    """Return whether the source at a URL is shared, so that many devices send through this source."""
     return url is not None and url.partition(":")[0] in SCHEMES
 
 
 def is_partitioned(url: str | None) -> bool:
-    """Return whether several processes can divide the devices of the source at a URL among them."""
+    """Return whether several processes can share the devices of the source at a URL among themselves."""
     return url is not None and url.startswith("nats:")
 
 
@@ -26,7 +26,7 @@ def is_partitioned(url: str | None) -> bool:
 class IngestConfig(Table, frozen=True):
     """Settings for devices that publish their frames to a broker.
 
-    Those from `stream` on are for NATS only.
+    The settings from `stream` on are for NATS only.
     """
 
     devices: Annotated[

@@ -10,10 +10,11 @@ MB = 1_000_000
 class Limits(NamedTuple):
     """The settings `replay.max_chunk_mb` and `replay.max_mb`, and a limit of processor time.
 
-    `max_chunk_mb`: largest decompressed size of one record of an MCAP file; one record is in memory at a time
+    `max_chunk_mb`: largest decompressed size of one record of an MCAP file, since a whole record is in memory
     [MB]. `max_mb`: largest size of the numbers in an .npz or CSV file, at 8 bytes a number, and of NDJSON
-    from a pipe [MB]. A day at 100 Hz with all columns of `fltea export` has 700 MB. The file is read in
-    blocks. Temporary files on the disk may reach this size; if the samples are shuffled, memory does.
+    from a pipe [MB]. A day at 100 Hz with all columns of `fltea export` has 700 MB. These files are read in
+    blocks. Temporary files on the disk may become as large as `max_mb`. If the samples are shuffled, the
+    memory may become as large.
     `seconds`: processor time that reading a small file may take (`recording.quota`); no setting changes this
     limit.
     """
@@ -24,12 +25,12 @@ class Limits(NamedTuple):
 
     @property
     def chunk_bytes(self) -> int:
-        """`max_chunk_mb` in bytes."""
+        """The limit `max_chunk_mb` in bytes."""
         return int(self.max_chunk_mb * MB)
 
     @property
     def whole_bytes(self) -> int:
-        """`max_mb` in bytes."""
+        """The limit `max_mb` in bytes."""
         return int(self.max_mb * MB)
 
     def chunk_too_large(self, place: str, size_bytes: int) -> UsageError:

@@ -8,9 +8,9 @@ from fltea.settings.setting import Setting, Table
 TUNED_WITHIN = 0.3
 """Largest half-width of α's 95 % interval with which a fit tunes the filters.
 
-With a wider interval, the values with which the filters start are often nearer to the truth than the fit.
-With a smaller limit, the first fits that tune the filters would be those whose interval is too narrow by
-chance (host/docs/evaluation/live.md).
+If the interval is wider, the values with which the filters start are often nearer to the truth than the fit.
+If this limit were smaller, the first fits that tune the filters would often be those whose interval is too
+narrow by chance (host/docs/evaluation/live.md).
 """
 
 
@@ -73,5 +73,5 @@ class LiveConfig(Table, frozen=True):
 
     @property
     def memory_s(self) -> float | None:
-        """`memory` in seconds."""
+        """The setting `memory` in seconds."""
         return None if self.memory is None else in_seconds(self.memory)

@@ -16,7 +16,7 @@ def read_login(setting: str, file: str | Path) -> tuple[str, str]:
     """
     try:
         data = read_small(Path(file), what=setting, most_bytes=4096, private=True)
-        lines = data.decode("utf-8-sig").splitlines()  # "-sig" drops a byte order mark
+        lines = data.decode("utf-8-sig").splitlines()  # the codec "utf-8-sig" drops a byte order mark
     except UnicodeDecodeError as error:
         raise UsageError(f"{setting} {file}: cannot be read (not UTF-8).") from error
     user, colon, password = lines[0].partition(":") if len(lines) == 1 else ("", "", "")

@@ -97,7 +97,7 @@ class MqttConfig(Table, frozen=True):
             port = url.port if url.port is not None else 8883 if tls else 1883
             host = url.hostname or ""
             host.encode("idna")
-        except ValueError:  # UnicodeError is a ValueError too
+        except ValueError:  # also UnicodeError, a subclass of ValueError
             host, port = "", 0
         if not host or not port or url.scheme not in ("mqtt", "mqtts") or url.path.strip("/") or url.query:
             raise ValueError("broker must be HOST, HOST:PORT, mqtt://HOST:PORT or mqtts://HOST:PORT")

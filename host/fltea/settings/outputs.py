@@ -1,8 +1,8 @@
 """The settings of the outputs, named as in the TOML file, and the table of all outputs.
 
 A new output needs its settings, a field of `Outputs` and a row of `OUTPUTS` here, a module in `sinks` with
-its `open_output`, and a check in `machine/doctor/checks_outputs.py`. `tests/service/test_output_table.py`
-names what is missing. The guide for users is host/docs/guide/outputs.md.
+its `open_output`, and a check in `machine/doctor/checks_outputs.py`. If one of these is missing,
+`tests/service/test_output_table.py` fails and names it. The guide for users is host/docs/guide/outputs.md.
 """
 
 import ipaddress
@@ -37,7 +37,8 @@ EACH_SAMPLE: tuple[Recorded, ...] = ("sample", "corrected", "estimate", "device_
 FEW_DEVICES = 32
 """Largest number of devices with which recordings hold the records of `EACH_SAMPLE` by default.
 
-With many devices, these records would fill most of a file. A replay makes them again from the recorded bytes.
+With many devices, the records of `EACH_SAMPLE` would fill most of a file. A replay makes these records again
+from the recorded bytes.
 """
 
 LOOPBACK = "127.0.0.1"
@@ -134,7 +135,7 @@ class RecordConfig(Table, frozen=True):
     ] = None
 
     def for_devices(self, count: int) -> "RecordConfig":
-        """Return these settings with `channels` set to the default for `count` devices, if it is unset."""
+        """Return these settings. If `channels` is unset, it gets the default for `count` devices."""
         usual = RECORDED if count <= FEW_DEVICES else tuple(x for x in RECORDED if x not in EACH_SAMPLE)
         return msgspec.structs.replace(self, channels=usual if self.channels is None else self.channels)
 
@@ -202,7 +203,7 @@ class DashboardConfig(Listening, frozen=True):
 
     @property
     def may_record(self) -> bool:
-        """Whether pages may start and stop recordings."""
+        """Whether users may start and stop recordings on the live page."""
         return is_loopback(self.listen()[0]) and not self.names if self.record is None else self.record
 
 
@@ -239,7 +240,7 @@ class StateConfig(Table, frozen=True):
 class Outputs(Table, frozen=True, kw_only=True):
     """The tables of settings of all outputs.
 
-    They are keyword-only, so that they follow the fields of `Config`.
+    The tables are keyword-only, so that they follow the fields of `Config`, which inherits them.
     """
 
     output: OutputConfig = OutputConfig()
@@ -303,6 +304,6 @@ OUTPUTS = (
     Output("stdout", "format", "table", "program", *_TABLE, when=("table",)),
 )
 """All outputs in the order in which they are opened. Standard output as NDJSON is first, so that it receives
-the errors that other outputs report. The table on the terminal is last, since it draws over the whole
+the errors that other outputs report. The table in the terminal is last, since it draws over the whole
 terminal. The log on stderr is not in the list, since it has no counts in `stats.outputs`.
 """

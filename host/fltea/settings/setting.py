@@ -21,7 +21,8 @@ from msgspec import inspect as types
 from fltea.settings.duration import EXAMPLE, in_seconds
 
 END = 2.0**63
-"""Limit for numbers if a setting states none. Larger whole numbers do not fit into 64 bits."""
+"""Limit of a setting's numbers if the setting states no limit. Larger whole numbers do not fit into 64 bits.
+"""
 
 MOST_SHOWN = 200
 """Largest number of characters that a message quotes from a wrong value."""
@@ -31,7 +32,7 @@ MOST_SHOWN = 200
 class Setting:
     """Declaration of a setting, except its name, type and default.
 
-    Values are allowed from `least` to `most`, both included, and only above `above`.
+    Numbers are allowed from `least` to `most`, both included, and only above `above`.
     """
 
     meaning: str
@@ -63,7 +64,7 @@ class Setting:
         return (number >= self.least) & (number > self.above) & (number <= self.most)
 
     def accepts(self, value: Any) -> bool:
-        """Return whether a value of the right type is allowed. A list is allowed if all its values are."""
+        """Return whether a value of the right type is allowed. A list is allowed if all values in it are."""
         if isinstance(value, list | tuple):
             return all(map(self.accepts, value))
         if isinstance(value, str):
@@ -75,7 +76,7 @@ class Setting:
 
     @property
     def range(self) -> str:
-        """The range in words, with a leading blank; empty for a setting without a range."""
+        """The range of allowed numbers in words, with a leading blank; empty if there is no range."""
         if self.least != -END:
             low = f"{self.least:.15g}"
             return f" from {low} to {self.most:.15g}" if self.most != END else f" of at least {low}"
@@ -122,7 +123,7 @@ class Declared(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Last part of the path."""
+        """Last part of the setting's path, which is the setting's own name."""
         return self.path.rpartition(".")[2]
 
     @property
@@ -137,7 +138,7 @@ class Declared(NamedTuple):
 
     @property
     def words(self) -> list[Any]:
-        """Fixed words or whole numbers among which the value has to be; empty if there are none."""
+        """Words or whole numbers of which the value has to be one; empty if the setting has no such list."""
         return [word for kind in self.kinds if isinstance(kind, types.LiteralType) for word in kind.values]
 
     @property
@@ -157,7 +158,7 @@ class Declared(NamedTuple):
         return f"{self.path} must be {self.takes}, got {shown(value)}"
 
     def read(self, text: str) -> Any:
-        """Return the text of a flag as a number or list if the setting takes one; else return the text."""
+        """Return the text after a flag as a number or list if the setting takes such values, else as text."""
         lists = [kind for kind in self.kinds if isinstance(kind, types.ListType | types.VarTupleType)]
         scalars = tuple(map(type, self.kinds))
         if lists and ("," in text or not {types.IntType, types.FloatType} & {*scalars}):
@@ -169,7 +170,7 @@ class Declared(NamedTuple):
 class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Base of tables of settings.
 
-    For a value that is not allowed, it raises ValueError with the setting's name.
+    If a setting has a value that is not allowed, making the table raises ValueError with the setting's name.
     """
 
     def __post_init__(self) -> None:

@@ -7,7 +7,7 @@ from fltea.sinks.changes import MOVES
 
 
 def bias_words(estimate: AxisEstimate | None, unit: str) -> str:
-    """Return the text for the present bias and for whether the sensor moves; empty if the bias is unknown."""
+    """Return the text for an axis's present bias, and for whether the sensor moves; "" if it is unknown."""
     if estimate is None or estimate.bias is None:
         return ""
     moving = f", {MOVES}" if estimate.moving else ""

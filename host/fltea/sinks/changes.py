@@ -36,7 +36,7 @@ def size(step: Step) -> str:
 
 
 def signed_size(size: float, size_std: float, unit: str) -> str:
-    """Return the text for a step of `size` ± `size_std` in `unit`, with a sign."""
+    """Return the text for a step of `size` ± `size_std` in `unit`, with the sign of the step."""
     sign = MINUS if size < 0 else "+"
     return f"{sign}{plus_minus(abs(size), size_std)} {unit.replace('^2', '²')}"
 

@@ -1,4 +1,4 @@
-"""Print records of blocks as JSON lines from their columns, byte for byte as msgspec encodes the records.
+"""Convert the columns of blocks to records as JSON lines, byte for byte as msgspec encodes the records.
 
 One record is encoded with a gap in place of each number from the columns. The text between these gaps is
 reused for all blocks that differ only in these numbers.
@@ -18,20 +18,22 @@ from fltea.records.ports import Wanted
 from fltea.records.records import ACCEL_UNIT
 
 MOST = 4096
-"""Largest number of texts between gaps that are kept. If there are more devices, all texts are made again."""
+"""Largest number of devices and kinds of text for which the text between the numbers is kept. If there are
+more, all these texts are made again.
+"""
 
 HOLE = re.compile(rb"\0(\d+) (\d+)\0")
 _encode = msgspec.json.Encoder().encode
 
 
 class BlockLines:
-    """Prints the records of blocks as JSON lines. It keeps the text between the numbers for each device."""
+    """Converts the records of blocks to JSON lines. The text between the numbers is kept for each device."""
 
     def __init__(self) -> None:
         self._known: dict[tuple[str | None, Wanted], tuple[object, Lines]] = {}
 
     def of(self, block: Block, wanted: Wanted, rows: range) -> bytes:
-        """Return the records of the block's `rows` as JSON lines. `wanted`: which records to print."""
+        """Return the records of the block's `rows` as JSON lines. `wanted`: which records to return."""
         found = bytearray()
         self.add(found, block, wanted, rows)
         return bytes(found)
@@ -48,9 +50,10 @@ class BlockLines:
 
 
 def run_printer(block: Block, wanted: Wanted) -> RunPrinter:
-    """Return a native printer of samples, valid while the values that all records share do not change.
+    """Return a native printer, which converts samples to JSON lines in C++.
 
-    `block`: example of a block that the native device has processed.
+    The printer is valid as long as values that all records share do not change. `block`: an example of a
+    block that the native device has processed.
     """
     return RunPrinter(_lines(block, wanted), block.every, block.weight_of_row, _shape(block))
 
@@ -66,7 +69,7 @@ def _shape(block: Block) -> list[int]:
 
 
 def _said(block: Block) -> object:
-    """Return the values that all records of a block share."""
+    """Return everything in a block that is equal in all its records."""
     return (
         block.epoch,
         block.variant,
@@ -88,9 +91,9 @@ def _columns(block: Block) -> list[Any]:
 
 
 class _Holes(Values):
-    """Replaces each number of a record by a mark.
+    """Converts columns so that a record gets a mark in place of each number.
 
-    The mark says the index of the number's column, and the number's index in the row of this column.
+    A mark holds the index of the number's column, and the index of the number in a row of this column.
     """
 
     def __init__(self, columns: Sequence[Any]) -> None:

@@ -1,8 +1,9 @@
 """Decide which requests the HTTP servers answer, by the header `Host` of the request.
 
-The page of another site could let the site's name resolve to this machine (DNS rebinding), and then read the
-answers of this server. The requests of such a page name the site as their `Host`, so they are refused. An IP
-address cannot be made to resolve to another machine, so requests with an address are answered.
+Another web site could let its name resolve to this machine (DNS rebinding). A page of that site could then
+read the answers of this server. Requests of such a page have the site's name as their `Host`, so they are
+refused. An IP address cannot be made to mean another machine, so requests with an address as their `Host` are
+answered.
 """
 
 import errno
@@ -25,19 +26,19 @@ def is_own(host: str, names: Collection[str]) -> bool:
     """Return whether a request's `Host`, with or without a port, is one of `names` or an IP address."""
     try:
         name = (urlsplit(f"//{host.lower()}").hostname or "").rstrip(".")
-    except ValueError:  # not a URL
+    except ValueError:  # ValueError is raised if the text is no URL
         return False
     return name in names or _is_address(name)
 
 
 def is_from_here(host: str, origin: str | None) -> bool:
-    """Return whether a request to `host` comes from a page of this server, or from no page at all.
+    """Return whether a request with the header `Host` comes from a page of this server, or from no page.
 
     `origin`: the header `Origin`, by which a browser names the page's server.
     """
     try:
         return origin is None or urlsplit(origin).netloc.lower() == host.lower()
-    except ValueError:  # not a URL
+    except ValueError:  # ValueError is raised if the text is no URL
         return False
 
 

@@ -18,7 +18,7 @@ counted.
 class LogSink(Sink):
     """Writes `fltea: KIND: TEXT` for an error, and `fltea: TEXT` for a step or a motion.
 
-    With several devices, the device's name comes after `fltea:`.
+    If there are several devices, the name of the device follows after `fltea:`.
     """
 
     name = "log"
@@ -54,7 +54,7 @@ class LogSink(Sink):
                 del self._lines[key]
 
     def close(self) -> None:
-        """Report how many messages were left out since the last such report."""
+        """Report how many messages were left out since the last report of this kind."""
         for key, (_, _, silenced) in self._lines.items():
             self._report_silenced(key, silenced)
 

@@ -1,4 +1,4 @@
-"""Define how a published figure, which is a number of a record, is declared: its field, and who shows it.
+"""Define the declaration of a published figure (a number of a record): its field, and who shows it.
 
 The places where people may see a figure are the Prometheus metrics, the live page, the table in a terminal,
 Home Assistant, and the Grafana dashboard. For each place, the declaration says one of three things. The place
@@ -28,10 +28,10 @@ from fltea.records.stats import AxisStats, DeviceEstimatorStats, DeviceStatus, L
 from fltea.sinks.words import Level
 
 Cells = list[str]
-"""A row of text on the page: its label, its value, and how severe the value is ("good", "bad" and so on)."""
+"""A row of text on the live page: a label, a value, and how severe the value is ("good", "bad" and so on)."""
 
 Section = Literal["link", "own", "axis"]
-"""A list of rows on the page.
+"""A list of rows on the live page.
 
 "link": about the connection to the device. "own": about the device's own estimator. "axis": about the filters
 of an axis.
@@ -39,13 +39,13 @@ of an axis.
 
 
 class Hidden(NamedTuple):
-    """A place does not show the figure. `why`: the reason, for readers of the source code."""
+    """Declares that a place does not show a figure. `why`: the reason, for readers of the source code."""
 
     why: str
 
 
 class Shown(NamedTuple):
-    """A place shows the figure in its own layout. `where`: where to look for the figure in that place."""
+    """Declares that a place shows a figure in its own layout. `where`: where to look for the figure there."""
 
     where: str
 
@@ -53,9 +53,9 @@ class Shown(NamedTuple):
 class Metric(NamedTuple):
     """A metric, named as Prometheus recommends: in base units, without the ending `_total` of counters.
 
-    `text`: explains the metric. `factor`: factor from the field's unit to the base unit. `key`: name of the
-    label for the keys if the field is a mapping. A field whose value is a word counts as a mapping of that
-    word to 1. `convert`: converts the field's value to a number.
+    `text`: explanation of the metric. `factor`: factor from the field's unit to the base unit. `key`: name of
+    the label that holds the keys, if the field is a mapping. A field whose value is a word counts as a
+    mapping of that word to 1. `convert`: function that converts the field's value to a number.
     """
 
     kind: Literal["counter", "gauge"]
@@ -67,7 +67,7 @@ class Metric(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """The records from which a section of the page is made.
+    """The newest records, from which a section of the live page is made.
 
     `axis`: name of the axis, for a section about an axis. `estimate`: newest estimate of this axis.
     """
@@ -78,7 +78,7 @@ class Seen(NamedTuple):
     estimate: AxisEstimate | None = None
 
     def record(self, kind: type) -> Any:
-        """Return the newest record of a kind, or part of a record of a kind; None if there is none yet."""
+        """Return the newest record, or part of a record, of the type `kind`; None if there is none yet."""
         if kind is AxisEstimate:
             return self.estimate
         found = None if self.stats is None else lookup(self.stats, ROOTS[kind].path)
@@ -86,10 +86,11 @@ class Seen(NamedTuple):
 
 
 class Row(NamedTuple):
-    """A row of the page, made from one figure.
+    """A row of the live page that is made from one figure.
 
-    `text`: returns the text for a value. `absent`: text for an unknown value; None leaves the row out.
-    `level`: returns how severe a value is.
+    `text`: function that returns the text for a value. `absent`: text for an unknown value; None leaves the
+    row out.
+    `level`: function that returns how severe a value is.
     """
 
     section: Section
@@ -100,7 +101,7 @@ class Row(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """Rows of the page that are made from more than the value of the figure."""
+    """Rows of the live page that are made from more than the value of one figure."""
 
     section: Section
     make: Callable[[Seen], Iterable[Cells]]
@@ -109,9 +110,9 @@ class Rows(NamedTuple):
 class Entity(NamedTuple):
     """An entity of Home Assistant, which is a sensor of the device or of each axis of the device.
 
-    `key`: end of the entity's identifier. `unit`: `OF_AXIS` stands for the unit of the axis. `template`: Home
-    Assistant's expression that extracts the value from the record; empty for the value of the field. An
-    entity with a template belongs to the device, not to an axis.
+    `key`: end of the entity's identifier. `unit`: unit of the value; `OF_AXIS` stands for the unit of the
+    axis. `template`: Home Assistant's expression that extracts the value from the record; empty if the value
+    is that of the figure's field. An entity with a template belongs to the device, not to an axis.
     """
 
     key: str
@@ -152,7 +153,7 @@ class Figure(NamedTuple):
 
     @property
     def path(self) -> str:
-        """Name of the record and path of the figure in it, as in the documentation of the records."""
+        """Name of the record, and path of the figure in the record, as the documentation writes them."""
         root = ROOTS[self.kind]
         key = {"axes": ".<axis>", "outputs": ".<output>"}.get(root.path, "")
         return ".".join(
@@ -172,10 +173,10 @@ class Figure(NamedTuple):
 
 
 class Root(NamedTuple):
-    """Where a part of a record stands in the record.
+    """The position of a part of a record in this record.
 
-    `path`: path of fields to the part; empty for the whole record. `metrics`: beginning of the names of the
-    part's metrics, after `fltea_`.
+    `path`: path of fields to the part; empty if the part is the whole record. `metrics`: beginning of the
+    names of metrics for the part's figures, after `fltea_`.
     """
 
     record: type[Record]
@@ -202,13 +203,14 @@ ROOTS: dict[type, Root] = {
     AxisFit: Root(Fit, "axes", "fit_"),
     DeviceAxisFit: Root(DeviceFits, "axes", "device_fit_"),
 }
-"""For each type of a part that contains figures, where it stands in a record."""
+"""For each type of record, or of part of a record, that contains figures: its position in the record."""
 
 
 def lookup(record: Any, path: str) -> Any:
     """Return the value at a path of fields in a record; None if a part of the path is absent.
 
-    If the path goes through a mapping, return a mapping of the same keys to the values.
+    If the path goes through a mapping, return a mapping from the same keys to the values at the rest of the
+    path.
     """
     value = record
     while path and value is not None:
@@ -220,7 +222,7 @@ def lookup(record: Any, path: str) -> Any:
 
 
 def is_optional(kind: type, field: str) -> bool:
-    """Return whether a field with an object may be None in records of a kind."""
+    """Return whether a field may be None in records, or parts of records, of the type `kind`."""
     return types.NoneType in get_args(get_type_hints(kind)[field])
 
 
@@ -247,7 +249,10 @@ def thousands(value: int) -> str:
 
 
 def loss(section: Section, label: str, remark: str = "") -> Row:
-    """Declare a row of the page for a count of unwanted events. `remark`: text after a count above zero."""
+    """Declare a row of the live page for a count of unwanted events.
+
+    `remark`: text after a count above zero.
+    """
     return Row(
         section,
         label,

@@ -1,4 +1,4 @@
-"""The common reasons why a place does not show a figure."""
+"""The common reasons why a place, such as the live page, does not show a figure."""
 
 from fltea.sinks.figures.figure import Hidden
 
@@ -20,4 +20,4 @@ ONLY_METRIC = {
     "home_assistant": NO_ENTITY,
     "grafana": NO_PANEL,
 }
-"""How the other places declare a figure that is shown only as a metric."""
+"""Reasons why no other place shows a figure that is shown only as a metric."""

@@ -42,7 +42,7 @@ WITHOUT_FIGURES: dict[type, str] = {
     Epoch: EVENT,
     Error: EVENT,
 }
-"""The types of records whose numbers are not published figures, with the reasons."""
+"""Types of records whose numbers are not published as figures, each with the reason."""
 
 UNSHOWN: dict[tuple[type, str], str] = {
     (Stats, "fit_period_s"): "it is a setting, which only says how often to expect a fit",
@@ -74,11 +74,13 @@ UNSHOWN: dict[tuple[type, str], str] = {
         )
     },
 }  # fmt: skip
-"""Numbers that are shown nowhere: for the type of a record or part, and the path in it, the reason."""
+"""Numbers that no place shows. The key is the type of a record or of a part of a record, and the path to the
+number. The value is the reason.
+"""
 
 
 def rows(section: Section, seen: Seen) -> Iterator[Cells]:
-    """Yield the rows of a section of the page. `seen`: the records to show."""
+    """Yield the rows of a section of the live page. `seen`: the records to show."""
     for figure in FIGURES:
         match figure.page:
             case Row() as row if row.section == section:

@@ -37,18 +37,18 @@ _BOUNDS_S = [repr(bound * 1e-3) for bound in LATENCY_BOUNDS_MS] + ["+Inf"]
 
 
 MOTIONS = (counter("motions", "Times that the sensor has begun to move."),)
-"""The only counter that is in no record: it counts the records `motion`."""
+"""A counter that is no number of a record. It counts the records `motion` with which a motion begins."""
 
 FACTS = "source", "device_id", "sensor", "firmware_version", "sampling_mode"
-"""Fields that a device states about itself, which become labels of one metric."""
+"""Fields of the record `hello` that become labels of one metric."""
 
 
 @dataclass
 class Newest:
     """The newest record of each kind from one device.
 
-    `estimate_ns`, `device_estimate_ns`: monotonic arrival times. `motions`: number of motions that have
-    begun.
+    `estimate_ns`, `device_estimate_ns`: monotonic arrival times of the newest estimate of this computer and
+    of the device. `motions`: number of motions that have begun.
     """
 
     hello: Hello | None = None
@@ -63,17 +63,17 @@ class Newest:
     motions: int = 0
 
     def take(self, block: Block) -> None:
-        """Remember samples and estimates, from which records are made only at a request."""
+        """Remember a block of samples and estimates. Records are made from the block only at a request."""
         self.block = block
         if block.estimates and block.due_rows:
             self.estimate, self.estimate_ns = block, host_ns()
 
     def newest_sample(self) -> Sample | None:
-        """Return the last sample."""
+        """Return the newest sample; None if there is none."""
         return next(self.block.samples(LAST)) if self.block is not None else None
 
     def newest_estimate(self) -> Estimate | None:
-        """Return the last estimate."""
+        """Return the newest estimate; None if there is none."""
         return self.estimate.last_estimate() if isinstance(self.estimate, Block) else self.estimate
 
 
@@ -98,7 +98,8 @@ class Families(Collector):
         """Yield every metric that has a value."""
         build = {"version": __version__, "protocol": f"{wire.PROTOCOL_MAJOR}.{wire.PROTOCOL_MINOR}"}
         yield InfoMetricFamily("fltea_build", "This program.", value=build)
-        devices = list(self._newest.copy().items())  # a copy, since the other thread may be adding a device
+        # a copy, since the thread that receives records may be adding a device
+        devices = list(self._newest.copy().items())
         yield _devices([(name, d.hello) for name, d in devices if d.hello])
         stats = [((name,), d.stats) for name, d in devices if d.stats]
         yield from _figures(LinkStats, DEVICE, [(names, s.link) for names, s in stats])
@@ -126,12 +127,12 @@ class Families(Collector):
 
 
 def _figures(kind: type, labels: tuple[str, ...], records: Labelled) -> Iterator[Metric]:
-    """Yield the metrics of all figures of records, or of parts of records, of a type."""
+    """Yield the metrics for all figures in records, or in parts of records, of the type `kind`."""
     yield from families(ROOTS[kind].metrics, labels, of_kind(kind), records)
 
 
 def _axes(records: Labelled) -> Labelled:
-    """Return the part of each record for each axis, with the axis as a further label."""
+    """Return, for each record, the part for each axis, with the axis as a further label."""
     return [((*names, axis), one) for names, record in records if record for axis, one in record.axes.items()]
 
 

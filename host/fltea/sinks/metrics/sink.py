@@ -40,8 +40,8 @@ NOT_OURS = (
 class MetricsSink(Sink):
     """Keeps the newest record of each kind from each device, and makes metrics of them at a request.
 
-    `sink_queues`: returns all outputs, each with the name of its device, or with None if all devices share
-    it.
+    `sink_queues`: function that returns all outputs, each with the name of its device, or with None if all
+    devices share the output.
 
     Raises:
         UsageError: this machine does not have the address.
@@ -116,7 +116,7 @@ class MetricsSink(Sink):
         self._thread.join()
 
     def _introduced(self, hello: Hello) -> Hello:
-        """Return the HELLO; without the device's identity if the board changes it too often.
+        """Return the record `hello`, without the device's identity if the board changes it too often.
 
         Each new identity would begin a new time series in Prometheus.
         """
@@ -142,7 +142,7 @@ class _Handler(MetricsHandler):
     names: Collection[str] = ()
 
     def do_GET(self) -> None:
-        """Answer with the metrics, or with the reason for refusing.
+        """Answer with the metrics, or with the reason why the request is refused.
 
         A request without `Host` is answered, since it does not come from a browser.
         """

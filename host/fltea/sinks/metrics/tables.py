@@ -17,15 +17,15 @@ from fltea.sinks.figures.table import FIGURES
 DEVICE, AXIS = ("device",), ("device", "axis")
 
 Labelled = Sequence[tuple[tuple[str, ...], Any]]
-"""Records or parts of records, each with the values of its metrics' labels."""
+"""Records or parts of records, each after the values of the labels that its metrics get."""
 
 
 class Row(NamedTuple):
-    """How a metric is made from a field of a record.
+    """Declares how a metric is made from a field of a record.
 
     `of`: name of the field, if it differs from the metric's, or a function that returns the value from the
-    record. `factor`: factor from the field's unit to the base unit. `key`: name of the label for the keys if
-    the field is a mapping. A field whose value is a word counts as a mapping of that word to 1.
+    record. `factor`: factor from the field's unit to the base unit. `key`: name of the label that holds the
+    keys, if the field is a mapping. A field whose value is a word counts as a mapping of that word to 1.
     """
 
     make: type[CounterMetricFamily] | type[GaugeMetricFamily]
@@ -42,7 +42,7 @@ counter, gauge = partial(Row, CounterMetricFamily), partial(Row, GaugeMetricFami
 def families(
     prefix: str, labels: tuple[str, ...], rows: Sequence[Row], records: Labelled
 ) -> Iterator[Metric]:
-    """Yield the metrics of all records of a kind. `prefix`: beginning of their names, after `fltea_`."""
+    """Yield the metrics of records of one type. `prefix`: beginning of the metrics' names, after `fltea_`."""
     for row in rows:
         names = labels if row.key is None else (*labels, row.key)
         yield filled(row.make(f"fltea_{prefix}{row.name}", row.text, labels=names), _values(row, records))
@@ -51,7 +51,7 @@ def families(
 def filled(
     family: CounterMetricFamily | GaugeMetricFamily, values: Sequence[tuple[tuple[str, ...], float]]
 ) -> Metric:
-    """Return a metric with values added. `values`: each value with the values of its labels."""
+    """Add values to a metric, and return the metric. `values`: each value, after the values of its labels."""
     for names, value in values:
         family.add_metric(names, value)
     return family
@@ -72,7 +72,7 @@ def _values(row: Row, records: Labelled) -> list[tuple[tuple[str, ...], float]]:
 
 
 def of_kind(kind: type) -> tuple[Row, ...]:
-    """Return the metrics that the declared figures of a type of records, or of parts, have."""
+    """Return the metrics that are declared for figures in records, or in parts of records, of a type."""
     return tuple(
         Row(
             CounterMetricFamily if metric.kind == "counter" else GaugeMetricFamily,

@@ -1,7 +1,7 @@
 """Send messages to a broker, and count which of them wait, are not acknowledged, or are lost.
 
-A broker does not acknowledge messages of QoS 0. When it acknowledges a later message on the same connection,
-this proves that the earlier ones have arrived.
+A broker does not acknowledge messages of QoS 0. When it acknowledges a later message of QoS 1 on the same
+connection, the earlier messages of QoS 0 have arrived, too.
 """
 
 import time
@@ -14,19 +14,21 @@ from fltea.mqtt.link import Link
 from fltea.records.ports import Report
 
 BACKLOG = 1000
-"""Largest number of rare records that wait while there is no connection. The oldest are dropped first."""
+"""Largest number of messages with rare records that wait while there is no connection. The oldest ones are
+dropped first.
+"""
 
 IN_FLIGHT = 2000
-"""Largest number of unacknowledged messages. While there are as many, the network is too slow, and new
-messages are lost.
+"""Largest number of messages that were sent and not acknowledged yet. While there are as many, the network is
+too slow, and new frequent messages are lost.
 """
 
 
 class Message(NamedTuple):
     """A message to publish.
 
-    `retain`: whether the message is a state, which is published on each new connection. `again`: whether it
-    is sent again if the connection is lost before it is acknowledged.
+    `retain`: whether the message is a state, which is published on each new connection. `again`: whether the
+    message is sent again if the connection is lost before the message is acknowledged.
     """
 
     topic: str
@@ -48,7 +50,7 @@ class Flight:
 
     @property
     def messages(self) -> list[Message]:
-        """The unacknowledged messages that the broker acknowledges: those of QoS 1."""
+        """The messages of QoS 1, which a broker acknowledges, that are not acknowledged yet."""
         return [message for message, _ in self._unacknowledged.values()]
 
     def began(self, mid: int, message: Message) -> None:
@@ -83,8 +85,8 @@ class Flight:
 class Delivery:
     """Sends messages over the connection to a broker, and counts the lost ones.
 
-    `introduce`: publishes the states of the device on a new connection. `lost`: number of messages that no
-    broker took, or whose arrival is uncertain.
+    `introduce`: function that publishes the states of the device on a new connection. `lost`: number of
+    messages that no broker took, or whose arrival is uncertain.
     """
 
     def __init__(self, link: Link, report: Report, introduce: Callable[[], None]) -> None:
@@ -96,7 +98,10 @@ class Delivery:
         self._refusal_reported = False
 
     def begin(self) -> None:
-        """Begin with another device. If the broker refuses messages again, that is reported again."""
+        """Begin with another device.
+
+        If the broker refuses messages of this device too, that is reported again.
+        """
         self._refusal_reported = False
 
     def state(self, message: Message) -> None:
@@ -131,7 +136,7 @@ class Delivery:
             self._waiting.popleft()
 
     def poll(self) -> None:
-        """Handle the events of the connection: that it opened or was lost, and acknowledgements."""
+        """Handle the events of the connection: its opening, its loss, and acknowledgements."""
         for event in self._link.events():
             if isinstance(event, Acknowledged):
                 self._on_acknowledged(event)
@@ -169,7 +174,7 @@ class Delivery:
         return True
 
     def _take_back(self) -> None:
-        """Count the lost messages of a connection that has ended, and keep those to be sent again."""
+        """Count the messages that were lost with a connection; keep the messages to be sent again."""
         unsure, messages = self._flight.end()
         self.lost += unsure
         waiting, self._waiting = self._waiting, deque()

@@ -60,7 +60,7 @@ def discovery(topics: str, level: str, hello: Hello, axes: dict[str, AxisStats])
 
 
 def _is_by_axis(figure: Figure, entity: Entity) -> bool:
-    """Return whether each axis has such an entity. An entity with its own template belongs to the device."""
+    """Return whether each axis has an entity for the figure. One with its own template is the device's."""
     return ROOTS[figure.kind].by_axis and not entity.template
 
 
@@ -93,9 +93,9 @@ def _component(
 
 
 def _template(base: str, figure: Figure) -> str:
-    """Return Home Assistant's expression that extracts a figure's value.
+    """Return Home Assistant's expression that extracts a figure's value from the record.
 
-    Its result is "None" if the part of the record that contains the figure is absent.
+    The expression gives "None" if the part of the record that contains the figure is absent.
     """
     parent, _, leaf = figure.field.rpartition(".")
     if not parent or not is_optional(figure.kind, parent):
