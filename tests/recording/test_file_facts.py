@@ -45,7 +45,7 @@ def test_attributes_of_netcdf_are_used(tmp_path: Path) -> None:
     [
         (
             {"scale": 0.0153},
-            "gyro_x, gyro_y, gyro_z may have to be changed by gyro@scale 0.0153, and not said",
+            "gyro_x, gyro_y, gyro_z may have to be changed by gyro@scale 0.0153, and nothing says",
         ),
         ({"Offset": 0.5}, "changed by gyro@offset 0.5"),
         ({"ScaleFactor": 0.5}, "changed by gyro@scalefactor 0.5"),

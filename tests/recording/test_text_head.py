@@ -250,7 +250,7 @@ def test_numbers_with_signs_between_thousands_are_refused(tmp_path: Path, form: 
         text = ("" if "columns" in how else f"{head}\n") + "\n".join(rows) + "\n"
         told = refusal(tmp_path, text, **how)
         assert "has signs between its thousands" in told
-        assert "Write them without: 1000010" in told
+        assert "Write numbers without them: 1000010" in told
 
 
 def test_addresses_and_decimal_signs_are_no_thousands(tmp_path: Path) -> None:

@@ -137,5 +137,5 @@ def test_a_state_that_cannot_be_written_in_time_is_a_failure(
     monkeypatch.setattr(StateFile, "_write", lambda file: held())
     failure, done = run_to_its_end("synthetic:", **{"state.file": str(tmp_path / "state")})
     held.go.set()
-    assert str(failure) == "not all was written: state."
+    assert str(failure) == "not all data were written, since the program did not wait longer for: state."
     assert not done

@@ -129,8 +129,8 @@ class Thousands:
                     continue
                 sign = next(mark for mark in field if mark in ".,")
                 raise UsageError(
-                    f"{where}: {field} has signs between its thousands, so what numbers mean that have one "
-                    f"sign is not known. Write them without: {field.replace(sign, '')}."
+                    f"{where}: {field} has signs between its thousands, so a number with one such sign has "
+                    f"two possible meanings. Write numbers without them: {field.replace(sign, '')}."
                 )
         self._seen = len(lines)
 

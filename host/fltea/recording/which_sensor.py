@@ -168,7 +168,7 @@ def _ask(choice: Choice, place: int, gyro: Sequence[int]) -> None:
     (most, _), *_ = counts.most_common(1)
     lines.append(f"  --sensor 1/1: {name} tells something else, and all rows are of one sensor")
     choice.tables.append("\n".join(lines))
-    choice.shown_of = f"What else is asked for is shown of {name}={most}."
+    choice.shown_of = f"The rest of this message shows rows with {name}={most}."
     _only(choice, cells == most)
 
 

@@ -39,7 +39,7 @@ def choose_unit(choice: Choice, gyro: tuple[int, ...]) -> Unit:
     if choice.how.units is not None:
         return _given(choice, gyro, stated, changed)
     if changed:
-        what = f"what the numbers are as they stand: {changed}, and not said is how"
+        what = f"the unit of the numbers as they stand: {changed}, and nothing says whether that was done"
         choice.missing.append(Missing(what, "--units ? --overrule"))
         return _ASKED
     known = {one for one in stated if one is not None}
@@ -120,8 +120,8 @@ def _given(choice: Choice, gyro: Sequence[int], stated: Sequence[str | None], ch
         _check_given(choice, gyro, stated, parsed)
     if changed and parsed[1] is None:
         raise UsageError(
-            f"{choice.where}: {changed}, and --units {units} says not whether that is done. If "
-            f"they are in {units} as they stand, add --overrule."
+            f"{choice.where}: {changed}, and --units {units} does not say whether that was done. If "
+            f"the numbers are in {units} as they stand, add --overrule."
         )
     choice.answer("unit", units, "given", "--units")
     dialect = choice.dialect if choice.is_of_dialect(gyro) and not choice.how.overrule else None

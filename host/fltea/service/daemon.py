@@ -182,7 +182,9 @@ class _Run:
         if self._failure is not None:
             return self._failure
         if lost:
-            return FlteaError(f"not all was written: {', '.join(lost)}.")
+            return FlteaError(
+                f"not all data were written, since the program did not wait longer for: {', '.join(lost)}."
+            )
         unread = [why for one in sources if isinstance(one, ReplaySource) for why in one.unread]
         return Incomplete(unread) if unread else None
 

@@ -44,7 +44,9 @@ def read(path: Path, _: str) -> Sheet:
     for name, value in _values("", _decoded(path.read_bytes())):
         is_word = isinstance(value, str) and not is_unit(value)
         if name in found and not is_word and found[name] != value:
-            raise UsageError(f"holds two different {listed([name])}, and which counts is not known. Mend it.")
+            raise UsageError(
+                f"holds two different {listed([name])}, and nothing says which counts. Correct it."
+            )
         found.setdefault(name, value)
     return of_arrays({name: _array(name, value) for name, value in found.items()})
 

@@ -56,7 +56,8 @@ def read(path: Path, topic: str) -> Sheet:
     texts = []
     if name == TOPICS[0] and len(others := [one for one in log.data_list if one.name == "sensor_gyro"]) > 1:
         texts.append(
-            f"{name} is of the sensor that PX4 chose of {len(others)}: --topic sensor_gyro:0 is the first."
+            f"{name} has samples of the one of {len(others)} sensors that PX4 chose; --topic sensor_gyro:0 "
+            "reads the first sensor."
         )
     if lost_ms := [one.duration for one in log.dropouts]:
         texts.append(f"the logger lost data {len(lost_ms)} times, {sum(lost_ms)} ms in all.")

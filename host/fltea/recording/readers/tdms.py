@@ -34,9 +34,9 @@ def read(path: Path, _: str) -> Sheet:
             facts.update({f"{name}@{key}": value for key, value in channel.properties.items()})
     segments = _segments(path)
     text = (
-        f"{path}: was written in {segments} parts. Its rate says when samples follow each other, and nothing "
+        f"{path}: was written in {segments} parts. Its rate does not show whether there is a pause between "
     )
-    text += "says whether there is a pause between two parts; a column of times would."
+    text += "two parts; a column of times would."
     sheet = of_arrays(found, attributes=facts)
     return replace(sheet, notes=(Note("reading", text),) if segments > 1 and sheet.rates else ())
 

@@ -3,8 +3,8 @@
 from fltea.sinks.figures.figure import Hidden
 
 SETTING = Hidden("it is a setting of the program or of the device, and no measurement")
-ESTIMATE = Hidden("the estimate after the newest sample, which every place has, says it")
-FIT = Hidden("the newest fit, which every place has, says it")
+ESTIMATE = Hidden("the estimate after the newest sample, which every place shows, says it")
+FIT = Hidden("the newest fit, which every place shows, says it")
 PER_SAMPLE = Hidden("it changes with every sample, so one value in a thousand says nothing")
 OF_HOST = Hidden("this computer's figure, which it should equal, is shown")
 

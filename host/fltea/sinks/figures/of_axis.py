@@ -62,7 +62,10 @@ def _state(seen: Seen) -> Iterator[Cells]:
 def _checked(seen: Seen) -> Iterator[Cells]:
     axis: AxisStats | None = seen.record(AxisStats)
     for t_s, one in (axis.tracker.checked if axis and axis.tracker else {}).items():
-        yield [f"the mean of the next {t_s} s less it, over σ", f"{one.rms:.2f} ({one.pieces:,} pieces)"]
+        yield [
+            f"the mean of the next {t_s} s minus the bias, over σ",
+            f"{one.rms:.2f} ({one.pieces:,} pieces)",
+        ]
 
 
 FIGURES = (
@@ -168,7 +171,7 @@ FIGURES = (
         "tracker.heading_std",
         gauge(
             "heading_std_degrees",
-            "Standard deviation of the heading so many seconds after the last sample at rest.",
+            "Standard deviation of the heading, by the seconds since the last sample at rest.",
             key="after_s",
         ),
         page=Shown("the heading after the rest so far, and its curve"),
@@ -179,7 +182,7 @@ FIGURES = (
     _axis("tracker.moved", counter("moved_samples", "Samples in motion."), **ONLY_METRIC),
     _axis(
         "tracker.bias_for_s",
-        gauge("bias_for_seconds", "The bias is the mean that is expected over so many seconds."),
+        gauge("bias_for_seconds", "Time over which the bias is the expected mean, in seconds."),
         page=Row("axis", "it is the mean expected over", lambda t_s: f"{t_s:g} s"),
         terminal=NARROW,
         home_assistant=NO_ENTITY,
@@ -189,8 +192,8 @@ FIGURES = (
         "tracker.checked.rms",
         gauge(
             "bias_error_ratio",
-            "Mean of the next so many seconds less the bias, root mean square over its deviation; 1 if it "
-            "holds.",
+            "Mean of the next T seconds minus the bias, over its deviation, root mean square by T; 1 if the "
+            "deviation is right.",
             key="for_s",
         ),
         page=Rows("axis", _checked),
@@ -200,7 +203,7 @@ FIGURES = (
     ),
     _axis(
         "tracker.checked.pieces",
-        gauge("bias_error_pieces", "Pieces of so many seconds that this ratio is of.", key="for_s"),
+        gauge("bias_error_pieces", "Pieces of T seconds that the ratio is computed from, by T.", key="for_s"),
         page=ROW,
         terminal=NARROW,
         home_assistant=NO_ENTITY,

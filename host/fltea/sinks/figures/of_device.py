@@ -179,7 +179,7 @@ FIGURES = (
     ),
     _estimate(
         "fltea.valid",
-        gauge("valid", "1: the device's own estimate holds; 0: it does not."),
+        gauge("valid", "1: the device's own estimate is valid; 0: it is not."),
         page=NO_ROW,
         terminal=TABLE,
         home_assistant=NO_ENTITY,

@@ -70,7 +70,7 @@ def _R(seen: Seen) -> Iterator[Cells]:
 FIGURES = (
     _estimate(
         "fltea.valid",
-        gauge("fltea_valid", "1: the estimate of the paper's filters holds; 0: it ran away, or was held."),
+        gauge("fltea_valid", "1: the estimate of the paper's filters is valid; 0: it diverged, or was held."),
         page=Shown("the line that says the state of the device, and the rows of the filters"),
         terminal=TABLE,
         home_assistant=NO_ENTITY,
@@ -78,7 +78,9 @@ FIGURES = (
     ),
     _estimate(
         "fltea.settled",
-        gauge("fltea_settled", "1: their variances are known and their innovations white; 0: settling."),
+        gauge(
+            "fltea_settled", "1: the filters' variances are known and their innovations white; 0: settling."
+        ),
         page=Rows("axis", _settled),
         terminal=TABLE,
         home_assistant=NO_ENTITY,

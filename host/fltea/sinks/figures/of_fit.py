@@ -104,7 +104,7 @@ FIGURES = (
         "until_s.seconds",
         gauge(
             "until_seconds",
-            "Seconds until the order is known as well as live.target asks; none if nobody knows.",
+            "Seconds until the order is known as well as live.target asks; no value if unpredictable.",
         ),
         page=ANSWER,
         terminal=SENTENCE,
@@ -131,7 +131,7 @@ FIGURES = (
     ),
     _axis(
         "breaks",
-        gauge("breaks", "How often its samples were broken, by cause.", key="reason"),
+        gauge("breaks", "Interruptions of the samples, by cause.", key="reason"),
         page=ANSWER,
         terminal=NARROW,
         home_assistant=NO_ENTITY,
@@ -174,7 +174,7 @@ FIGURES = (
     ),
     _fit(
         "samples",
-        gauge("samples", "Samples that the newest fit is of."),
+        gauge("samples", "Samples that the newest fit uses."),
         page=Shown("the line on the newest fit"),
         terminal=NARROW,
         home_assistant=NO_ENTITY,
@@ -182,7 +182,7 @@ FIGURES = (
     ),
     _fit(
         "host_ns",
-        gauge("timestamp_seconds", "Unix time of its last sample.", factor=1e-9),
+        gauge("timestamp_seconds", "Unix time of the last sample that the newest fit uses.", factor=1e-9),
         page=NO_ROW,
         terminal=NARROW,
         home_assistant=NO_ENTITY,

@@ -33,7 +33,7 @@ _OF_MODEL = "it is for those who compare the device's fit with this computer's, 
 _SAME_FIT = "the newest fit, which has its own record, says it"
 
 WITHOUT_FIGURES: dict[type, str] = {
-    Placed: "its fields say to which sample a record belongs",
+    Placed: "its numbers only say to which sample a record belongs",
     Hello: "it states once what the device is; the page lists all of it, and `fltea_device_info` names it",
     Corrected: "it is for programs, which integrate each sample",
     Gap: EVENT,
@@ -55,7 +55,7 @@ UNSHOWN: dict[tuple[type, str], str] = {
     (AxisEstimate, "alpha"): _SAME_FIT,
     (AxisEstimate, "f"): _SAME_FIT,
     (AxisEstimate, "innovation"): "it changes with every sample, so one value in a thousand says nothing",
-    (DeviceEstimates, "comparable"): "each axis says whether, and why not",
+    (DeviceEstimates, "comparable"): "each axis says whether it is comparable, and why not",
     (DeviceAxisEstimate, "age"): "it is for the comparison with this computer's estimate",
     (DeviceAxisEstimate, "fltea.alpha_std"): "this computer's, which it should equal, is shown",
     (DeviceAxisEstimate, "fltea.f_std"): "this computer's, which it should equal, is shown",
