@@ -125,7 +125,7 @@ class Elapsed:
         return 0.0 if self._last is None else self._last[1]
 
     def add(self, time: Floats, values: Floats, numbers: Ints | None = None) -> tuple[Floats, Marks]:
-        """Return the times of the next rows since the first row (n,), and marks of rows that begin a new run.
+        """Return, for the next rows, the times since the first row (n,), and marks of where new runs begin.
 
         `values`: other numbers in the rows (n, columns), which show whether rows with equal times differ.
         `numbers`: indices of the rows, for messages.

@@ -82,7 +82,7 @@ def words_with_units(line: str) -> list[str]:
 
 
 def bare_fields(line: str) -> list[str]:
-    """Return the fields of a line that may be marked as a comment."""
+    """Return the fields of a line, without the sign that may mark the line as a comment."""
     text = line.strip().lstrip("#%/").strip()
     return split(text, separator_of(text))
 

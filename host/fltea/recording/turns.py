@@ -84,7 +84,7 @@ class Turns:
     def _turn_of(self, time: Floats) -> Ints:
         """Return for each row the index of its sensor. The steps between times show the sensor."""
         if self._steps is None:
-            # the median is over few rounds, since all rounds after a missing row are shifted by a sensor
+            # the median is over few rounds, since all rounds after a missing row are shifted by one row
             rounds = min(len(time[1:]) // self._count, LOOKED_AT)
             steps = np.diff(time[: 1 + rounds * self._count])
             self._steps = np.nanmedian(steps.reshape(-1, self._count), axis=0)

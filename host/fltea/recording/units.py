@@ -15,7 +15,10 @@ from fltea.settings.how import TimeUnit
 
 
 def _spelled(forms: dict[str, str]) -> dict[str, str]:
-    """Return a mapping from each word to its meaning. `words` are all words for a meaning, in one text."""
+    """Return a mapping from each word to its meaning.
+
+    `forms`: for each meaning, all its words in one text.
+    """
     return {word: meaning for meaning, words in forms.items() for word in words.split()}
 
 

@@ -74,7 +74,7 @@ class DeviceStream:
         self._save_ns = clock.host_ns() + self._save_period_ns
 
     def take(self, event: Event) -> None:
-        """Handle one event.
+        """Handle one event of the source.
 
         Raises:
             UsageError: the settings do not fit the samples, or the samples cannot be recorded.

@@ -130,7 +130,7 @@ class Hub:
             sink_queue.put((Departed(device, moved),))
 
     def tap(self, device: str, *, wait: bool) -> "Tap":
-        """Return the function to call with all bytes and events that arrive over the wire from a device."""
+        """Return the function to which all bytes and events from a device's wire have to be passed."""
         return Tap(lambda: self._of.get(device, []), wait)
 
     def report(self, device: str | None = None) -> Callable[[str, str], None]:

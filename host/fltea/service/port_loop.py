@@ -33,7 +33,7 @@ class PortStop(IntEnum):
     ITEM = 1
     """An item of the wire protocol has arrived that native code does not handle."""
     STOP = 2
-    """The native device has stopped, for one of the reasons in `Stop`."""
+    """The native device (C++) has stopped, for one of the reasons in `Stop`."""
     ROWS = 3
     """Samples are ready for an output that takes samples in blocks."""
     READS = 4

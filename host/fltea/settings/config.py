@@ -198,7 +198,7 @@ SETTINGS = all_declared(Config())
 """All settings by their paths, such as `estimator.window`."""
 
 OF_A_DEVICE = ("source", "channels", "pace", "link", "replay", "estimator", "accel")
-"""Settings and tables that a table [device.NAME] of the file may hold. All others apply to the whole
+"""Settings and tables that a table [device.NAME] of the file may hold. All other settings apply to the whole
 program.
 """
 

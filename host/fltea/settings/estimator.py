@@ -236,12 +236,12 @@ class EstimatorConfig(Table, frozen=True):
 
     @property
     def window_samples(self) -> int:
-        """`window` in samples; available after `at` has converted it."""
+        """The setting `window` in samples, which is known after `at` has converted the setting."""
         return known("window", self.window)
 
     @property
     def startup_samples(self) -> int:
-        """`startup` in samples; available after `at` has converted it."""
+        """The setting `startup` in samples, which is known after `at` has converted the setting."""
         return known("startup", self.startup)
 
     @property

@@ -328,7 +328,7 @@ class _LogScan:
         Return 0 if the type is unknown or contains itself.
         """
         if kind not in self._lengths:
-            self._lengths[kind] = 0  # this 0 is found if the format contains itself
+            self._lengths[kind] = 0  # if the format contains itself, its length is found to be this 0
             fields = self._forms.get(kind, []) if most_nested else []
             sizes = [self._length(inner, most_nested - 1) * many for inner, many, _ in fields]
             self._lengths[kind] = 0 if 0 in sizes or sum(sizes) > MOST_BYTES else sum(sizes)

@@ -91,8 +91,8 @@ class Snapshots:
                 continue
             state = device.stream.save()
             if state is None and young < self._period_ns:
-                # while the start-up window fills, a later snapshot is no better: another worker has to begin
-                # at the device's first message anyway
+                # while the start-up window fills, no newer snapshot is needed: another worker has to begin at
+                # the device's first message anyway
                 continue
             device.is_whole = True
             mark = max(device.mark, walked.get(device.partition, 0))

@@ -98,7 +98,7 @@ class MetricsSink(Sink):
                 newest.motions += 1
             case Hello():
                 newest.hello = self._introduced(item)
-            case Epoch():  # estimates and fits of the previous epoch no longer hold
+            case Epoch():  # estimates and fits of the previous epoch do not apply to the new one
                 newest.estimate = newest.device_estimate = newest.fit = None
                 newest.device_fits = {}
 
