@@ -189,7 +189,7 @@ class Elapsed:
     def _wrap_of(self, time: Floats) -> tuple[float, float]:
         """Return the value at which times restart at 0, and the longest step within a run.
 
-        Fractions of a second restart after 1 s.
+        Times that are only fractions of a second restart after 1 s.
         """
         if self._second and max(self._between[1], float(time.max())) < self._second:
             return self._second, self._second / 2

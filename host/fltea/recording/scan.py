@@ -71,8 +71,8 @@ class Message(NamedTuple):
 class Messages:
     """Successive messages, stored as a table, since a recording has millions of messages.
 
-    `table`: (n, 7), with the kind, the begin and end of the content in `data`, the channel, the sequence
-    number, the log time and the publish time.
+    `table`: (n, 7), with the kind, the beginning and the end of the content in `data`, the channel, the
+    sequence number, the log time and the publish time of each message.
     """
 
     data: bytes
@@ -112,7 +112,7 @@ Item = Schema | Channel | Messages | Metadata | Damage | ChunkEnd
 
 
 class Scan:
-    """One pass through a file; only one chunk is in memory at a time.
+    """One pass through an MCAP file; only one chunk is in memory at a time.
 
     After the pass, `whole` tells whether the file was finished properly, and `lost_bytes` how many bytes at
     its end are unreadable. `why` says what is wrong at the end of the file. It is empty if the file merely

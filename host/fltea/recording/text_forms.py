@@ -126,7 +126,7 @@ class YamlDocuments:
         self._rest = b""
 
     def feed(self, data: bytes) -> bytes:
-        """Return the JSON objects of the documents that end in `data`."""
+        """Return, as JSON objects, the YAML documents that end in `data`."""
         lines = (self._rest + data).split(b"\n")
         self._rest = lines.pop()[:LONGEST_LINE]
         return b"".join(map(self._take, lines))

@@ -47,7 +47,7 @@ REASONS = {
 """Reasons why a line holds no sample. The keys are those of the counts in `link.bad_frames`. The values are
 words for the user.
 
-`fltea.recording.table` detects the last three when it turns rows into samples.
+The last three reasons are found by `fltea.recording.table`, when it turns rows into samples.
 """
 
 WhyNot = tuple[str, str]

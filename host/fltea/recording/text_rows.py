@@ -354,7 +354,7 @@ class TextReader:
 
 
 def _by_run(pieces: list[Rows]) -> list[Rows]:
-    """Join successive rows to one piece for each run of the sender."""
+    """Join successive `Rows`, so that one is left for each run of the sender."""
     found: list[list[Rows]] = []
     for piece in pieces:
         if piece.begins or not found:

@@ -1,4 +1,4 @@
-"""Selects the rows of one of several sensors whose rows alternate and no column tells them apart."""
+"""Selects the rows of one of several sensors. Their rows alternate, and no column tells them apart."""
 
 import numpy as np
 
@@ -105,7 +105,7 @@ class Turns:
         return turns
 
     def _after(self, turn: int, step: float) -> int:
-        """Return the index of the sensor whose row follows a row of sensor `turn` after a step of time.
+        """Return the index of the sensor whose row follows a row of sensor `turn` after the time `step`.
 
         Rows of the sensors between these two may be missing.
         """

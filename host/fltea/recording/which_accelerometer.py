@@ -53,7 +53,7 @@ def choose_accelerometer(choice: Choice, taken: set[int | None]) -> Acceleromete
     measured: list[str] = []
     if values is not None and len(values) and not stated:
         measured = candidates.gravity_units(values[:, list(accel)])
-    # counts are left out, since their scale would be uncertain
+    # a unit in counts that the length of gravity shows is not used, since the scale would be uncertain
     if len(measured) == 1 and not measured[0].startswith("lsb:"):
         choice.answer(
             "accelerometer", f"{shown} in {measured[0]}", "measured", "their length is that of gravity"

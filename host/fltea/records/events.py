@@ -44,7 +44,7 @@ class Reads(NamedTuple):
 
     @classmethod
     def of(cls, *chunks: Chunk) -> "Reads":
-        """Return one or more chunks as reads."""
+        """Return one or more chunks as `Reads`."""
         datas, *times = zip(*chunks, strict=True)
         return cls(b"".join(datas), np.array([*accumulate(map(len, datas))]), *map(np.array, times))
 

@@ -149,7 +149,7 @@ class Sink:
     def flush(self) -> None:
         """Write the data that `write` has buffered.
 
-        This is called when the queue is empty, and twice a second.
+        This method is called when the queue is empty, and twice a second.
         """
 
     def depart(self, departed: Departed) -> None:

@@ -104,7 +104,10 @@ class Placed(Record, frozen=True):
 
 
 class Sample(Placed, frozen=True, tag="sample"):
-    """One sample in physical units. It comes before the estimate of the sample, and only with `--samples`."""
+    """One sample in physical units.
+
+    This record comes before the sample's `estimate`, only with `--samples`.
+    """
 
     gyro_dps: tuple[float, ...]
     """Angular rates about x, y, z, with their bias [deg/s]."""
@@ -124,7 +127,7 @@ class CorrectedAxis(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     rate_std: float | None
     """Standard deviation of the subtracted bias [deg/s]."""
     moving: bool
-    """The sensor is moving, so the bias is predicted and its σ grows."""
+    """Whether the sensor is moving, so that the bias is only predicted and its σ grows."""
 
 
 class Corrected(Placed, frozen=True, tag="corrected"):
@@ -184,7 +187,7 @@ class AxisEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     innovation: float | None
     """Sample minus its prediction [`unit`]."""
     moving: bool
-    """The sensor is moving, so the bias is predicted and its σ grows."""
+    """Whether the sensor is moving, so that the bias is only predicted and its σ grows."""
     null_p: float | None
     """p-value of the test for white noise in the newest record `fit`."""
     whiteness: Whiteness | None

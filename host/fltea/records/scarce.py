@@ -20,7 +20,7 @@ memory.
 
 
 def least_of(what: int, ours: int) -> int:
-    """Return `ours`, or the limit that the system has set already if that is smaller.
+    """Return the limit `ours`, or the limit that the system has set already if the latter is smaller.
 
     `what`: which limit, a constant of the module `resource`.
     """

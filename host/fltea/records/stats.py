@@ -87,7 +87,7 @@ class BiasCheck(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Comparison of Bias(T) with the mean of the next T seconds, for all such periods at rest so far."""
 
     pieces: int
-    """Number of periods that were compared."""
+    """Number of periods of T seconds that were compared."""
     rms: float
     """Root mean square of the differences, each divided by its σ; 1 if Bias(T) and its σ are right."""
 
@@ -145,7 +145,8 @@ class AxisStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     restarts: int
     """Number of restarts of the axis's filters in this epoch."""
     interventions: dict[str, int]
-    """Number of samples since the axis's last start in which the guard intervened, by cause."""
+    """Number of samples in which the guard intervened since the last start of the axis's filters, by cause.
+    """
     innovation_lag1: float | None = None
     """Correlation of neighbouring innovations of the paper's filters over the last 1,000 innovations; 0 ±
     0.03 if they are white.
@@ -195,9 +196,11 @@ class DeviceEstimatorStats(msgspec.Struct, frozen=True, forbid_unknown_fields=Tr
     epoch, or is more than 256 samples old.
     """
     restarts: dict[str, int]
-    """Number of restarts of each axis since the device's start-up window."""
+    """Number of restarts of each axis's filters since the device's start-up window."""
     interventions: dict[str, dict[str, int]]
-    """For each axis, number of samples since its last start in which the guard intervened, by cause."""
+    """For each axis, number of samples in which the guard intervened since the last start of the axis's
+    filters, by cause.
+    """
     fit_every: int = 0
     """Number of samples from one round of the device's fits to the next; 0 if the device makes no fits."""
     fits: int = 0

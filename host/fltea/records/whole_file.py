@@ -13,8 +13,8 @@ from fltea.records.errors import FlteaError, UsageError
 from fltea.records.temporary import TemporaryFailed, nameless_file
 
 KEPT_OF_NAME = 40
-"""Number of characters of the file's name in the name of its temporary part, since names are limited to 255
-bytes.
+"""Number of characters of a file's name that the name of its temporary file contains. There is a limit since
+names may have 255 bytes.
 """
 
 NEW = os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_WRONLY | os.O_CLOEXEC

@@ -28,7 +28,7 @@ thousand of them a second.
 
 
 class PortStop(IntEnum):
-    """Events of a port that Python handles, as in host/native/port_stream.hpp."""
+    """Events of a port that Python handles, with the numbers that host/native/port_stream.hpp gives them."""
 
     ITEM = 1
     """An item of the wire protocol has arrived that native code does not handle."""

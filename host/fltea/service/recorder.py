@@ -113,7 +113,7 @@ class RecorderOfHub:
     def _free_bytes(self) -> int | None:
         """Return the free space [bytes] on the disk that holds the folder of recordings.
 
-        None if it is unknown.
+        Return None if the free space is unknown.
         """
         asked_s, free = self._free
         if time.monotonic() - asked_s < FREE_EVERY_S:

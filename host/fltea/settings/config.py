@@ -79,9 +79,9 @@ class LinkConfig(Table, frozen=True):
 
     @property
     def latency_s(self) -> float:
-        """The latency in seconds."""
+        """The setting `latency` in seconds."""
         seconds = in_seconds(self.latency)
-        assert seconds is not None  # Setting.accepts has checked the text
+        assert seconds is not None  # Setting.accepts has checked that the text is a time
         return seconds
 
 
@@ -90,7 +90,7 @@ def _memory(meaning: str) -> Setting:
 
 
 class ReplayConfig(How, frozen=True):
-    """How to read a recording."""
+    """Settings for reading a recording."""
 
     shuffle: Annotated[
         int | None,

@@ -20,7 +20,7 @@ def in_samples(value: Duration, rate_hz: float, least: int) -> int:
     if not isinstance(value, str):
         return value
     seconds = in_seconds(value)
-    assert seconds is not None, value  # Setting.accepts has checked the text
+    assert seconds is not None, value  # Setting.accepts has checked that the text is a time
     return max(least, round(seconds * rate_hz)) if seconds else 0
 
 

@@ -50,7 +50,7 @@ def url_of(host: str, port: int) -> str:
 def cannot_listen(option: str, host: str, port: int, error: Exception) -> FlteaError:
     """Return the error for a server that cannot listen at its address.
 
-    `option`: the setting of the address.
+    `option`: name of the setting that gives the address.
     """
     if isinstance(error, PermissionError):
         return UsageError(

@@ -1,6 +1,6 @@
 """Reads HDF5 files: tables of pandas, and data sets with attributes, such as those of netCDF and NWB.
 
-The file may state that data of a data set lie in other files. These are not read.
+The file may state that data of a data set lie in other files. Such data are not read.
 """
 
 import math

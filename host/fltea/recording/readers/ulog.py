@@ -180,7 +180,8 @@ class _LogScan:
                 if is_next or tells:
                     at, is_one = after, is_next
                     continue
-            following = min(self._search(at + 1), end)  # a message contains no other messages
+            # no message contains another one, so the next valid message ends this one
+            following = min(self._search(at + 1), end)
             if following == end < after and (is_one or end - at < HEAD.size):
                 self._cut(at, end)
                 return
@@ -233,7 +234,8 @@ class _LogScan:
         elif kind == ord("D"):
             topic = self._topics[int.from_bytes(self._content[body : body + 2], "little")]
             self._counts[topic.name, topic.sensor] += 1
-            if size > topic.size:  # the library rejects a message of this length
+            # PX4's library rejects a message with padding at its end, so the padding is cut off
+            if size > topic.size:
                 self._is_changed = True
                 self._kept.append(HEAD.pack(topic.size, kind) + self._content[body : body + topic.size])
                 return

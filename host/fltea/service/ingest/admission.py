@@ -24,7 +24,8 @@ M = TypeVar("M")
 class _Candidate(NamedTuple, Generic[M]):
     """A device's name under which only one message has come so far.
 
-    `message`: this message, or None if there was no room to keep its `size` bytes. `heard_ns`: when it came.
+    `message`: this message, or None if there was no room to keep its `size` bytes. `heard_ns`: monotonic time
+    at which it came [ns].
     """
 
     heard_ns: int
@@ -33,7 +34,7 @@ class _Candidate(NamedTuple, Generic[M]):
 
 
 Verdict = Literal["in", "new", "candidate", "once", "full", "bad_name"]
-"""What is done with a message.
+"""Verdict on a message of a device: what is done with the message.
 
 "in": the device is known, and the message is accepted. "new": the device is admitted now. "candidate": the
 message is the first one under its name, and waits for a second one. "once": no second message of its name

@@ -43,7 +43,7 @@ class CatchingUp:
         self._again[partition] = _Again(done)
 
     def forget(self, partition: int) -> None:
-        """Stop serving a partition, or begin again from its start."""
+        """Forget a partition, since this worker serves it no more, or begins with it again."""
         self._caught_up.discard(partition)
         self._again.pop(partition, None)
 

@@ -59,7 +59,7 @@ class Sightings:
             self._seen[key] = Seen(revision, known.changed_s if same and known else now_s, value)
 
     def of(self, key: str) -> Seen | None:
-        """Return the entry of a key as last seen."""
+        """Return the entry of a key as this worker last saw it; None if there is no such entry."""
         return self._seen.get(key)
 
     def fresh(self, prefix: str, now_s: float) -> list[str]:

@@ -106,7 +106,7 @@ class Ingest:
         self._ends_s: float | None = None
 
     def run(self) -> None:
-        """Process messages until `close`."""
+        """Process messages until `close` is called."""
         try:
             self._receiver.start()
             while self._ends_s is None:

@@ -127,7 +127,7 @@ class NatsFrames:
         self._reports.refused(error)
 
     async def _serve_over(self, client: Client) -> None:
-        """Serve partitions over one connection, until `close`."""
+        """Serve partitions over one connection, until `close` is called."""
         # A busy server has `LEASE_S` to answer. If the server takes longer, the leases end anyway.
         store = Store(self._settings, client.jetstream(timeout=LEASE_S))
         await store.prepare()

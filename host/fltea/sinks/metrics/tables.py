@@ -1,6 +1,6 @@
 """Make families of metrics from records, in Prometheus' naming: base units, `_total` for counters.
 
-Which field of a record is which metric is declared in the table of figures (`fltea.sinks.figures`). A value
+The table of figures (`fltea.sinks.figures`) declares which field of a record becomes which metric. A value
 that is unknown or not valid has no sample, so a graph shows a gap rather than a meaningless number.
 """
 
