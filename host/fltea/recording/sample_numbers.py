@@ -19,8 +19,8 @@ from fltea.recording.sample_times import (
 
 LEAK, LEAK_OF_ROUNDED = 0.98, 0.998
 """A step between times is a whole number of sampling periods and a remainder. The remainder is carried to the
-next step, so the sum of all remainders would grow with the error of the rate, which is known to 0.1 % at
-best. Therefore the remainder is multiplied by LEAK at each step, or by LEAK_OF_ROUNDED if times are rounded.
+next step, so the sum of all remainders would grow with the error of the rate, which may be up to 0.1 %.
+Therefore the remainder is multiplied by LEAK at each step, or by LEAK_OF_ROUNDED if times are rounded.
 """
 
 FEW, STRETCH, FADED = 8, 256, 2048

@@ -13,7 +13,7 @@ from fltea.records.stats import LinkStats, OutputStats
 class Source(Protocol):
     """The interface that the daemon needs from a source.
 
-    `live`: whether the source is a device, which may fall silent and come back, and not a recording.
+    `live`: whether the source may fall silent and come back, as a device may and a recording may not.
     `prompt`: whether the samples arrive in real time, so that records must be written at once.
     """
 
