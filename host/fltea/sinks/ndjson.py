@@ -18,13 +18,15 @@ FULL_S = 0.005
 class NdjsonSink(Sink):
     """Writes records as JSON lines. Samples are written only if a setting asks for them.
 
-    `stream`: unbuffered, so that no data stays in a buffer when the reader stops reading.
+    `stream`: an unbuffered stream. Otherwise data could stay in its buffer when the program at the other end
+    stops reading.
     """
 
     name = "stdout"
     lossless = True
     capacity = 50_000
-    rest_s = 0.0003  # a short pause is enough, since text with the records of many devices arrives together
+    # the pause between two writes can be short, since the records of many devices arrive together as one text
+    rest_s = 0.0003
     prints: Wanted
 
     def __init__(self, stream: BinaryIO, *, samples: bool) -> None:
@@ -34,7 +36,7 @@ class NdjsonSink(Sink):
         self._pending = bytearray()
 
     def write(self, item: Item) -> None:
-        """Add the item's records, one JSON line each."""
+        """Encode the item's records, one JSON line each, and keep the lines until `flush` writes them."""
         if isinstance(item, Printed):
             self._pending += item.data
         elif isinstance(item, Block):
@@ -49,7 +51,8 @@ class NdjsonSink(Sink):
         try:
             while self._pending:
                 written = self._stream.write(self._pending)
-                if written is None:  # the stream has no room, and another process has made it non-blocking
+                # this happens if the stream has no room and another process has made it non-blocking
+                if written is None:
                     time.sleep(FULL_S)
                 del self._pending[: written or 0]
         except (BrokenPipeError, ValueError) as error:  # ValueError: the stream was closed
@@ -61,6 +64,6 @@ class NdjsonSink(Sink):
 
 
 def open_output(opening: Opening) -> NdjsonSink:
-    """Open the sink on the standard output."""
+    """Open the output that writes JSON lines to the standard output."""
     stdout = io.FileIO(sys.stdout.fileno(), "wb", closefd=False)
     return NdjsonSink(stdout, samples=opening.program.samples)

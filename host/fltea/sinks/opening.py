@@ -1,4 +1,4 @@
-"""Define what the function `open_output` of an output's module receives about the program."""
+"""Define what the program hands to the function `open_output`, which every output's module has."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -8,13 +8,13 @@ from fltea.settings.config import Config
 
 
 class Opening(NamedTuple):
-    """What the program hands to an output that it opens.
+    """What `open_output` receives about the program.
 
     `configs`: settings of all devices; the first one also has the program's settings. `device`: name of the
     device whose records the output gets; "" for an output of all devices. `apart`: names of the sources that
-    are a single device. `shared`: names of the sources with many devices. `report`: sends an `error` record
-    to all outputs. `sink_queues`: returns all outputs, each with the name of its device, or with None if all
-    devices share it. `recorder`: begins and ends recordings. `say`: writes to the terminal.
+    have a single device each. `shared`: names of the sources that have many devices each. `report`: sends an
+    `error` record to all outputs. `sink_queues`: returns all outputs, each with the name of its device, or
+    with None if all devices share it. `recorder`: begins and ends recordings. `say`: writes to the terminal.
     """
 
     configs: Sequence[Config]

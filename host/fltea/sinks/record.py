@@ -22,22 +22,26 @@ from fltea.sinks.record_session import NOTHING, OpenPart, Session, longer, summe
 from fltea.sources.as_wire import as_stated
 
 FLUSH_NS = 750_000_000
-"""Time between two writes of buffered data to the file [ns].
+"""Shortest time between two writes of buffered data to the file [ns].
 
-If the program is killed, the recording lacks the data of at most this time and of the pause between two
-calls.
+If the program is killed, the recording lacks at most the data of this time and of the pause between two calls
+of `flush`.
 """
 
 RETRY_NS = 5 * 10**9
-"""Time between two attempts to write to a disk that failed [ns]."""
+"""Time between two attempts to begin a new file after the disk failed [ns]."""
 
 REFUSED = ("version", "bad_hello")
-"""Kinds of errors after which a device's samples are not used until its next good HELLO."""
+"""Kinds of `error` records about a HELLO that cannot be used. The device's samples are not used until its
+next good HELLO.
+"""
 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
 
 DELETED = "record_deleted"
-"""Kind of the error after another program has deleted the file. Then the next file begins at once."""
+"""Kind of the `error` record that says that another program has deleted the file. After such a loss, the next
+file begins at once.
+"""
 
 KINDS: dict[str, type[AnyRecord]] = {str(kind.__struct_config__.tag): kind for kind in get_args(AnyRecord)}
 """Type of the records in each channel, by the channel's name."""
@@ -47,7 +51,9 @@ OF_BLOCKS = {
     "estimate": Wanted(estimates=True, nulls=False),
     "corrected": Wanted(corrected=True, nulls=False),
 }
-"""For each channel with one message per sample, by its name, the records that are written to it."""
+"""For each channel with one message per sample, by the channel's name: which of a block's records are written
+to the channel.
+"""
 
 
 class RecordSink(Sink):
@@ -57,8 +63,8 @@ class RecordSink(Sink):
     counted. A new file begins when the disk has room again, or at once if another program has removed the
     file.
 
-    `hello`: the HELLO of a device that is already running. `path`: the newest file. `trouble`: reason why
-    nothing is recorded at the moment.
+    `hello`: the last HELLO of the device, if the device is already running. `path`: the newest file.
+    `trouble`: reason why nothing is recorded at the moment.
 
     Raises:
         UsageError: the folder cannot be made or written to.
@@ -74,7 +80,7 @@ class RecordSink(Sink):
         self, settings: RecordConfig, device: str, report: Report, hello: Hello | None = None
     ) -> None:
         assert settings.folder is not None
-        assert settings.channels is not None  # `RecordConfig.for_devices` has set the channels
+        assert settings.channels is not None  # `RecordConfig.for_devices` has set the names of the channels
         self.path: Path | None = None
         self.trouble: str | None = None
         self.lost = 0
@@ -94,7 +100,7 @@ class RecordSink(Sink):
 
     @property
     def parts(self) -> int:
-        """Number of files so far."""
+        """Number of files that have been begun so far."""
         return self._session.parts
 
     @property
@@ -114,7 +120,7 @@ class RecordSink(Sink):
                 self._on_link(item)
             case Block():
                 self._on_block(item)
-            case Printed():  # an output without `prints` never receives printed text
+            case Printed():  # this never comes, since only an output with `prints` receives printed text
                 pass
             case _:
                 self._on_record(item)
@@ -128,18 +134,18 @@ class RecordSink(Sink):
             self._part.flush(now_ns)
         except Meddled as error:
             self._stop(error)
-            self._begin()  # begin the next file at once, since the device may stay silent
+            self._begin()  # begin the next file now, not with the next item: a silent device sends none
         except OSError as error:
             self._stop(error)
 
     def on_overflow(self, count: int) -> None:
-        """Record a gap, and forget the device's HELLO, which may be among the dropped items."""
+        """Record a gap, and forget the device's HELLO, since a newer HELLO may be among the dropped items."""
         self._hello = None
         if self._part is not None:
             self._part.add_gap(LinkMessage("gap", kind=OVERFLOW, items=count), self._log_ns)
 
     def close(self) -> None:
-        """Finish the file."""
+        """Finish the present file."""
         self._finish()
 
     def _on_reads(self, reads: Reads) -> None:
@@ -164,7 +170,10 @@ class RecordSink(Sink):
             self._part.add_link(message, self._log_ns, item.host_ns + item.unix_offset_ns)
 
     def _come(self, host_ns: int, unix_offset_ns: int) -> None:
-        """Prepare to record data from the wire, and begin a new file if it is due."""
+        """Prepare to record data from the wire.
+
+        Begin a new file if the present one is large or old enough, or if there is none.
+        """
         self._now_ns = host_ns
         if self._offset_ns is None:
             self._offset_ns = unix_offset_ns
@@ -199,7 +208,7 @@ class RecordSink(Sink):
             self._lose()
 
     def _file(self) -> OpenPart | None:
-        """Return the open file, or None.
+        """Return the open file, or None if no file can be written at the moment.
 
         If no data have arrived from the device yet, begin the first file.
         """
@@ -209,7 +218,7 @@ class RecordSink(Sink):
 
     @property
     def _log_ns(self) -> int:
-        """Time of the newest item as the file states it [ns]."""
+        """Unix time of the newest item, as it is written to the file [ns]."""
         return self._now_ns + (self._offset_ns or 0)
 
     def _lose(self, items: int = 1, size_bytes: int = 0, chunks: int = 0) -> None:
@@ -219,7 +228,7 @@ class RecordSink(Sink):
             self._gap = longer(self._gap, items, size_bytes, chunks)
 
     def _is_due(self, part: OpenPart) -> bool:
-        """Return whether the file is large or old enough to begin the next one."""
+        """Return whether this file is so large or so old that the next file has to begin."""
         age_ns = self._now_ns - part.began_ns
         return (
             part.writer.size_bytes >= self._settings.rotate_mb * 1e6
@@ -229,7 +238,7 @@ class RecordSink(Sink):
     def _begin(self) -> None:
         """Begin the next file.
 
-        After a failure, try only every few seconds, and only if the disk has enough room.
+        After a failure, try to begin the file only every few seconds, and only if the disk has enough room.
         """
         now_ns = clock.host_ns()
         if self._gap is not None and now_ns < self._retry_ns:
@@ -269,7 +278,10 @@ class RecordSink(Sink):
             self._part = None
 
     def _stop(self, error: OSError) -> None:
-        """Give the file up after an error, report this once, and begin to count items not recorded."""
+        """Give the present file up after an error.
+
+        Report the error once, and begin to count the items that are not recorded.
+        """
         part, self._part = self._part, None
         if isinstance(error, Meddled) and part is not None:
             self._lose_file(part, error)
@@ -289,7 +301,10 @@ class RecordSink(Sink):
         self._report(kind, text)
 
     def _lose_file(self, part: OpenPart, error: Meddled) -> None:
-        """Close a file that another program removed, report the loss, and let the next file begin at once."""
+        """Close a file that another program has deleted, moved or truncated.
+
+        Report the loss, and let the next file begin at once.
+        """
         lost = lost_of(part, error)
         if error.what == "moved":
             try:

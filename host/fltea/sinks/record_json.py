@@ -9,8 +9,8 @@ OBJECTS = (
     *("estimator", "accel_estimator"),
     *("board", "device_estimator", "tracker"),
 )
-"""Fields with objects that a record may lack. Such a field is left out of the JSON if it is None, since the
-Arrow library fails on a field that is null for the first megabyte and an object later.
+"""Fields that hold an object or None. If it is None, the field is left out of the JSON, since the Arrow
+library fails to read a file whose field is null for the first megabyte and an object later.
 """
 ABSENT = re.compile(rb',"(?:%b)":null|"(?:%b)":null,' % (("|".join(OBJECTS).encode(),) * 2))
 

@@ -14,14 +14,21 @@ from fltea.sinks.record_session import NOTHING, OpenPart, longer, summed
 
 
 class Held(NamedTuple):
-    """Content of a file, as counts: its items, and the items that its own messages report as lost."""
+    """Counts of what a file contains.
+
+    `items`: counts of its items. `gaps`: counts of the items that the file's own messages report as lost.
+    """
 
     items: LinkMessage
     gaps: LinkMessage
 
 
 def lost_of(part: OpenPart, error: Meddled) -> Held:
-    """Return what a file has lost: all of its content, or what stood after the end of the truncated file."""
+    """Return counts of what a file has lost.
+
+    A deleted file has lost all of its content, a truncated file what stood behind its new end, and a moved
+    file nothing.
+    """
     written = summed(part.flushed, part.unflushed)
     if error.what == "moved":
         return Held(NOTHING, NOTHING)
@@ -47,7 +54,7 @@ def told(path: Path, error: Meddled, lost: LinkMessage) -> tuple[str, str]:
 
 
 def _held_by(path: Path) -> Held:
-    """Return the content that a file still has, as counts."""
+    """Return counts of what a file still contains."""
     items = gaps = NOTHING
     # the content after an unreadable position counts as lost
     with contextlib.suppress(OSError, ValueError, UsageError):

@@ -19,12 +19,12 @@ from fltea.records.records import AnyRecord, Hello
 from fltea.records.version import __version__
 
 MOST_NOTES = 100
-"""Largest number of HELLO messages that are written as metadata of a file, whose index stays in memory. The
-recorded bytes contain all HELLO messages anyway.
+"""Largest number of HELLO messages that are written as metadata of one file. The number is limited since the
+index of the metadata stays in memory. The recorded bytes contain all HELLO messages anyway.
 """
 
 NOTHING = LinkMessage("gap")
-"""A message about a gap in the recording in which nothing was lost."""
+"""The message about a gap in the recording, with all counts of lost data 0."""
 
 
 NO_DISK = "the folder is gone, and what is left of its path is on another disk"
@@ -46,9 +46,10 @@ class OpenPart:
     """A file that is being written.
 
     `began_ns`: time of the file's beginning, on the source's clock. `flushed_ns`: time of the last flush, on
-    the host's clock. `unflushed`: counts of items still in the buffer, which are lost if the file fails now.
-    `flushed`: counts of items in the file, which are lost as well if the file is deleted. `gaps`: counts of
-    lost items that the file's own messages report.
+    the host's clock. `unflushed`: counts of the items that are still in the buffer, and are lost if writing
+    fails now.
+    `flushed`: counts of the items that are in the file, and are lost as well if the file is deleted. `gaps`:
+    counts of the items that the file's own messages report as lost.
     """
 
     def __init__(self, writer: PartWriter, hello: Hello | None, began_ns: int, now_ns: int) -> None:
@@ -77,7 +78,7 @@ class OpenPart:
         self.unflushed = longer(self.unflushed, count, len(reads.data), chunks=count)
 
     def add_lines(self, topic: str, log_ns: Ints, lines: bytes) -> None:
-        """Write one message for each line of text."""
+        """Write one message for each line of text. `log_ns`: the times of the messages."""
         self.writer.add_lines(topic, log_ns, lines)
         self.unflushed = longer(self.unflushed, len(log_ns))
 
@@ -148,7 +149,7 @@ class Session:
     def _find_folder(self) -> None:
         """Create a deleted folder again, unless its disk is no longer mounted.
 
-        In that case the new folder would be on another disk.
+        If the disk is no longer mounted, a new folder of this name would be on another disk.
         """
         place = self.folder.absolute()
         while not place.exists():

@@ -1,7 +1,7 @@
 """Show a live table in the terminal.
 
-It has the noise of each axis, FLTEA's α and f with small diagrams, the state of the connection, and the last
-errors.
+The table describes the noise of each axis, and shows FLTEA's α and f with small diagrams, the state of the
+connection, and the last events and errors.
 """
 
 import time
@@ -46,8 +46,8 @@ REFRESH_S = 0.2
 TREND_WIDTH = 24
 TREND_STEP_NS = 10**9
 WIDE_COLUMNS = 135
-"""Smallest width of the terminal [columns] at which the small diagrams are next to the numbers. In narrower
-terminals they are below the numbers.
+"""Width of the terminal [columns] from which the small diagrams of α and f stand next to the numbers. In a
+narrower terminal they stand below the numbers.
 """
 
 BARS = "▁▂▃▄▅▆▇█"
@@ -60,23 +60,23 @@ ADVICE = "; use the fit above, or for a recording fltea identify."
 
 
 def sparkline(values: Sequence[float]) -> str:
-    """Return a small diagram of numbers, as a row of characters that look like bars."""
+    """Return a small diagram of numbers, as a row of characters that look like bars of different heights."""
     if not values:
         return ""
     low, high = min(values), max(values)
-    # each number is halved first, since the difference of huge numbers may be infinite
+    # each number is halved first, since the difference of two huge numbers may exceed the largest float
     span = (high / 2 - low / 2) or 1.0
     return "".join(BARS[min(len(BARS) - 1, int((v / 2 - low / 2) / span * len(BARS)))] for v in values)
 
 
 class PipedConsole(Console):
-    """A console that raises an error when the program that reads it has ended.
+    """A console that raises an error when the program that reads its output has ended.
 
     The console of the library rich would exit with code 1.
     """
 
     def on_broken_pipe(self) -> None:
-        """Raise `SinkClosed`, after which the program ends without a message."""
+        """Raise `SinkClosed`, which ends the program without a message."""
         raise SinkClosed
 
 
@@ -150,7 +150,10 @@ class DeviceView:
 
     @property
     def _estimate(self) -> Estimate | None:
-        """The newest estimate. For a block, the estimate is made only when the table shows it."""
+        """The newest estimate.
+
+        If it comes from a block, the record of the estimate is made only now that the table needs it.
+        """
         if isinstance(self._newest, Block):
             self._newest = self._newest.last_estimate()
         return self._newest
@@ -191,7 +194,7 @@ class DeviceView:
                 self._stats = record
 
     def _follow(self, host_ns: int) -> None:
-        """Add the newest estimate to the small diagrams, once a second by the time of the samples."""
+        """Add the newest estimate to the small diagrams, once for each second of the samples' time."""
         if host_ns < self._trend_ns or self._estimate is None:
             return
         self._trend_ns = host_ns + TREND_STEP_NS
@@ -243,7 +246,8 @@ class DeviceView:
             remaining = self._stats.startup_remaining if self._stats else 0
             return Text(f"start-up window: {remaining} samples to go" if remaining else "no estimate yet")
         unit = f"[{', '.join(dict.fromkeys(map(unit_of, self._estimate.axes)))}]"
-        # Titles are `Text` objects, since in a plain string the library rich would read [deg/s] as markup.
+        # The titles are `Text` objects, since the library rich would take "[deg/s]" in a plain string for
+        # markup.
         titles = map(Text, ("FLTEA: α", "f [s^-α]", f"state {unit}", f"innov. {unit}", ""))
         table = grid("", *titles, *(("α, last seconds", "f, last seconds") if wide else ()))
         for name, axis in self._estimate.axes.items():
@@ -275,7 +279,7 @@ class DeviceView:
         return rows
 
     def _headings(self) -> list[RenderableType]:
-        """Return the errors of the heading by each axis, for several times after a rest."""
+        """Return a table with the error of the heading about each axis, for several times after a rest."""
         axes = self._stats.axes if self._stats else {}
         of = {
             name: stds for name, axis in axes.items() if axis.tracker and (stds := axis.tracker.heading_std)

@@ -15,7 +15,7 @@ from fltea.sinks.words import apart, in_deviations, quantity, signed
 
 
 def grid(*titles: RenderableType) -> Table:
-    """Return a table without rules between its rows, whose first row is `titles`."""
+    """Return a table with `titles` as its first row, and without lines between the rows."""
     rows = Table.grid(padding=(0, 2))
     rows.add_row(*titles)
     return rows
@@ -24,13 +24,16 @@ def grid(*titles: RenderableType) -> Table:
 def estimates(record: DeviceEstimates) -> list[RenderableType]:
     """Return the device's estimates and biases.
 
-    Where they can be compared, return also their differences from this computer's.
+    Where they can be compared with this computer's, return also the differences.
     """
     return [_orders(record), *_not_compared(record), *_biases(record)]
 
 
 def _orders(record: DeviceEstimates) -> Table:
-    """Return the device's α and f, with their differences from this computer's after the same sample."""
+    """Return a table with the device's α and f, and their differences from this computer's α and f.
+
+    Both are the estimates after the same sample.
+    """
     rows = grid("", "device's α", "minus the host's", "device's f", "minus the host's")
     for name, axis in record.axes.items():
         if not axis.fltea.valid:
@@ -42,7 +45,7 @@ def _orders(record: DeviceEstimates) -> Table:
 
 
 def _biases(record: DeviceEstimates) -> list[RenderableType]:
-    """Return the biases by the device's own fit, with their differences from this computer's biases."""
+    """Return a table with the biases by the device's own fit, and their differences from this computer's."""
     rows = grid("", "device's bias", "minus the host's", "")
     for name, axis in record.axes.items():
         if axis.tracker_bias is not None:
@@ -53,7 +56,7 @@ def _biases(record: DeviceEstimates) -> list[RenderableType]:
 
 
 def fits(by_axis: Mapping[str, DeviceAxisFit]) -> Table:
-    """Return the device's own fits, with the difference of α from the α of this computer's fit."""
+    """Return a table with the device's own fits, and the difference of α from this computer's fits."""
     rows = grid("", "device's fit", "α, 95 %", "minus the host's", "in half-widths")
     for name, fit in by_axis.items():
         order = figure_of(fit.alpha)
@@ -65,7 +68,10 @@ def fits(by_axis: Mapping[str, DeviceAxisFit]) -> Table:
 
 
 def _not_compared(record: DeviceEstimates) -> list[RenderableType]:
-    """Return, for each reason why differences are missing, a line of text with the axes concerned."""
+    """Return one line of text for each reason why differences are missing.
+
+    The line names the axes to which the reason applies.
+    """
     axes: dict[WhyNot, list[str]] = {}
     for name, axis in record.axes.items():
         if axis.fltea.valid and axis.why_not is not None:

@@ -11,7 +11,7 @@ Level = Literal["good", "wait", "bad", "plain"]
 
 
 def figure(value: float, digits: int, *, significant: bool = False) -> str:
-    """Return a number as text in decimals, or with a power of ten if it is huge.
+    """Return a number as text with decimals, or with a power of ten if the number is huge.
 
     Huge numbers come from filters that diverge.
     """
@@ -21,7 +21,7 @@ def figure(value: float, digits: int, *, significant: bool = False) -> str:
 
 
 def quantity(value: float | None, unit: str, digits: int, *, significant: bool = False) -> str:
-    """Return a number as text with its unit; a dash for None."""
+    """Return a number with its unit as text; a dash if the number is None."""
     return "–" if value is None else f"{figure(value, digits, significant=significant)} {unit}".rstrip()
 
 
@@ -39,7 +39,7 @@ def apart(value: float) -> str:
 
 
 def in_deviations(value: float | None, std: float | None) -> str:
-    """Return a value as text in units of its standard deviation; empty if either is unknown."""
+    """Return a value divided by its standard deviation, as text; empty if one of the two is unknown."""
     return f"{value / std:+.1f} σ" if value is not None and std else ""
 
 
@@ -49,7 +49,10 @@ def guard_words(interventions: Mapping[str, int]) -> list[list[str]]:
 
 
 def counted(label: str, count: int, remark: str = "") -> list[str]:
-    """Return a row of the page for a count of unwanted events: label, value, and how severe it is."""
+    """Return a row of the page for a count of unwanted events.
+
+    It has a label, the value, and the level "bad" if there were any events.
+    """
     value = f"{count:,}" + (f" ({remark})" if remark else "")
     return [label, value, "bad" if count else "plain"]
 

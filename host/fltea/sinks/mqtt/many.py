@@ -2,8 +2,9 @@
 
 Each device has an `MqttSink`, but all of them share one thread and one connection. So topics, states, retries
 and counts are the same as for a single device. A device's topics contain the name under which the broker let
-it publish, never what its HELLO states. The program itself has a status in the topic
-`<prefix>/<program>/ingest`; the connection's last will publishes it, too.
+the device publish, never the identifier in its HELLO. The program publishes a status of itself in the topic
+`<prefix>/<program>/ingest`. If the program vanishes, the connection's last will publishes there that it is
+offline.
 """
 
 import secrets
@@ -27,19 +28,24 @@ from fltea.sinks.mqtt.status import Status
 from fltea.sinks.opening import Opening
 
 LOOK_S = 0.5
-"""Time between two checks of all devices [s]. Devices with new records are checked at once."""
+"""Time between two updates of the outputs of all devices [s]. The output of a device with new records is
+updated at once.
+"""
 
 IDLE_NS = 3600 * 10**9
 """Time after which a device without records is forgotten [ns]."""
 
 EVERY = 1000
-"""Estimates are published for at most one in `EVERY` samples, which is every ten seconds for most boards."""
+"""Estimates are published for at most one in `EVERY` samples: every ten seconds for a board that samples at
+100 Hz.
+"""
 
 
 class ManyMqttSink(Sink):
-    """Publishes the records of all devices behind brokers.
+    """Publishes the records of all devices that reach this program through MQTT brokers.
 
-    `program`: name of this program in its status. `apart`: names of devices that have separate outputs.
+    `program`: name of this program in its status. `apart`: names of devices that have outputs of their own,
+    and whose records are ignored here.
 
     Raises:
         UsageError: settings or secrets cannot be used.
@@ -89,12 +95,19 @@ class ManyMqttSink(Sink):
         self._touched.add(name)
 
     def depart(self, departed: Departed) -> None:
-        """Forget a device. If it has moved to another program, that program publishes its status."""
+        """Forget a device, and publish that it is offline.
+
+        If the device has moved to another program, publish nothing, since the other program publishes its
+        status.
+        """
         if departed.device in self._sinks:
             self._forget(departed.device, end=not departed.moved)
 
     def flush(self) -> None:
-        """Update the outputs of devices with new records; every `LOOK_S`, update those of all devices."""
+        """Update the outputs of the devices with new records.
+
+        Every `LOOK_S`, update the outputs of all devices.
+        """
         self._shared.pump()
         now_s = time.monotonic()
         touched, self._touched = self._touched, set()
@@ -157,5 +170,5 @@ class ManyMqttSink(Sink):
 
 
 def open_output(opening: Opening) -> ManyMqttSink:
-    """Open the output for all devices behind brokers."""
+    """Open the output for all devices that reach this program through MQTT brokers."""
     return ManyMqttSink(opening.program.mqtt, opening.shared[0], opening.report, set(opening.apart))

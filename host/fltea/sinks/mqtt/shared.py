@@ -1,7 +1,8 @@
 """Share one connection to a broker among many devices, as if each device had its own connection.
 
-Hundreds of connections would need hundreds of threads. But a connection has only one last will, so a device
-without its own connection cannot have one. Instead, the program publishes a status of itself.
+With a connection for each of hundreds of devices, the program would need hundreds of threads. But a
+connection has only one last will, so devices that share a connection have no last wills. Instead, the last
+will of the shared connection is a status of the program.
 """
 
 from collections import deque
@@ -11,7 +12,7 @@ from fltea.mqtt.connection import Acknowledged, Connection, Down, Event, Session
 
 
 class View:
-    """The shared connection as one device sees it. It is used like a `Connection`."""
+    """One device's view of the shared connection. It is used like a `Connection` of the device's own."""
 
     def __init__(self, shared: "SharedConnection") -> None:
         self.events: deque[Event] = deque()
@@ -22,15 +23,17 @@ class View:
         return self._shared.publish(self, topic, payload, qos, retain)
 
     def close(self) -> None:
-        """Stop using the connection, which stays open for the other devices."""
+        """Stop using the shared connection, which stays open for the other devices."""
         self._shared.leave(self)
         self.events.append(Down("broker_lost", "closed"))
 
 
 class SharedConnection:
-    """Opens the connection for the first device that asks for one, and again whenever it was lost.
+    """Opens one connection when the first device asks for it.
 
-    One thread calls all methods. `will`: topic and payload that are published if the program vanishes.
+    After a loss, opens it again when the next device asks.
+
+    One thread calls all methods. `will`: topic and payload that the broker publishes if the program vanishes.
     """
 
     def __init__(self, broker: Broker, client_id: str, will: tuple[str, bytes]) -> None:
@@ -52,11 +55,11 @@ class SharedConnection:
 
     @property
     def waiting(self) -> int:
-        """Number of messages that the broker has not acknowledged."""
+        """Number of sent messages that the broker has not acknowledged yet."""
         return len(self._mids)
 
     def pump(self) -> None:
-        """Pass the events of the connection on to the views of the devices."""
+        """Pass the events of the shared connection on to the views of the devices."""
         connection = self._connection
         while connection is not None and connection.events:
             event = connection.events.popleft()
@@ -77,7 +80,7 @@ class SharedConnection:
                     view.events.append(event)
 
     def publish(self, view: View, topic: str, payload: bytes, qos: int, retain: bool) -> int | None:
-        """Publish a message for a view."""
+        """Publish a message for the device that has the view `view`."""
         if self._connection is None:
             return None
         mid = self._connection.publish(topic, payload, qos, retain)
@@ -86,7 +89,7 @@ class SharedConnection:
         return mid
 
     def leave(self, view: View) -> None:
-        """Forget a view of the connection."""
+        """Forget the view of one device."""
         self._views.pop(view, None)
 
     def close(self, deadline_s: float) -> None:

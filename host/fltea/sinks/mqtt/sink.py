@@ -35,15 +35,18 @@ KINDS = {
     "estimate": Wanted(estimates=True),
     "corrected": Wanted(corrected=True),
 }
-"""For each kind of record with one row per sample, which records of a block are printed."""
+"""For each kind of record of which a block has one per sample: the choice of this kind alone, for encoding as
+JSON.
+"""
 
 
 @dataclass(slots=True)
 class Published:
-    """What is published for one device until another device takes its place on the same port.
+    """The published states of one device, kept until another device takes its place on the same port.
 
-    `level`: the device's name in its topics. `fit`: newest fit, as JSON. `discovery`: configuration for Home
-    Assistant. `offered`: the HELLO and the units of the axes from which this configuration was made.
+    `level`: the part of the device's topics that names the device. `fit`: newest fit, as JSON. `discovery`:
+    configuration for Home Assistant. `offered`: the HELLO and the units of the axes from which this
+    configuration was made.
     """
 
     hello: Hello
@@ -58,7 +61,8 @@ class Published:
 class MqttSink(Sink):
     """Publishes the records of one device.
 
-    It usually has its own connection, since a connection has only one last will.
+    The sink usually has a connection of its own, so that the connection's only last will can be the device's
+    status.
 
     All methods run in the thread of the sink queue, which calls `write` and `flush`. Another thread handles
     the network.
@@ -123,7 +127,7 @@ class MqttSink(Sink):
             self._delivery.send_waiting()
 
     def _on_block(self, block: Block) -> None:
-        """Publish the samples and estimates that are due."""
+        """Publish those samples and estimates of the block that are due."""
         published = self._published
         if published is None and not self._turned_away:
             return
@@ -141,7 +145,10 @@ class MqttSink(Sink):
                 self._stream(kind, line[:-1], self._settings.stream_qos)
 
     def _is_due(self, kind: str, seq: int, every: int) -> bool:
-        """Return whether to publish a record: the first of each `every` samples, even if one is missing."""
+        """Return whether to publish the record of sample number `seq`: one of every `every` sample numbers.
+
+        If the sample with the number that is due is missing, the next sample is published.
+        """
         before, self._seen[kind] = self._seen.get(kind, seq), seq
         return seq % every == 0 or seq // every > before // every
 
@@ -160,7 +167,7 @@ class MqttSink(Sink):
     def close(self) -> None:
         """Publish that the device is offline, and end the connection.
 
-        Messages still waiting then are lost.
+        Messages that the broker has not acknowledged within `FAREWELL_S` are lost.
         """
         self.end()
         self.leave(FAREWELL_S)
@@ -194,7 +201,10 @@ class MqttSink(Sink):
             self.write(self._early.popleft())
 
     def _begin(self, hello: Hello) -> None:
-        """Publish for this device from now on, over a new connection with this device's will."""
+        """Publish for the device of this HELLO from now on.
+
+        The last will of the new connection is the status of this device.
+        """
         self._retire()
         level = self._level_of(hello)
         client_id = f"fltea-{level}-{secrets.token_hex(4)}"
@@ -212,7 +222,7 @@ class MqttSink(Sink):
         self._link.open(Connection(self._link.broker, published.client_id, Session(will)))
 
     def _retire(self) -> None:
-        """Publish that the device was replaced, and end its connection."""
+        """Publish that the present device was replaced by another one, and end its connection."""
         if self._published is None:
             return
         status = status_of("offline", self._published.hello, self._device, clock.host_ns(), "replaced")
@@ -221,7 +231,10 @@ class MqttSink(Sink):
         self._published = None
 
     def _turn_away(self, hello: Hello) -> None:
-        """Refuse to publish for a device. Records count as lost until an acceptable device comes."""
+        """Refuse to publish for a device whose port has reported too many device IDs.
+
+        Records count as lost until an acceptable device comes.
+        """
         self._retire()
         self._turned_away = True
         self._delivery.lost += 1
@@ -233,7 +246,10 @@ class MqttSink(Sink):
             self._report("too_many_devices", text)
 
     def _keep_early(self, record: AnyRecord) -> None:
-        """Keep a rare record until the first HELLO tells which device it is from."""
+        """Keep a rare record until the first HELLO tells which device it is from.
+
+        Estimates, fits and statistics are not kept, since they come often.
+        """
         if isinstance(record, Estimate | DeviceEstimates | DeviceFits | Fit | Stats):
             return
         self._early.append(record)
@@ -242,13 +258,13 @@ class MqttSink(Sink):
             self._delivery.lost += 1
 
     def _level_of(self, hello: Hello) -> str:
-        """Return the name of the device in its topics."""
+        """Return the part of the device's topics that names the device."""
         return self._device if self._shared else device_level(hello, self._device)
 
     # --- messages ---
 
     def _introduce(self) -> None:
-        """Publish the states of the device on a new connection."""
+        """Publish the device's last HELLO, fit, discovery and status on a new connection."""
         published = self._published
         if published is None:
             return
@@ -269,7 +285,8 @@ class MqttSink(Sink):
         level = published.level
         found = discovery(f"{self._settings.prefix}/{level}", level, published.hello, stats.axes)
         message = Message(discovery_topic(root, level), record_json(found), retain=True)
-        if message != published.discovery:  # no change if the new HELLO differs only in its times
+        # the configuration stays the same if the new HELLO differs only in its times
+        if message != published.discovery:
             published.discovery = message
             self._delivery.state(message)
 

@@ -11,7 +11,7 @@ STALLED_NS = 2 * 10**9
 """Time without a sample after which a device is `stalled` [ns]."""
 
 REPEAT_NS = 30 * 10**9
-"""Time after which the status is published again [ns], since an older connection's will may have replaced
+"""Time after which the status is published again [ns]. The last will of an older connection may have replaced
 it.
 """
 
@@ -22,9 +22,9 @@ Reason = Literal["ended", "connection_lost", "replaced"]
 class Status(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The content of the status topic, as JSON.
 
-    `since_ns`: Unix time since which the status holds; null in a status that the broker publishes as the last
-    will. `reason`: why it is offline: `ended`, `connection_lost` (the broker lost the program), or `replaced`
-    (by another board on the same port).
+    `since_ns`: Unix time since which the device or program has had this status. It is null in a status that
+    the broker publishes as the last will. `reason`: why the device or program is offline: `ended`,
+    `connection_lost` (the broker lost the program), or `replaced` (by another board on the same port).
     """
 
     status: Level
@@ -36,7 +36,9 @@ class Status(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class DeviceStatus:
-    """Follows the state of one board, which is `stalled` at first. All times are on the clock of `host_ns`.
+    """Follows the state of one board, which counts as `stalled` until its first sample.
+
+    All times are on the clock of `host_ns`.
 
     `current`: the present status.
     """
@@ -48,7 +50,7 @@ class DeviceStatus:
         self.change("stalled", hello, now_ns)
 
     def change(self, level: Level, hello: Hello, now_ns: int) -> None:
-        """Change the status from now on."""
+        """Change the status; the new one holds from `now_ns` on."""
         reason: Reason | None = "ended" if level == "offline" else None
         self.current = status_of(level, hello, self._device, now_ns, reason)
 
@@ -61,9 +63,9 @@ class DeviceStatus:
         return True
 
     def check(self, hello: Hello, now_ns: int) -> bool:
-        """Check whether samples have stopped.
+        """Check whether the device has stopped sending samples.
 
-        Return whether to publish the status, be it new or unchanged.
+        Return whether to publish the status now, because it has changed or because `REPEAT_NS` has passed.
         """
         if self._sample_ns is not None and now_ns - self._sample_ns > STALLED_NS:
             self._sample_ns = None
@@ -80,6 +82,9 @@ class DeviceStatus:
 def status_of(
     level: Level, hello: Hello, device: str, now_ns: int | None, reason: Reason | None = None
 ) -> Status:
-    """Return the status of a board. `now_ns`: when it began; None for a status in the last will."""
+    """Return the status of a board.
+
+    `now_ns`: time when the status began; None for a status in the last will.
+    """
     since_ns = None if now_ns is None else now_ns + unix_offset_ns()
     return Status(level, since_ns, hello.source, hello.device_id, device, reason)

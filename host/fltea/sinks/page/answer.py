@@ -1,4 +1,4 @@
-"""Describe an axis's fit for the page, in words, and only with figures that the data support."""
+"""Describe an axis's fit in words for the page. Only figures that the data support are shown."""
 
 import math
 from typing import NamedTuple
@@ -43,19 +43,21 @@ LEFT_OUT = {
     "bridged": "bridged",
     "limited": "limited to twelve deviations",
 }
-"""For each cause for which samples are left out of the fit, the words that follow their number."""
+"""For each cause for which samples are left out of the fit, the words that follow the number of these
+samples.
+"""
 
 BREAKS = {
     "steps": ("step of the offset", "steps of the offset"),
     "changes": ("lasting change of the power", "lasting changes of the power"),
 }
-"""For each cause that interrupts the record without leaving samples out, the words for one and for
-several.
+"""For each kind of change that interrupts the record but leaves no samples out: the words for one such
+change, and for several.
 """
 
 
 NARROW = 1.25
-"""An interval counts as narrow enough if it is at most this factor wider than the target."""
+"""The interval of α counts as narrow enough if it is at most this factor wider than its target width."""
 
 
 class Figure(NamedTuple):
@@ -70,12 +72,12 @@ class Figure(NamedTuple):
 
     @property
     def text(self) -> str:
-        """The value with its interval, or only the interval if that is too wide."""
+        """The value with its interval, or the interval alone if it is too wide to show the value."""
         low, high = self.interval
         return f"{self.value} ({low} … {high})" if self.large else f"{low} … {high}"
 
     def said(self, name: str) -> str:
-        """Return the value and interval as part of a sentence."""
+        """Return name, value and interval as part of a sentence, such as "α between 0.1 and 0.7"."""
         low, high = self.interval
         return f"{name} = {self.text}" if self.large else f"{name} between {low} and {high}"
 
@@ -83,8 +85,8 @@ class Figure(NamedTuple):
 class Answer(NamedTuple):
     """The description of one axis in words.
 
-    `kind`: kind of the verdict, empty without a fit. `alpha`, `f`: None if unknown. `until`: when α will be
-    known.
+    `kind`: kind of the verdict; empty without a stable verdict. `alpha`, `f`: None if unknown. `until`: text
+    that says when α will be known well enough.
     """
 
     kind: str
@@ -100,8 +102,8 @@ class Answer(NamedTuple):
 def answer(fit: AxisFit | None, left_s: float | None = None, *, off: bool = False) -> Answer:
     """Describe a fit in words.
 
-    `left_s`: time until the order is known, if the last fits agree on this time [s]. `off`: fits are switched
-    off.
+    `left_s`: time until the order is known [s]; None unless the last fits agree on this time. `off`: whether
+    fits are switched off.
     """
     if fit is None:
         return Answer("", "No fit" if off else "No fit yet", OFF if off else NO_FIT, None, None, "", "", "")
@@ -121,9 +123,9 @@ def answer(fit: AxisFit | None, left_s: float | None = None, *, off: bool = Fals
 
 
 def _condition(fit: AxisFit) -> str:
-    """Return the condition under which the noise has this order, with its odds.
+    """Return the text about the condition under which the noise has the fitted order, and its odds.
 
-    Empty if the order is certain.
+    The text is empty if the verdict does not depend on a condition.
     """
     if fit.verdict not in WITH_ORDER[1:]:
         return ""
@@ -132,7 +134,7 @@ def _condition(fit: AxisFit) -> str:
 
 
 def sentence(found: Answer, level: str, bias: str) -> tuple[str, str]:
-    """Return one sentence with everything known about an axis, as its first words and the rest.
+    """Return one sentence with everything known about an axis, as two texts: its first words, and the rest.
 
     `level`: N and the error of the heading, as text. `bias`: the bias as text.
     """
@@ -154,7 +156,7 @@ def sentence(found: Answer, level: str, bias: str) -> tuple[str, str]:
 def order(fit: AxisFit) -> tuple[Interval | None, Interval | None]:
     """Return α and f.
 
-    Each is None unless the verdict is stable and allows an order, and the data define it.
+    Each of them is None unless the verdict is stable and allows an order, and the data define this parameter.
     """
     if fit.verdict not in WITH_ORDER or not fit.stable:
         return None, None
@@ -167,14 +169,15 @@ def _defined(p: Interval) -> bool:
 
 
 def figure_of(p: Interval) -> Figure | None:
-    """Return α as text with its interval; None if it is undefined."""
+    """Return α as text with its interval. Return None if value or interval are undefined."""
     return _figure(p, 2, 0.3) if _defined(p) else None
 
 
 def _figure(p: Interval | None, digits: int, widest: float) -> Figure | None:
     """Return a parameter as text, with as many digits as its interval justifies.
 
-    `digits`: fewest digits. `widest`: largest half-width at which the value itself is shown.
+    `digits`: smallest number of decimals. `widest`: largest half-width of the interval with which the value
+    itself is shown.
     """
     if p is None or p.value is None or p.low is None or p.high is None:
         return None
@@ -193,7 +196,7 @@ def _fixed(value: float, digits: int) -> str:
 def _until(fit: AxisFit, left_s: float | None) -> str:
     """Return the text for the time until α is known well enough.
 
-    It names a time only if the last fits agree on it.
+    The text names a time only if the last fits agree on the time.
     """
     until = fit.until_s
     if until is None or fit.verdict in SAYS_NOTHING:
@@ -207,7 +210,7 @@ def _until(fit: AxisFit, left_s: float | None) -> str:
         return f"{target} in {about(left_s)}" if left_s else f"{target}: too early to say when"
     a = fit.alpha
     if a.low is None or a.high is None or a.high - a.low > 2 * NARROW * until.target:
-        # the time has passed, but the interval is wider than was predicted
+        # the predicted time has passed, but the interval of α is wider than was predicted
         return f"{target}: nobody can say when yet"
     return f"{target}: reached"
 

@@ -18,12 +18,15 @@ def answer_of(fits: Fits, stats: Stats | None, name: str) -> Answer:
 def axis_sentence(
     found: Answer, fits: Fits, stats: Stats | None, newest: AxisEstimate | None, name: str
 ) -> tuple[str, str]:
-    """Return one sentence about an axis, its noise and its bias, as its first words and the rest."""
+    """Return one sentence about an axis's noise and bias, as two texts: its first words, and the rest."""
     return sentence(found, _level(fits, stats, name), bias_words(newest, unit_of(name)))
 
 
 def _level(fits: Fits, stats: Stats | None, name: str) -> str:
-    """Return N as text if it is known, and for a gyroscope the error of the heading a minute after a rest."""
+    """Return a text with N, if it is known.
+
+    For an axis of a gyroscope, the text also has the error of the heading a minute after a rest.
+    """
     allan = fits.curves.get(name, Curves()).allan
     known = density(allan.N, name in AXES) if allan is not None and allan.N is not None else ""
     std = heading(stats, name).get(HEADING_AFTER_S) if name in AXES else None
@@ -32,9 +35,9 @@ def _level(fits: Fits, stats: Stats | None, name: str) -> str:
 
 
 def heading(stats: Stats | None, axis: str) -> dict[int, float]:
-    """Return the standard deviation of the heading [deg] for some times after a rest [s].
+    """Return the standard deviation of the heading's error [deg], by the time since a rest [s].
 
-    It is empty without a model of the noise.
+    The result is empty if no model of the noise is known.
     """
     found = stats.axes.get(axis) if stats else None
     return found.tracker.heading_std if found and found.tracker else {}

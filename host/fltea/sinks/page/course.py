@@ -1,6 +1,7 @@
 """Keep the past of a device, from which the page draws diagrams over time.
 
-It consists of one row of numbers per sample for all axes. Rows of neighbouring samples are merged.
+There is one row of numbers for each sample, with the values of all axes. To save memory, the rows of
+neighbouring samples are merged.
 """
 
 from collections.abc import Mapping
@@ -27,8 +28,9 @@ ESTIMATED: dict[str, Kind] = {
     "apart_high": "max",
     "f_apart": "max",
 }
-"""Columns of estimates, and how rows are merged. `apart`: α of the device minus α of this computer.
-`f_apart`: absolute difference between their f.
+"""Names of the columns with estimates of an axis, each with the way in which its values are merged. `apart`:
+α by the device minus α by this computer.
+`f_apart`: absolute difference between f by the device and f by this computer.
 """
 
 OF_AXIS: dict[str, Kind] = {
@@ -38,8 +40,8 @@ OF_AXIS: dict[str, Kind] = {
     **dict.fromkeys(FIT, "mean"),
     **ESTIMATED,
 }
-"""Columns of each axis, and how rows are merged. `y`: the sample minus an offset. `state`: the bias minus the
-same offset.
+"""Names of all columns of an axis, each with the way in which its values are merged. `y`: the sample minus an
+offset. `state`: the bias minus the same offset.
 """
 
 DRAWN = ("y_low", "y", "y_high", "state", "state_std")
@@ -47,7 +49,10 @@ DRAWN = ("y_low", "y", "y_high", "state", "state_std")
 
 
 class Course:
-    """Makes rows of samples and estimates. A row is a sample with the newest estimates at its time."""
+    """Keeps rows of samples and estimates.
+
+    A row consists of a sample and of the newest estimates at the sample's time.
+    """
 
     def __init__(self) -> None:
         self._last_ms = -np.inf
@@ -62,19 +67,25 @@ class Course:
         self._tiers = Tiers([*COMMON.values(), *[*OF_AXIS.values()] * len(axes)])
 
     def columns(self, axis: str) -> dict[str, int]:
-        """Return, by name, the index in the rows of each column that belongs to an axis."""
+        """Return, by name, the index in a row of each column of an axis.
+
+        The columns that all axes share are included.
+        """
         first = len(COMMON) + self.axes.index(axis) * len(OF_AXIS)
         return {name: i for i, name in enumerate(COMMON)} | {
             name: first + i for i, name in enumerate(OF_AXIS)
         }
 
     def drawn(self) -> dict[str, int]:
-        """Return, by axis and name, the index in the rows of each column of the small diagrams."""
+        """Return, by name, the index in a row of each column of the small diagrams.
+
+        The names are "time", and "AXIS NAME" for the columns of the axes.
+        """
         places = {f"{axis} {name}": self.columns(axis)[name] for axis in self.axes for name in DRAWN}
         return {"time": 0} | places
 
     def know(self, axis: str, host_ns: int, values: Mapping[str, float | None]) -> None:
-        """Set values of an axis, by column, for all rows from now on."""
+        """Set values of an axis for all rows from now on. Each value is given by the name of its column."""
         places = self._places.get(axis)
         if places is None:
             return
@@ -98,7 +109,10 @@ class Course:
             self._forget(axis)
 
     def sample(self, host_ns: int, temperature_c: float | None, y: Mapping[str, float]) -> None:
-        """Append a row. `y`: for each axis, the sample minus the offset."""
+        """Append a row.
+
+        `y`: for each axis, the sample minus the offset, for the columns `y_low`, `y` and `y_high`.
+        """
         time_ms = host_ns * 1e-6
         if time_ms - self._last_ms > SILENCE_MS and np.isfinite(self._last_ms):
             self._tiers.cut(self._last_ms)
@@ -114,13 +128,16 @@ class Course:
             self._tiers.append(row.copy())
 
     def read(self, window: int, cursor: Cursor) -> Rows:
-        """Return the rows that a page does not have yet. `columns` says what their columns are."""
+        """Return the rows that a page does not have yet.
+
+        The method `columns` says which columns a row has.
+        """
         return self._tiers.read(window, cursor)
 
     def farthest(self, window: int, axis: str) -> tuple[float, float]:
-        """Return the largest differences in α and in f between device and this computer in a time window.
+        """Return the largest differences in α and in f between device and computer within a time window.
 
-        An unknown difference is NaN.
+        A difference that is unknown in the whole time window is NaN.
         """
         values, places = self.read(window, Cursor()).values, self._places[axis]
         shown: Array = values[values[:, 0] >= self._last_ms - WINDOWS[window].length_s * 1e3]

@@ -15,9 +15,10 @@ UNITS = {
     True: {"N": ("(deg/s)/√Hz", "deg/√h"), "B": ("deg/s", "deg/h"), "K": ("(deg/s)/√s", "(deg/h)/√h")},
     False: {"N": ("µg/√Hz", "(m/s)/√h"), "B": ("m/s²", "µg"), "K": ("(m/s²)/√s", "µg/√h")},
 }
-"""The two units in which each coefficient is shown."""
+"""The two units in which each coefficient is shown, for a gyroscope (True) and for an accelerometer (False).
+"""
 OF_FIT = {True: coefficient_units("deg/s"), False: coefficient_units("m/s²")}
-"""The units of N, B and K in a fit, for a gyroscope (True) and for an accelerometer (False)."""
+"""The units in which a fit gives N, B and K, for a gyroscope (True) and for an accelerometer (False)."""
 
 
 def density(N: float, gyroscope: bool) -> str:
@@ -26,7 +27,10 @@ def density(N: float, gyroscope: bool) -> str:
 
 
 def coefficients(a: FitAllan, gyroscope: bool) -> list[list[str]]:
-    """Return for N, B and K the letter with the name, and the value in two units or that it is unknown."""
+    """Return one row for each of N, B and K.
+
+    A row has the letter with the name, and the value in two units or "not known".
+    """
     rows = []
     for letter, value in (("N", a.N), ("B", a.B), ("K", a.K)):
         text = NOT_SEEN

@@ -27,7 +27,7 @@ NOT_SHOWN = "the Allan deviation does not show it yet: record longer"
 
 
 class Seen(NamedTuple):
-    """The data from which both downloads are made, copied from the history at one moment."""
+    """The data from which both downloads are made, copied from the device's history at one moment."""
 
     name: str
     when: datetime
@@ -123,7 +123,7 @@ def report_of(found: Seen) -> str:
 
 
 def _figures(fit: AxisFit) -> list[str]:
-    """Return the diagrams of an axis that can be drawn."""
+    """Return the diagrams of an axis that its fit has the data for: spectrum, Allan deviation."""
     shown = [curves.spectrum(fit.spectrum, fit.unit, fit.rate_left_out)] if fit.spectrum else []
     return [*shown, curves.allan(fit.allan, fit.unit)] if fit.allan else shown
 

@@ -34,8 +34,8 @@ STALL_NS = 1_500_000_000
 SHOWN_EVENTS = 12
 SHOWN_STEPS = 3
 FAR_PPM = 20_000
-"""Difference between the clocks of device and computer above which a warning is shown [ppm]. No crystal is so
-inaccurate.
+"""Difference between the rates of the device's and the computer's clocks from which a warning is shown [ppm].
+No crystal is so inaccurate.
 """
 
 
@@ -47,9 +47,9 @@ def state(history: DeviceHistory, now_ns: int) -> dict[str, str]:
 
 
 def status(history: DeviceHistory, now_ns: int) -> tuple[Level, str]:
-    """Return how severe the device's state is, and the state in one line of text.
+    """Return the device's state as a level, such as "good" or "bad", and as one line of text.
 
-    `now_ns`: monotonic time.
+    `now_ns`: present monotonic time.
     """
     hello, epoch, heard_ns = history.hello, history.epoch, history.heard_ns
     error = history.error
@@ -84,7 +84,10 @@ def status(history: DeviceHistory, now_ns: int) -> tuple[Level, str]:
 
 
 def _startup_to_go(history: DeviceHistory, epoch: Epoch) -> int:
-    """Return the number of samples until all start-up windows are full, this computer's and the device's."""
+    """Return the number of samples that the start-up windows still need.
+
+    These are the windows of this computer's estimators and of the device's.
+    """
     if epoch.reason == "resumed":
         return 0
     of_host = max((info.startup_samples for info in infos(epoch) if info.estimate_on != "device"), default=0)
@@ -103,7 +106,10 @@ def slow(stats: Stats | None) -> str:
 
 
 def now(history: DeviceHistory, now_ns: int) -> dict[str, Any]:
-    """Return the state of a device, with a few words for each part of the page that can be opened."""
+    """Return the state of a device, and a few words for each part of the page.
+
+    The words are shown while the user has not opened the part.
+    """
     level, text = status(history, now_ns)
     sample, newest = history.sample, list(history.happenings)[-1:]
     lost = [f"{label}: {value}" for label, value, of in link(history.stats) if of == "bad"]
@@ -121,7 +127,7 @@ def now(history: DeviceHistory, now_ns: int) -> dict[str, Any]:
 
 
 def axes(history: DeviceHistory) -> list[dict[str, Any]]:
-    """Return what is known about every axis, in a sentence."""
+    """Return for every axis what is known about it, in one sentence."""
     return [_axis(history, name) for name in history.axes]
 
 
@@ -161,15 +167,15 @@ def axis(history: DeviceHistory, name: str, window: int) -> dict[str, Any]:
 
 
 def _running(history: DeviceHistory, name: str) -> list[Cells]:
-    """Return rows about the filters of an axis that run sample by sample."""
+    """Return rows of text about those filters of an axis that run sample by sample."""
     seen = Seen(history.stats, history.hello, name, history.newest.get(name))
     return [[label, value] for label, value, *_ in rows("axis", seen)]
 
 
 def changes(history: DeviceHistory, name: str) -> list[tuple[str, int, str]]:
-    """Return the present motion and the newest steps of an axis.
+    """Return the present motion and the newest steps of an axis's bias.
 
-    Each entry consists of words, a time [ms], and words after the time.
+    Each entry consists of the words before the time, the time [ms], and the words after the time.
 
     The browser formats the time, since it knows the reader's time zone.
     """
@@ -183,7 +189,10 @@ def changes(history: DeviceHistory, name: str) -> list[tuple[str, int, str]]:
 
 
 def marks(history: DeviceHistory, name: str, window: int) -> dict[str, Any]:
-    """Return the steps of an axis and the motions within a time window, as marks for the diagrams."""
+    """Return the steps of an axis's bias, and the motions of the sensor, within a time window.
+
+    The diagrams mark them.
+    """
     end_ns = history.sample.host_ns if history.sample else 0
     return history.marks.within(name, end_ns - int(WINDOWS[window].length_s * 1e9), end_ns)
 
@@ -198,13 +207,16 @@ def fitted(history: DeviceHistory) -> str:
 
 
 def spectra(history: DeviceHistory) -> dict[str, str]:
-    """Return the small diagrams of the axes' spectra that can be drawn, by axis."""
+    """Return for each axis with a spectrum its small diagram of the spectrum."""
     drawn = history.fits.drawn
     return {name: drawn[name].svg(unit_of(name)) for name in history.axes if name in drawn}
 
 
 def curves(history: DeviceHistory, name: str) -> list[str]:
-    """Return the diagrams of an axis that can be drawn: spectrum, Allan deviation, error of the heading."""
+    """Return the diagrams of an axis: spectrum, Allan deviation, error of the heading.
+
+    A diagram whose data are unknown is missing.
+    """
     fit, found = history.fits.axes.get(name), history.fits.curves.get(name, Curves())
     board, unit, ahead = history.fits.device_spectra.get(name), unit_of(name), heading(history.stats, name)
     shown = []
@@ -222,7 +234,11 @@ def curves(history: DeviceHistory, name: str) -> list[str]:
 
 
 def _headings(history: DeviceHistory, name: str) -> list[list[str]]:
-    """Return rows: how long the sensor has rested, and the 95 % errors of the heading after some times."""
+    """Return rows of text.
+
+    The first row says how long the sensor has rested; each other row gives the 95 % error of the heading
+    after some time.
+    """
     rows = [[f"after {duration(t)}", angle_within(std)] for t, std in heading(history.stats, name).items()]
     rest_s = history.samples_of_epoch / history.rate_hz
     return [["rest so far", duration(rest_s)], *rows] if rows else []
@@ -234,7 +250,10 @@ def infos(epoch: Epoch) -> list[EstimatorInfo]:
 
 
 def link(stats: Stats | None) -> list[Cells]:
-    """Return rows about the connection to the device. Each row has a label, a value, and how severe it is."""
+    """Return rows about the connection to the device.
+
+    Each row has a label, a value, and the level of severity of this value.
+    """
     return list(rows("link", Seen(stats))) if stats is not None else []
 
 

@@ -22,29 +22,35 @@ NOTHING_YET = "no estimate of the device yet"
 
 
 def silent(history: DeviceHistory) -> bool:
-    """Return whether only the device estimates the gyroscope, and has sent no estimate in this epoch."""
+    """Return whether only the device makes the gyroscope's estimates, and has sent none in this epoch."""
     expected = [axis for axis in history.axes or AXES if history.estimator(axis) == "device"]
     return bool(expected) and not any(axis in history.newest for axis in expected)
 
 
 def startup_to_go(history: DeviceHistory) -> int:
-    """Return the number of samples until the start-up window is full, as the device states it.
+    """Return the number of samples that the device's start-up window still needs, as the device says.
 
-    It is 0 unless only the device estimates.
+    It is 0 unless only the device makes estimates of the gyroscope and has sent none in this epoch.
     """
     own = history.stats.device_estimator if history.stats else None
     return own.startup_remaining if own is not None and silent(history) else 0
 
 
 def whose(history: DeviceHistory, estimate_on: str) -> str:
-    """Return the words that follow where the estimates are made: the device, this computer, or both."""
+    """Return words that explain whose estimates are shown.
+
+    `estimate_on`: where they are made, which is "device", "host" or "both".
+    """
     if estimate_on == "device":
         return f" (the device's own estimates as published{_rate(history)})"
     return f" (the host's estimates, and the device's own{_rate(history)})" if estimate_on == "both" else ""
 
 
 def own(history: DeviceHistory) -> list[Cells]:
-    """Return rows about the device's estimator; no rows if the device has stated nothing about it."""
+    """Return rows of text about the device's estimator.
+
+    There are none if the device has stated nothing about its estimator.
+    """
     stats = history.stats
     if stats is None or stats.device_estimator is None:
         return []
@@ -54,7 +60,7 @@ def own(history: DeviceHistory) -> list[Cells]:
 def compared(history: DeviceHistory, axis: str, window: int) -> dict[str, Any] | None:
     """Return the device's estimates of an axis, and their differences from this computer's estimates.
 
-    Return None unless both estimate the axis.
+    Return None unless both the device and this computer make estimates of the axis.
     """
     if history.estimator(axis) != "both":
         return None
@@ -121,9 +127,10 @@ def fit(history: DeviceHistory, axis: str) -> dict[str, Any] | None:
 
 
 def _apart(newest: float | None, farthest: float) -> str:
-    """Return the newest and the largest difference as text.
+    """Return the newest and the largest difference between the device and this computer as text.
 
-    `farthest`: largest difference in the rows that are drawn, which may not include the newest one.
+    `farthest`: largest difference in the rows that are drawn, among which the newest difference may be
+    missing.
     """
     if newest is None:
         return ""
@@ -136,5 +143,8 @@ def _difference(value: float | None, unit: str) -> str:
 
 
 def _rate(history: DeviceHistory) -> str:
-    """Return a text that says how many estimates a second the device sends; empty if unknown."""
+    """Return a text that says how many estimates a second the device sends.
+
+    It is empty if that is unknown.
+    """
     return estimates_rate(history.stats, history.hello)

@@ -9,9 +9,9 @@ from fltea.records.fit import AxisFit, FitAllan, FitSpectrum, VerdictKind
 from fltea.records.records import DeviceFits, Fit
 
 AGREE, GROWTH, APART = 4, 1.1, 1.5
-"""The page shows the time until the order is known if the times that the last `AGREE` fits predict differ by
-at most the factor `APART`. For this, each fit must have at least `GROWTH` times as many samples as the one
-before it.
+"""Each fit predicts when the order of the axis will be known. The page shows this time if the predictions of
+the last `AGREE` fits differ by at most the factor `APART`. Only fits are compared of which each has at least
+`GROWTH` times as many samples as the one before it.
 """
 
 
@@ -23,14 +23,17 @@ class Curves(NamedTuple):
 
 
 class Drawn:
-    """The small diagram of an axis's spectrum, from a fit of `samples` samples with a verdict."""
+    """The small diagram of an axis's spectrum.
+
+    The spectrum comes from a fit of `samples` samples, which gave the verdict `verdict`.
+    """
 
     def __init__(self, spectrum: FitSpectrum, samples: int, verdict: VerdictKind) -> None:
         self.samples, self.verdict = samples, verdict
         self._spectrum, self._svg = spectrum, ""
 
     def svg(self, unit: str) -> str:
-        """Return the diagram as SVG, which is made at the first call. `unit`: unit of the samples."""
+        """Return the diagram as SVG, and make it at the first call. `unit`: unit of the samples."""
         self._svg = self._svg or charts.spectrum(self._spectrum, unit, height=SMALL)
         return self._svg
 
@@ -45,7 +48,7 @@ class TimeToTell:
         self._steady_s: float | None = None
 
     def take(self, samples: int, rate_hz: float, fit: AxisFit) -> None:
-        """Note the time that a fit of `samples` samples predicts."""
+        """Note when the order will be known, as a fit of `samples` samples predicts it."""
         seconds = fit.until_s.seconds if fit.until_s and fit.stable else None
         self._newest_s = samples / rate_hz
         if not seconds:
@@ -69,9 +72,10 @@ class TimeToTell:
 class Fits:
     """Keeps the newest fits. They are kept from one epoch to the next if the sensor is the same.
 
-    `newest`: the last record `fit`. `axes`, `curves`, `time_to_tell`: for each axis the last fit, the last
-    curves, and when the order will be known. `drawn`: for each axis the small diagram of its spectrum. Since
-    every visitor gets this diagram, it is made again only after a tenth more samples or with another verdict.
+    `newest`: the last record of the type `fit`. `axes`: for each axis its last fit. `curves`: for each axis
+    its last spectrum and Allan deviation. `time_to_tell`: for each axis the prediction when its order will be
+    known. `drawn`: for each axis the small diagram of its spectrum. Since every visitor gets this diagram, it
+    is made again only after a tenth more samples or with another verdict.
     `device`: for each axis the device's own last fit in this epoch. `device_spectra`: for each axis the bins
     of the device's last spectrum.
     """
@@ -90,9 +94,10 @@ class Fits:
         self.device, self.device_spectra = {}, {}
 
     def take(self, record: Fit, rate_hz: float) -> None:
-        """Keep a fit of this computer.
+        """Keep a fit that this computer has made.
 
-        If it has fewer samples than the one before, the sensor is another one.
+        If the fit has fewer samples than the one before, the sensor is another one, and everything earlier is
+        forgotten.
         """
         if self.newest is not None and record.samples < self.newest.samples:
             self.axes, self.curves, self.time_to_tell, self.drawn = {}, {}, {}, {}

@@ -48,7 +48,7 @@ class Happenings(deque[Happening]):
         self.append(Happening(host_ns, "gap", f"{what}: {self._missing} samples lost"))
 
     def motion(self, record: Motion) -> None:
-        """Add the begin or end of a motion, or count it in the newest entry if that is about motions, too."""
+        """Add the beginning or end of a motion. If the newest entry is about motions too, count it there."""
         if self and self[-1].kind == "motion":
             self.pop()
         else:

@@ -46,8 +46,9 @@ class HeardError(NamedTuple):
 class DeviceHistory:
     """Keeps what is known about one device. One thread writes records to it; others read it and hold `lock`.
 
-    `estimate_on`: where the gyroscope's axes are estimated. `newest`: for each axis, the last estimate of the
-    epoch. `compared`: for each axis, the device's own estimate that is compared with the one in `newest`.
+    `estimate_on`: where the estimates of the gyroscope's axes are made. `newest`: for each axis, the last
+    estimate of this epoch. `compared`: for each axis, the last estimate that the device itself made, with its
+    differences from this computer's estimate.
     `heard_ns`: monotonic arrival time of the last sample.
     """
 
@@ -78,11 +79,11 @@ class DeviceHistory:
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """Axes that are estimated, as the statistics name them."""
+        """Axes for which estimates are made, as the record `stats` names them."""
         return self.course.axes
 
     def estimator(self, axis: str) -> EstimateOn:
-        """Return where an axis is estimated: by this computer, by the device, or by both."""
+        """Return where the estimates of an axis are made: on this computer, on the device, or on both."""
         return self._estimate_on if axis in AXES else "host"
 
     def write(self, record: AnyRecord) -> None:
@@ -133,11 +134,15 @@ class DeviceHistory:
             host_ns = self.sample.host_ns if self.sample else 0
             text = f"the page missed {count} records: it was too slow"
             self.happenings.append(Happening(host_ns, "missed", text))
-            self.marks.end(host_ns)  # the record about the end of the motion may be among the lost ones
+            # the record about the end of the present motion may be among the lost records
+            self.marks.end(host_ns)
 
     @property
     def samples_of_epoch(self) -> int:
-        """Number of samples of this epoch so far, including those that did not reach the page."""
+        """Number of samples of this epoch so far.
+
+        Samples that did not reach the page count, samples lost in gaps do not.
+        """
         if self.sample is None or self.epoch is None or self.sample.epoch != self.epoch.epoch:
             return 0
         return self.sample.seq - self.epoch.seq + 1 - self._lost
@@ -145,7 +150,7 @@ class DeviceHistory:
     def offset(self, axis: str) -> float:
         """Return what is subtracted from an axis's samples in diagrams.
 
-        It is the bias, or during start-up the mean of the samples.
+        This offset is the bias, or the mean of the samples as long as the bias is unknown.
         """
         stats = self._stats_of_epoch(axis)
         return stats.bias if stats and stats.bias is not None else self._means.get(axis, (0, 0.0))[1]
@@ -201,7 +206,10 @@ class DeviceHistory:
 
 
 def _compared(e: DeviceAxisEstimate) -> dict[str, float | None]:
-    """Return the device's own estimate, and its differences from this computer's, by column of the rows."""
+    """Return the device's own estimate and its differences from this computer's estimate.
+
+    The keys are the names of the columns in `Course`.
+    """
     apart, f_apart = e.alpha_difference, e.f_difference
     differences = dict.fromkeys(("apart_low", "apart", "apart_high"), apart)
     far = None if f_apart is None else abs(f_apart)

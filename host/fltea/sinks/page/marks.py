@@ -7,23 +7,23 @@ from fltea.records.records import Motion, Step
 from fltea.sinks.changes import short_size
 
 KEPT = 240
-"""Largest number of steps kept for an axis, and of motions. With one every six minutes, they are those of a
-day.
+"""Largest number of steps that are kept for each axis, and largest number of motions that are kept. With one
+every six minutes, these are the steps or motions of a day.
 """
 
 MOST_STEPS = 40
 """Largest number of steps that a diagram shows. If there are more, it shows the largest steps."""
 
 MOST_SPANS = 60
-"""Largest number of motions that a diagram shows. Motions closer than the window's length divided by this
-number are merged.
+"""Largest number of motions that a diagram shows. Motions are merged if less than the length of the diagram's
+time window, divided by this number, lies between them.
 """
 
 
 class Marks:
-    """Keeps steps and motions. `moving`: the present motion, if any.
+    """Keeps past steps and motions. `moving`: the present motion, or None.
 
-    A step arrives some time after it occurred.
+    The record of a step arrives some time after the step occurred, since a step is only recognised later.
     """
 
     def __init__(self) -> None:
@@ -36,9 +36,10 @@ class Marks:
         self.steps.setdefault(record.axis, deque(maxlen=KEPT)).append(record)
 
     def motion(self, record: Motion, rate_hz: float) -> None:
-        """Remember the begin or end of a motion.
+        """Remember the beginning or end of a motion.
 
-        If the record of the begin was lost, the begin is computed from the end and the duration.
+        If the record of the beginning was lost, compute the time of the beginning from the end and the
+        duration.
         """
         if record.begins:
             self.end(record.host_ns)
@@ -55,16 +56,21 @@ class Marks:
         self.moving = None
 
     def begin(self, host_ns: int) -> None:
-        """Begin an epoch. If the clock was set back, drop marks with later times."""
+        """Begin an epoch, which ends the present motion.
+
+        If the clock was set back, drop steps and motions with later times.
+        """
         self.end(host_ns)
         self._spans = deque((span for span in self._spans if span[0] <= host_ns), maxlen=KEPT)
         for axis, steps in self.steps.items():
             self.steps[axis] = deque((one for one in steps if one.host_ns <= host_ns), maxlen=KEPT)
 
     def within(self, axis: str, begin_ns: int, end_ns: int) -> dict[str, Any]:
-        """Return the steps of an axis and the motions between two times, with times in ms.
+        """Return the steps of an axis and the motions that lie between two times.
 
-        The end of a motion that still lasts is None.
+        The returned times are in ms.
+
+        A motion that still lasts has None for its end.
         """
         steps = [one for one in self.steps.get(axis, ()) if one.host_ns >= begin_ns]
         largest = sorted(steps, key=lambda one: -abs(one.size))[:MOST_STEPS]
@@ -74,7 +80,7 @@ class Marks:
         }
 
     def _joined(self, begin_ns: int, least_ns: int) -> list[list[int | None]]:
-        """Return the motions that end after `begin_ns`.
+        """Return the beginning and end [ms] of each motion that ends after `begin_ns`.
 
         Motions closer to each other than `least_ns` are merged.
         """

@@ -1,4 +1,4 @@
-"""Return what the page says about a recording, as plain data."""
+"""Return what the page says about a recording, as data that can be encoded as JSON."""
 
 from typing import Any
 
@@ -6,7 +6,9 @@ from fltea.records.ports import RecordingView
 from fltea.records.visible import visible_lines
 
 STEADY_S = 20.0
-"""Duration of a recording from which its size per hour is shown [s]. Before, that is too uncertain."""
+"""Duration of a recording from which its size per hour is shown [s]. With a shorter recording, this size
+would be too uncertain.
+"""
 
 ELSEWHERE = "Recording from this page is off: start fltea with --record or --set dashboard.record=true."
 

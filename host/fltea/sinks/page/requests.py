@@ -1,4 +1,7 @@
-"""Answer the page's requests: for the state of devices, to record, and for downloads."""
+"""Answer the requests of the live page.
+
+They ask for the state of devices, for the start or stop of a recording, or for a download.
+"""
 
 from collections.abc import Callable, Collection, Mapping
 from http import HTTPStatus
@@ -28,7 +31,10 @@ MOST_PARTS = 20
 
 
 class PageSite(Site):
-    """The data that all requests share. `recorder`: begins recordings; None if pages may not record."""
+    """The data that all requests share.
+
+    `recorder`: starts and stops recordings; None if pages may not do so.
+    """
 
     def __init__(
         self,
@@ -40,8 +46,8 @@ class PageSite(Site):
         recorder: Recorder | None,
         password: str | None,
     ) -> None:
-        # Each page asks once a second. The limit is a little higher for pages that ask early or were just
-        # opened.
+        # Each page sends one request a second. The limit of requests a second is a little higher, for pages
+        # that ask early or were just opened.
         full = FULL.format(visitors, 2 * visitors)
         super().__init__(__package__, names, report, 1.2 * visitors + 1, full, password)
         self.histories, self.state, self.recorder = histories, state, recorder
@@ -60,13 +66,13 @@ class _Handler(Handler):
 
 
 class _State(_Handler):
-    """Handles the request for the state.
+    """Handles the request for the state of a device.
 
     `GET /state?device=NAME&axis=NAME&window=N&parts=NAME:CHECKSUM,…&cursor=CURSOR&drawn=CURSOR`
     """
 
     def get(self) -> None:
-        """Answer with the parts of the page that have changed."""
+        """Answer with those parts of the page whose checksum is not the one in the request."""
         state = self.site.state
         view = state.view(
             self.get_query_argument("device", "", strip=False),
@@ -116,7 +122,7 @@ class _Recording(_Handler):
 
 
 class _Download(_Handler):
-    """Handles a download: a file that is made, in the server's thread, from all data so far."""
+    """Handles the download of a file. The file is made in the server's thread, from all data so far."""
 
     kind: ClassVar[str]
     ending: ClassVar[str]
@@ -154,7 +160,7 @@ ROUTES: list[tuple[str, type[Handler]]] = [
 
 
 def _pairs(text: str) -> dict[str, str]:
-    """Return the names in a list with the text after each name's colon, as in `a:1,b:,c`."""
+    """Return the names in a list such as `a:1,b:,c`, each with the text after its colon."""
     found: dict[str, Any] = {}
     for pair in text.split(",")[:MOST_PARTS]:
         name, _, value = pair.partition(":")

@@ -23,14 +23,16 @@ JOIN_S = 0.4
 
 
 class DashboardSink(Sink):
-    """Remembers what the page shows. Browsers ask for it when they need it, so none delays the program.
+    """Remembers what the page shows.
 
-    `devices`: for each device's name, where its gyroscope is estimated. `recorder`: begins and ends
-    recordings for the page's button, if pages may record.
+    A browser asks for this content when it needs it, so a slow browser does not delay the program.
+
+    `devices`: for each device's name, where the estimates of its gyroscope are made. `recorder`: starts and
+    stops recordings when the user presses the page's button, if pages may record.
 
     Raises:
-        FlteaError: another program uses the network port, this machine does not have the address, or the file
-            with the password cannot be used.
+        FlteaError: another program uses the network port, this machine does not have the address to listen
+            at, or the file with the password cannot be used.
     """
 
     name = "dashboard"
@@ -87,7 +89,7 @@ class DashboardSink(Sink):
 
 
 def open_output(opening: Opening) -> DashboardSink:
-    """Open the page, and print its address."""
+    """Start to serve the page, and print its address."""
     devices = {config.name or "": config.estimator.estimate_on for config in opening.configs}
     page = DashboardSink(opening.program.dashboard, devices, opening.report, opening.recorder)
     opening.say(f"fltea: live page at {page.url}\n")

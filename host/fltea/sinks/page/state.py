@@ -1,9 +1,9 @@
 """Send to each page the parts of a device's state that have changed.
 
-The server keeps nothing about a visitor. A request names the parts that the page shows, each with the
-checksum of its content, and how many rows of numbers the page has. So a page that did not ask for a while, or
-that comes from an earlier run of the program, gets what it lacks. A part is made when a page requests it, and
-at most about once a second.
+The server keeps nothing about a visitor. A page's request names the parts that the page shows, each with the
+checksum of its content, and how many rows of numbers the page has. So the server can send what a page lacks,
+even if the page has not asked for a while, or was loaded from an earlier run of the program. A part is made
+only when a page requests it, and at most about once a second.
 """
 
 import math
@@ -28,11 +28,11 @@ FRESH_S = 0.8
 MOST_KEPT = 256
 
 DRAWN_WINDOW = 1
-"""Index of the time window of the small diagram that each axis has: 2 min."""
+"""Index in `WINDOWS` of the time window that each axis's small diagram shows, which is 2 min."""
 
 
 class View(NamedTuple):
-    """What a visitor has chosen to see: a device, an axis or "", and the index of a time window."""
+    """What a visitor has chosen to see: a device, its open axis or "", and the index of a time window."""
 
     device: str
     axis: str
@@ -65,10 +65,12 @@ PARTS: dict[str, Callable[[DeviceHistory, View], Any]] = {
     "spectra": _of(facts.spectra),
     "curves": lambda history, view: facts.curves(history, view.axis) if view.axis else [],
 }
-"""For each part, the function that makes it. The caller holds the lock of the device's history."""
+"""For each part of the page, the function that makes its content. The caller holds the lock of the device's
+history.
+"""
 
 OF_VIEW = {"axis", "curves", "marks"}
-"""Parts that depend on device, axis and window. All other parts depend only on the device."""
+"""Parts whose content depends on device, axis and time window. All other parts depend only on the device."""
 
 
 class State:
@@ -90,7 +92,8 @@ class State:
     def view(self, device: str, axis: str, window: int) -> View:
         """Return the requested device, axis and window.
 
-        Those that do not exist are replaced by existing ones.
+        A device that does not exist is replaced by the first one, an axis by "", and a too large index of a
+        window by the last one.
         """
         if device not in self._histories:
             device = next(iter(self._histories))
@@ -103,11 +106,11 @@ class State:
     def read(
         self, view: View, had: Mapping[str, str], cursor: str | None = None, drawn: str | None = None
     ) -> bytes:
-        """Return what has changed, as JSON.
+        """Return, as JSON, what has changed since the page's last request.
 
         `had`: checksums of the parts that the page has, by name. `cursor`: how far the page has read the rows
-        for the diagrams of the open axis; None if it wants no rows. `drawn`: the same for the rows of the
-        small diagrams.
+        for the diagrams of the open axis; None if it wants no rows. `drawn`: how far the page has read the
+        rows for the small diagrams; None if it wants none.
         """
         parts = {}
         for name in had:
@@ -150,9 +153,9 @@ class State:
     def _rows(
         self, device: str, window: int, cursor: str, places_of: Callable[[Course], dict[str, int]]
     ) -> dict[str, Any]:
-        """Return the rows that the page lacks, and the time at which the diagrams end.
+        """Return the rows of numbers that the page lacks, and the time at which its diagrams end.
 
-        `places_of`: returns the index of each wanted column.
+        `places_of`: function that returns, for each wanted column, its index in a row.
         """
         history = self._histories[device]
         generation, _, rows = cursor.partition(".")

@@ -12,11 +12,13 @@ from fltea.records.arrays import Array
 Kind = Literal["mean", "min", "max"]
 
 MOST_ROWS = 302
-"""Largest number of rows of a time window: as many points as a diagram can show, and two for its ends."""
+"""Largest number of rows of a time window: one for each point that a diagram can show, and two for the
+diagram's ends.
+"""
 
 _generations = itertools.count(secrets.randbelow(2**40))
-"""Numbers of generations. They begin at a random number, so that cursors from an earlier run of the program
-are not valid.
+"""Numbers of generations of rows; a new generation begins when all rows are forgotten. The numbers begin at a
+random one, so that cursors from an earlier run of the program are not valid.
 """
 
 
@@ -38,9 +40,9 @@ WINDOWS = (
 
 
 class Cursor(NamedTuple):
-    """How far a page has read the rows; the default stands for a page without rows.
+    """A cursor, which says how far a page has read the rows. The default stands for a page that has no rows.
 
-    `generation`: number that changes when all rows are forgotten.
+    `generation`: number that changes when all rows are forgotten. `rows`: number of the next row to read.
     """
 
     generation: int = -1
@@ -50,7 +52,7 @@ class Cursor(NamedTuple):
 class Rows(NamedTuple):
     """Rows that a page lacks, with shape (n, columns).
 
-    `fresh`: the page's earlier rows are no longer valid.
+    `fresh`: whether the rows that the page already has are no longer valid.
     """
 
     values: Array
@@ -59,14 +61,17 @@ class Rows(NamedTuple):
 
 
 class Ring:
-    """The last rows of a time window, numbered from 0 on."""
+    """The last rows of a time window.
+
+    Rows are numbered from 0 on, including those that are no longer kept.
+    """
 
     def __init__(self, columns: int) -> None:
         self._rows = np.full((MOST_ROWS, columns), np.nan)
         self.end = 0
 
     def append(self, row: Array) -> None:
-        """Add a row in place of the oldest row."""
+        """Add a row, which replaces the oldest one once there are `MOST_ROWS`."""
         self._rows[self.end % MOST_ROWS] = row
         self.end += 1
 
@@ -77,9 +82,9 @@ class Ring:
 
 
 class Tiers:
-    """Keeps the rows of all time windows. The first column is the time in ms.
+    """Keeps the rows of all time windows. The first column of a row is the time in ms.
 
-    `kinds`: how the values of each column are merged into one row. NaN is ignored.
+    `kinds`: for each column, how the values of several rows are merged into one. NaN is ignored.
     """
 
     def __init__(self, kinds: Sequence[Kind]) -> None:
@@ -96,10 +101,11 @@ class Tiers:
         self._waiting: list[list[Array]] = [[] for _ in WINDOWS]
 
     def append(self, row: Array, tier: int = 0) -> None:
-        """Add a row to the rows that are merged next in a window.
+        """Add a row to those rows of a time window that are waiting to be merged.
 
-        Once they are complete, the merged row is added to this window, and to the next longer one. `tier`:
-        index of the window.
+        Once all rows of the duration `bucket_ms` have come, they are merged. The merged row is added to this
+        window, and waits to be merged again for the next longer window. `tier`: index of the window in
+        `WINDOWS`.
         """
         bucket = row[0] // WINDOWS[tier].bucket_ms
         if bucket != self._buckets[tier]:

@@ -1,1 +1,1 @@
-"""Provide what the pages of a sensor and of a fleet share: web server, limits, files for the browser."""
+"""Provide what the live page and the fleet's page share: web server, limits, files for the browser."""

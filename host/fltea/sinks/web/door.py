@@ -1,4 +1,7 @@
-"""Accept the connections of browsers to a page, with limits on their number and on idle time."""
+"""Accept the connections of browsers to a page.
+
+The number of connections, and the time for which one may be idle, are limited.
+"""
 
 import contextlib
 import logging
@@ -22,29 +25,30 @@ from fltea.records.repeat import OnceAMinute
 from fltea.sinks.listening import cannot_listen
 
 MOST = 128
-"""Largest number of connections. A browser needs one connection, and for a moment six. At most a quarter of
-the file descriptors is used.
+"""Largest number of open connections. A browser needs one connection, and for a moment up to six. At most a
+quarter of the process's file descriptors is used for connections.
 """
 
 IDLE_S, SWEEP_S = 30.0, 5.0
-"""`IDLE_S`: time after which a connection is closed that sends no request, or does not read its answer [s].
-`SWEEP_S`: time between two searches for such connections [s].
+"""`IDLE_S`: time after which a connection is closed if its browser sends no request or does not read the
+answer [s].
+`SWEEP_S`: time between two searches for connections that have to be closed [s].
 """
 
 REST_S = 1.0
-"""After a connection could not be accepted, for example for lack of file descriptors, none is accepted for
-this time [s].
+"""Time for which no connection is accepted after one could not be accepted [s], for example for lack of file
+descriptors.
 """
 
 LARGEST_HEADER = 16_384
 UNREAD = 1 << 16
-"""Bytes of an answer that the system may buffer while a browser does not read. By default these are
-megabytes.
+"""Number of bytes of an answer that the operating system may buffer while a browser does not read. By default
+the system would buffer megabytes.
 """
 
 
 def bind(option: str, host: str, port: int) -> list[socket.socket]:
-    """Listen at an address. `option`: name of the setting with the address.
+    """Listen at an address and port. `option`: name of the setting that gives them, for error messages.
 
     Raises:
         FlteaError: another program uses the address, or this machine does not have it.
@@ -61,9 +65,9 @@ def bind(option: str, host: str, port: int) -> list[socket.socket]:
 class Door(HTTPServerConnectionDelegate):
     """Serves a web application on sockets, in the event loop of the thread that creates this object.
 
-    If there is no room for a new connection, the connection that has been idle longest is closed. If the
-    address of the new connection has half of all connections, only connections of this address are
-    considered.
+    If there is no room for a new connection, the connection that has been idle longest is closed. If one
+    address has half of all allowed connections and opens another, the connection that is closed is one of
+    this address.
     """
 
     def __init__(self, sockets: Sequence[socket.socket], application: Application, report: Report) -> None:
@@ -71,8 +75,8 @@ class Door(HTTPServerConnectionDelegate):
         self._application, self._report = application, report
         self._http = HTTPServer(self, max_body_size=0, max_header_size=LARGEST_HEADER)
         self._open: dict[IOStream, tuple[str, float]] = {}
-        """For each connection, its address and when it began to wait for a request; the longest wait comes
-        first.
+        """For each connection, the browser's address, and the time at which the connection began to wait for
+        a request. The connection that has waited longest comes first.
         """
         self._often = OnceAMinute()
         self._closed_for_room = 0
@@ -95,7 +99,7 @@ class Door(HTTPServerConnectionDelegate):
             stream.close()
 
     def start_request(self, server_conn: object, request_conn: HTTPConnection) -> HTTPMessageDelegate:
-        """Note that a connection waits for a request from now on. The library calls this method."""
+        """Note that a connection waits for a request from now on. The library tornado calls this method."""
         stream = cast(HTTP1ServerConnection, server_conn).stream
         if (found := self._open.pop(stream, None)) is not None:
             self._open[stream] = found[0], time.monotonic()
@@ -156,9 +160,11 @@ class Door(HTTPServerConnectionDelegate):
 
 
 class LibraryErrors(logging.Handler):
-    """Reports the library's errors, at most one a minute, in place of the library's own log handlers.
+    """Reports errors of the libraries tornado and asyncio, at most one a minute.
 
-    The library's own log handlers would write to stderr. Messages that are less severe than errors are
+    It takes the place of the libraries' own log handlers.
+
+    The libraries' own log handlers would write to stderr. Messages that are less severe than errors are
     dropped.
     """
 

@@ -22,12 +22,12 @@ WRONG_PASSWORD_S = 0.5
 """Time before a request with a wrong password is answered [s], which slows guessing."""
 
 BY_SCRIPT = "X-Fltea"
-"""A header that only our own page can send. For a page of another site, the browser would first ask this
-server for permission, and get none.
+"""A header that only the script of our own page can send. If a page of another site tried to send it, the
+browser would first ask this server for permission, and get none.
 """
 
 BURST = 10
-"""As many requests as are allowed in this many seconds may come at once."""
+"""Number of seconds [s]; as many requests as are allowed in this time on average may come at once."""
 
 TRY_AGAIN_S = 10
 HEADERS = {
@@ -64,7 +64,7 @@ class Site:
 
     `package`: contains the files page.html, page.css and page.js. `names`: host names of the page.
     `password`: USER:PASSWORD, or None. `a_second`: average number of requests per second that are answered.
-    `full`: text of the answer to further requests.
+    `full`: text of the answer to requests beyond this number.
     """
 
     def __init__(
@@ -90,8 +90,9 @@ class Site:
     def has_room(self, *, for_visitor: bool) -> bool:
         """Return whether one more request is answered now. Refusals are reported at most once a minute.
 
-        `for_visitor`: the request has the right password, or no password is needed. All other requests have a
-        separate limit, so that somebody who guesses passwords does not slow visitors who know it.
+        `for_visitor`: whether the request has the right password, or no password is needed. All other
+        requests have a separate limit, so that somebody who guesses passwords does not slow visitors who know
+        it.
         """
         if (self._visitors if for_visitor else self._strangers).take():
             return True
@@ -116,7 +117,7 @@ class Handler(RequestHandler):
     """Handles a request to a page, and refuses it if it is not allowed."""
 
     def initialize(self, site: Site) -> None:
-        """Remember the argument that every route has."""
+        """Remember `site`, which every route passes to its handler."""
         self.site = site
 
     def set_default_headers(self) -> None:
@@ -131,8 +132,9 @@ class Handler(RequestHandler):
         It is refused if it names another host, comes from another site's page, lacks the password, or exceeds
         the limit.
 
-        Another site's page cannot read ours, since its `Origin` differs. It cannot pose as ours by letting
-        its name resolve to this machine either, since its `Host` is not one of our names.
+        A page of another site cannot read ours, since its `Origin` differs. Nor can another site pose as ours
+        by letting its host name resolve to this machine, since the `Host` in the request is then not one of
+        our names.
         """
         if not is_own(self.request.host, self.site.names):
             raise HTTPError(HTTPStatus.MISDIRECTED_REQUEST)
@@ -151,7 +153,7 @@ class Handler(RequestHandler):
         scheme, _, given = self.request.headers.get("Authorization", "").partition(" ")
         try:
             found = base64.b64decode(given, validate=True)
-        except ValueError:  # not base64, or not ASCII
+        except ValueError:  # the text is not base64, or not ASCII
             return False
         return scheme.lower() == "basic" and hmac.compare_digest(found, password)
 
@@ -166,12 +168,15 @@ class Handler(RequestHandler):
         self.finish(f"{text}\n")
 
     def answer(self, found: Any) -> None:
-        """Answer with JSON."""
+        """Answer with `found`, encoded as JSON."""
         self.set_header("Content-Type", "application/json")
         self.write(msgspec.json.encode(found))
 
     def number(self, name: str, usual: int, most: int) -> int:
-        """Return the request's argument `name`, an integer from 0 to `most`; `usual` if it is missing."""
+        """Return the request's argument `name` as an integer, limited to `most`.
+
+        Return `usual` if the argument is missing.
+        """
         text = self.get_argument(name, str(usual))
         if not (text.isascii() and text.isdigit()) or len(text) > 9:
             raise HTTPError(HTTPStatus.BAD_REQUEST)
@@ -179,7 +184,7 @@ class Handler(RequestHandler):
 
 
 class File(Handler):
-    """A file of the page."""
+    """Handles a request for one of the page's files."""
 
     def get(self, name: str) -> None:
         """Answer with the content of the requested file."""
@@ -189,7 +194,7 @@ class File(Handler):
 
 
 class NotFound(Handler):
-    """A request for something that does not exist."""
+    """Handles a request for something that does not exist."""
 
     async def prepare(self) -> None:
         """Check whether the request is allowed, and answer that nothing was found."""
