@@ -1,1 +1,1 @@
-"""Sources of samples and other events: serial ports, I²C buses, files, brokers and a simulation."""
+"""Sources of samples and other events: serial ports, I²C buses, files, MQTT brokers and a simulation."""

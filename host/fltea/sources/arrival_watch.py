@@ -10,8 +10,9 @@ from fltea.records.events import Trouble
 class ArrivalWatch:
     """Checks whether samples that are numbered by their order arrive at the stated rate.
 
-    A buffer delays samples, and then many arrive at once. So of each second or so, only the earliest arrival
-    counts. A delay that stays means that samples were lost, or that the sender paused.
+    A buffer on the way delays samples, and then many arrive at once. So in each second or so, only the
+    arrival with the smallest delay counts. If the delay increases at once and stays larger, samples were
+    lost, or the sender paused.
     """
 
     WHILE_S, CHUNKS, LEAST_JUMP_S = 1.0, 3, 0.1
@@ -31,7 +32,10 @@ class ArrivalWatch:
         self._pauses_s: list[float] = []
 
     def add(self, device_us: int, host_ns: int) -> Trouble | None:
-        """Note the times of the last of the samples that arrived together; return a warning if one is due."""
+        """Note the times of the last one of several samples that arrived together.
+
+        Return a warning if one is due.
+        """
         host_s, device_s = host_ns * 1e-9, device_us * 1e-6
         if self._origin is None:
             self._origin = (host_s, device_s)
@@ -51,7 +55,8 @@ class ArrivalWatch:
             jump_s = late_s - reference[0] - slope * (host_s - reference[1])
             least_s = max(self.LEAST_JUMP_S, 3 / self._rate_hz, float(np.median(self._pauses_s)))
             if jump_s > least_s and self._doubt is None:
-                self._doubt = late_s, host_s  # the next earliest arrival shows whether the delay stays
+                # the earliest arrival of the next second shows whether the delay stays as large
+                self._doubt = late_s, host_s
                 return None
             if jump_s > least_s:
                 self._whiles, self._doubt = [(late_s, host_s)], None
@@ -68,10 +73,10 @@ class ArrivalWatch:
         return self._rate(now_ns)
 
     def _slope(self) -> float:
-        """Return the change of the delay per second.
+        """Return by how much the delay of the samples grows per second, without jumps.
 
-        It is a median and no `clock_fit`, since a jump of the delay that has not been recognised yet would
-        change the slope of a fitted line.
+        The result is a median of differences. A line as in `clock_fit` is not fitted, since its slope would
+        be changed by a jump of the delay that has not been recognised yet.
         """
         late, host = np.array(self._whiles).T
         return float(np.median(np.diff(late) / np.diff(host)))

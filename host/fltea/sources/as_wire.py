@@ -32,7 +32,9 @@ from fltea.wire.message_events import hello_event
 from fltea.wire.messages import encode
 
 SCALES = ("rate_hz", "gyro_lsb_per_dps", "accel_lsb_per_g")
-"""HELLO fields that the estimates depend on, so a frame must hold their exact values."""
+"""HELLO fields on which the estimates depend. A frame must hold their exact values, or the source cannot be
+recorded.
+"""
 
 U16, U32 = 1 << 16, 1 << 32
 
@@ -40,9 +42,9 @@ U16, U32 = 1 << 16, 1 << 32
 class AsWire:
     """Encodes events as frames of fltea's wire protocol.
 
-    A replay of the frames gives the same HELLO (a field that a frame cannot hold becomes 0), samples in
-    counts, device counters, and losses of the device. Troubles are not encoded; they are only recorded as
-    `error` records.
+    A replay of the frames gives the same HELLO, samples in counts, counters of the device, and losses of the
+    device. A HELLO's field that a frame cannot hold becomes 0. Troubles are not encoded; they are only
+    recorded as `error` records.
 
     `unix_offset_ns`: function that returns the offset [ns] from the source's monotonic clock to Unix time.
     """
@@ -58,8 +60,8 @@ class AsWire:
         """Return the transport events that represent one event of the source.
 
         Raises:
-            UsageError: a frame cannot hold the event: its samples are no counts, or its rate is no multiple
-                of 0.001 Hz.
+            UsageError: a frame cannot hold the event, for example because its samples are no counts or its
+                rate is no multiple of 0.001 Hz.
         """
         self._host_ns = host_ns_of(event) or self._host_ns
         if isinstance(event, LinkDown):
@@ -83,9 +85,9 @@ class AsWire:
         return found
 
     def _lost(self, event: Event) -> list[TransportEvent]:
-        """Return the transport events for a loss in the device.
+        """Return the transport events that say that the source lost its device.
 
-        The event right after the loss gives the reason.
+        If `event`, the event right after the loss, is a trouble, it gives the reason.
         """
         if self._down is None:
             return []
@@ -120,7 +122,7 @@ def _impossible(why: str) -> UsageError:
 
 
 def as_stated(hello: Hello) -> Hello:
-    """Return the HELLO with the device's identity that a recording would give.
+    """Return the HELLO with the fields of the device's identity as a replay of its recording gives them.
 
     Raises:
         UsageError: a frame cannot hold the HELLO.
@@ -151,7 +153,8 @@ def _hello(hello: Hello) -> wire.Hello:
         gyro_dlpf=round(hello.gyro_dlpf_hz or 0),
         sampling_mode=_number(wire.SamplingMode, hello.sampling_mode),
     )
-    # this raises an error for values that do not fit into a frame, before the values are compared
+    # `pack` raises an error if values do not fit into a frame; the exact values are compared only after this
+    # check
     message.pack()
     if hello.gyro_lsb_per_dps is None:
         raise ValueError("its samples are deg/s, not counts")
@@ -164,7 +167,10 @@ def _hello(hello: Hello) -> wire.Hello:
 
 
 def _device_id(text: str | None) -> bytes:
-    """Return sixteen bytes that identify the device: its ID of sixteen bytes, or a digest of its ID."""
+    """Return sixteen bytes that identify the device.
+
+    They are its ID if that has sixteen bytes, else a digest of its ID.
+    """
     if text is None:
         return bytes(16)
     try:
@@ -195,11 +201,11 @@ def _status(status: DeviceStatus) -> wire.Status:
         status.overruns % U32,
         status.dropped_frames % U32,
         _number(wire.ResetCause, status.reset_cause),
-        cpu_share=0,  # the processor load is unknown for a source without a wire protocol
+        cpu_share=0,  # a source without a wire protocol does not know the load of the device's processor
         longest_step=0,
     )
 
 
 def _number(enum: type[wire.SamplingMode | wire.ResetCause], name: str) -> int:
-    """Return the value of the enum's member with a name, given in lower case; 255 for an unknown name."""
+    """Return the value of the enum's member whose name in lower case is `name`; 255 for an unknown name."""
     return next((int(member) for member in enum if member.name.lower() == name), 255)

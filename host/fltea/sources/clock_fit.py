@@ -1,8 +1,11 @@
-"""Fit a device's clock to the host's: the delay of the earliest arrivals as a straight line over time.
+"""Fit a device's clock to the host's clock.
 
-The delay between sampling and arrival is never negative, but often large and in bursts. So each caller keeps
-only the earliest arrival of each second or so. The line is fitted by least squares in
-host/native/clock_fit.hpp, which live samples and recordings use too (host/native/timebase.hpp).
+A straight line over the device's time is fitted to the delays with which samples arrive.
+
+The delay between sampling and arrival is never negative, but for some samples it is much larger than for
+others. So each caller keeps only the arrival with the smallest delay in each second or so. The line is fitted
+by least squares in host/native/clock_fit.hpp, which live samples and recordings use too
+(host/native/timebase.hpp).
 """
 
 from collections.abc import Sequence
@@ -12,10 +15,12 @@ from fltea import _native
 
 
 class ClockFit(NamedTuple):
-    """The fitted line. It has the slope `slope`, and the delay `delay` at the device's time `device`.
+    """The fitted line of the delay over the device's time.
 
-    `device` and `delay` are means of the arrivals. The unit of the device's time is the caller's, such as
-    seconds or numbers of samples.
+    At the device's time `device`, the line has the value `delay`.
+
+    `device` and `delay` are the means of the arrivals' device times and delays. The caller chooses the unit
+    of the device's time, such as seconds or numbers of samples.
     """
 
     device: float
@@ -31,9 +36,9 @@ class ClockFit(NamedTuple):
 
 
 def fit_clock(device: Sequence[float], delay: Sequence[float]) -> ClockFit:
-    """Return the clock fit of the earliest arrivals: their times by the device's clock, and their delays.
+    """Return the clock fit of arrivals, given by their times on the device's clock and by their delays.
 
     Raises:
-        ValueError: there are fewer than two arrivals, or not as many delays.
+        ValueError: there are fewer than two arrivals, or not as many delays as times.
     """
     return ClockFit(*_native.fit_clock(device, delay))

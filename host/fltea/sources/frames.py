@@ -1,6 +1,6 @@
-"""Turns the frames of one device that publishes to a broker into events.
+"""Turns the frames of one device that publishes to an MQTT broker into events.
 
-Another object receives the device's messages.
+Another object receives the device's messages from the broker, and passes them on to the class here.
 """
 
 from collections.abc import Callable, Iterator
@@ -17,11 +17,12 @@ HINTS = Hints(
 
 
 class FramesSource:
-    """Turns the frames of one device into events. The receiver of its messages passes them to `take`.
+    """Turns the frames of one device into events.
 
-    `url`: name of the source in messages. `overflow_bytes`: function that returns the number of bytes that
-    were dropped before they came here. `tap`: function that is called with everything that comes, before it
-    is decoded.
+    The object that receives the device's messages passes them to `take`.
+
+    `url`: name of the source in messages. `overflow_bytes`: function that returns the number of the device's
+    bytes that the receiver dropped. `tap`: function that is called with every message before it is decoded.
     """
 
     live = prompt = True
@@ -38,11 +39,14 @@ class FramesSource:
         return self._wire.unix_offset_ns
 
     def events(self) -> Iterator[Event]:
-        """Yield nothing, since one object receives the messages of many devices and calls `take`."""
+        """Yield nothing, since the object that receives the messages of all devices calls `take` instead."""
         return iter(())
 
     def open(self, now_ns: int, unix_offset_ns: int) -> Iterator[Event]:
-        """Yield the events that precede those of a device's first message."""
+        """Yield the events of the connection's beginning.
+
+        They precede the events of the device's first message.
+        """
         return self.take(Opened(now_ns, unix_offset_ns))
 
     def take(self, item: Opened | Chunk | Reads | None) -> Iterator[Event]:
@@ -56,8 +60,8 @@ class FramesSource:
             now_ns = host_ns()
         else:
             now_ns = int(item.host_ns[0]) if isinstance(item, Reads) else item.host_ns
-        # this source exists only after the device has sent something, so a pause is the device's and not the
-        # program's
+        # this source is created by the device's first message, so a pause before it does not mean that the
+        # program was late
         self._wire.resume(now_ns)
         yield from self._wire.feed(item, now_ns)
 

@@ -1,4 +1,4 @@
-"""Replays a recording in MCAP files; the recorded bytes are decoded in the same way as live bytes.
+"""Replays a recording in MCAP files. The recorded bytes are decoded in the same way as live bytes.
 
 Files are read one chunk at a time, so that large or many files need no more memory.
 """
@@ -40,9 +40,9 @@ _link = msgspec.json.Decoder(LinkMessage)
 
 
 class Session(NamedTuple):
-    """The files of one recording session, in order.
+    """The readable files of one recording session, in their order.
 
-    `unread`: why other files of the session cannot be read.
+    `unread`: for each other file of the session, the reason why it is not read.
     """
 
     parts: list[Part]
@@ -55,10 +55,10 @@ class Session(NamedTuple):
 
 
 def find_session(paths: Sequence[Path]) -> Session:
-    """Return the only session at these paths, with the reasons why some of its files cannot be read.
+    """Return the only recording session at these paths.
 
     Raises:
-        UsageError: nothing is at the paths, the files are no recording, or there are several sessions.
+        UsageError: nothing is at the paths, the files are no recording, or they belong to several sessions.
     """
     sessions, stray = find_sessions(paths)
     if len(sessions) > 1:
@@ -68,11 +68,11 @@ def find_session(paths: Sequence[Path]) -> Session:
 
 
 def find_sessions(paths: Sequence[Path]) -> tuple[list[Session], dict[Path, str]]:
-    """Return all sessions at these paths, and the unreadable files that belong to none of them.
+    """Return all recording sessions at these paths, and the unreadable files that belong to none of them.
 
-    `paths`: files; a folder stands for all its files, and the name of a session
-    (`due_20270801T120000Z_1f0c2b3a`, without the number) for all files of that session. If a file has a
-    recovered copy, the copy is used.
+    `paths`: paths of files. A folder stands for all its files. The name of a session, such as
+    `due_20270801T120000Z_1f0c2b3a` without the number of a file, stands for all files of that session. If a
+    file has a recovered copy, the copy is used.
 
     Raises:
         UsageError: nothing is at the paths, or the files are no recording.
@@ -115,7 +115,10 @@ def find_sessions(paths: Sequence[Path]) -> tuple[list[Session], dict[Path, str]
 
 
 def _missing(session: Session) -> Iterator[tuple[Path, str]]:
-    """Yield the missing files between the files of a session. Missing first or last files do not show."""
+    """Yield the files that are missing between the files of a session, each with a text that says so.
+
+    It cannot be seen here whether first or last files are missing.
+    """
     unread = {path.name for path in session.unread}
     for before, after in pairwise(part.info.part for part in session.parts):
         names = (f"{session.name.name}_{number:03}{SUFFIX}" for number in range(before + 1, after))
@@ -125,7 +128,7 @@ def _missing(session: Session) -> Iterator[tuple[Path, str]]:
 
 
 def _original(path: Path) -> Path:
-    """Return the file that a file is a recovered copy of, or else the file itself."""
+    """Return the original file of a recovered copy. For any other file, return the file itself."""
     return path.with_name(path.name.replace(".recovered.", "."))
 
 
@@ -152,19 +155,21 @@ def _session_line(session: Session) -> str:
 
 
 def name_of(path: Path) -> Path:
-    """Return the name of the session that a file belongs to: the file's name without its number."""
+    """Return the name of the session to which a file belongs: the file's path without its number."""
     match = PART_OF_NAME.fullmatch(path.name)
     return path.with_name(match[1]) if match else path
 
 
 class McapRecording:
-    """Yields, once, the events of a recording, or its messages.
+    """Yields the events of a recording, or its messages. This is possible only once.
 
-    `name`: source name that HELLO shows. All counts are those of the events yielded so far. `breaks`: number
-    of gaps in which something was not recorded. `torn`: number of files that end without an index. `open`:
-    number of files to which a program still writes. `unread`: reasons why files cannot be read, or not
-    completely. `unrecorded_items`, `unrecorded_bytes`: items and bytes that the recorder counted as lost.
-    `damaged_bytes`: total size of the unreadable parts of files. `changes`: counts of bias steps and motions.
+    `name`: name of the source in each HELLO. All counts below are those of the events that were yielded so
+    far. `breaks`: number of gaps in which something was not recorded. `torn`: number of files that end
+    without an index, since their writing was interrupted. `open`: number of files to which a program still
+    writes. `unread`: reasons why files cannot be read, or not completely. `unrecorded_items`,
+    `unrecorded_bytes`: items and bytes that the recorder counted as lost.
+    `damaged_bytes`: total size of the unreadable places in files. `changes`: counts of bias steps and
+    motions.
     """
 
     live = prompt = False
@@ -193,7 +198,7 @@ class McapRecording:
 
     @property
     def missing_before(self) -> str:
-        """Text about files that are missing before the first one; empty if none is missing."""
+        """Text about files of the session that are missing before the first one; empty if none is missing."""
         name, number = name_of(self.parts[0].path), self.parts[0].info.part
         beside = {path.name.removesuffix(SUFFIX).removesuffix(".recovered") for path in _of_session(name)}
         missing = [k for k in range(number) if f"{name.name}_{k:03}" not in beside]
@@ -205,11 +210,11 @@ class McapRecording:
         )
 
     def link_stats(self) -> LinkStats:
-        """Return the counts of bytes and frames that arrived, and that were lost on the way."""
+        """Return the counts of bytes and frames that reached the recorder, and that were lost before."""
         return self._wire.link_stats()
 
     def events(self) -> Iterator[Event]:
-        """Yield the device's events. In a replay, recorded troubles are not fatal."""
+        """Yield the device's events. Troubles from the time of the recording are not fatal in a replay."""
         number = self.parts[0].info.part
         for part in self.parts:
             if part.info.part != number:
@@ -239,13 +244,13 @@ class McapRecording:
             yield Trouble("unread_file", why, self._now_ns, fatal=False)
 
     def entries(self) -> Iterator[tuple[Part, Entry]]:
-        """Yield the messages one by one, each with its file; damaged messages are left out."""
+        """Yield the recorded messages one by one, each with its file. Damaged messages are left out."""
         for part in self.parts:
             for entry in entries_of(self._items_of(part)):
                 yield part, entry
 
     def _items_of(self, part: Part) -> Iterator[Batch | Damage | Torn]:
-        """Yield the contents of a file, and remember the first damage."""
+        """Yield the contents of a file, and note its first damage in `unread`."""
         is_damaged = False
         for item in read_batches(part, self._limits):
             if isinstance(item, Damage) and item.size and not is_damaged:
@@ -255,14 +260,17 @@ class McapRecording:
             yield item
 
     def _break(self, why: str, hello: Hello | None) -> None:
-        """Note that data are missing before the next message.
+        """Note that data are missing before the next message, for the reason `why`.
 
         `hello`: HELLO of the device after the gap, if known.
         """
         self._missing, self._hello, self._next_sequence, self._opened = why, hello, None, False
 
     def _on_batch(self, batch: Batch, info: PartInfo) -> Iterator[Event]:
-        """Yield the events of a batch of messages; successive serial reads are decoded together."""
+        """Yield the events of a batch of messages.
+
+        The bytes of successive reads from the port are decoded together.
+        """
         of_wire = [channel for channel, topic in batch.topics.items() if topic == WIRE]
         of_link = [channel for channel, topic in batch.topics.items() if topic == LINK]
         messages = batch.messages.of_channels([*of_wire, *of_link])
@@ -297,7 +305,8 @@ class McapRecording:
     def _on_link(self, data: bytes, host_ns: int, offset_ns: int, info: PartInfo) -> Iterator[Event]:
         try:
             link = _link.decode(data)
-        except (ValueError, RecursionError):  # raised by msgspec, and for deeply nested brackets
+        # msgspec raises ValueError, and RecursionError for deeply nested brackets
+        except (ValueError, RecursionError):
             self._break("a message about the line is damaged", None)
             return
         if link.event == "gap":
@@ -311,11 +320,15 @@ class McapRecording:
             yield from self._feed(Failed(link.kind, link.message, host_ns, offset_ns))
 
     def _feed(self, item: Reads | Opened | Failed) -> Iterator[Event]:
-        """Yield the events of an item, after the events that must precede them."""
+        """Yield the events of an item.
+
+        Events about a gap before it, and about a new connection, come first.
+        """
         host_ns, offset_ns = item[-2:] if not isinstance(item, Reads) else next(item.chunks())[1:]
         if self._missing is not None:
             self.breaks += 1
-            self._wire.forgive(host_ns)  # it is unknown what the port did during the gap
+            # it is unknown what the port did during the gap, so silence in it does not count
+            self._wire.forgive(host_ns)
             failed = Failed("recording_gap", f"{self._name}: {self._missing}.", host_ns, offset_ns)
             yield from self._interpret(failed, host_ns)
             self._missing = None

@@ -1,6 +1,9 @@
-"""Numbers live samples that come without numbers, by their times or their order, and gives them device times.
+"""Numbers live samples that come without numbers, by their times or by their order.
 
-The rules are those of `fltea.recording.sample_times`. Samples wait until the times determine a rate.
+It also gives them device times.
+
+The rules for samples with times are those of `fltea.recording.sample_times`. Such samples wait until their
+times determine a sampling rate.
 """
 
 from collections.abc import Iterator
@@ -24,20 +27,24 @@ from fltea.recording.timing import Timing, timing
 from fltea.records.errors import UsageError
 
 RATE_S, FEWEST, MOST = 2.0, 8, 20_000
-"""The sampling rate is measured over `RATE_S` [s], from at least `FEWEST` and at most `MOST` samples."""
+"""The sampling rate is measured from samples of the duration `RATE_S` [s], which are at least `FEWEST` and at
+most `MOST` samples.
+"""
 
 PATIENCE_NS = 10 * 10**9
-"""Longest time, by the host's clock, for which samples wait until their rate is known [ns]. If it passes,
-their times may be in another unit than expected.
+"""Longest time by the host's clock for which samples wait until their rate is known [ns]. After it, the rate
+is measured from the samples so far: if their times are in another unit than expected, `RATE_S` may never be
+reached.
 """
 
 
 class Arrived(NamedTuple):
     """Samples that arrived together.
 
-    `values`: (n, columns) in deg/s, counts or the source's unit.
-    `time`: (n,), in the sender's unit; None if there is no column of times.
-    `ordinal`: (n,), number of each sample among all samples from 0, lost samples included.
+    `values`: measured values, (n, columns), in deg/s, counts or the source's unit.
+    `time`: times of the samples, (n,), in the sender's unit; None if there is no column of times.
+    `ordinal`: number of each sample, (n,), counted from 0 over all samples of the source. Samples that were
+    lost, for example in damaged lines, are counted too.
     `begins`: whether the sender restarted before the first of these samples.
     """
 
@@ -48,7 +55,7 @@ class Arrived(NamedTuple):
 
 
 class Numbered(NamedTuple):
-    """Successive samples. `begins`: whether the sender restarted before these samples."""
+    """Successive samples with their numbers. `begins`: whether the sender restarted before these samples."""
 
     begins: bool
     sequence: Ints
@@ -70,11 +77,11 @@ class ByOrder:
         self._last_ns = 0
 
     def begin(self) -> None:
-        """Begin a new run with the next samples, since the sender restarted."""
+        """Let the numbers begin at 0 again with the next sample, since the sender restarted."""
         self._base = None
 
     def add(self, rows: Arrived, host_ns: int) -> Iterator[Numbered]:
-        """Number samples that arrived together."""
+        """Number samples that arrived together, and yield them at once."""
         begins = rows.begins or self._base is None or host_ns - self._last_ns > LONGEST_GAP_S * 1e9
         if begins:
             self._base = int(rows.ordinal[0])
@@ -85,14 +92,14 @@ class ByOrder:
         yield Numbered(begins, sequence, device_us, rows.values, np.full(len(sequence), host_ns))
 
     def finish(self) -> Iterator[Numbered]:
-        """Yield nothing, since no sample waits."""
+        """Yield nothing, since no sample waits here."""
         yield from ()
 
 
 class _Waiting(NamedTuple):
-    """Samples that wait until their rate is known.
+    """Samples that wait until their sampling rate is known.
 
-    `marks`: marks of those that begin a new run of the sender.
+    `marks`: which of the samples are the first ones after a restart of the sender.
     """
 
     elapsed: Floats
@@ -102,12 +109,15 @@ class _Waiting(NamedTuple):
 
 
 class ByTime:
-    """Numbers samples by a column of times: a step longer than the sampling period means lost samples.
+    """Numbers samples by a column of times.
+
+    A step of the times longer than the sampling period means that samples were lost.
 
     `where`: name of the source in messages. `rate_hz`: sampling rate; None until it is measured, unless the
-    user gives it. `duplicates`: number of samples that were left out because their time equals the previous
-    time. `unrated`: number of samples that were left out because their times give no rate; `why_no_rate` says
-    why. `uneven`: warning that the times are uneven, so that only the user's rate is used.
+    user gives it. `duplicates`: number of samples that were left out because their time equals that of the
+    previous sample. `unrated`: number of samples that were left out because their times give no rate;
+    `why_no_rate` says why. `uneven`: warning that the times are uneven, so that samples are numbered by their
+    order; empty if they are not.
     """
 
     def __init__(self, where: str, column: TimeColumn) -> None:
@@ -124,12 +134,19 @@ class ByTime:
         self._begins = True
 
     def begin(self) -> None:
-        """Note that the connection to the sender was lost; its times will show whether it kept running."""
+        """Note that the connection to the sender was lost.
+
+        If the numbers come from times, nothing changes, since the times will show whether the sender kept
+        running.
+        """
         if self._by_order is not None:
             self._by_order.begin()
 
     def add(self, rows: Arrived, host_ns: int) -> Iterator[Numbered]:
-        """Number samples that arrived together. They wait until the sampling rate is known."""
+        """Number samples that arrived together, and yield them at once.
+
+        They wait until the sampling rate is known.
+        """
         assert rows.time is not None
         if self._by_order is not None:
             yield from self._by_order.add(rows, host_ns)

@@ -1,6 +1,9 @@
-"""Open a source of samples by its URL (`serial:…`, `stdin:`, `replay:…` …), or a plain port or file.
+"""Open a source of samples.
 
-Rarely used modules are imported late, since the program's start takes a second on a Raspberry Pi.
+It is given by a URL such as `serial:…` or `replay:…`, or by the path of a port or file.
+
+Modules that are rarely needed are imported only when they are. The start of the program takes a second on a
+Raspberry Pi, and further imports would make it longer.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,7 +25,7 @@ from fltea.wire.transport import ANY_BOARD
 def find_board() -> str:
     """Return the URL of the Arduino Due.
 
-    If no board is plugged in yet, the source waits for one, as for any port.
+    If no board is plugged in yet, the source with this URL waits for one.
 
     Raises:
         UsageError: more than one board is plugged in.
@@ -40,7 +43,7 @@ def _open_serial(place: str, config: Config) -> Source:
 
 
 def _open_i2c(place: str, config: Config) -> Source:
-    # this import is not at the top, since smbus2 loads on Linux only
+    # this import is not at the top of the file, since the library smbus2 can be imported on Linux only
     from fltea.sources.i2c.source import I2cSource
 
     return I2cSource(place)
@@ -89,12 +92,11 @@ class SourceKind(NamedTuple):
     """A kind of source, which the scheme of its URL names.
 
     Attributes:
-        example: an example of its URL.
-        open: function that returns the source for the part of the URL after the colon; None: the source has
-        many devices, and `service.ingest` opens it.
-        samples_only: whether its devices only send samples and do not estimate.
-        described: whether options may describe its columns, units and rate.
-        may_be_bare: whether the URL may end after the colon.
+        example: an example of its URL, for messages. open: function that returns the source for the part of
+        the URL after the colon. None if a source of this kind has many devices; `service.ingest` opens it
+        then. samples_only: whether its devices only send samples and make no estimates themselves. described:
+        whether the user may describe its columns, units and rate by options. may_be_bare: whether the URL may
+        end right after the colon.
     """
 
     example: str
@@ -129,7 +131,8 @@ def open_source(config: Config) -> Source:
     url = config.source or f"serial:{find_board()}"
     scheme, colon, rest = url.partition(":")
     of_pyserial = rest.startswith("//") and scheme != "i2c"
-    if not colon or of_pyserial or url.startswith("/"):  # the source is a path, or one of pyserial's own URLs
+    # the source is a path, or a URL of the library pyserial
+    if not colon or of_pyserial or url.startswith("/"):
         place = Path(url)
         is_file = place.suffix.lower() in KINDS or place.is_dir() or place.is_file()
         is_pipe = url in ("-", "/dev/stdin") or Path(url).is_fifo()
@@ -154,10 +157,10 @@ def open_source(config: Config) -> Source:
 
 
 def check_shared(configs: Sequence[Config]) -> None:
-    """Refuse outputs and options that make no sense for a source that has very many devices.
+    """Refuse outputs and options that make no sense for a source that stands for many devices.
 
     Raises:
-        UsageError: a setting is only for single devices.
+        UsageError: a setting works only for sources with a single device.
     """
     for config in configs:
         wrong = [_flag(output) for output in OUTPUTS if output.is_on(config) and not output.of_many]
@@ -176,10 +179,11 @@ def _flag(output: Output) -> str:
 
 
 def check_recordable(config: Config, source: Source) -> None:
-    """Refuse `--record` and `--state` for a recording, and `--state` if only the device estimates.
+    """Refuse `--record` and `--state` where they do not fit the source.
 
     Raises:
-        UsageError: a setting does not fit the source.
+        UsageError: one of the two is given and the source is a recording, or `--state` is given and the
+        device makes the estimates.
     """
     if isinstance(source, ReplaySource) and (config.record.folder or config.state.file):
         raise UsageError(
@@ -203,5 +207,8 @@ def _need_wire(config: Config, url: str) -> None:
 
 
 def _startup(config: EstimatorConfig) -> int:
-    """Return the smallest number of samples that a recording needs; 0 if it depends on the sampling rate."""
+    """Return the smallest number of samples that a recording needs.
+
+    It is 0 if it cannot be said without the sampling rate.
+    """
     return config.startup_needed if isinstance(config.startup, int) else 0

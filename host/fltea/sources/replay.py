@@ -1,4 +1,4 @@
-"""Replays a recording at full speed or at its recorded speed, in order or shuffled."""
+"""Replays a recording at full speed or at its recorded speed. The samples come in their order or shuffled."""
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -42,19 +42,22 @@ AT_ONCE = 8192
 """Number of samples in a block."""
 
 MOST_TROUBLES = 3
-"""Largest number of troubles that the message about a file with too few samples lists."""
+"""Largest number of troubles in the file that the message about too few samples lists."""
 
 
 class ReplaySource:
-    """Yields the events of one recording with the recorded times, so a second run gives the same output.
+    """Yields the events of one recording.
 
-    `path`: a file; for MCAP files also a folder or the name of a session (`sources.mcap.find_sessions`). CSV
-    and NDJSON may come through a pipe, which is read to its end here.
+    They have the recorded times, so a second run gives the same output.
+
+    `path`: path of a file. For MCAP recordings it may also be a folder or the name of a session
+    (`sources.mcap.find_sessions`). CSV and NDJSON may come through a pipe, which is then read to its end
+    before the replay begins.
 
     `how`: what the user states about the recording. `startup`: number of samples in the start-up window; a
-    shorter recording is refused. `shuffle`: seed of a random permutation of the samples, which makes any
-    noise white; the times keep their order. `realtime`: whether to wait between samples as long as in the
-    recording. `limits`: limits of memory.
+    recording without a sample after this window is refused. `shuffle`: seed of a random permutation of the
+    samples, which makes any noise white; the times keep their order. `realtime`: whether to wait between
+    samples for as long as the recorded times say. `limits`: limits of memory for reading files.
 
     Raises:
         UsageError: the file is missing, damaged or too large; the message names file, line and reason.
@@ -117,12 +120,15 @@ class ReplaySource:
 
     @property
     def unread(self) -> list[str]:
-        """Why files of the recording cannot be read, or not completely."""
+        """Texts that say which files of the recording cannot be read, or not completely, and why."""
         return [] if self._mcap is None else self._mcap.unread
 
     @property
     def changes(self) -> Changes:
-        """Counts of bias steps and motions; for MCAP files, those in the events yielded so far."""
+        """Counts of bias steps and motions in the recording.
+
+        For MCAP files, only those in the events yielded so far.
+        """
         return self._changes if self._mcap is None else self._mcap.changes
 
     @property
@@ -131,7 +137,7 @@ class ReplaySource:
         return self._offset_ns if self._mcap is None else self._mcap.unix_offset_ns
 
     def events(self) -> Iterator[Event]:
-        """Yield the recording's events, once."""
+        """Yield the recording's events. This is possible only once."""
         begin_ns: int | None = None
         for event in self._events:
             for part in _paced(event) if self._realtime else (event,):
@@ -144,7 +150,10 @@ class ReplaySource:
                 yield part
 
     def link_stats(self) -> LinkStats:
-        """Return the counts of the recorded bytes; for other recordings than MCAP, nothing can be lost."""
+        """Return the counts of recorded bytes and frames.
+
+        They are 0 for other recordings than MCAP, which contain no bytes of a wire.
+        """
         return LinkStats() if self._mcap is None else self._mcap.link_stats()
 
     def close(self) -> None:
@@ -153,13 +162,16 @@ class ReplaySource:
 
 
 TOGETHER_NS = 5_000_000
-"""Samples within this time are yielded together [ns], since yielding samples one by one at 8 kHz would take
-too long.
+"""Samples within this time are yielded together [ns]. At 8 kHz, samples that are yielded one by one would
+take longer than real time.
 """
 
 
 def _paced(event: Event) -> Iterator[Event]:
-    """Yield a block of samples as short blocks, each due at one time; yield any other event unchanged."""
+    """Yield a block of samples as short blocks, of which each is due at one time.
+
+    Yield any other event unchanged.
+    """
     if not isinstance(event, RawBlock):
         yield event
         return
@@ -171,7 +183,7 @@ def _paced(event: Event) -> Iterator[Event]:
 def open_mcap(
     paths: Sequence[Path], name: str, limits: Limits = DEFAULT_LIMITS
 ) -> Callable[[], "McapRecording"]:
-    """Return a function that opens a recording in MCAP files; each call starts at the beginning.
+    """Return a function that opens a recording in MCAP files. Each call starts at the recording's beginning.
 
     Raises:
         UsageError: the library is not installed, `sources.mcap.find_session` finds no single session, or the
@@ -186,7 +198,7 @@ def open_mcap(
 
 
 def mcap_sessions(paths: Sequence[Path]) -> list[list[Path]]:
-    """Return the files of each MCAP recording as a list, and each other file as a list of its own.
+    """Return one list of files for each MCAP recording, and one list for each file that belongs to none.
 
     Raises:
         UsageError: `find_sessions` refuses the paths, or the library is not installed.
@@ -204,9 +216,9 @@ def _mcap_library() -> ModuleType:
 
 
 def _count_samples(recording: "McapRecording", limit: int) -> tuple[int, list[str]]:
-    """Return the number of samples in a recording, and the troubles among them.
+    """Return the number of samples in a recording, and the texts of the troubles with its files.
 
-    Counting ends at about `limit` samples.
+    Counting ends when about `limit` samples were found.
     """
     count, troubles = 0, []
     for event in recording.events():
@@ -244,13 +256,14 @@ def _from_recording(name: str, recording: Stored, shuffle: int | None) -> Iterat
             host_ns = np.round((block.host_s - first.host_s[0]) * 1e9).astype(np.int64)
         breaks = np.zeros(len(device_us), dtype=np.bool_)
         sequence = block.seq
-        if sequence is None:  # an .npz file of another program, with times by a sensor's clock
+        # this happens for an .npz file of another program, with times by a sensor's clock
+        if sequence is None:
             _, sequence, breaks, _ = numbering.add(block.device_s, breaks)
         if block.epoch is not None:
             breaks |= np.diff(block.epoch, prepend=epoch) != 0
             epoch = int(block.epoch[-1])
-        # Accelerations in counts are left out if their scale is unknown. A HELLO without a scale would say
-        # that the values are in m/s².
+        # Accelerations in counts are left out if their scale is unknown. The HELLO would have no scale then,
+        # and that would say that the values are in m/s².
         accel = block.accel if recording.accel_lsb_per_g else block.accel_ms2
         raw = RawBlock(sequence % SEQUENCE_WRAP, device_us % TIME_WRAP_US, host_ns, block.gyro, accel)
         begins = [0, *np.flatnonzero(breaks).tolist()]
@@ -262,7 +275,7 @@ def _from_recording(name: str, recording: Stored, shuffle: int | None) -> Iterat
 
 
 def _shuffled(recording: Stored, seed: int) -> Iterator[Recording]:
-    """Yield the samples in random order, which needs memory for all of them."""
+    """Yield the values of the samples in random order, which needs memory for all of them."""
     whole = recording.whole()
     order = np.random.default_rng(seed).permutation(len(whole.gyro))
     accel, accel_ms2 = (None if one is None else one[order] for one in (whole.accel, whole.accel_ms2))
@@ -270,7 +283,10 @@ def _shuffled(recording: Stored, seed: int) -> Iterator[Recording]:
 
 
 def _from_ndjson(records: list[Kept], cut: str | None) -> Iterator[Event]:
-    """Yield the events in fltea's own output. Sample numbers and times in it do not wrap."""
+    """Yield the events of a recording that is fltea's own NDJSON output.
+
+    Its sample numbers and times do not wrap around.
+    """
     if cut is not None:
         yield Trouble("cut_recording", cut, records[0].host_ns, fatal=False)
     hello: Hello | None = None
@@ -278,7 +294,7 @@ def _from_ndjson(records: list[Kept], cut: str | None) -> Iterator[Event]:
 
     def block() -> Iterator[RawBlock]:
         if waiting:
-            assert hello is not None  # read_ndjson refuses samples before a HELLO
+            assert hello is not None  # `read_ndjson` refuses a file with samples before the first HELLO
             yield to_counts(waiting, hello)
             waiting.clear()
 
@@ -292,7 +308,8 @@ def _from_ndjson(records: list[Kept], cut: str | None) -> Iterator[Event]:
                 yield from block()
                 hello = record
                 yield record
-            # an epoch after a gap is not passed on, since the gap is detected again with the present limit
+            # an epoch that began after a gap is not passed on, since the gap is detected again by the limit
+            # that is set now
             case EpochMark(reason=reason) if reason != "gap":
                 yield from block()
                 yield Break(record.reason, record.host_ns)

@@ -14,17 +14,17 @@ from fltea.wire.transport import Port
 
 
 class SerialSource:
-    """Turns frames from a serial port into events; each failure becomes a `Trouble`, and reading continues.
+    """Turns frames from a serial port into events. Each failure becomes a `Trouble`, and reading continues.
 
-    Either this object reads the port itself (`events`), or native code reads `port` and passes what came to
-    `take`.
+    Either this object reads the port itself (`events`), or native code reads `port`, and what it read is
+    passed to `take` or decoded by `decoder`.
 
     `latency_s`: longest time for which received bytes wait before they are passed on [s]. `tap`: function
     that is called with everything that comes from the port, before it is decoded; set it before reading
     begins.
 
     Raises:
-        UsageError: the kind of URL is unknown, or the speed is 1200 baud.
+        UsageError: the kind of URL is unknown, or the speed is 1200 baud, which would erase an Arduino Due.
     """
 
     live = prompt = True
@@ -42,7 +42,7 @@ class SerialSource:
         return self._wire.unix_offset_ns
 
     def events(self) -> Iterator[Event]:
-        """Yield the device's events until `close`; a separate thread reads the port."""
+        """Yield the device's events until `close` is called. A separate thread reads the port."""
         self._reader = Reader(self.port)
         self._reader.start()
         self._wire.resume(clock.host_ns())
@@ -51,14 +51,17 @@ class SerialSource:
 
     @property
     def decoder(self) -> PortDecoder:
-        """The native decoder, for callers that read the port in native code.
+        """The native decoder of the port's bytes, for callers that read the port in native code.
 
-        Pass the items that it yields to `events_of`.
+        The caller passes each item that the decoder gives to `events_of`.
         """
         return self._wire.decoder
 
     def events_of(self, item: tuple[Any, ...]) -> Iterator[Event]:
-        """Yield the events of one item from `decoder`; call this before the next item is requested."""
+        """Yield the events of one item from `decoder`.
+
+        This must happen before the decoder is asked for the next item.
+        """
         return self._wire.events_of(item)
 
     def take(self, item: TransportEvent | None) -> Iterator[Event]:
@@ -77,6 +80,9 @@ class SerialSource:
         return self._wire.link_stats(self.port.overflow_bytes)
 
     def close(self) -> None:
-        """Stop reading and release the port; if native code reads the port, that code closes it."""
+        """Stop reading and release the port.
+
+        If native code reads the port, do nothing, since that code closes the port.
+        """
         if self._reader is not None:
             self._reader.close()

@@ -17,19 +17,20 @@ from fltea.settings.estimator import LONGEST_WINDOW
 from fltea.sources.pacing import sleep_until
 
 PACE_S = 0.01
-"""In real time, samples within this time are yielded together [s]; at 100 Hz, each sample is yielded
-alone.
+"""Samples within this time are yielded together if the source runs in real time [s]. At 100 Hz, each sample
+is yielded alone.
 """
 AT_ONCE = 256
-"""Number of samples in a block if the source does not wait."""
+"""Number of samples in a block if the source runs at full speed."""
 
 
 class NoiseSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The settings of a simulated gyroscope; the defaults resemble an MPU-9250 at ±2000 deg/s.
+    """The settings of a simulated gyroscope. The defaults resemble an MPU-9250 with the range ±2000 deg/s.
 
-    `alpha`, `f` (s^-α), `Q` ((deg/s)² s^-2α), `R` ((deg/s)²): the model of `fltea.noise.simulation`.
-    `lsb_per_dps`: counts in 1 deg/s; 0: the samples are not rounded to counts. `n`: number of samples; 0:
-    without end.
+    `alpha`, `f` [s^-α], `Q` [(deg/s)² s^-2α], `R` [(deg/s)²]: parameters of the model in
+    `fltea.noise.simulation`.
+    `lsb_per_dps`: number of counts in 1 deg/s; 0 means that the samples are not rounded to counts. `window`:
+    number of earlier samples that the simulated noise remembers. `n`: number of samples; 0 means without end.
     """
 
     alpha: float = 0.3
@@ -46,7 +47,10 @@ class NoiseSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class NoiseGenerator:
-    """Simulates all axes, each with its own random generator; the samples are counts or deg/s."""
+    """Simulates all axes, each with a random generator of its own.
+
+    The samples are in counts, or in deg/s if they are not rounded.
+    """
 
     def __init__(self, settings: NoiseSettings) -> None:
         self.settings = s = settings
@@ -84,7 +88,8 @@ def parse_noise(query: str) -> NoiseSettings:
             raise ValueError(f"window has to be 1 to {LONGEST_WINDOW} samples, not {settings.window}")
         if settings.n < 0:
             raise ValueError(f"n has to be 0 (no end) or more, not {settings.n}")
-        # this raises an error for wrong settings, since each part of the generator checks its own
+        # making one sample raises an error for wrong settings, since each part of the generator checks the
+        # settings that it uses
         NoiseGenerator(settings).step()
     except msgspec.ValidationError as error:
         known = ", ".join(NoiseSettings.__struct_fields__)
@@ -111,7 +116,7 @@ class SyntheticSource:
         self.unix_offset_ns = clock.unix_offset_ns() if realtime else 0
 
     def events(self) -> Iterator[Event]:
-        """Yield a HELLO and the samples."""
+        """Yield a HELLO, and then the samples."""
         s = self.settings
         noise = NoiseGenerator(s)
         begin_ns = clock.host_ns() if self._realtime else 0

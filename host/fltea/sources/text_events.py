@@ -1,4 +1,4 @@
-"""Turns live text into events: samples with their numbers, and warnings for the user."""
+"""Turns text that arrives live into events: samples with their numbers, and warnings for the user."""
 
 import os
 from collections import Counter
@@ -34,21 +34,23 @@ from fltea.sources.arrival_watch import ArrivalWatch
 from fltea.sources.numbering import Arrived, ByOrder, ByTime, Numbered
 
 LONGEST_BLOCK_US = TIME_WRAP_US // 4
-"""Longest block in device time [µs]. One read of slow samples may span hours, but times must not wrap within
-a block."""
+"""Longest duration of a block of samples [µs]. At a low sampling rate, one read may contain samples of
+several hours, but within a block the device time must not wrap around.
+"""
 
 PATIENCE_NS = 5 * 10**9
 
 FEW_LINES = 20
-"""Number of lines before the header after which a warning is due. A sender may print a few other lines
-first.
+"""Number of lines without a sample or header at the input's beginning after which the user is warned. A
+sender may write a few other lines first.
 """
 
 
 class TextEvents:
-    """Turns live text into events.
+    """Turns text that arrives live into events.
 
-    `url`: name of the source for messages. `how`: what the user states about columns and times.
+    `url`: name of the source for messages. `how`: what the user states about columns and times. `fatal`:
+    whether a loss of the input, silence or a lack of samples is a fatal trouble.
 
     Raises:
         UsageError: the settings are wrong.
@@ -84,16 +86,17 @@ class TextEvents:
             self._numbers.begin()
 
     def lost(self, failed: Failed) -> Iterator[Event]:
-        """Yield the events for an input that was lost, or that cannot be opened."""
+        """Yield the events that say that the input was lost or cannot be opened."""
         self._heard_ns = None
         yield LinkDown(failed.host_ns)
         yield from self._report(failed.kind, failed.message, failed.host_ns, fatal=self._fatal)
 
     def feed(self, data: bytes, now_ns: int) -> Iterator[Event]:
-        """Yield the events of the next bytes.
+        """Yield the events of the bytes that came next.
 
         Raises:
-            UsageError: the columns have names, but it is unclear which columns or units are meant.
+            UsageError: the text has named columns, but it is unclear which of them are the rates, or in which
+            units.
         """
         self._bytes += len(data)
         self._heard_ns = now_ns
@@ -108,7 +111,7 @@ class TextEvents:
             yield from self._report("silent", text, now_ns, fatal=self._fatal)
 
     def finish(self, now_ns: int) -> Iterator[Event]:
-        """Yield the last events, since the sender ended the input.
+        """Yield the events that are still due at the end of the input.
 
         Raises:
             UsageError: the input contained no sample.
@@ -163,7 +166,7 @@ class TextEvents:
             yield from self._blocks(self._numbers, self._numbers.add(arrived, now_ns), now_ns)
 
     def _set_up(self, chosen: Chosen, now_ns: int) -> Iterator[Event]:
-        """Choose how samples are numbered, once the columns are known."""
+        """Choose how samples are numbered, now that the columns of the text are known."""
         if chosen.time is None:
             assert chosen.rate_hz is not None  # `choose` refuses columns without time and rate
             self._numbers = ByOrder(chosen.rate_hz)
@@ -175,7 +178,7 @@ class TextEvents:
             yield Trouble(note.kind, note.text, now_ns, fatal=False)
 
     def _judge_gyro(self, plausible: Plausible, gyro: Floats) -> None:
-        """Check the first samples, since their values show a wrong column or unit.
+        """Check the first samples. Their values may show that a column or unit is wrong.
 
         Raises:
             Implausible: no gyroscope gives such numbers.
@@ -189,7 +192,7 @@ class TextEvents:
             self._plausible = None
 
     def _judge_accel(self, samples: Samples, now_ns: int) -> Iterator[Event]:
-        """Leave the accelerometer out from the first sample without an acceleration on; yield a warning."""
+        """Leave the accelerometer out from the first sample without acceleration on, and yield a warning."""
         assert samples.accel is not None
         if not self._has_accel or is_of_sensor(samples.accel).all():
             return
@@ -246,9 +249,9 @@ class TextEvents:
         )
 
     def _report_lines(self, now_ns: int) -> Iterator[Trouble]:
-        """Report lines without a sample.
+        """Report lines of text that contain no sample.
 
-        Lines before the columns are known are reported only if no sample follows.
+        Lines that come before the columns are known are reported only if no sample follows.
         """
         early = self.reader.bad.counts["before_header"]
         total = self.reader.left_out + self._left_out.total()

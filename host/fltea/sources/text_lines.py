@@ -1,7 +1,7 @@
 """Reads live samples as lines of text: `stdin:`, `stdin:FIFO` and `serial-text:PORT?baud=115200`.
 
-The text is CSV with or without a header, or JSON objects, and is read as `fltea.recording.text_rows` reads
-files. All samples that have arrived are passed on at once, as one block.
+The text is CSV with or without a header, or JSON objects. It is read by the same rules as files
+(`fltea.recording.text_rows`). All samples that have arrived together are passed on as one block.
 """
 
 import contextlib
@@ -22,7 +22,7 @@ from fltea.wire.reader import Reader
 from fltea.wire.transport import Port
 
 DEFAULT_BAUD = 115_200
-"""Serial speed [baud] of most boards' example programs."""
+"""Serial speed that the example programs of most boards use [baud]."""
 
 READ_BYTES = 1 << 16
 
@@ -30,7 +30,7 @@ READ_BYTES = 1 << 16
 class PipeText:
     """Reads lines of text from standard input, or from a FIFO or similar file: `stdin:`, `stdin:/tmp/fifo`.
 
-    The end of the input ends the source.
+    The source ends when the input ends.
 
     Raises:
         UsageError: the settings are wrong, or the file does not exist.
@@ -62,7 +62,7 @@ class PipeText:
         return clock.unix_offset_ns()
 
     def events(self) -> Iterator[Event]:
-        """Yield the events until the input ends or `close` is called."""
+        """Yield the events of the text until the input ends or `close` is called."""
         ready = select.poll()
         is_file = stat.S_ISREG(os.fstat(self._descriptor).st_mode)
         ready.register(self._descriptor, select.POLLIN)
@@ -90,7 +90,7 @@ class PipeText:
                 os.close(self._descriptor)
 
     def link_stats(self) -> LinkStats:
-        """Return the counts of bytes and lines that arrived, and of lines without a sample."""
+        """Return the counts of bytes, of lines with a sample, and of lines without a sample."""
         return self._events.link_stats()
 
     def close(self) -> None:
@@ -106,7 +106,7 @@ class SerialText:
     `unix_offset_ns`: offset from the monotonic clock to Unix time at the last event [ns].
 
     Raises:
-        UsageError: the settings are wrong, or there is no serial port.
+        UsageError: the settings are wrong, or the name of the port is.
     """
 
     live = prompt = True
@@ -118,7 +118,7 @@ class SerialText:
         self.unix_offset_ns = clock.unix_offset_ns()
 
     def events(self) -> Iterator[Event]:
-        """Yield the events until `close`; a separate thread reads the port."""
+        """Yield the events of the text until `close` is called. A separate thread reads the port."""
         self._reader.start()
         for item in self._reader.events(TICK_S):
             if item is not None:
@@ -141,7 +141,7 @@ class SerialText:
                 yield from self._events.feed(data, host_ns)
 
     def link_stats(self) -> LinkStats:
-        """Return the counts of lines that arrived, that were lost on the way, and that hold no sample."""
+        """Return the counts of bytes, of lost bytes, and of lines with and without a sample."""
         return self._events.link_stats(self._reader.port.overflow_bytes)
 
     def close(self) -> None:

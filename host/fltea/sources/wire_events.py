@@ -1,6 +1,9 @@
-"""Turns the bytes that a device sent into events, and watches for silence and faults.
+"""Turns the bytes that a device sent into events.
 
-It makes no difference whether the bytes come from a port (`fltea.sources.serial`) or from a recording.
+It also watches whether the device falls silent or reports faults.
+
+The bytes may come from a port (`fltea.sources.serial`), from messages, or from a recording. All are treated
+in the same way.
 """
 
 from collections.abc import Iterator
@@ -40,13 +43,16 @@ from fltea.wire.ports import TICK_NS
 from fltea.wire.sensors import NO_SENSOR, SENSORS, relative_text, sensor_name
 
 SILENCE_S = 5.0
-"""Time without bytes, or without readable frames, after which a trouble is reported [s]."""
+"""Time after which a trouble is reported if no bytes, no valid frames or no HELLO came [s]."""
 
 LIMIT_NS = int(SILENCE_S * 1e9)
 
 
 class Hints(NamedTuple):
-    """Advice for the user if a device sends nothing, or nothing readable."""
+    """Advice for the user.
+
+    `silent`: if a device sends nothing. `unreadable`: if nothing it sends can be read.
+    """
 
     silent: str
     unreadable: str
@@ -59,11 +65,13 @@ OF_A_PORT = Hints(
 
 
 class WireEvents:
-    """Turns transport events (bytes, and what happened to the port) into events.
+    """Turns transport events into events.
 
-    Each failure becomes a `Trouble`.
+    Transport events are bytes, and notes that the port was opened or failed.
 
-    `url`: name of the port in messages. `hints`: advice if no frames, or no bytes, arrive.
+    Each failure of the port or the device becomes a `Trouble`.
+
+    `url`: name of the port in messages. `hints`: advice for the user if no bytes or no valid frames arrive.
     """
 
     def __init__(self, url: str, hints: "Hints | None" = None) -> None:
@@ -71,7 +79,7 @@ class WireEvents:
         self._hints = hints or OF_A_PORT
         self._source = f"serial:{url}" if hints is None else url
         self.decoder = PortDecoder(LIMIT_NS, TICK_NS, REPEAT_NS)
-        self._said: Hello | None = None  # last accepted HELLO; most later HELLOs equal it
+        self._said: Hello | None = None  # the last accepted HELLO, which a device repeats
         self._sensor: tuple[int, int] | None = None
         self._reported_sensors = {NO_SENSOR}
         self._reported_faults = OnceAMinute()
@@ -90,9 +98,10 @@ class WireEvents:
 
         An `item` of None says that nothing came for a while.
 
-        Many reads together give the same events as the single reads, with ticks for the silence between them.
-        `now_ns`: present time of the monotonic clock [ns]; in a recording, the time of the event or of the
-        first read.
+        Many reads that are passed together give the same events as if they were passed one by one, including
+        ticks for the silence between the reads.
+        `now_ns`: present time of the monotonic clock [ns]. For a recording, it is the recorded time of the
+        event or of the first read.
         """
         match item:
             case Reads():
@@ -111,16 +120,16 @@ class WireEvents:
         yield from self._items()
 
     def pass_time(self, until_ns: int) -> Iterator[Event]:
-        """Yield the events that are due if the port was silent until the time `until_ns`."""
+        """Yield the events that become due until `until_ns` if the port was silent up to this time."""
         self.decoder.pass_time(until_ns)
         yield from self._items()
 
     def forgive(self, now_ns: int) -> None:
-        """Restart all timeouts, since the program did not listen to the device for a while."""
+        """Restart all timeouts, since the program could not listen to the device for a while."""
         self.decoder.forgive(now_ns)
 
     def resume(self, now_ns: int) -> None:
-        """Note when the program continued, so that its own pause is not taken for a silent device."""
+        """Note that the program continues now. Its own pause must not be taken for a silent device."""
         self.decoder.resume(now_ns)
 
     def link_stats(self, overflow_bytes: int = 0) -> LinkStats:
@@ -137,12 +146,15 @@ class WireEvents:
         )
 
     def _items(self) -> Iterator[Event]:
-        """Yield the events of all items that the native decoder has."""
+        """Yield the events of all items that wait in the native decoder."""
         while (item := self.decoder.next()) is not None:
             yield from self.events_of(item)
 
     def events_of(self, item: tuple[Any, ...]) -> Iterator[Event]:
-        """Yield the events of one item from `decoder`; call this before the next item is requested."""
+        """Yield the events of one item from `decoder`.
+
+        This must happen before the decoder is asked for the next item.
+        """
         match item:
             case "samples", columns:
                 yield RawBlock._make(columns)
@@ -189,7 +201,10 @@ class WireEvents:
                     yield Trouble("device_fault", f"{self.url}: {text}", host_ns, fatal=False)
 
     def _on_sensor(self, hello: wire.Hello, host_ns: int) -> Iterator[Trouble]:
-        """Report an unusual chip once; after a restart of the sensor, let its faults be reported again."""
+        """Report an unusual chip once.
+
+        After a restart of the sensor, let the sensor's faults be reported again.
+        """
         sensor, who = (hello.boot_id, hello.sensor_starts), hello.who_am_i
         if sensor != self._sensor:
             self._sensor = sensor
@@ -207,7 +222,7 @@ class WireEvents:
             yield Trouble("sensor_unknown", f"{self.url}: {text}", host_ns, fatal=False)
 
     def _explain(self, kind: str, unread_bytes: int) -> tuple[str, str]:
-        """Return kind and text of a trouble with the bytes that arrive."""
+        """Return kind and text of the trouble that the bytes of the last few seconds show."""
         if kind == "silent":
             text = f"{self.url} is open but has said nothing for {SILENCE_S:g} s. {self._hints.silent}"
             return "silent", text
@@ -219,7 +234,7 @@ class WireEvents:
 
 
 def hello_problem(hello: wire.Hello) -> str | None:
-    """Return why samples after this HELLO cannot be used; None if they can be used."""
+    """Return the reason why samples after this HELLO cannot be used. Return None if they can be used."""
     if not hello.sample_rate or not hello.gyro_lsb:
         return (
             f"its HELLO states a rate of {hello.sample_rate} mHz and {hello.gyro_lsb} tenths of an LSB per "

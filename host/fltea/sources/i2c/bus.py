@@ -1,4 +1,4 @@
-"""Opens a Linux I²C bus for one address, and explains failures."""
+"""Opens a Linux I²C bus for a sensor at one address, and explains failures."""
 
 import errno
 import fcntl
@@ -13,7 +13,9 @@ from smbus2 import SMBus
 from fltea.wire.permission import group_of, join_remedy, this_user
 
 I2C_TIMEOUT = 0x0702
-"""ioctl request of i2c-dev that sets the timeout of the whole adapter, in units of 10 ms."""
+"""Request to the kernel's driver i2c-dev (ioctl) that sets the timeout of the whole adapter, in units of 10
+ms.
+"""
 
 TRANSFER_LIMIT_S = 0.1
 """Time after which the kernel abandons a transfer [s].
@@ -34,7 +36,7 @@ class Bus(Protocol):
 
 
 def open_bus(path: str, address: int) -> Bus:
-    """Open a bus for one device on it.
+    """Open a bus for the sensor at one address.
 
     Raises:
         OSError: see `explain_open_failure`.
@@ -51,10 +53,10 @@ def open_bus(path: str, address: int) -> Bus:
 
 
 def take(fd: int, address: int) -> None:
-    """Lock the sensor for this process, since a second fltea would take some of the samples in its FIFO.
+    """Lock the sensor for this process. A second fltea would take some of the samples from its FIFO.
 
-    The lock covers one byte of the bus's device file, so that other addresses stay free. It ends when `fd` is
-    closed.
+    The lock covers the byte of the bus's device file whose number is the address, so that sensors at other
+    addresses stay free. The lock ends when `fd` is closed.
 
     Raises:
         OSError: another process has the lock (EAGAIN or EACCES).
@@ -64,7 +66,10 @@ def take(fd: int, address: int) -> None:
 
 
 def explain_open_failure(path: str, address: int, error: OSError) -> tuple[str, str]:
-    """Return kind and text of a failure to open a bus: what happened, the likely cause, and what to do."""
+    """Return kind and text of the `error` record about a bus that cannot be opened.
+
+    The text says what happened, the likely cause, and what to do.
+    """
     match error.errno:
         case errno.EAGAIN:
             return "port_busy", (

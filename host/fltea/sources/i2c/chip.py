@@ -1,6 +1,7 @@
-"""Describes one kind of sensor for the driver as plain values; `chips.py` lists all kinds.
+"""Describes one kind of sensor by plain values, which the driver uses. `chips.py` lists all kinds.
 
-A register is given by its number. For a chip with banks of registers, 256 times the bank's number is added.
+A register is given by its number. If the chip has banks of registers, 256 times the number of the register's
+bank is added.
 """
 
 from collections.abc import Callable, Mapping
@@ -9,14 +10,18 @@ from typing import NamedTuple
 
 
 class Setting(NamedTuple):
-    """A register and its value. `meaning`: mask of the bits that matter; other bits may differ on a clone."""
+    """A register and the value that is written to it.
+
+    `meaning`: mask of the bits that matter when the register is read back; the other bits may differ on a
+    clone.
+    """
 
     register: int
     value: int
     meaning: int
 
     def kept(self, value: int) -> bool:
-        """Return whether a register from which `value` was read still has this setting."""
+        """Return whether `value`, which was read from the register, agrees with this setting."""
         return not (value ^ self.value) & self.meaning
 
 
@@ -31,12 +36,13 @@ class Chip(NamedTuple):
     and the last selects which data enter the FIFO. `settle_s`: time that the gyroscope needs after the
     settings [s]. `checked`: first register and number of registers of each block that determines the samples'
     rate, scale and content. `restart`: registers and values whose writing empties the FIFO and starts to fill
-    it. `running`: setting that the chip has afterwards. `sample`: binary layout of one sample in the FIFO:
-    acceleration, temperature if the FIFO holds it, angular rate. `fifo_bytes`: number of the FIFO's bytes
-    that are used. `keeps_oldest`: whether a full FIFO keeps whole samples; otherwise an overflow destroys a
-    part of a sample. `overflow`: register and bits that report an overflow. `temperature`: register of the
-    thermometer if the FIFO does not hold the temperature. `bank_select`: register that selects the bank, if
-    the chip has banks.
+    it. `running`: setting of a register from which the driver confirms that the FIFO is being filled.
+    `sample`: binary layout of one sample in the FIFO: acceleration, temperature if the FIFO holds it, angular
+    rate. `fifo_bytes`: number of bytes of the FIFO that are used. `keeps_oldest`: whether a full FIFO keeps
+    whole samples; otherwise an overflow destroys a part of a sample. `overflow`: register that reports an
+    overflow, and the mask of its bits that do. `temperature`: register of the thermometer if the FIFO does
+    not hold the temperature.
+    `bank_select`: register that selects the bank, if the chip has banks.
     """
 
     rate_hz: float
@@ -71,7 +77,7 @@ class Chip(NamedTuple):
     def fifo_s(self) -> float:
         """Time that the samples of a full FIFO span [s].
 
-        The program may be delayed for this time without a loss.
+        The program may be delayed for this time without a loss of samples.
         """
         return self.fifo_samples / self.rate_hz
 
@@ -79,10 +85,11 @@ class Chip(NamedTuple):
 class Family(NamedTuple):
     """A family of chips that are identified and wired in the same way.
 
-    `name`: name in `&chip=` and in `wire.sensors.SENSORS`. `who_am_i`: register with the chip's identity.
+    `name`: name of the family in the URL (`&chip=`) and in `wire.sensors.SENSORS`. `who_am_i`: register with
+    the chip's identity.
     `addresses`: each possible address of the chip on the bus, with the wiring that sets this address.
-    `chip`: function that describes the chip with a given WHO_AM_I; 0 means that the identity is not known
-    yet.
+    `chip`: function that returns the description of the chip with a given WHO_AM_I. A WHO_AM_I of 0 means
+    that it is not known yet.
     """
 
     name: str
@@ -92,4 +99,6 @@ class Family(NamedTuple):
 
 
 AD0 = {0x68: "AD0 at GND", 0x69: "AD0 at 3.3 V"}
-"""Addresses of chips whose pin AD0 sets the lowest bit of the address, with the wiring of this pin."""
+"""Both addresses of a chip whose pin AD0 sets the lowest bit of its address, each with the wiring of this
+pin.
+"""

@@ -2,8 +2,8 @@
 
 The driver, `fltea doctor`, messages and pages use this table.
 
-A new chip needs a row in `wire.sensors.SENSORS`, a module in this folder with its registers and its `FAMILY`,
-and that module's name below. `tests/sources/test_chip_table.py` reports what is missing.
+To add a chip, add a row to `wire.sensors.SENSORS`, a module with its registers and its `FAMILY` to this
+folder, and the module's name to `CHIPS` below. `tests/sources/test_chip_table.py` reports what is missing.
 """
 
 from collections.abc import Callable, Iterable
@@ -16,11 +16,11 @@ CHIPS = {family.name: family for family in (mpu9250.FAMILY, icm20948.FAMILY)}
 """Families of chips by name, in the order in which the driver tries them."""
 
 ADDRESSES = {address: how for family in CHIPS.values() for address, how in family.addresses.items()}
-"""All possible addresses on the bus, with the wiring that gives a chip this address."""
+"""All addresses that a chip may have on the bus, each with the wiring that gives a chip this address."""
 
 
 def chip_of(who_am_i: int) -> Chip:
-    """Return the registers and settings of the known chip with this WHO_AM_I."""
+    """Return the description of the known chip with this WHO_AM_I: its registers and settings."""
     return CHIPS[SENSORS[who_am_i].family].chip(who_am_i)
 
 
@@ -33,10 +33,12 @@ def is_of(who_am_i: int, family: Family) -> bool:
 def ask_identity(
     ask: Callable[[Family], int], families: Iterable[Family], tries: int = 1
 ) -> tuple[int, bool]:
-    """Return the WHO_AM_I of a chip, and whether it is known. If no answer is known, return the first one.
+    """Return the WHO_AM_I of a chip, and whether it is known.
 
-    `ask`: function that reads the identity from a family's register. `tries`: number of reads for each
-    family.
+    If the chip gives no known WHO_AM_I, return its first answer.
+
+    `ask`: function that reads the WHO_AM_I from the register that a family uses for it. `tries`: number of
+    reads for each family.
     """
     first = None
     for family in families:

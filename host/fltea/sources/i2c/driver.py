@@ -1,8 +1,8 @@
 """Drives a sensor on a Linux I²C bus: identifies it, sets it up, and reads whole samples from its FIFO.
 
-The sensor's own clock sets the sampling rate, and the FIFO holds the samples. A transaction writes a
-register's number and then reads once, since the I²C controllers of the Raspberry Pi 1 to 4 refuse anything
-after a read.
+The sensor's own clock sets the sampling rate, and the FIFO holds the samples until they are read. A reading
+transaction writes a register's number and then reads once. It cannot have further parts, since the I²C
+controllers of the Raspberry Pi 1 to 4 refuse anything after a read.
 """
 
 import errno
@@ -18,22 +18,29 @@ from fltea.wire.layout import FaultCode
 from fltea.wire.sensors import SENSORS
 
 BURST_BYTES = 252
-"""Longest read [bytes], since some adapters transfer at most 255 bytes in one message."""
+"""Largest number of bytes that are read at once. Some adapters transfer at most 255 bytes in one message, and
+252 bytes are whole samples.
+"""
 
 TRIES = 3
 NOT_ACKNOWLEDGED = frozenset({errno.EREMOTEIO, errno.ENXIO})
-"""Errors that mean that the chip did not acknowledge its address or a register's number. Nothing was read, so
-a retry is safe.
+"""Error numbers of a transfer in which the chip did not acknowledge its address or a register's number.
+Nothing was read from the FIFO, so the transfer can be repeated without a loss.
 """
 PASSING = NOT_ACKNOWLEDGED | {errno.EIO, errno.ETIMEDOUT, errno.EAGAIN, errno.EINTR}
-"""Errors that concern a single transfer. Any other error concerns the bus itself and is raised unchanged."""
+"""Error numbers that concern a single transfer. Any other error concerns the bus itself, and is raised
+unchanged.
+"""
 
 Counts = tuple[tuple[int, ...], int, tuple[int, ...]]
-"""Counts of acceleration, of temperature, and of angular rate."""
+"""Raw values of one sample in counts: acceleration, temperature, and angular rate."""
 
 
 class SensorFault(Exception):
-    """Raised if the sensor answers, but wrongly. `detail`: as defined in protocol/README.md for FaultCode."""
+    """Raised if the sensor answers, but wrongly.
+
+    `detail`: detail of the fault, as protocol/README.md defines it for each `FaultCode`.
+    """
 
     def __init__(self, code: FaultCode, detail: int) -> None:
         super().__init__(code, detail)
@@ -42,7 +49,7 @@ class SensorFault(Exception):
 
 
 class TransferFailed(Exception):
-    """Raised if a transfer failed each time that it was tried."""
+    """Raised if a transfer failed at every attempt."""
 
     def __init__(self, error: OSError) -> None:
         super().__init__(error)
@@ -63,9 +70,10 @@ class Level(NamedTuple):
 class Driver:
     """Sets up and reads one sensor; the caller must set `bus` first.
 
-    `family`: name in `CHIPS` if the user gives it, else "". `now_ns`: function that reads the host's clock
-    [ns].
-    `i2c_errors`: number of transfers that failed, or that gave a wrong answer and then the right one.
+    `family`: name in `CHIPS` of the family to which the sensor belongs, if the user gives it, else "".
+    `now_ns`: function that reads the host's clock [ns].
+    `i2c_errors`: number of transfers that failed, or that gave a wrong answer first and the right one when
+    repeated.
     `retried`: whether a transfer was repeated since the caller last set this to False.
     """
 
@@ -73,7 +81,7 @@ class Driver:
         self.bus: Bus | None = None
         self.address = address
         self._families = [CHIPS[family]] if family else list(CHIPS.values())
-        self._family = self._families[0]  # family to which `chip` belongs
+        self._family = self._families[0]  # the family to which `self.chip` belongs
         self.chip = self._family.chip(0)
         self.i2c_errors = 0
         self.retried = False
@@ -89,14 +97,14 @@ class Driver:
             SensorFault: the chip is unknown, so its registers or scales may differ.
             TransferFailed: no chip answers at the address.
         """
-        # The identity is read twice for each family, since interference may flip a bit of an answer.
+        # The WHO_AM_I is read twice for each family, since interference may flip a bit of an answer.
         who_am_i, known = ask_identity(self._ask, self._families, tries=2)
         if not known:
             raise SensorFault(FaultCode.SENSOR_UNKNOWN, who_am_i)
         return who_am_i
 
     def start_reset(self, who_am_i: int) -> None:
-        """Reset every register; the caller must wait for the chip's `reset_s` before the next transfer."""
+        """Reset every register. The caller must wait for the chip's `reset_s` before the next transfer."""
         self._family = CHIPS[SENSORS[who_am_i].family]
         self.chip = chip_of(who_am_i)
         self._bank = None
@@ -104,7 +112,9 @@ class Driver:
         self._bank = None
 
     def configure(self) -> None:
-        """Write every setting and read it back; afterwards the gyroscope needs `settle_s` to settle.
+        """Write every setting and read it back.
+
+        Afterwards the gyroscope needs the chip's `settle_s` to settle.
 
         Raises:
             SensorFault: a register did not keep its setting.
@@ -117,8 +127,8 @@ class Driver:
     def check_settings(self) -> None:
         """Check that the registers still hold the settings for the samples' rate, scale and content.
 
-        A chip whose supply voltage failed for a moment answers as if nothing had happened, but with other
-        settings. So samples count as valid only if this check succeeds after they were read.
+        A chip whose supply voltage failed for a moment still answers, but its settings are reset. So samples
+        count as valid only if this check succeeds after the samples were read.
 
         Raises:
             SensorFault, TransferFailed: for the same reasons as in `configure`.
@@ -136,7 +146,7 @@ class Driver:
         self._overflowed = False
 
     def level(self) -> Level:
-        """Return the FIFO's fill level, with whether it overflowed since it was restarted."""
+        """Return the FIFO's fill level, and whether the FIFO has overflowed since its last restart."""
         chip = self.chip
         self._select(chip.fifo_count)
         before_ns = self._now_ns()
@@ -150,27 +160,27 @@ class Driver:
         return Level(count, self._overflowed or too_full, before_ns, after_ns)
 
     def read_samples(self, n: int) -> list[tuple[int, ...]]:
-        """Read the oldest `n` samples from the FIFO, at most `BURST_BYTES` bytes; return their counts.
+        """Return the counts of the oldest `n` samples in the FIFO, in total at most `BURST_BYTES` bytes.
 
         Raises:
             TransferFailed: the read failed; if the error's `acknowledged` is True, some bytes may be lost.
         """
-        # A failed transfer cannot be repeated, since the FIFO gives each byte only once.
+        # A transfer that broke off cannot be repeated, since the FIFO gives each byte only once.
         sample = self.chip.sample
         return list(sample.iter_unpack(self._read(self.chip.fifo_data, n * sample.size, NOT_ACKNOWLEDGED)))
 
     def counts(self, row: tuple[int, ...]) -> Counts:
         """Split a sample into the counts of acceleration, temperature and angular rate.
 
-        If the FIFO does not hold the temperature, the last `level` has read it.
+        If the FIFO does not hold the temperature, the last call of `level` has read it.
         """
         return row[:3], self._temperature if self.chip.temperature is not None else row[3], row[-3:]
 
     def _ask(self, family: Family) -> int:
-        """Read the chip's identity (WHO_AM_I) from the register that this family uses.
+        """Read the chip's WHO_AM_I from the register that this family uses for it.
 
-        The register's bank is selected only if the chip is known to have these banks, since the register that
-        selects it may do something else on another kind of chip.
+        The bank of this register is selected only if the chip is known to have these banks. On another kind
+        of chip, the register that selects the bank may do something else.
         """
         if family is self._family and self.chip.bank_select is not None:
             self._bank = None
@@ -178,9 +188,9 @@ class Driver:
         return self._transfer_read(family.who_am_i & 0xFF, 1, PASSING)[0]
 
     def _confirm(self, first: int, n: int, settings: list[Setting]) -> None:
-        """Check the settings in `n` registers.
+        """Check the settings in `n` successive registers from `first` on.
 
-        Read a wrong register again, since a bit may have flipped on the bus.
+        If one is wrong, read the registers once more, since a bit may have flipped on the bus.
         """
         for last_time in (False, True):
             values = self._read(first, n)
@@ -197,7 +207,7 @@ class Driver:
         bank = register >> 8
         if self.chip.bank_select is None or bank == self._bank:
             return
-        self._bank = None  # the bank is unknown until the write has succeeded
+        self._bank = None  # the selected bank is unknown until the write has succeeded
         message = i2c_msg.write(self.address, [self.chip.bank_select, bank << 4])
         self._transfer([message], PASSING)
         self._bank = bank

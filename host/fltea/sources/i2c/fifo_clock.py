@@ -1,6 +1,6 @@
-"""Estimates a sensor's clock from the times and fill levels of its FIFO, and numbers the samples.
+"""Estimates a sensor's clock from the fill levels of its FIFO at known times, and numbers the samples.
 
-The sensor does not count lost samples. Their number follows from the time between the samples before and
+The sensor does not count lost samples. Their number is computed from the time between the samples before and
 after the loss.
 """
 
@@ -12,23 +12,29 @@ from fltea.sources.clock_fit import fit_clock
 
 NS_PER_S = 1_000_000_000
 BLOCKS_KEPT = 60
-"""Number of one-second blocks that are kept: one minute, since the sensor's clock drifts as it warms up."""
+"""Number of seconds from each of which one arrival is kept for the clock fit. It is only one minute, since
+the sensor's clock drifts as the sensor warms up.
+"""
 
 DRIFT = 1e-4
 SPREAD_NS = 5_000_000
-"""Largest spread of the arrival times' delays [ns]. Divided by the time span, it bounds the error of the
-sensor clock's rate, apart from drift.
+"""Upper bound of the difference between the delays of two kept arrivals [ns]. Divided by the time that the
+kept arrivals span, it bounds the error of the measured clock rate, apart from drift.
 """
 PHASE_NS = 2_000_000
-"""Largest delay from sampling to arrival for the earliest arrival in a second [ns]."""
+"""Upper bound of the delay between sampling and arrival, for the arrival with the smallest delay in a second
+[ns].
+"""
 SLACK = 0.5
-"""Largest accepted difference between a number of samples and the number by time, beyond the bounds above."""
+"""Largest accepted difference between the number of samples in the FIFO and the number that the elapsed time
+allows [samples]. The errors that the bounds above allow are accepted in addition.
+"""
 
 
 class Resumed(NamedTuple):
     """Number of samples that were lost before those that wait in the FIFO.
 
-    The true number is within ±`doubt`.
+    The true number differs from `missing` by at most `doubt`.
     """
 
     missing: int
@@ -36,11 +42,12 @@ class Resumed(NamedTuple):
 
 
 class FifoClock:
-    """Numbers samples from 0, and relates these numbers to the host's time.
+    """Numbers samples from 0 on, and relates these numbers to the host's time.
 
     `rate_hz`: nominal sampling rate. `clock_error`: largest relative error of this rate before any
     measurement. `next`: number of the next sample. A sample always arrives later than it was taken, by a
-    varying delay. So only the earliest arrival in every second is used (`clock_fit`).
+    varying delay. So only the arrival with the smallest delay in every second is used for the clock fit
+    (`clock_fit`).
     """
 
     def __init__(self, rate_hz: float, clock_error: float) -> None:
@@ -49,9 +56,9 @@ class FifoClock:
         self.begin(rate_hz, clock_error)
 
     def begin(self, rate_hz: float, clock_error: float) -> None:
-        """Start to estimate the clock of a sensor that was set up, perhaps in place of another sensor.
+        """Start to estimate the clock of a sensor that was just set up. It may be another sensor than before.
 
-        The sample numbers continue.
+        The numbers of the samples continue.
         """
         self._nominal_ns = NS_PER_S / rate_hz
         self._block_samples = round(rate_hz)
@@ -59,7 +66,7 @@ class FifoClock:
         self.forget()
 
     def forget(self) -> None:
-        """Forget all measurements of the sensor's clock. The sample numbers continue."""
+        """Forget all measurements of the sensor's clock. The numbers of the samples continue."""
         self._blocks: deque[tuple[int, int]] = deque(maxlen=BLOCKS_KEPT)
         self._earliest: tuple[int, int] | None = None
         self._block_end = 0
@@ -67,9 +74,9 @@ class FifoClock:
         self._reference: tuple[int, float] | None = None
 
     def out_of_step(self, waiting: int, before_ns: int, after_ns: int) -> bool:
-        """Return whether `waiting` samples contradict the elapsed time.
+        """Return whether the elapsed time contradicts the number of samples that wait in the FIFO.
 
-        They were counted between `before_ns` and `after_ns`.
+        `waiting`: this number, which was read between `before_ns` and `after_ns`.
         """
         if self._reference is None or self._last_ns is None:
             return False
@@ -78,7 +85,7 @@ class FifoClock:
         return not least - SLACK <= waiting <= most + SLACK
 
     def resume(self, waiting: int, empty_ns: int, seen_ns: int) -> Resumed:
-        """Continue after a loss.
+        """Continue the numbers after a loss, and return how many samples were lost.
 
         The FIFO was empty at `empty_ns`, and held `waiting` samples at `seen_ns`.
         """
@@ -100,13 +107,15 @@ class FifoClock:
         return Resumed(step - 1, doubt)
 
     def take(self, n: int, waiting: int, seen_ns: int, *, timely: bool) -> list[tuple[int, int]]:
-        """Return number and arrival time of the `n` oldest of `waiting` samples, counted at `seen_ns`.
+        """Return number and arrival time of each of the `n` samples that are taken from the FIFO.
 
-        The newest sample had arrived at `seen_ns`. Each older sample arrived earlier, by the time that it has
-        waited. This time is computed with the fastest possible clock, so that no sample seems to arrive
-        before it was taken.
+        They are the oldest of the `waiting` samples that were counted at `seen_ns`.
 
-        `timely`: whether the samples were counted quickly, so that `seen_ns` can be used to estimate the
+        The newest of them counts as arrived at `seen_ns`. An older sample arrived earlier, by the time for
+        which it has waited in the FIFO. This time is computed for the fastest possible clock, which makes it
+        shortest, so that no sample seems to arrive before it was taken.
+
+        `timely`: whether the samples were counted so quickly that `seen_ns` can be used to estimate the
         clock.
         """
         shortest_ns = self._period_ns * (1 - self._clock_error())
@@ -155,13 +164,13 @@ class FifoClock:
         return known_ns + (number - known) * self._period_ns
 
     def _clock_error(self) -> float:
-        """Return an upper bound of the relative error of the sampling period."""
+        """Return an upper bound of the relative error of the estimated sampling period."""
         if len(self._blocks) < 2:
             return self._first_error
         span_ns = self._blocks[-1][1] - self._blocks[0][1]
         return min(self._first_error, DRIFT + SPREAD_NS / span_ns)
 
     def _error(self, at_ns: int) -> float:
-        """Return an upper bound of the error of the sample number that the clock predicts [samples]."""
+        """Return an upper bound of the error of the sample number that is predicted for a time [samples]."""
         known_ns = self._reference[1] if self._reference is not None else at_ns
         return (PHASE_NS + abs(at_ns - known_ns) * self._clock_error()) / self._period_ns

@@ -1,6 +1,6 @@
 """Reads a running sensor's samples from its FIFO, and numbers them.
 
-Samples that may be wrong are only counted.
+Samples that may be wrong are not passed on, but only counted.
 """
 
 from collections import Counter
@@ -14,11 +14,15 @@ from fltea.sources.i2c.fifo_clock import FifoClock
 from fltea.wire.layout import FaultCode, SampleFlags
 
 TIMELY_NS = 2_000_000
-"""Longest time for reading the FIFO's fill level with which the result serves to estimate the clock [ns]."""
+"""Longest time that reading the FIFO's fill level may take if the result is to be used to estimate the clock
+[ns].
+"""
 SILENT_NS = 100_000_000
 """Time without a sample after which the sensor counts as stopped [ns]."""
 MOST_EQUAL = 10
-"""A sensor counts as frozen after this many equal samples in succession, since noise always varies."""
+"""Number of equal samples in succession after which a sensor counts as frozen. A working sensor's noise makes
+its samples differ.
+"""
 INT16_ENDS = (32767, -32768)
 
 Row = tuple[int, ...]
@@ -26,7 +30,10 @@ Row = tuple[int, ...]
 
 
 class Loss(NamedTuple):
-    """Samples that were lost when the FIFO was emptied; the true number is within ±`doubt`."""
+    """Samples that were lost when the FIFO was emptied.
+
+    Their true number differs from `missing` by at most `doubt`.
+    """
 
     cause: str
     missing: int
@@ -34,9 +41,10 @@ class Loss(NamedTuple):
 
 
 def _not_of_empty_fifo(row: Row) -> bool:
-    """Return whether a row of counts is a sample.
+    """Return whether a row of counts is a sample, and was not read from an empty FIFO.
 
-    An empty FIFO repeats its last byte [4.37], so all bytes are equal.
+    A chip whose FIFO is empty repeats the last byte [register map, section 4.37], so all bytes of the row are
+    equal.
     """
     return len(set(row)) > 1 or row[0] & 0xFF != row[0] >> 8 & 0xFF
 
@@ -45,9 +53,9 @@ class FifoReader:
     """Reads one sensor that `driver` has set up.
 
     `now_ns`: function that reads the host's clock [ns]. `samples`: number of samples that were passed on.
-    `overruns`: number of sampling instants without a sample. `restarts`: number of restarts of the FIFO, by
-    cause.
-    `losses`: losses that are still to be reported.
+    `overruns`: number of sampling instants whose samples were lost or are not valid. `restarts`: number of
+    restarts of the FIFO, by cause.
+    `losses`: losses that have not been reported yet.
     """
 
     def __init__(self, driver: Driver, now_ns: Callable[[], int]) -> None:
@@ -69,14 +77,19 @@ class FifoReader:
 
     @property
     def hurry(self) -> bool:
-        """Whether to poll at once. After a loss, the time of the first sample shows how many were lost."""
+        """Whether to poll again at once.
+
+        After a loss, the arrival time of the first sample shows how many were lost, so it has to be measured
+        exactly.
+        """
         return self._restart_due or self._empty_ns is not None
 
     def begin(self) -> None:
-        """Start to read a sensor that was set up, and whose FIFO is being filled."""
+        """Start to read a sensor that was just set up, and whose FIFO is being filled."""
         chip = self._driver.chip
         last = max(0, self._clock.next - 1)
-        self._origin = (last, self._device_us(last))  # device time continues at the chip's nominal rate
+        # the device time continues, at the nominal rate of the chip that is read now
+        self._origin = (last, self._device_us(last))
         self._period_us = 1e6 / chip.rate_hz
         self._clock.begin(chip.rate_hz, chip.clock_error)
         self._last, self._equal = (), 0
@@ -87,7 +100,7 @@ class FifoReader:
 
         Raises:
             SensorFault: the sensor must be set up again.
-            TransferFailed: the bus is disturbed; the samples are still in the FIFO.
+            TransferFailed: a transfer failed since the bus is disturbed.
         """
         driver = self._driver
         if self._restart_due:
@@ -104,7 +117,8 @@ class FifoReader:
                 self._resume(waiting, self._empty_ns, level.after_ns)
             timely = doubt is None and level.after_ns - level.before_ns < TIMELY_NS
             numbers = self._clock.take(len(rows), waiting, level.after_ns, timely=timely)
-        self.overruns += len(rows)  # these samples count as lost until the settings are checked
+        # these samples count as lost until the check of the settings has succeeded
+        self.overruns += len(rows)
         if cause := doubt or cut_off:
             self._cause, self._restart_due = cause, True
         else:
@@ -120,13 +134,13 @@ class FifoReader:
         return samples
 
     def _level(self) -> tuple[Level, str | None]:
-        """Return the FIFO's fill level, and the reason why its contents cannot be read, or None."""
+        """Return the FIFO's fill level, and the reason why its contents may be wrong, or None."""
         level = self._driver.level()
         doubt = self._doubt(level)
         if doubt is None or level.overflowed:
             return level, doubt
-        # Interference may have flipped a bit, or a sample was just being written, so the level is read once
-        # more.
+        # The fill level seems wrong, but interference may have flipped a bit, or the sensor was just writing
+        # a sample. So the level is read once more.
         level = self._driver.level()
         doubt = self._doubt(level)
         self._driver.i2c_errors += doubt is None
@@ -145,8 +159,8 @@ class FifoReader:
     def _whole_samples(self, level: Level, doubt: str | None) -> int:
         """Return the number of whole samples in the FIFO.
 
-        `doubt`: reason why the contents may be wrong, or None. After an overflow, samples of some chips are
-        still whole.
+        `doubt`: reason why the contents may be wrong, or None. After an overflow, the FIFO of some chips
+        still holds whole samples; otherwise the result is 0 if there is a reason.
         """
         chip = self._driver.chip
         if doubt is None or (doubt == "overflow" and chip.keeps_oldest):
@@ -176,7 +190,10 @@ class FifoReader:
             self.losses.append(Loss(self._cause, missing, doubt))
 
     def _watch_overflow(self, level: Level, read: int) -> None:
-        """Restart the FIFO if it overflowed while the program was delayed after reading `level`."""
+        """Let the next poll restart the FIFO if it overflowed after `level` was read.
+
+        That may happen if the program was delayed.
+        """
         chip = self._driver.chip
         room = chip.fifo_bytes // chip.sample.size - read
         room_ns = room / chip.rate_hz * 1e9 * (1 - max(0.1, 2 * chip.clock_error))
@@ -194,14 +211,14 @@ class FifoReader:
         accel, temperature, gyro = self._driver.counts(row)
         if any(count in INT16_ENDS for count in gyro):
             flags |= SampleFlags.SATURATED
-        # The time is noted just after the samples are counted. Without this maximum, the next sample could
-        # seem to arrive before this one.
+        # `arrived_ns` is an estimate. Without this maximum, a sample could seem to arrive before the sample
+        # that precedes it.
         self._latest_ns = max(self._latest_ns, arrived_ns)
         sequence, device_us = number % SEQUENCE_WRAP, round(self._device_us(number)) % TIME_WRAP_US
         return RawSample(sequence, device_us, self._latest_ns, gyro, accel, temperature, int(flags))
 
     def _device_us(self, number: int) -> float:
-        """Return the nominal device time of a sample, computed from its number and the period [us]."""
+        """Return the nominal device time of a sample [us], from its number and the nominal period."""
         first, first_us = self._origin
         return first_us + (number - first) * self._period_us
 

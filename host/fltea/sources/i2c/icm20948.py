@@ -4,8 +4,8 @@ Numbers in brackets are sections of the data sheet. The numbers and bits of the 
 two widely used drivers, with which they agree: PX4's, and ICM20948_WE by W. Ewald. The chip has banks of
 registers; register 127 of each bank selects the bank [8.65].
 
-The FIFO is set to hold only acceleration and angular rate, since the data sheet does not say where in a
-sample the temperature would stand.
+The FIFO is set to hold only acceleration and angular rate. The temperature is read from its register, since
+the data sheet does not say where in a FIFO's sample it would stand.
 """
 
 from struct import Struct
@@ -14,7 +14,7 @@ from typing import Final
 from fltea.sources.i2c.chip import AD0, Chip, Family, Setting
 
 BANK_2: Final = 0x200
-"""Number that is added to the number of a register in bank 2."""
+"""Number that is added to the number of each register that is in bank 2."""
 
 WHO_AM_I: Final = 0x00
 """[8.1] Identity of the chip."""
@@ -60,21 +60,23 @@ ACCEL_CONFIG: Final = BANK_2 | 0x14
 """[10.15] Bits 5:3 ACCEL_DLPFCFG, 2:1 ACCEL_FS_SEL, 0 ACCEL_FCHOICE."""
 
 DIVIDER: Final = 8
-"""Divider for 125 Hz. Of the rates whose period is a whole number of milliseconds, it is nearest to 100
-Hz.
+"""Divider that gives 125 Hz. Of the chip's rates whose period is a whole number of milliseconds, 125 Hz is
+nearest to 100 Hz.
 """
 FIFO_EN: Final = 0x40
 ALL_FIFOS: Final = 0x1F
 
 SETTINGS = (
-    Setting(PWR_MGMT_1, 0x01, 0x6F),  # the chip is awake, and uses its best clock
-    Setting(PWR_MGMT_2, 0x00, 0x3F),  # all axes on
+    Setting(PWR_MGMT_1, 0x01, 0x6F),  # wakes the chip, and lets it use its best clock
+    Setting(PWR_MGMT_2, 0x00, 0x3F),  # switches all axes on
     Setting(GYRO_SMPLRT_DIV, DIVIDER, 0xFF),
-    Setting(GYRO_CONFIG_1, 0 << 3 | 3 << 1 | 1, 0x3F),  # low-pass filter of 196.6 Hz, range of ±2000 deg/s
+    # selects the low-pass filter of 196.6 Hz and the range ±2000 deg/s
+    Setting(GYRO_CONFIG_1, 0 << 3 | 3 << 1 | 1, 0x3F),
     Setting(ODR_ALIGN_EN, 0x01, 0x01),
     Setting(ACCEL_SMPLRT_DIV_1, 0, 0x0F),
     Setting(ACCEL_SMPLRT_DIV_2, DIVIDER, 0xFF),
-    Setting(ACCEL_CONFIG, 0 << 3 | 0 << 1 | 1, 0x3F),  # low-pass filter of 246 Hz, range of ±2 g
+    # selects the low-pass filter of 246 Hz and the range ±2 g
+    Setting(ACCEL_CONFIG, 0 << 3 | 0 << 1 | 1, 0x3F),
     Setting(INT_ENABLE_2, 0x01, 0x01),
     Setting(FIFO_MODE, 0x01, 0x01),
     Setting(FIFO_EN_1, 0x00, 0x0F),
@@ -83,15 +85,16 @@ SETTINGS = (
 
 ICM20948 = Chip(
     rate_hz=1125 / (1 + DIVIDER),
-    clock_error=0.1,  # the error of the PLL's frequency is within the range of TIMEBASE_CORRECTION_PLL [4.14]
-    gyro_range_dps=2000.0,  # [3.1, 3.2]
+    # the register TIMEBASE_CORRECTION_PLL can state no larger error of the PLL's frequency [4.14]
+    clock_error=0.1,
+    gyro_range_dps=2000.0,  # source of the ranges and sensitivities: [3.1, 3.2]
     gyro_lsb_per_dps=16.4,
     gyro_dlpf_hz=196.6,
     accel_range_g=2.0,
     accel_lsb_per_g=16384.0,
     reset=(PWR_MGMT_1, 0x80),
     reset_s=0.1,
-    settle_s=0.05,  # the gyroscope needs 35 ms from sleep, the chip's state after its reset [3.1]
+    settle_s=0.05,  # the gyroscope needs 35 ms to start from sleep, in which the chip is after a reset [3.1]
     settings=SETTINGS,
     checked=(
         (PWR_MGMT_1, 2),

@@ -13,11 +13,11 @@ SAMPLE = Struct(">7h")
 
 
 def mpu9250(who_am_i: int) -> Chip:
-    """Return the description of the chip with this WHO_AM_I; a clone is treated as an MPU-9250.
+    """Return the description of the chip with this WHO_AM_I. A clone is treated as an MPU-9250.
 
-    Sources for the FIFO: PS-MPU-9250A-01, 4.17; PS-MPU-6000A-00, 7.17. `clock_error` is three times the ±1 %
-    of PS-MPU-9250A-01, 4.15. An MPU-6050 has no FIFO_MODE, so an overflow of its FIFO destroys a part of a
-    sample.
+    The data sheets PS-MPU-9250A-01 (section 4.17) and PS-MPU-6000A-00 (section 7.17) describe the FIFO.
+    `clock_error` is three times the ±1 % in section 4.15 of PS-MPU-9250A-01. An MPU-6050 has no FIFO_MODE, so
+    an overflow of its FIFO destroys a part of a sample.
     """
     old = who_am_i == 0x68
     stop = 0 if old else reg.FIFO_MODE_STOP
@@ -35,14 +35,15 @@ def mpu9250(who_am_i: int) -> Chip:
     return Chip(
         rate_hz=RATE_HZ,
         clock_error=0.03,
-        gyro_range_dps=2000.0,  # PS-MPU-9250A-01, 3.1 and 3.2
+        gyro_range_dps=2000.0,  # source of the ranges: PS-MPU-9250A-01, 3.1 and 3.2
         gyro_lsb_per_dps=16.4,
         gyro_dlpf_hz=188.0 if old else 184.0,
         accel_range_g=2.0,
         accel_lsb_per_g=16384.0,
         reset=(reg.PWR_MGMT_1, reg.RESET),
-        reset_s=0.1,  # start-up time, by PS-MPU-9250A-01
-        # the gyroscope needs 35 ms after sleep [PS-MPU-9250A-01, 3.1], and an MPU-6050 sleeps after a reset
+        reset_s=0.1,  # start-up time in PS-MPU-9250A-01
+        # the gyroscope needs 35 ms to start from sleep [PS-MPU-9250A-01, 3.1], in which an MPU-6050 is after
+        # a reset
         settle_s=0.05,
         settings=tuple(s for s in settings if not (old and s.register == reg.ACCEL_CONFIG_2)),
         checked=((reg.SMPLRT_DIV, reg.FIFO_EN + 1 - reg.SMPLRT_DIV),),

@@ -1,7 +1,8 @@
-"""Registers of the MPU-9250 that the driver uses, with the names of firmware/core/mpu9250_registers.h.
+"""Registers of the MPU-9250 that the driver uses, named as in firmware/core/mpu9250_registers.h.
 
 Numbers in brackets are sections of the register map RM-MPU-9250A-00. The MPU-6050 (RM-MPU-6000A-00) has all
-these registers except ACCEL_CONFIG_2 and FIFO_MODE. A test compares the values in both files.
+these registers except ACCEL_CONFIG_2 and FIFO_MODE. A test compares the values here with those in the
+firmware's file.
 """
 
 from typing import Final

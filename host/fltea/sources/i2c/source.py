@@ -1,9 +1,9 @@
 """Reads one of the chips in `chips.CHIPS` on a Linux I²C bus; its URL is `i2c:///dev/i2c-1?addr=0x68`.
 
 The sensor's FIFO holds samples for `Chip.fifo_s`, so the program may be delayed by this time without a loss.
-The FIFO is read every 20 to 30 ms, at random times. If the times were multiples of the sensor's period, each
-read would come equally late after a sample, and slow changes of this delay would look like a drift of the
-clock.
+The FIFO is read every 20 to 30 ms, at random times. If it were read at multiples of the sensor's period, the
+delay between a sample and the read would change only slowly, and this change would look like a drift of the
+sensor's clock.
 """
 
 import hashlib
@@ -38,7 +38,7 @@ POLL_S = (0.02, 0.03)
 FRESH_POLL_S = 0.001
 SLICE_S = 0.05
 SET_UP_S = 1.0
-"""Time between two attempts to set up a chip [s]."""
+"""Time between two attempts to set up a chip that does not keep its settings or is unknown [s]."""
 PROBE_S = 0.1
 BACKOFF_S = (0.25, 0.5, 1.0, 2.0, 5.0)
 TICK_NS = 500_000_000
@@ -46,7 +46,7 @@ STATUS_NS = 1_000_000_000
 
 
 class SystemClock:
-    """Reads this computer's clock, and waits; tests replace it."""
+    """Reads this computer's clock, and waits for given times. Tests replace this class."""
 
     host_ns = staticmethod(clock.host_ns)
     unix_offset_ns = staticmethod(clock.unix_offset_ns)
@@ -54,11 +54,14 @@ class SystemClock:
 
 
 class _Closed(Exception):
-    """Raised within the source after `close` was called."""
+    """Raised inside `I2cSource.events` to end the iteration after `close` was called."""
 
 
 class Place(NamedTuple):
-    """Parts of the URL: path of the bus, address of the sensor, and its family if the user gives it."""
+    """Parts of the URL: path of the bus, address of the sensor, and the sensor's family.
+
+    The family is "" if the user does not give it.
+    """
 
     path: str
     address: int
@@ -94,14 +97,14 @@ def parse_url(rest: str) -> Place:
 
 
 def lost_polls(chip: Chip) -> int:
-    """Return the number of failed polls in a row after which the FIFO may have overflowed."""
+    """Return the number of polls that may fail in a row before the FIFO may have overflowed."""
     return math.ceil(chip.fifo_s / (sum(POLL_S) / 2))
 
 
 def device_id(path: str, address: int) -> str:
     """Return the device's ID, 32 hexadecimal digits.
 
-    They depend only on this computer, the bus and the address.
+    The ID depends only on this computer, the bus and the address, not on the sensor at this address.
     """
     try:
         machine = Path("/etc/machine-id").read_text(encoding="ascii").strip()
@@ -111,7 +114,7 @@ def device_id(path: str, address: int) -> str:
 
 
 class I2cSource:
-    """Reads the samples of one sensor; every failure becomes a `Trouble`, and reading continues.
+    """Reads the samples of one sensor. Every failure becomes a `Trouble`, and reading is tried again.
 
     `rest`: the part of the URL after `i2c:`. `open_bus`, `host`: replacements for the bus and the clock in
     tests.
@@ -146,7 +149,7 @@ class I2cSource:
     def events(self) -> Iterator[Event]:
         """Yield the sensor's events until `close`."""
         for event in self._events():
-            # recordings and the records of outputs use the same offset
+            # the offset is kept here so that recordings and the records of outputs use the same one
             self.unix_offset_ns = self._host.unix_offset_ns()
             yield event
 
@@ -162,7 +165,10 @@ class I2cSource:
             return
 
     def link_stats(self) -> LinkStats:
-        """Return the counts of samples as frames, and of the FIFO's restarts, by cause, as bad frames."""
+        """Return the counts of the connection.
+
+        Samples count as frames, and restarts of the FIFO, by their cause, as bad frames.
+        """
         return LinkStats(
             bytes=self._reader.samples * self._driver.chip.sample.size,
             frames=self._reader.samples,
@@ -171,7 +177,7 @@ class I2cSource:
         )
 
     def close(self) -> None:
-        """End the iteration of `events`; this releases the bus."""
+        """Let the iteration of `events` end, which also releases the bus."""
         self._closed = True
 
     def _use_bus(self) -> Iterator[Event]:
@@ -195,7 +201,7 @@ class I2cSource:
             bus.close()
 
     def _set_up(self) -> Generator[Event, None, bool]:
-        """Find the sensor and set it up; return whether it runs."""
+        """Find the sensor and set it up. Return whether the sensor now takes samples."""
         driver = self._driver
         try:
             self._who_am_i = driver.identify()
@@ -205,7 +211,8 @@ class I2cSource:
             return False
         except TransferFailed as failed:
             code = FaultCode.BUS_HELD if failed.acknowledged else FaultCode.SENSOR_MISSING
-            # the report comes after a pause, since the sensor may start later than this computer
+            # a missing sensor is reported only at the second attempt, since it may start later than this
+            # computer
             if self._unanswered:
                 yield from self._report_fault(code, self.address, fatal=True)
             self._unanswered = True
@@ -305,7 +312,10 @@ class I2cSource:
         yield from self._report("device_fault", name, text, fatal=fatal)
 
     def _report(self, kind: str, topic: str, text: str, *, fatal: bool = True) -> Iterator[Trouble]:
-        """Report a trouble, unless its topic was reported in the last minute and since the last set-up."""
+        """Report a trouble, unless its topic was already reported in the last minute.
+
+        A successful set-up of the sensor makes every topic reportable again.
+        """
         now_ns = self._host.host_ns()
         if self._reported.is_due(topic, now_ns):
             yield Trouble(kind, text, now_ns, fatal)
@@ -313,7 +323,7 @@ class I2cSource:
     def _wait(self, seconds: float) -> Iterator[Event]:
         """Wait, and yield ticks and statuses meanwhile.
 
-        Wait in short slices, since any thread may call `close`.
+        The method sleeps only for short times, to notice soon that another thread has called `close`.
         """
         end_ns = self._host.host_ns() + round(seconds * 1e9)
         while True:

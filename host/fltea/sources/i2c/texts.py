@@ -15,7 +15,7 @@ _WIRES = (
 def fault_text(code: FaultCode, detail: int, path: str, address: int) -> str:
     """Return the text about a fault of the sensor.
 
-    `detail`: as protocol/README.md defines it for the code.
+    `detail`: detail of the fault, as protocol/README.md defines it for this code.
     """
     match code:
         case FaultCode.SENSOR_MISSING:
@@ -42,7 +42,7 @@ def fault_text(code: FaultCode, detail: int, path: str, address: int) -> str:
 
 
 def bus_lost_text(path: str, error: OSError) -> str:
-    """Return the text about a failure of the bus itself."""
+    """Return the text that tells the user that the bus itself failed."""
     return (
         f"the I²C bus {path} was lost ({error}): its adapter was unplugged, its driver was unloaded, or it "
         "cannot do plain I²C transfers. It is opened again."
@@ -50,9 +50,10 @@ def bus_lost_text(path: str, error: OSError) -> str:
 
 
 def loss_text(cause: str, missing: int, doubt: int, fifo_s: float) -> tuple[str, str]:
-    """Return kind and text of a message about samples lost in the sensor's FIFO, which spans `fifo_s` [s].
+    """Return kind and text of a message about samples that were lost in the sensor's FIFO.
 
-    `missing`: number of lost samples; the true number is within ±`doubt`.
+    `missing`: number of lost samples; the true number differs from it by at most `doubt`. `fifo_s`: time that
+    the samples of a full FIFO span [s].
     """
     lost = f"{missing} samples are lost"
     if doubt:

@@ -1,4 +1,4 @@
-"""Sets up and opens a device's triggered buffer, and restores its settings at the end."""
+"""Sets up and opens a device's triggered buffer in the kernel, and restores its settings at the end."""
 
 import contextlib
 import errno
@@ -11,12 +11,13 @@ from fltea.sources.iio.scan import Element, ScanLayout, parse_element
 from fltea.sources.iio.sysfs import Attributes, choose_trigger, triggers
 
 KEPT_S, LATENCY_S = 2.0, 0.02
-"""`KEPT_S`: time for which the kernel keeps samples [s]. `LATENCY_S`: longest time until the kernel delivers
-a sample [s]."""
+"""`KEPT_S`: time for which the kernel keeps unread samples [s]. `LATENCY_S`: longest time until the kernel
+delivers a sample [s].
+"""
 
 CLOCK = "monotonic"
-"""Clock to choose for time stamps, if the driver offers a choice. The default clock jumps when the date is
-set.
+"""Clock that is chosen for the time stamps, if the driver offers a choice. The driver's default clock jumps
+when the computer's date is set.
 """
 
 HRTIMER = (
@@ -34,7 +35,7 @@ OWN_TRIGGER = (
 class Unusable(Exception):
     """Raised if the buffer cannot be used.
 
-    `kind`: kind of the `error` record. The text says why, and what to do.
+    `kind`: kind of the `error` record about it. The text says why the buffer cannot be used, and what to do.
     """
 
     def __init__(self, kind: str, text: str) -> None:
@@ -43,14 +44,14 @@ class Unusable(Exception):
 
 
 class Wishes(NamedTuple):
-    """The settings that the user asks for; None leaves a setting unchanged."""
+    """The settings of the device that the user asks for. None leaves a setting unchanged."""
 
     rate_hz: float | None = None
     trigger: str | None = None
 
 
 class Buffer:
-    """An open triggered buffer of some channels.
+    """An open triggered buffer with some channels of a device.
 
     `layout`: layout of a scan (one sample of all channels). `has_time`: whether scans contain time stamps
     [ns].
@@ -73,7 +74,7 @@ class Buffer:
     def close(self) -> None:
         """Switch the buffer off, and restore every setting that this class changed."""
         for path, before in reversed(self._undo):
-            with contextlib.suppress(OSError):  # the device may be gone
+            with contextlib.suppress(OSError):  # writing fails if the device was unplugged
                 path.write_text(before + "\n", encoding="utf-8")
         self._undo = []
         if self.fd >= 0:
@@ -87,8 +88,8 @@ class Buffer:
         except OSError as error:
             raise _explain_open(device, error) from error
         enable = f"{device.buffer}/enable"
-        # Since no program has the device node open, a buffer that is on was left on. It has to be off before
-        # settings are written.
+        # The device node could be opened, so no other program uses it. If its buffer is still on, an earlier
+        # program left it on. It has to be off before settings are written.
         self._set(enable, "0", undo=False)
         self._set_trigger(wishes)
         self._set_rate(wishes)
@@ -97,7 +98,8 @@ class Buffer:
         if self.has_time:
             elements.append(self._element("timestamp"))
             if device.has("current_timestamp_clock"):
-                with contextlib.suppress(Unusable):  # a failure does no harm, since any clock is good enough
+                # a failure does no harm, since samples can be read with any of the clocks
+                with contextlib.suppress(Unusable):
                     self._set("current_timestamp_clock", CLOCK)
         wanted = {element.name for element in elements}
         for path in sorted((device.folder / device.elements).glob("in_*_en")):
@@ -120,7 +122,7 @@ class Buffer:
     def _set_trigger(self, wishes: Wishes) -> None:
         device, file = self._device, "trigger/current_trigger"
         if not device.has(file):
-            return  # the chip's own FIFO fills the buffer, which needs no trigger
+            return  # this device needs no trigger, since the chip's own FIFO fills the buffer
         wanted, known = choose_trigger(self._root, device, wishes.trigger)
         if not wanted or (wishes.trigger is not None and wanted not in known):
             there = f"Triggers that exist: {', '.join(known)}" if known else "This machine has no trigger"
@@ -158,14 +160,15 @@ class Buffer:
         length = max(2, round(rate_hz * KEPT_S), int(device.number(f"{device.buffer}/length") or 0))
         self._set(f"{device.buffer}/length", str(length))
         if device.has(f"{device.buffer}/watermark"):
-            # a failure does no harm, since this setting only makes samples come sooner
+            # a failure does no harm: without this setting the samples only come later
             with contextlib.suppress(Unusable):
                 self._set(f"{device.buffer}/watermark", str(max(1, round(rate_hz * LATENCY_S))))
 
     def _set(self, name: str, value: str, *, undo: bool = True, after: str | None = None) -> None:
-        """Write a setting if its value differs.
+        """Write a setting if its present value differs.
 
-        `after`: value to write at the end; None: the previous value.
+        `undo`: whether `close` restores the setting. `after`: the value that `close` then writes; None stands
+        for the present value.
         """
         if after is None and self._device.text(name) == value:
             return

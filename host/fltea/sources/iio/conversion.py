@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 class Conversion(NamedTuple):
     """Converts the counts of a sensor's axes, (n, axes), to the values that records hold.
 
-    If the mount matrix only swaps axes or changes signs, whole counts stay counts, and `lsb` is the number of
-    counts per unit. Otherwise the results are in the unit (deg/s or m/s²), and `lsb` is None.
+    If all axes have one scale, all offsets are whole numbers, and the mount matrix only swaps axes or changes
+    signs, then the results are still whole counts. In this case `lsb` is the number of counts per unit.
+    Otherwise the results are in the unit (deg/s or m/s²), and `lsb` is None.
 
-    `matrix`: (axes, axes); it includes the scale if `lsb` is None. `offset`: (axes,), added to the counts.
+    `matrix`: mount matrix, (axes, axes); it includes the scale if `lsb` is None. `offset`: numbers that are
+    added to the counts first, (axes,).
     """
 
     lsb: float | None
@@ -22,7 +24,10 @@ class Conversion(NamedTuple):
     offset: NDArray[np.float64]
 
     def __call__(self, counts: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the converted counts, (n, axes): as counts if `lsb` is given, else in the unit."""
+        """Return the converted values, (n, axes).
+
+        They are counts if `lsb` is a number, and in the unit if it is None.
+        """
         values: NDArray[np.float64] = (counts + self.offset) @ self.matrix.T
         return values
 
@@ -32,8 +37,8 @@ def conversion(
 ) -> Conversion:
     """Return the conversion for axes with the given scales [units per count] and offsets [counts].
 
-    `mount`: rotation from the sensor's axes to the axes of the machine that it is mounted in, (3, 3); ignored
-    if there are fewer than three axes.
+    `mount`: mount matrix, (3, 3): the rotation from the sensor's axes to the axes of the machine in which the
+    sensor is mounted. It is ignored if there are fewer than three axes.
 
     Raises:
         ValueError: a scale is 0 or not finite, or the mount matrix is not a rotation.

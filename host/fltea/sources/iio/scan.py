@@ -1,4 +1,4 @@
-"""Decodes the scans of a triggered buffer; a scan holds one sample of each channel.
+"""Decodes the scans that are read from a triggered buffer. A scan holds one sample of each channel.
 
 The kernel documents the format in Documentation/driver-api/iio/buffers.rst and in the sysfs ABI
 (Documentation/ABI/testing/sysfs-bus-iio, `scan_elements`).
@@ -15,15 +15,16 @@ from fltea.records.events import Ints
 
 TYPE = re.compile(r"(be|le):([su])(\d{1,3})/(\d{1,3})(?:X(\d{1,3}))?>>(\d{1,3})")
 STORAGE_BITS = (8, 16, 32, 64)
-"""Possible sizes of a channel [bits]; the kernel aligns each channel to its size, a power of 2."""
+"""Possible sizes of one number of a channel [bits], which are powers of 2."""
 
 
 class Element(NamedTuple):
     """Description of one channel in a scan.
 
-    `name`: name such as `anglvel_x`. `place`: index among the channels. `bits`: number of significant bits,
-    after a right shift by `shift`, in a field of `storage_bits`. `repeat`: how many numbers the channel has
-    in a scan.
+    `name`: name such as `anglvel_x`. `place`: index of the channel among those in the scan. `storage_bits`:
+    size of the field that holds one number [bits]. `shift`, `bits`: after a shift to the right by `shift`
+    bits, the lowest `bits` bits of the field are the number. `repeat`: how many numbers the channel has in a
+    scan.
     """
 
     name: str
@@ -47,7 +48,7 @@ def parse_element(name: str, index: str, text: str) -> Element:
     A type is, for example, `le:s16/16>>0`.
 
     Raises:
-        ValueError: the content of the files contradicts the kernel's documentation.
+        ValueError: the content of the files does not have the form that the kernel documents.
     """
     found = TYPE.fullmatch(text.strip())
     if found is None or not index.strip().isdecimal():
@@ -77,7 +78,7 @@ class ScanLayout:
         self.size = -(-end // largest) * largest
 
     def decode(self, data: bytes | memoryview) -> dict[str, Ints]:
-        """Return the first number of each channel in every scan, each (scans,).
+        """Return, for each channel, its first number in every scan, (scans,).
 
         Raises:
             ValueError: the bytes are not a whole number of scans.

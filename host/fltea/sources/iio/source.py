@@ -1,7 +1,8 @@
 """Reads a gyroscope or IMU that has a driver in the Linux kernel: `iio:NAME_OR_PATH`.
 
-Samples come from the driver's triggered buffer, and its time stamps number them. A time stamp that comes too
-late for the next number shows that samples were lost. The time stamps also give the sampling rate.
+Samples come from the driver's triggered buffer, with time stamps from which their numbers are computed. A
+time stamp that is too late for the next number shows that samples were lost. The time stamps also give the
+sampling rate.
 """
 
 import math
@@ -33,8 +34,9 @@ READ_BYTES = 1 << 16
 PATIENCE_NS = 5 * 10**9
 BACKOFF_S = (0.25, 0.5, 1.0, 2.0, 5.0)
 RATE_TOLERANCE = 0.05
-"""Largest relative difference between the measured and the stated rate that is not reported; a chip's own
-oscillator is accurate to a few percent."""
+"""Largest relative difference between the measured rate and the rate that the driver states at which nothing
+is reported. A chip's own oscillator is accurate only to a few percent.
+"""
 
 
 class Place(NamedTuple):
@@ -76,7 +78,7 @@ def parse_url(rest: str) -> Place:
 
 
 class IioSource:
-    """Reads the samples of one device; each failure becomes a `Trouble`, and then the device is opened again.
+    """Reads the samples of one device. Each failure becomes a `Trouble`, and then the device is opened again.
 
     `rest`: the part of the URL after `iio:`. `unix_offset_ns`: offset from the monotonic clock to Unix time
     at the last event [ns].
@@ -120,7 +122,10 @@ class IioSource:
             yield from self._pause(BACKOFF_S[min(failures, len(BACKOFF_S) - 1)])
 
     def link_stats(self) -> LinkStats:
-        """Return the counts of samples as frames. Gaps in the samples' numbers show lost samples."""
+        """Return the counts of the connection, in which samples count as frames.
+
+        Lost samples are not counted here, since gaps in the samples' numbers show them.
+        """
         counts = {"duplicate_time": self._duplicates, "no_rate": self._unrated}
         return LinkStats(
             bytes=self._bytes,
@@ -130,13 +135,13 @@ class IioSource:
         )
 
     def close(self) -> None:
-        """End the iteration of `events`; this restores the device's settings."""
+        """Let the iteration of `events` end, which also restores the device's settings."""
         if not self._closed:
             self._closed = True
             os.write(self._closed_write, b"\0")
 
     def _use(self) -> Iterator[Event]:
-        """Open the device, and read samples until it is lost."""
+        """Open the device, and read samples until the device is lost."""
         device = self._find()
         channels = {kind: device.channels(kind) for kind in (GYRO, ACCEL)}
         if not channels[GYRO]:
@@ -267,7 +272,7 @@ class _Reader:
             )
 
     def take(self, data: bytes, now_ns: int) -> Iterator[Numbered]:
-        """Number the samples in whole scans, and yield their counts."""
+        """Number the samples of whole scans, and yield the samples' counts with these numbers."""
         counts = self._layout.decode(data)
         names = self._channels[GYRO] + self._channels[ACCEL]
         values = np.stack([counts[name] for name in names], axis=1).astype(np.float64)
@@ -281,7 +286,7 @@ class _Reader:
         return self.numbers.add(Arrived(values, time, ordinal), now_ns)
 
     def block(self, piece: Numbered) -> RawBlock:
-        """Return numbered samples as a block, with converted counts."""
+        """Return numbered samples as a block, in which their counts are converted."""
         axes = len(self._channels[GYRO])
         return RawBlock(
             piece.sequence % SEQUENCE_WRAP,
@@ -320,7 +325,7 @@ class _Reader:
 def conversion_of(device: Attributes, kind: str, channels: list[str], mounted: bool) -> Conversion:
     """Return the conversion of a sensor's channels from its driver's files.
 
-    `mounted`: whether to apply the mount matrix.
+    `kind`: sensor, "anglvel" or "accel". `mounted`: whether to apply the mount matrix.
 
     Raises:
         Unusable: the sensor has no scale, or one of its files has an impossible value.

@@ -1,8 +1,10 @@
-"""Reads IIO devices in the form that the kernel gives: folders of small files in /sys, and a node in /dev.
+"""Reads the files in which the kernel shows IIO devices.
+
+A device has a folder of small files in /sys, and a node in /dev.
 
 The kernel's files are read without the library libiio. The Python binding of libiio in Debian 12 (0.24) is
-installed for the system's Python only, and the binding on PyPI (1.0) does not fit Debian's library. Neither
-can read files in another folder, so this module could not be tested with copies of these files. The kernel's
+installed for the system's Python only, and the binding on PyPI (1.0) does not fit Debian's library. Both read
+the files in /sys only, so that tests could not use copies of these files in another folder. The kernel's
 files are a stable interface (Documentation/ABI/testing/sysfs-bus-iio).
 """
 
@@ -18,7 +20,10 @@ AXES = ("x", "y", "z")
 
 
 class Attributes:
-    """Reads the files of a device. `folder`: folder with these files. `node`: the device's node in /dev."""
+    """Reads the small files of a device.
+
+    `folder`: folder with these files in /sys. `node`: the device's node in /dev.
+    """
 
     def __init__(self, folder: Path, node: Path) -> None:
         self.folder, self.node = folder, node
@@ -66,22 +71,26 @@ class Attributes:
         return "scan_elements" if self.has("scan_elements") else "buffer0"
 
     def channels(self, kind: str) -> list[str]:
-        """Return the channels of a sensor that the buffer can contain: `anglvel_x` …, or only `anglvel`."""
+        """Return the names of a sensor's channels that the buffer can contain.
+
+        They are `anglvel_x` and so on, or only `anglvel` for a sensor of one axis.
+        """
         names = [*(f"{kind}_{axis}" for axis in AXES), kind]
         return [name for name in names if self.has(f"{self.elements}/in_{name}_en")]
 
     def of_channel(self, channel: str, what: str) -> float | None:
         """Return a number that describes a channel, such as its scale or offset.
 
-        The number is the channel's own, or else that of all channels of the same kind.
+        If the channel has no such number of its own, the result is the number for all channels of its kind.
         """
         kind = channel.partition("_")[0]
         return self.number(f"in_{channel}_{what}", f"in_{kind}_{what}")
 
     def mount_matrix(self, kind: str) -> str:
-        """Return a sensor's mount matrix, or that of all inputs, or that of the device.
+        """Return the text of a sensor's mount matrix.
 
-        The result is "" if none of these is stated.
+        If the sensor has none of its own, the result is the matrix of all inputs, or else that of the device.
+        It is "" if none of these is stated.
         """
         names = (f"in_{kind}_mount_matrix", "in_mount_matrix", "mount_matrix")
         return next((text for name in names if (text := self.text(name))), "")
@@ -95,7 +104,7 @@ class Attributes:
     def rate_file(self) -> str | None:
         """Return the file with the sampling rate.
 
-        The result is None if the device has no such file (its trigger may have one).
+        The result is None if the device has no such file. Its trigger may then have one.
         """
         names = (f"in_{GYRO}_sampling_frequency", f"in_{GYRO}_x_sampling_frequency", "sampling_frequency")
         return next((name for name in names if self.has(name)), None)
@@ -107,7 +116,10 @@ class Attributes:
 
 
 class Trigger(NamedTuple):
-    """A trigger, which makes a device take a sample. `folder`: folder of the trigger in /sys."""
+    """A trigger of the kernel, which makes a device take a sample.
+
+    `folder`: folder of the trigger in /sys.
+    """
 
     name: str
     folder: Path
@@ -129,10 +141,11 @@ def triggers(root: Path) -> list[Trigger]:
 
 
 def choose_trigger(root: Path, device: Attributes, wish: str | None) -> tuple[str, list[str]]:
-    """Return the name of the trigger for a device, and all triggers of the machine.
+    """Return the name of the trigger to use for a device, and the names of all triggers of the machine.
 
-    The result is the trigger that the user wants, or else the device's present trigger, or else the chip's
-    own trigger, or else "". A wanted or present trigger may not exist on this machine.
+    The trigger to use is the one that the user wants. If the user wants none, it is the device's present
+    trigger, or else the chip's own trigger, or else "". It is not checked whether a wanted or present trigger
+    exists on this machine.
     """
     known = [trigger.name for trigger in triggers(root)]
     own = next((name for name in known if name.startswith(device.name)), "")
@@ -150,6 +163,9 @@ def find(root: Path, what: str) -> list[Attributes]:
 
 
 def root_of(what: str) -> Path:
-    """Return the folder that is used as /: another one if `what` is a path in the sys folder below it."""
+    """Return the folder that is used as the root folder /.
+
+    It is another folder if `what` is a path to a device in a copy of /sys below that folder.
+    """
     before, found, _ = what.partition(f"/{DEVICES}/")
     return Path(before or "/") if found else Path("/")
