@@ -92,11 +92,12 @@ class SourceKind(NamedTuple):
     """A kind of source, which the scheme of its URL names.
 
     Attributes:
-        example: an example of its URL, for messages. open: function that returns the source for the part of
-        the URL after the colon. None if a source of this kind has many devices; `service.ingest` opens it
-        then. samples_only: whether its devices only send samples and make no estimates themselves. described:
-        whether the user may describe its columns, units and rate by options. may_be_bare: whether the URL may
-        end right after the colon.
+        example: an example of its URL, for messages.
+        open: function that returns the source for the part of the URL after the colon. None if a source of
+            this kind has many devices; `service.ingest` opens it then.
+        samples_only: whether its devices only send samples and make no estimates themselves.
+        described: whether the user may describe its columns, units and rate by options.
+        may_be_bare: whether the URL may end right after the colon.
     """
 
     example: str

@@ -4,7 +4,8 @@
     B  bias instability    σ = B √(2 ln 2 / π)      slope 0, or the lowest point
     K  rate random walk    σ = K √(τ / 3)           slope +1/2, read at τ = 3 s
 
-A coefficient is None, with the reason, where the curve has no stretch of its slope.
+If no stretch of the curve has the slope of a coefficient, the coefficient's value is None, and its reason
+says why.
 """
 
 import math
@@ -18,15 +19,21 @@ from fltea.records.fit import Interval
 from fltea.records.units import FLICKER, HOUR
 
 FEWEST_DOF = 6.0
-"""Points with fewer degrees of freedom are not read: their deviation is uncertain by half its value."""
+"""Points of the curve with fewer degrees of freedom than this are not used: their deviation is uncertain by
+half its value.
+"""
 SPAN = 3.0
-"""A coefficient is read from a range of points whose last τ is at least this multiple of its first τ."""
+"""A coefficient is read from a range of points only if the range's last τ is at least this multiple of its
+first τ.
+"""
 TOLERANCE = 0.1
 K_TOLERANCE = 0.25
-"""The tolerance of K's slope is wide: the curve is uncertain at long τ, and no other slope is near."""
+"""Tolerance of the slope +1/2 for K. It is wider than TOLERANCE, since the curve is uncertain at long τ, and
+no other kind of noise has a slope near +1/2.
+"""
 FEWEST_AVERAGED = 5
-"""Smallest τ for K, in samples: below it, the Allan deviation of a sampled random walk exceeds that of a
-continuous one by more than 1 %.
+"""Smallest averaging time τ from which K or a flat stretch is read, in samples. At shorter τ, the Allan
+deviation of a sampled random walk exceeds that of a continuous random walk by more than 1 %.
 """
 
 
@@ -38,23 +45,23 @@ filter that tracks the bias and estimates the random walk of its offset.
 
 
 class Coefficient(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One of the coefficients N, B and K; `value` is None where it is not known, and `reason` says why.
+    """One of the coefficients N, B and K. If it is not known, `value` is None, and `reason` says why.
 
-    `low` and `high` are the ends of the 95 % interval. A coefficient that is read from a curve has the
-    relative interval of the point with the largest weight.
+    `low` and `high` are the ends of the 95 % interval. If the coefficient is read from several points of a
+    curve, its relative interval is that of the point with the largest weight.
     """
 
     value: float | None
     low: float | None = None
     high: float | None = None
     tau_from_s: float | None = None
-    """The first averaging time at which the coefficient was read."""
+    """The shortest averaging time of the points from which the coefficient was read [s]."""
     tau_to_s: float | None = None
     reason: str = ""
     of: Source = "curve"
     """The source from which the coefficient was read."""
     at_most: float | None = None
-    """Upper bound, with 95 % probability, of a coefficient that is not known; None without a bound."""
+    """Upper bound of the coefficient with 95 % probability; None if no bound is known."""
 
     @property
     def interval(self) -> Interval:
@@ -63,7 +70,7 @@ class Coefficient(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Coefficients(NamedTuple):
-    """N, B and K. For a curve in unit u: N in u·√s, B in u, K in u/√s."""
+    """The coefficients N, B and K. For a curve in the unit u, N is in u·√s, B in u and K in u/√s."""
 
     N: Coefficient
     B: Coefficient
@@ -76,15 +83,15 @@ class Points(NamedTuple):
     tau_s: Array
     deviation: Array
     low: Array
-    """Ends of the 95 % intervals of the deviations."""
+    """`low` and `high`: ends of the 95 % intervals of the deviations."""
     high: Array
     degrees_of_freedom: Array
     slope: Array
-    """The local slope of log σ against log τ."""
+    """Slope of log σ over log τ around each point."""
 
 
 def coefficients(points: Points, h: float, unit: str = "deg/s") -> Coefficients:
-    """Read N, B and K from a curve of Allan deviation in `unit`; `h`: sampling period [s]."""
+    """Read N, B and K from a curve of Allan deviation in `unit`. `h`: sampling period [s]."""
     curve = _Curve(points, h, unit)
     if not len(curve.tau):
         none = Coefficient(None, reason="no point of the curve is known well enough: record longer")
@@ -94,7 +101,10 @@ def coefficients(points: Points, h: float, unit: str = "deg/s") -> Coefficients:
 
 
 def not_known(why: str, at_most: float, unit: str) -> Coefficient:
-    """Return a B without a value: `why` is the reason, `at_most` its upper bound in the unit of the curve."""
+    """Return a coefficient B whose value is not known.
+
+    `why`: the reason. `at_most`: upper bound of B in the unit of the curve.
+    """
     shown = f"{at_most * HOUR:.3g} deg/h" if unit == "deg/s" else f"{at_most:.3g} {unit}"
     return Coefficient(None, reason=f"{why}; B is at most {shown}: record longer", at_most=at_most)
 
@@ -105,11 +115,12 @@ def times(value: float | None, factor: float) -> float | None:
 
 
 class _Curve:
-    """The points of the curve that are used, and the local slope at each point."""
+    """The points of the curve that are known well enough to be used, with the local slope at each."""
 
     def __init__(self, points: Points, h: float, unit: str) -> None:
         self.h, self.unit = h, unit
-        # Degrees of freedom fall as τ rises, except for jumps where the kind of noise changes.
+        # All points from the first one with too few degrees of freedom on are left out: the degrees of
+        # freedom fall as τ rises, except for jumps where the kind of noise changes.
         poor = np.flatnonzero(points.degrees_of_freedom < FEWEST_DOF)
         use = slice(0, int(poor[0]) if poor.size else len(points.tau_s))
         self.tau, self.deviation, self.low, self.high, self.dof, self.slope = (one[use] for one in points)
@@ -117,8 +128,8 @@ class _Curve:
     def stretch(self, slope: float, tolerance: float, from_s: float = 0.0) -> slice | None:
         """Return the longest range of points whose slope is `slope` within `tolerance`.
 
-        Only averaging times from `from_s` on count. The result is None if even the longest range is shorter
-        than SPAN.
+        Only averaging times from `from_s` on count. The result is None if the last τ of even the longest
+        range is less than SPAN times its first τ.
         """
         inside = (np.abs(self.slope - slope) <= tolerance) & (self.tau >= from_s * (1 - 1e-9))
         edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]])))
@@ -129,9 +140,10 @@ class _Curve:
         return best
 
     def line(self, part: slice, slope: float, at_s: float) -> Coefficient:
-        """Return the value at `at_s` of a line of this slope, fitted to the points of `part`.
+        """Return the value at τ = `at_s` of a line that is fitted to the points of `part`.
 
-        The points are weighted by their degrees of freedom.
+        In log σ over log τ, the line has the slope `slope`. The points are weighted by their degrees of
+        freedom.
         """
         log_line = np.log(self.deviation[part]) - slope * np.log(self.tau[part] / at_s)
         value = float(np.exp(np.average(log_line, weights=self.dof[part])))
@@ -142,7 +154,7 @@ class _Curve:
         )
 
     def point(self, i: int) -> Coefficient:
-        """Return point `i` of the curve as a coefficient."""
+        """Return the deviation at point `i` of the curve, with its interval and τ, as a coefficient."""
         tau = float(self.tau[i])
         return Coefficient(float(self.deviation[i]), float(self.low[i]), float(self.high[i]), tau, tau)
 
@@ -160,8 +172,9 @@ def _bias_instability(c: _Curve, n: float | None) -> Coefficient:
     flat = c.stretch(0.0, TOLERANCE, FEWEST_AVERAGED * c.h)
     if flat is not None:
         floor = c.line(flat, 0.0, 1.0)
-        # A curve can have flat stretches above its minimum, such as the crest of a slow relaxation. The flat
-        # stretch of B holds the lowest point, or comes as near to it as one standard deviation.
+        # A curve can also be flat above its minimum, for example at the crest that a slow relaxation makes.
+        # So B is read from a flat stretch only if the stretch contains the lowest point, or is at most one
+        # standard deviation above it.
         near = c.deviation[i] * (1 + 1 / math.sqrt(2 * c.dof[i]))
         if floor.value is not None and (flat.start <= i < flat.stop or floor.value <= near):
             most = float(c.high[i]) / FLICKER

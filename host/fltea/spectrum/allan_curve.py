@@ -1,8 +1,8 @@
-"""Overlapping Allan deviation with 95 % intervals, from Allan variances that other code has summed.
+"""Overlapping Allan deviation with 95 % intervals, computed from Allan variances.
 
-The intervals follow NIST SP 1065 (Riley, 2008), section 5.3: chi-squared, with the degrees of freedom of the
-kind of noise that the local slope of the curve indicates. `allan_coefficients` reads N, B and K from the
-curve.
+The Allan variances come from sums over the samples, which other code computes. The intervals follow NIST SP
+1065 (Riley, 2008), section 5.3: they are those of χ² with the degrees of freedom of one kind of noise. The
+local slope of the curve indicates this kind of noise. `allan_coefficients` reads N, B and K from the curve.
 """
 
 import math
@@ -25,24 +25,24 @@ CONFIDENCE = 0.95
 SHORTEST_RECORD = 100
 """Fewest samples for an Allan deviation."""
 LONGEST_SHARE = 1 / 3
-"""Longest averaging time of the live curve, as a share of the length of the record."""
+"""Ratio of the live curve's longest averaging time to the length of the record."""
 AROUND = 2.0
 """The local slope at an averaging time τ is fitted to the points from τ / AROUND to τ · AROUND."""
 
 
 class Allan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """An Allan deviation curve and the N, B and K read from it, in the unit of the samples (deg/s, m/s²)."""
+    """An Allan deviation curve in the unit of the samples (deg/s or m/s²), and N, B and K."""
 
     tau_s: tuple[float, ...]
     deviation: tuple[float, ...]
     low: tuple[float, ...]
-    """Ends of the 95 % intervals."""
+    """`low` and `high`: ends of the 95 % intervals of the deviations."""
     high: tuple[float, ...]
     degrees_of_freedom: tuple[float, ...]
     differences: tuple[float, ...]
-    """Number of averaged differences between neighbouring means, at each averaging time."""
+    """For each averaging time, the number of differences between neighbouring means that were averaged."""
     N: Coefficient
-    """N in the unit of the samples over √Hz, such as deg/√s for samples in deg/s."""
+    """N in the unit of the samples per √Hz, such as (deg/s)/√Hz, which is deg/√s, for samples in deg/s."""
     B: Coefficient
     K: Coefficient
     """K in the unit of the samples per √s."""
@@ -51,20 +51,21 @@ class Allan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @classmethod
     def of(cls, found: Points, differences: ArrayLike, h: float, unit: str) -> "Allan":
-        """Return the curve of these points, with N, B and K read from the curve alone.
+        """Return the curve with the points `found`, and with N, B and K read from this curve alone.
 
-        `differences` (k,): number of differences that were averaged at each point. `h`: sampling period [s].
+        `differences` (k,): for each point, the number of differences between neighbouring means that were
+        averaged. `h`: sampling period [s].
         """
         tau, deviation, low, high, degrees, _ = (tuple(one.tolist()) for one in found)
         count = tuple(np.asarray(differences, dtype=np.float64).tolist())
         return cls(tau, deviation, low, high, degrees, count, *coefficients(found, h, unit))
 
     def with_model(self, f: CandidateModels, stands: FittedModel, level: Level, unit: str) -> "Allan":
-        """Return the curve with N and K of the noise model `stands`, with B, and with the model's own curve.
+        """Return this curve with N, B and K by the noise model `stands`, and with the model's own curve.
 
-        The model gives a better N and K than the curve. At short averaging times, a filter that removes power
-        bends the curve. At long averaging times, all other parts of the noise bend it. The fit of the
-        spectrum accounts for both. `level`: N and K of the model.
+        The model gives a better N and K than the curve. At short averaging times, the curve is bent by any
+        filter that removes power. At long averaging times, it is bent by all other parts of the noise. The
+        model, which is fitted to the spectrum, accounts for both. `level`: N and K of the model.
         """
         N, K = level.N, level.K
         no_walk = "" if K.value is not None else "no part of the noise is a random walk"
@@ -88,11 +89,11 @@ class Allan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 def live_allan(
     factors: ArrayLike, avar: ArrayLike, terms: ArrayLike, samples: float, h: float, unit: str = "deg/s"
 ) -> Allan:
-    """Return the curve of running sums, for averaging times up to a third of the record.
+    """Return the curve that running sums give, for averaging times up to a third of the record.
 
     `factors` (k,): averaging times in samples, rising. `avar` (k,): Allan variances in the square of `unit`.
-    `terms` (k,): effective number of averaged terms, as `_native.AllanSums` has them. `samples`: number of
-    samples in the sums. `h`: sampling period [s].
+    `terms` (k,): effective number of differences that each variance averages, as `_native.AllanSums` counts
+    them. `samples`: number of samples in the sums. `h`: sampling period [s].
 
     Raises:
         ValueError: there are fewer than SHORTEST_RECORD samples, the axis is constant, or h is not positive.
@@ -118,12 +119,12 @@ def fit_allan(
     noise: FittedModel,
     N: float | None,
 ) -> FitAllan | None:
-    """Return the curve for the output record `fit`, and beside it the curve of the model `noise`.
+    """Return the curve for the output record `fit`, which also contains the curve of the model `noise`.
 
     The result is None while there are too few samples or the axis is constant. `noise` is one of the models
     in `f`. `sums`: averaging times in samples, Allan variances and terms, as `live_allan` takes them.
     `samples`: number of samples in these sums. `h`: sampling period [s]. `N`: the angle random walk of
-    `noise`. It is not read from the curve, since other parts of the noise bend the curve.
+    `noise`, which replaces the one read from the curve, since other parts of the noise bend the curve.
     """
     factors, avar, terms = sums
     try:
@@ -158,16 +159,19 @@ def checked(samples: float, h: float) -> None:
 def points(
     factors: ArrayLike, deviation: Array, h: float, dof: Callable[[NDArray[np.int64]], Array]
 ) -> Points:
-    """Return the Allan deviations above 0, with 95 % intervals. `h`: sampling period [s].
+    """Return the points of a curve of Allan deviations above 0, with 95 % intervals.
 
-    `factors`: averaging times in samples. `dof`: a function that takes, for every point, the exponent (0 to
-    -2) of the noise's power spectrum there, and returns the degrees of freedom of every point.
+    `h`: sampling period [s].
+
+    `factors`: averaging times in samples. `dof`: function that returns the degrees of freedom of all points.
+    It takes, for each point, the exponent (0 to -2) of the noise's power spectrum at the frequencies around
+    1/τ.
     """
     tau = np.asarray(factors, dtype=np.float64) * h
     slope = local_slopes(tau, deviation)
-    # Where σ ∝ τ^(μ/2), the noise has a spectrum ∝ f^(-1 - μ). Noise that rises with the frequency has more
-    # degrees of freedom than white noise, so treating it as white makes the interval too wide, never too
-    # narrow.
+    # Where the Allan deviation is ∝ τ^(μ/2), the noise has a spectrum ∝ f^(-1 - μ). A spectrum that rises
+    # with the frequency f is treated as white here. Its deviations have more degrees of freedom than those of
+    # white noise, so the interval becomes too wide, never too narrow.
     degrees = dof(np.clip(np.rint(-1 - 2 * slope), -2, 0).astype(np.int64))
     outside = (1 - CONFIDENCE) / 2
     low = deviation * np.sqrt(degrees / chi2_quantile(1 - outside, degrees))
@@ -176,7 +180,7 @@ def points(
 
 
 def local_slopes(tau: Array, deviation: Array) -> Array:
-    """Return the slope of log σ against log τ around each point."""
+    """Return the slope of the logarithm of the deviation over log τ around each point."""
     x, z = np.log(tau), np.log(np.maximum(deviation, np.finfo(np.float64).tiny))
     near = np.abs(x[:, np.newaxis] - x) <= math.log(AROUND) * (1 + 1e-9)
     count = near.sum(axis=1)

@@ -1,8 +1,8 @@
 """Degrees of freedom of overlapping Allan variances, for white noise, 1/f noise and a random walk.
 
-C. A. Greenhall and W. J. Riley, "Uncertainty of stability variances based on finite differences", PTTI 2003,
-equations 7 to 10 and 13; also in W. J. Riley, NIST SP 1065 (2008), 5.4.1. Their sum is exact for an estimate
-in which a block of m samples begins every m / S samples.
+The formulas are those of C. A. Greenhall and W. J. Riley, "Uncertainty of stability variances based on finite
+differences", PTTI 2003, equations 7 to 10 and 13. They are also in W. J. Riley, NIST SP 1065 (2008), 5.4.1.
+They are exact for an Allan variance whose blocks have m samples and begin every m / S samples.
 """
 
 import functools
@@ -13,24 +13,28 @@ from numpy.typing import ArrayLike
 from fltea.records.arrays import Array
 
 PARTS = 8
-"""Number S of blocks that begin within the length of a block of running sums (host/native/allan_sums.hpp)."""
+"""Number S for the running sums of host/native/allan_sums.hpp: this many blocks begin within the length of a
+block.
+"""
 FULL_PARTS = 64
-"""Where a block begins at every sample, at most this many blocks within the length of a block are counted."""
+"""Largest number S that is used for an Allan variance in which a block begins at every sample."""
 FINITE = 33
-"""For blocks of up to this many samples, the result is exact. For longer blocks, the formula for continuous
-time is used.
+"""Largest number of samples in a block for which the exact formula for sampled noise is used. For longer
+blocks, the formula for continuous time is used.
 """
 
 
 def degrees_of_freedom(
     power: ArrayLike, factors: ArrayLike, terms: ArrayLike, most_parts: int = PARTS
 ) -> Array:
-    """Return the degrees of freedom of each variance, 1 or more.
+    """Return the degrees of freedom of each Allan variance, which are 1 or more.
 
-    `power`: exponent of the noise's power spectrum around 1/τ: 0 (white), -1 (flicker) or -2 (random walk).
-    `factors`: samples in a block, m. `terms`: number of averaged differences between neighbouring blocks.
-    `most_parts`: the largest number of blocks that begin within the length of a block; there are min(m,
-    most_parts).
+    `power`: exponent of the noise's power spectrum around the frequency 1/τ: 0 (white), -1 (flicker) or -2
+    (random walk).
+    `factors`: number m of samples in a block. `terms`: number of differences between neighbouring blocks that
+    were averaged.
+    `most_parts`: largest number S of blocks that begin within the length of a block. For blocks with fewer
+    samples, S is m.
     """
     parts = np.broadcast_arrays(
         np.asarray(power, dtype=np.int64),
@@ -45,13 +49,13 @@ def degrees_of_freedom(
 
 
 def full_overlap(power: ArrayLike, factors: ArrayLike, samples: int) -> Array:
-    """Return the degrees of freedom of each variance of a record in which a block begins at every sample."""
+    """Return the degrees of freedom of Allan variances whose blocks begin at every sample of a record."""
     m = np.asarray(factors, dtype=np.float64)
     terms = 1 + np.floor(np.minimum(m, FULL_PARTS) * (samples - 2 * m) / m)
     return degrees_of_freedom(power, m, terms, FULL_PARTS)
 
 
-@functools.lru_cache(maxsize=256)  # most axes are called with the same arguments
+@functools.lru_cache(maxsize=256)  # the function is called with the same arguments for most axes
 def _one(power: int, m: float, terms: float, parts: float) -> float:
     reach = min(terms, 3 * parts)
     j = np.arange(0.0, np.ceil(reach))
@@ -62,7 +66,10 @@ def _one(power: int, m: float, terms: float, parts: float) -> float:
 
 
 def _covariance(power: int, m: float, t: Array) -> Array:
-    """Return the covariance of two differences of blocks that are t block lengths apart, up to a factor."""
+    """Return the covariance of two differences between neighbouring blocks, up to a factor.
+
+    The two differences are `t` block lengths apart.
+    """
     apart = t[:, np.newaxis] + np.arange(-2.0, 3.0)
     if m > FINITE:
         x = _generalised(power + 2, apart)
@@ -73,7 +80,7 @@ def _covariance(power: int, m: float, t: Array) -> Array:
 
 
 def _generalised(power: int, t: Array) -> Array:
-    """Return the generalised autocovariance of the phase of power-law noise."""
+    """Return the generalised autocovariance of the phase of power-law noise after the time `t`."""
     size = np.abs(t)
     exponent = 3 - power
     if power % 2 == 0:

@@ -1,12 +1,12 @@
-"""N (angle random walk) of a model, with a 95 % interval that covers all models that fit equally well.
+"""N (angle random walk) of a noise model, with a 95 % interval that covers all equally good models.
 
 The model that stands for the noise may lack a part that is too weak to be found. Most weak parts hardly
 change N. But a relaxation whose corner is near the sample rate looks much like white noise. The fit then
 counts its power as white noise, and N comes out too large by many standard deviations. So three kinds of
-other models are tried as well. The first is the best model with an order, if the model has none, or the best
-model without an order. The second has the same parts and one more relaxation. The third has a relaxation, or
-a rise, in place of filters and of everything else that shapes the high frequencies. The interval covers the
-intervals of all models that describe the data equally well.
+other models are tried as well. The first kind is the best model with an order if the model of the noise has
+none, else the best model without an order. The second kind has the same parts and one more relaxation. The
+third kind has a relaxation, or a rise, in place of filters and of everything else that shapes the high
+frequencies. The interval of N covers the intervals by all those models that describe the data equally well.
 """
 
 import math
@@ -37,13 +37,16 @@ from fltea.spectrum.intervals import around, interval_end, slopes
 from fltea.spectrum.reading import NO_WHITE
 
 HARDLY_KNOWN = 2.0
-"""The density of a part is not known if the interval of its logarithm has at least this half-width."""
+"""N is not known if the 95 % interval of the density's logarithm has at least this half-width."""
 SHAPES = tuple(kind for kind in CODES if kind is not White and not kind.has("slow"))
-"""Kinds of parts that shape the high frequencies. A relaxation or a rise is tried in place of them."""
+"""Kinds of parts of a model that shape the high frequencies. A relaxation or a rise is tried in place of all
+of them.
+"""
 SEEN = 2.706
-"""Gain in 2 log L from which on a model with one more relaxation counts as better. It is the 95 % point of
-the law of a variance that cannot be below 0: half 0 and half χ² with one degree of freedom (Self & Liang,
-*JASA* 82, 1987)."""
+"""Gain in 2 log L from which a model with one more relaxation counts as better. It is the 95 % point of the
+likelihood ratio for a variance that cannot be below 0: with probability 1/2 the ratio is 0, else it follows
+χ² with one degree of freedom (Self & Liang, *JASA* 82, 1987).
+"""
 FAST = (0.15, 0.3), (0.6, 0.4), (1.8, 0.5)
 """Starting points of the search for one more relaxation: its rate [rad a sample], and the ratio of its
 density at low frequencies to that of the white noise.
@@ -57,10 +60,10 @@ rate to that of white noise.
 def angle_walk(f: CandidateModels, model: FittedModel) -> Interval:
     """Return N (angle random walk) with its interval, in the unit of the samples times √s.
 
-    N follows from the density at low frequencies of white noise together with all other parts that are
-    neither slow nor an order. The value comes from `model`, the noise model of the verdict. Value and ends
-    are None where the white noise is negligible compared with a fast relaxation, since the relaxation may
-    itself be the white noise after a filter.
+    N is computed from the density, at low frequencies, of the white noise together with all other parts that
+    are neither slow nor an order. The value comes from `model`, the noise model of the verdict. Value and
+    ends are None if the white noise is negligible compared with a fast relaxation. Such a relaxation may be
+    the sensor's white noise after a filter.
     """
     found = _of_one(f, model)
     if found.value is None or found.low is None or found.high is None:
@@ -73,9 +76,10 @@ def angle_walk(f: CandidateModels, model: FittedModel) -> Interval:
 
 
 def _of_one(f: CandidateModels, model: FittedModel) -> Interval:
-    """Return N with the interval that holds if `model` is right."""
+    """Return N by `model`, with the 95 % interval that is valid if this model is the right one."""
     terms = list(model.terms())
-    # With a filter, a hump belongs to the shape of the filter, and the low side of the hump is the pass band.
+    # If the model has a filter, a resonance is a hump of the filter's own response. Its density at low
+    # frequencies then belongs to the filter's pass band, and counts for N.
     filtered = any(_is(code, LowPass, Mean) for code, _ in terms)
     fast_only = tuple(kind for kind in CODES if kind.has("fast only"))
     others = (*SLOW, *FILTERS, *fast_only) + (() if filtered else (Resonance,))
@@ -97,8 +101,8 @@ def _of_one(f: CandidateModels, model: FittedModel) -> Interval:
         return Interval()
     here = _walk_of(math.log(value), f.h)
     if len(fast) == 1 < len(terms):
-        # If white noise is the only part that counts, this is the interval of R. It is asymmetric where other
-        # parts of the model hide R.
+        # If white noise is the only part that counts for N, the interval follows from that of its variance R.
+        # The latter is asymmetric if other parts of the model hide R.
         return Interval(here, *_profile(f, model))
     return Interval(here, *(_walk_of(math.log(value) + one, f.h) for one in (-deviation, deviation)))
 
@@ -121,9 +125,9 @@ def _as_good(f: CandidateModels, model: FittedModel) -> Iterator[FittedModel]:
 
 
 def _stands_beside(other: FittedModel, model: FittedModel) -> bool:
-    """Return whether `other` has about the same 2 log L as `model`.
+    """Return whether the 2 log L of `other` is about as high as that of `model`, or higher.
 
-    What additional parameters gain by chance is subtracted first.
+    The gain that additional parameters bring by chance is subtracted first.
     """
     dearer = BY_CHANCE * (other.parameters - model.parameters)
     return 2 * (other.nll - model.nll) + dearer < APART
@@ -134,7 +138,8 @@ def _with(
 ) -> FittedModel:
     """Return the best fit of `model` with one more part of `kind`, and without parts of the kinds `left_out`.
 
-    `kind`: a fast relaxation or a rise. The fit begins at the last result for the same parts.
+    `kind`: Relaxation or Rise, of which a fast one is added. The fit begins at the result of the last fit
+    with the same parts, if there is one.
     """
     kept = [(code, at) for code, at in model.terms() if not _is(code, *left_out)]
     codes = [*(code for code, _ in kept), CODES.index(kind)]
@@ -153,24 +158,26 @@ def _with(
 
 
 def _rising(rest: list[float], delta: float, share: float) -> list[float]:
-    """Return transformed parameters from which a fit starts.
+    """Return transformed parameters from which a fit with one more part starts.
 
-    In them, a rise has taken a share of the white noise.
+    They are `rest`, and a rise with the exponent `delta`. `share`: ratio of the rise's density at half the
+    sample rate to that of the white noise.
     """
     return [*rest, rest[0] + math.log(share), delta]
 
 
 def _relaxing(rest: list[float], rate: float, share: float) -> list[float]:
-    """Return transformed parameters from which a fit starts.
+    """Return transformed parameters from which a fit with one more part starts.
 
-    In them, a relaxation has taken a share of the white noise.
+    They are `rest` with less white noise, and a relaxation with the rate `rate` [rad a sample]. `share`:
+    ratio of the relaxation's density at low frequencies to that of the white noise.
     """
     variance = rest[0] + math.log(share * math.tanh(rate / 2))
     return [rest[0] + math.log1p(-share / 2), *rest[1:], variance, math.log(rate)]
 
 
 def _profile(f: CandidateModels, model: FittedModel) -> tuple[float, float]:
-    """Return the ends of the profile-likelihood interval of N of the model's white noise alone."""
+    """Return the ends of the profile-likelihood interval of N, for the model's white noise alone."""
     limits = around(f, model.eta[0])
     low, high = (
         interval_end(f, model, 0, side, limit, 0.1) for side, limit in zip((-1, 1), limits, strict=True)

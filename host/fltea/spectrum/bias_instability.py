@@ -1,4 +1,6 @@
-"""Bias instability B. The command, the Python interface, the live fit and clusters all determine it here.
+"""Bias instability B.
+
+The command, the Python interface, the live fit and the fit on clusters all determine B here.
 
 B is the amplitude of 1/f noise, whose Allan deviation is flat at 0.664 B. First, white noise, 1/f noise and a
 random walk are fitted to the spectrum. If these three terms describe it about as well as the model that
@@ -20,13 +22,17 @@ from fltea.spectrum.flicker import Flicker, flicker
 from fltea.spectrum.intervals import CRITICAL
 
 SLOW_KINDS = (White, *SLOW)
-"""Kinds of parts that have power at the low frequencies to which the three terms are fitted."""
+"""Kinds of parts of a noise model that have power at the low frequencies to which the three terms are fitted.
+"""
 
 
 def bias_instability(
     of_curve: Coefficient, f: CandidateModels, stands: FittedModel, unit: str
 ) -> Coefficient:
-    """Return B in `unit`; `of_curve`: B of the Allan deviation alone; `stands`: the model of the noise."""
+    """Return B in `unit`.
+
+    `of_curve`: B by the Allan deviation alone. `stands`: the model that stands for the noise.
+    """
     fit = flicker(f, stands)
     if fit is None or not _describes(fit, stands):
         return of_curve
@@ -43,14 +49,14 @@ def bias_instability(
 def _needed(fit: Flicker) -> bool:
     """Return whether the fit needs the 1/f noise.
 
-    If the fit has a random walk too, the 1/f noise has to raise 2 log L by more than BIC's price for a
-    parameter, since the apparent 1/f noise may be a relaxation.
+    If the fit also needs a random walk, the apparent 1/f noise may be a relaxation. So the 1/f noise then has
+    to raise 2 log L by more than BIC's price for a parameter.
     """
     return fit.gain > (math.log(fit.ordinates) if fit.gain_of_walk > CRITICAL else CRITICAL)
 
 
 def _describes(fit: Flicker, stands: FittedModel) -> bool:
-    """Return whether the BIC of the three terms is not higher than that of the model, within a tolerance."""
+    """Return whether the BIC of the three terms is at most about that of the model `stands`."""
     needed = 1 + (fit.gain > CRITICAL) + (fit.gain_of_walk > CRITICAL)
     others = sum(free_of(code) for code in stands.codes if kind_of(code) in SLOW_KINDS)
     return fit.behind < APART + math.log(fit.ordinates) * (others - needed)

@@ -3,9 +3,9 @@
 The native search (host/native/whittle_search.hpp) finds each model. It adds one part after another, as long
 as the new part raises 2 log L by more than a price for each of its parameters. At BIC's price (the logarithm
 of the number of ordinates) hardly any part is added by chance. In a long record, though, a noise may be a sum
-of many relaxations, each of which gains less than that price over an order. BIC alone would then report an
-order. Therefore a second model without an order is searched for at a lower price, and a model with an order
-has to be ahead of both.
+of many relaxations, of which each gains less than that price over a model with an order. BIC alone would then
+report an order where there is none. Therefore a second model without an order is searched for at a lower
+price, and a model with an order has to be ahead of both.
 """
 
 import math
@@ -33,45 +33,48 @@ from fltea.spectrum.octaves import BLOCK, JOIN, WHOLE
 from fltea.spectrum.periodogram import Binned
 
 BY_CHANCE = 4.0
-"""Gain in 2 log L that chance may give to each further parameter of a search."""
+"""Gain in 2 log L that each further parameter of a model may bring by chance in a search."""
 LEAST_ORDER, MOST_ORDER = 0.15, 0.85
 """Lowest and highest order that a search fits. Below the lowest, hardly any order is left; above the highest,
 a relaxation describes the noise as well.
 """
 AT_A_LIMIT = 0.01
 ABOVE_ONE = 1.2, 1.6
-"""Additional starting values of the order for a search of orders up to 2."""
+"""Additional orders at which a fit starts if orders up to 2 are allowed."""
 WITHOUT_WHITE, NO_WHITE = (0.25, 0.5), 12.0
-"""The reported order is fitted again from starting points almost without white noise: one for each order in
-WITHOUT_WHITE, where log R is lowered by NO_WHITE.
+"""The model with the reported order is fitted again from starting points that have almost no white noise.
+There is one starting point for each order in WITHOUT_WHITE, and in each the logarithm of the white noise's
+variance R is lowered by NO_WHITE.
 """
 AHEAD = 6.0
-"""Lead in 2 log L that ARFIMA needs over the fractional state to be reported."""
+"""Lead in 2 log L over the fractional state in white noise that ARFIMA needs to be reported."""
 LEAK_OF_CUBIC = 1 / 9
-"""Leakage of a random walk into all frequencies after a cubic is subtracted. It is the mean square of the
-step from the last sample to the first after the subtraction, divided by that before it.
+"""Leakage of a random walk into all frequencies after a cubic was subtracted from the record. It is a ratio:
+the mean square of the step from the last sample to the first one after the subtraction, divided by that
+before the subtraction.
 """
 
 Raw = tuple[list[int], list[float], float]
 
 
 class FittedModel(NamedTuple):
-    """A noise model: the native module's code numbers of its parts, white noise first, and the fitted `eta`.
+    """A noise model that was fitted: its parts and their parameters.
 
-    `eta` holds the transformed free parameters of all parts.
+    `codes`: the native module's code number of each part, white noise first. `eta`: the fitted values of the
+    transformed free parameters of all parts.
     """
 
     codes: tuple[int, ...]
     eta: tuple[float, ...]
     nll: float
-    """-log L of the fit."""
+    """Negative log-likelihood (-log L) of the fit."""
 
     @property
     def parameters(self) -> int:
         """Return the number of parameters that BIC counts.
 
-        It includes those that are found by trying values: the number of samples of a mean, the frequency of a
-        notch.
+        It includes parameters whose value is found by trying several values: the number of samples of a mean,
+        the frequency of a notch.
         """
         return sum(map(free_of, self.codes)) + sum(kind.row().sought for kind in self.kinds)
 
@@ -98,16 +101,16 @@ class FittedModel(NamedTuple):
     def without(self, kind: type[Part]) -> "FittedModel":
         """Return the model without its parts of `kind`.
 
-        It is not fitted again, and `nll` is that of the whole model.
+        The result is not fitted again, and its `nll` is that of the whole model.
         """
         terms = [(code, at) for code, at in self.terms() if kind_of(code) is not kind]
         eta = [self.eta[at + k] for code, at in terms for k in range(free_of(code))]
         return FittedModel(tuple(code for code, _ in terms), tuple(eta), self.nll)
 
     def place(self, *kinds: type[Part]) -> int | None:
-        """Return the index in `eta` of the first parameter of the first part of these kinds.
+        """Return the index in `eta` of the first parameter of the first part that has one of these kinds.
 
-        None without one.
+        Return None if no part has one of these kinds.
         """
         return next((at for code, at in self.terms() if kind_of(code) in kinds), None)
 
@@ -115,11 +118,11 @@ class FittedModel(NamedTuple):
 class Fits:
     """Results from which a later fit of the same axis begins. They do not refer to the data.
 
-    `raw`: the fitted models. `elsewhere`: fits with another order that belong to the interval of the reported
-    order, near the maximum of the likelihood or far from it; None: not searched for yet. `ends`: difference
-    between the fit at an end of a parameter's interval and the best fit; the key is the model's part codes,
-    the parameter's index and the side. `beside`: fits with one more part, for the interval of N; the key is
-    their part codes.
+    `raw`: the fitted models. `elsewhere`: transformed parameters of fits with another order that belongs to
+    the interval of the reported order; None if they have not been searched for yet. `ends`: difference
+    between the parameters at an end of a parameter's interval and those of the best fit; the key is the
+    model's part codes, the parameter's index and the side. `beside`: parameters of the fits that are tried
+    for the interval of N; the key is their part codes.
     """
 
     def __init__(self, raw: list[Raw], last: "Fits | None" = None) -> None:
@@ -131,19 +134,20 @@ class Fits:
 
 # Over 12 attributes: the models are compared with each other, so they are kept side by side.
 class CandidateModels:
-    """The noise models fitted to one series.
+    """The noise models that are fitted to the spectrum of one series.
 
     `samples`: length of the record, on which the leakage of a random walk depends.
 
     Attributes:
         white: white noise alone.
-        null: an order up to 1 in white noise, the first alternative of the null test.
-        missing: white noise through a high-pass of one pole, the second alternative of the null test.
+        null: an order up to 1 in white noise, the first alternative to white noise in the null test.
+        missing: white noise through a high-pass of one pole, the second alternative to white noise in the
+            null test.
         plain: the best model by BIC without an order.
-        rich: the best model without an order at a price lower than BIC's.
-        pure: the best model with an order and without relaxations or random walks, or None without any sign
-            of an order.
-        ordered: the best model with an order, or None without any sign of an order.
+        rich: the best model without an order, found at a price lower than BIC's.
+        pure: the best model with an order and without relaxations or random walks, or None if nothing
+            indicates an order.
+        ordered: the best model with an order, or None if nothing indicates an order.
 
     Raises:
         ValueError: no spectrum can be fitted to the data.
@@ -161,10 +165,12 @@ class CandidateModels:
 
     @cached_property
     def order(self) -> FittedModel | None:
-        """Return the model whose order is reported: the best one with an order, fitted without search limits.
+        """Return the model whose order is reported.
 
-        Since ARFIMA has no f, it is reported only where it leads the fractional state in white noise by
-        AHEAD.
+        It is the best model with an order, fitted again without limits of the order.
+
+        ARFIMA has no parameter f. So it is reported only if its 2 log L leads that of the fractional state in
+        white noise by AHEAD.
         """
         if self.ordered is None:
             return None
@@ -195,30 +201,30 @@ class CandidateModels:
 
     @property
     def ratio_white(self) -> float:
-        """Return 2 log L of the better of the null test's two alternatives above that of white noise."""
+        """Return by how much 2 log L of the null test's better alternative exceeds that of white noise."""
         return max(2 * (self.white.nll - min(self.null.nll, self.missing.nll)), 0.0)
 
     def gain(self, one: FittedModel) -> float:
-        """Return 2 log L of model `one` above that of white noise."""
+        """Return by how much the 2 log L of model `one` exceeds that of white noise."""
         return 2 * (self.white.nll - one.nll)
 
     def bic(self, one: FittedModel) -> float:
-        """Return BIC of model `one` minus that of white noise: the lower, the better."""
+        """Return the BIC of model `one` minus that of white noise. A lower value is better."""
         return math.log(self.ordinates) * (one.parameters - 1) - self.gain(one)
 
     @cached_property
     def lead(self) -> float:
-        """Return the lead in 2 log L of the best model with an order over the best without, by BIC."""
+        """Return the BIC of the best model without an order minus that of the best model with an order."""
         return -math.inf if self.ordered is None else self.bic(self.plain) - self.bic(self.ordered)
 
     @cached_property
     def lead_over_rich(self) -> float:
-        """Return the lead in 2 log L of the best model with an order over `rich`."""
+        """Return by how much the 2 log L of the best model with an order exceeds that of `rich`."""
         return -math.inf if self.ordered is None else self.gain(self.ordered) - self.gain(self.rich)
 
 
 def native(data: Binned, h: float, samples: int) -> _native.WhittleFits:
-    """Return the native module's fits of the one series in `data`.
+    """Return the native module's object that fits models to the one series in `data`.
 
     The arguments are those of `CandidateModels`.
 
@@ -232,11 +238,12 @@ def native(data: Binned, h: float, samples: int) -> _native.WhittleFits:
 
 
 def windows(lam: Array, samples: int) -> Array:
-    """Return the mean square [rad²] of the frequency distance that Hann's window averages over, (bins,).
+    """Return the mean square [rad²] of the frequency distance over which Hann's window averages.
 
-    For a block of m samples it is (2π / m)² / 3. A twelfth of (2π / m)² is subtracted, since each frequency
-    of the spectrum is taken to stand for the whole distance to its neighbours. In a record of `samples`
-    samples, the bins below the octaves do not come from blocks, so that their value is 0.
+    There is one value for each bin, (bins,). The window of a block of m samples has the mean square (2π / m)²
+    / 3. A twelfth of (2π / m)² is subtracted, since each frequency of the spectrum is taken to stand for the
+    whole distance to its neighbours. The value is 0 for the bins at the lowest frequencies, which do not come
+    from blocks. Which ones these are depends on `samples`, the length of the record.
     """
     level = np.maximum(np.ceil(np.log2(JOIN / 2 / lam)), 0.0)
     depth = max(0, math.ceil(math.log2(max(samples, 1) / WHOLE)))
@@ -245,7 +252,10 @@ def windows(lam: Array, samples: int) -> Array:
 
 
 def walk_column(lam: Array, samples: int) -> Array:
-    """Return a random walk's power in each bin, for steps of variance 1 and a record of `samples` samples."""
+    """Return the power in each bin of a random walk whose steps have the variance 1.
+
+    `samples`: length of the record.
+    """
     leak = np.where(leaking(lam, samples), LEAK_OF_CUBIC, 0.0)
     return np.asarray((1 + leak) / (4 * np.sin(lam / 2) ** 2))
 
@@ -257,7 +267,7 @@ def leaking(lam: Array, samples: int) -> NDArray[np.bool_]:
 
 
 def order_in_white(fits: _native.WhittleFits) -> FittedModel:
-    """Return the best fit of white noise and an order up to 2, which is the model that the firmware fits."""
+    """Return the best fit of white noise and an order up to 2. This is the model that the firmware fits."""
     codes = [CODES.index(White), CODES.index(Order)]
     white, alpha, logit, s2 = fits.null_test([])[2][:4]
     starts = [[white, start, logit, s2] for start in (alpha, *ABOVE_ONE)]
@@ -266,9 +276,10 @@ def order_in_white(fits: _native.WhittleFits) -> FittedModel:
 
 
 def order_of(one: FittedModel | None) -> float | None:
-    """Return α of the model, or d of ARFIMA.
+    """Return the order of a model: α, or d of ARFIMA.
 
-    The result is None without an order, and where the fit stopped at a limit that the true α may exceed.
+    The result is None if the model has no order, or if the fit stopped at a limit, beyond which the true
+    order may be.
     """
     at = one.place(Order, Arfima) if one is not None else None
     if one is None or at is None:

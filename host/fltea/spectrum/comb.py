@@ -1,13 +1,14 @@
-"""Find a comb in a periodogram: lines at all multiples of one frequency, with a known rate of false alarms.
+"""Find a comb in a periodogram: spectral lines at all multiples of one frequency.
 
-An event that repeats at equal intervals, such as a glitch each second, has its power in many lines, each too
-weak to be seen alone. The lines are found together. Candidates for the period come from two sources: the lags
-at which the autocorrelation of the whitened record is highest, and the periods for which the strongest single
-lines are all multiples of one frequency. Each candidate is tested by the ordinates at the multiples of its
-frequency, which are called teeth. In noise, the ratio of an ordinate to the mean of m neighbours exceeds r
-with the probability (1 + r/m)^-m, so that the sum of m log(1 + r/m) over H teeth has a gamma distribution of
-shape H. Each term is limited, so that a few strong lines alone do not make a comb. The rate of false alarms
-is divided by the number of fundamental frequencies that are tested (Bonferroni).
+An event that repeats at equal intervals, such as a glitch each second, has its power in many spectral lines,
+of which each is too weak to be seen alone. The lines are found together here, with a known rate of false
+alarms. Candidates for the period come from two sources: the lags at which the autocorrelation of the whitened
+record is highest, and the periods for which the strongest single lines are all multiples of one frequency.
+Each candidate is tested by the ordinates at the multiples of its frequency, which are called teeth. In noise,
+the ratio of an ordinate to the mean of m neighbours exceeds r with the probability (1 + r/m)^-m, so that the
+sum of m log(1 + r/m) over H teeth has a gamma distribution of shape H. Each term of the sum is limited, so
+that a few strong lines alone do not make a comb. The rate of false alarms is divided by the number of
+fundamental frequencies that are tested (Bonferroni).
 """
 
 import functools
@@ -27,24 +28,27 @@ FALSE_ALARM = 1e-3
 FEWEST_TEETH = 5
 """Fewest teeth of a comb. Mains hum with its second and third harmonic has fewer."""
 FEWEST_PERIODS = 8
-"""Fewest periods in the record. Teeth are that many ordinates apart, so that noise is visible between
-them."""
+"""Fewest periods of the event in the record. The teeth are at least this many ordinates apart, so that the
+noise between them can be measured.
+"""
 SHORTEST_PERIOD = 2 * FEWEST_TEETH
-"""Shortest period in samples: `FEWEST_TEETH` multiples of its frequency are just below half of the sample
-rate.
+"""Shortest period in samples. With it, `FEWEST_TEETH` multiples of the fundamental frequency lie just below
+half of the sample rate.
 """
 LOOKED_AT = 0.01
-"""Probability that noise without a comb yields a candidate for the period."""
+"""Probability that noise without a comb yields a candidate for the period by its autocorrelation."""
 LEAST_LIMIT, LIMIT_SHARE = 10.0, 0.25
 """The largest ratio of an ordinate to its surroundings that counts for candidates is the larger of two
-limits: LEAST_LIMIT, and LIMIT_SHARE times the root of the number of ordinates. The second limit keeps what a
-single line adds to the autocorrelation at a quarter of a standard deviation.
+limits: LEAST_LIMIT, and LIMIT_SHARE times the root of the number of ordinates. With the second limit, a
+single spectral line adds at most a quarter of a standard deviation to the autocorrelation.
 """
 LEVEL_BINS = 5
-"""The level around a bin is the median of this many bins on each side, few of which can contain a tooth."""
+"""The level of the noise around a bin is the median over this many bins on each side. Only few of these bins
+can contain a tooth.
+"""
 TOGETHER = 4
-"""Number of neighbouring ordinates that are summed before the autocorrelation is computed. At the longest
-lag, two thirds of the autocorrelation remain.
+"""Number of neighbouring ordinates that are summed before the autocorrelation is computed. The sum lowers the
+autocorrelation at long lags, but at the longest lag two thirds of it remain.
 """
 WIDTHS = (1, 3, 5)
 """Numbers of neighbouring lags over which the autocorrelation is averaged, since a period may have jitter and
@@ -53,45 +57,48 @@ need not be a whole number of samples.
 GUARD = 2
 """Number of ordinates on each side of a tooth into which the tooth leaks."""
 WIDEST_FLANK = 24
-"""Number of ordinates on each side, outside the guard, with which a tooth is compared."""
+"""Largest number of ordinates on each side, outside of GUARD, with which a tooth is compared."""
 MOST_A_TOOTH = 8.0
-"""Largest evidence of a single tooth, which noise exceeds once in 3,000 ordinates."""
+"""Limit of the evidence of a single tooth. Noise exceeds it once in 3,000 ordinates."""
 CLEAR = 4.0
 """A tooth with at least this evidence is clear. A comb has at least `FEWEST_TEETH` clear teeth."""
 FIRST_SHARE = 0.6
-"""The first multiple of the period has at least this share of the highest autocorrelation."""
+"""The candidate for the period is the shortest lag whose autocorrelation is at least this proportion of the
+highest one.
+"""
 NEAR = 2.0
-"""Largest difference between the period and a candidate, in samples."""
+"""Largest difference between the true period and a candidate for it, in samples."""
 MOST_DIVISOR = 6
 """The true period may be a candidate divided by a whole number. This is the largest divisor that is tried."""
 NEARLY = 0.8
-"""Of a period and its multiples, the shortest is chosen that has at least this share of the highest
+"""Of several periods, the shortest one is chosen whose evidence is at least this proportion of the highest
 evidence.
 """
 MOST_SOONER, FIRST_TEETH = 12, 8
-"""MOST_SOONER: largest number of times that the event may happen within the period that was found.
-FIRST_TEETH: number of its lowest teeth that are compared with the lines between them.
+"""MOST_SOONER: largest number of times that the event is taken to happen within the period that was found.
+FIRST_TEETH: number of the lowest teeth of the shorter period that are compared with the spectral lines
+between them.
 """
 NO_TOOTH, SHAPED = 1.5, 0.08
-"""Lines between the teeth count as noise up to the mean height NO_TOOTH (noise has the height 1). Up to
-SHAPED times the height of the teeth, they count as a trace of events that are rounded to the nearest
-sample.
+"""Spectral lines between the teeth count as noise if their mean height is below NO_TOOTH (noise has the
+height 1). They count as a trace of rounding the events' times to the nearest sample if their mean height is
+below SHAPED times that of the teeth.
 """
 AT_ONCE = 1 << 18
 """Largest number of teeth that are computed in one step."""
 PREFIXES = (5, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096)
-"""Numbers of teeth, counted from the lowest, with which a comb is tested: a smooth wave has only a few
-teeth.
+"""Numbers of teeth with which a comb is tested, counted from the lowest tooth. Several numbers are tested,
+since a smooth wave has only a few teeth.
 """
 
 
 class Comb(NamedTuple):
-    """A comb: the lines of an event that repeats at equal intervals."""
+    """A comb: the spectral lines of an event that repeats at equal intervals."""
 
     period: float
     """The period in samples."""
     teeth: int
-    """The comb's highest tooth in the band, as a multiple of the fundamental frequency."""
+    """Number of teeth from the lowest to the highest one in the band."""
     height: float
     """The mean ratio of the power of the teeth to the level around them."""
 
@@ -111,9 +118,10 @@ class _Ordinates:
         self.first = int(place[0])
 
     def terms(self, fundamental: Array, teeth: int) -> Array:
-        """Return the evidence of each tooth, (f, teeth), for the fundamental frequencies (f,), in ordinates.
+        """Return the evidence of each tooth for several fundamental frequencies, (f, teeth).
 
-        The evidence is 0 for a tooth that is not in use or has too few neighbours.
+        `fundamental`: these frequencies in ordinates, (f,). The evidence is 0 for a tooth whose ordinate was
+        left out, or has too few neighbours.
         """
         at = np.rint(np.outer(fundamental, np.arange(1, teeth + 1))).astype(np.intp)
         flank = max(2, min(WIDEST_FLANK, int(fundamental.min() / 2) - GUARD))
@@ -129,7 +137,7 @@ class _Ordinates:
         return np.asarray(found)
 
     def heights(self, fundamental: float, teeth: int) -> Array:
-        """Return the ratio of each tooth to the mean of the ordinates around it, (teeth,)."""
+        """Return the ratio of each tooth's power to the mean of the ordinates around it, (teeth,)."""
         e = self.terms(np.array([fundamental]), teeth)[0]
         many = 2 * max(2, min(WIDEST_FLANK, int(fundamental / 2) - GUARD))
         return np.asarray(many * np.expm1(e / many))
@@ -140,8 +148,9 @@ def find_comb(
 ) -> Comb | None:
     """Return the comb of one series, or None without one.
 
-    `lines_hz`: frequencies of lines that were found already and may belong to a comb. `false_alarm`:
-    probability of finding a comb in noise.
+    `lines_hz`: frequencies of spectral lines that were already found and may belong to a comb; if there are
+    any, the candidates for the period come from them alone. `false_alarm`: probability of finding a comb in
+    noise without one.
     """
     candidates = _lags(p) if not lines_hz else _periods_of(lines_hz, p)
     if not candidates:
@@ -173,9 +182,9 @@ def find_comb(
 def _happens_sooner(ordinates: _Ordinates, fundamental: float) -> int:
     """Return how often the event happens within the period that was found.
 
-    An event every 103.7 samples, with each time rounded to the nearest sample, repeats exactly only after
-    1037 samples, so that this longer period is found. Among its lowest lines, nearly all power is still in
-    the multiples of the true frequency.
+    For example, the times of an event that happens every 103.7 samples are rounded to whole samples. The
+    event then repeats exactly only after 1037 samples, so that this longer period is found. But among the
+    lowest spectral lines of the longer period, nearly all power is in the multiples of the true frequency.
     """
     for times in range(MOST_SOONER, 1, -1):
         heights = ordinates.heights(fundamental, FIRST_TEETH * times)
@@ -189,7 +198,7 @@ def _happens_sooner(ordinates: _Ordinates, fundamental: float) -> int:
 def _lags(p: Periodogram) -> tuple[float, ...]:
     """Return the lags [samples] at which the whitened record has a high autocorrelation.
 
-    Empty if there are none.
+    The result is empty if there are none.
     """
     longest = p.n // FEWEST_PERIODS
     if longest <= SHORTEST_PERIOD + max(WIDTHS):
@@ -198,7 +207,8 @@ def _lags(p: Periodogram) -> tuple[float, ...]:
     np.minimum(ratio, max(LEAST_LIMIT, LIMIT_SHARE * math.sqrt(len(ratio))), out=ratio)
     ratio -= ratio.mean()
     first, last = np.rint(p.lam[[0, -1]] * (p.n / (2 * np.pi))).astype(np.intp).tolist()
-    # Sums of TOGETHER neighbouring ordinates are enough for lags up to `longest`.
+    # The transform is computed from sums of TOGETHER neighbouring ordinates, which is exact enough for lags
+    # up to `longest`.
     size = -(-p.n // TOGETHER)
     whole = np.zeros((size // 2 + 1) * TOGETHER)
     if last - first + 1 == len(ratio):
@@ -213,8 +223,8 @@ def _lags(p: Periodogram) -> tuple[float, ...]:
         values = np.convolve(likeness, np.ones(width), "valid") if width > 1 else likeness
         top = int(values.argmax())
         if values[top] > _stands_out(len(values)) * scale * math.sqrt(width):
-            # The autocorrelation is equally high at all multiples of the period, so the first of them is
-            # used.
+            # The autocorrelation is about equally high at all multiples of the period, so the shortest of
+            # these lags is used.
             first = int((values > FIRST_SHARE * values[top]).argmax())
             first += int(values[first : first + width].argmax())
             at = SHORTEST_PERIOD - 1 + width // 2
@@ -224,12 +234,15 @@ def _lags(p: Periodogram) -> tuple[float, ...]:
 
 @functools.cache
 def _stands_out(lags: int) -> float:
-    """Return the normal deviate that any of `lags` lags exceeds, in noise, with probability LOOKED_AT."""
+    """Return the normal deviate that one of `lags` lags exceeds in noise with probability LOOKED_AT."""
     return NormalDist().inv_cdf(1 - LOOKED_AT / (len(WIDTHS) * lags))
 
 
 def _level(p: Periodogram) -> Array:
-    """Return the level around each ordinate (m,), computed without ordinates that stand out."""
+    """Return the level of the noise around each ordinate, (m,).
+
+    It is made from medians, so that ordinates that stand out hardly raise it.
+    """
     starts = bin_starts(p.lam, p.n)
     count = np.diff(np.append(starts, len(p.lam)))
     means = np.add.reduceat(p.power, starts) / count
@@ -251,8 +264,8 @@ def _periods_of(lines_hz: Sequence[float], p: Periodogram) -> tuple[float, ...]:
             if fundamental < FEWEST_PERIODS:
                 break
             number = np.rint(lines / fundamental)
-            # A line may be off by about one ordinate, plus the error of the fundamental times the line's
-            # multiple.
+            # A spectral line may be off its multiple by about half an ordinate. The error of the fundamental
+            # frequency, times the number of the multiple, adds to this.
             off = np.abs(lines - number * fundamental) <= 0.6 * (1 + number / order)
             found.append((int((off & (number > 0)).sum()), fundamental))
     most = max((count for count, _ in found), default=0)
@@ -265,7 +278,8 @@ def _periods_of(lines_hz: Sequence[float], p: Periodogram) -> tuple[float, ...]:
 def _judged(ordinates: _Ordinates, period: float, within: float) -> tuple[float, float, int] | None:
     """Return evidence, fundamental frequency (in ordinates) and number of teeth of the best nearby period.
 
-    `period`, `within`: in samples. The evidence is minus the logarithm of an upper bound of the probability.
+    Periods that differ from `period` by up to `within` are tried, both in samples. The evidence is minus the
+    logarithm of an upper bound of the probability that noise would give as much.
     """
     n = ordinates.n
     most = int((ordinates.count - GUARD - 1) / (n / period))
@@ -290,6 +304,9 @@ def _judged(ordinates: _Ordinates, period: float, within: float) -> tuple[float,
 
 
 def _evidence(sums: Array, teeth: NDArray[np.intp]) -> Array:
-    """Return minus the logarithm of Chernoff's bound on P(gamma variable of shape `teeth` > `sums`)."""
+    """Return minus the logarithm of Chernoff's upper bound on a probability.
+
+    It is the probability that a gamma variable of shape `teeth` exceeds `sums`.
+    """
     above = np.maximum(sums / teeth, 1.0)
     return np.asarray(teeth * (above - 1 - np.log(above)))

@@ -4,8 +4,8 @@ from fltea.spectrum.spectral_lines import Repeats
 
 MAINS_HZ = (50.0, 60.0, 100.0, 120.0)
 SAME_FREQUENCY = 3e-3
-"""Largest relative difference between a frequency and the mains frequency (50 or 60 Hz) that counts as equal.
-Power grids keep their frequency within 0.4 %.
+"""Largest relative difference between two frequencies at which one counts as that of the mains hum
+(MAINS_HZ). Power grids keep their frequency within 0.4 %.
 """
 NEXT = (
     "Look for what runs with that period: a logger that writes its buffer, a GPS pulse, a heater, a radio. "
@@ -18,12 +18,18 @@ NEXT_MAINS = (
 
 
 def happens(found: Repeats, share: float) -> str:
-    """Return the beginning of a sentence on what repeats and how often; `share`: its share of all power."""
+    """Return the beginning of a sentence that says what repeats and how often.
+
+    `share`: proportion of all power that the repeating event has.
+    """
     return f"Something happens every {every(found.period_s)}: {_looks(found, share)}"
 
 
 def what(found: Repeats, share: float) -> str:
-    """Return what repeats and how often, as a part of a sentence; `share`: its share of all power."""
+    """Return a part of a sentence that says what repeats and how often.
+
+    `share`: proportion of all power that the repeating event has.
+    """
     return f"something that happens every {every(found.period_s)} ({_looks(found, share)})"
 
 
@@ -40,6 +46,6 @@ def every(seconds: float) -> str:
 
 
 def next_step(found: Repeats) -> str:
-    """Return what the user can do about the event."""
+    """Return a text that says what the user can do about the repeating event."""
     mains = any(abs(found.period_s * hz - 1) < SAME_FREQUENCY for hz in MAINS_HZ)
     return NEXT_MAINS if mains else NEXT

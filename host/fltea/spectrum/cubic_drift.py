@@ -1,4 +1,4 @@
-"""The drift of a record, as a cubic: it is subtracted, since it would leak into all frequencies."""
+"""The drift of a record, described by a cubic. It is subtracted, since it would leak into all frequencies."""
 
 import functools
 import math
@@ -10,24 +10,31 @@ import numpy as np
 from fltea.records.arrays import Array
 
 LARGE_DRIFT, NEAR_THE_DRIFT = 30.0, slice(10, 30)
-"""A cubic is subtracted from a short record too if its power is LARGE_DRIFT times that of these ordinates."""
+"""From a short record, a cubic is subtracted only if its power is more than LARGE_DRIFT times the mean power
+of the ordinates NEAR_THE_DRIFT.
+"""
 
 
 class Drift(NamedTuple):
-    """The slow part that is not noise: a cubic in each unbroken stretch of the whole-record level."""
+    """The slow part of a record that is not noise.
+
+    It is described by a cubic in each unbroken stretch of the record at reduced rate (the whole-record level
+    of `octaves`).
+    """
 
     power: float
-    """Mean square of the cubics' amplitudes; for white noise of variance R it has the mean R."""
+    """Mean square of the cubics' amplitudes. For white noise of variance R, its expected value is R."""
     amplitudes: int
     """Number of amplitudes: three for each stretch."""
 
 
 def cubic_through(values: Array) -> tuple[Array, Array]:
-    """Return the cubic through `values` (m,) of mean 0, and its amplitudes, each N(0, 1) for white noise.
+    """Return the cubic that is fitted to `values` (m,) of mean 0, and its three amplitudes.
 
-    Drift that ends at another value than it began with leaks into all frequencies as 1/λ², far above its own
-    frequencies. From noise, the cubic takes the power of the ordinates below LOWEST, and a few percent of
-    ordinate LOWEST.
+    For white noise of variance 1, each amplitude is normal with variance 1. A drift that ends at another
+    value than it began with leaks into all frequencies λ as 1/λ², far above its own frequencies. If the cubic
+    is subtracted from noise, the noise loses the power of the ordinates below number LOWEST, and a few
+    percent of ordinate LOWEST.
     """
     basis = _cubics(len(values))
     amplitudes = basis @ values
@@ -45,7 +52,10 @@ def _cubics(m: int) -> Array:
 
 
 def drift_of(amplitudes: Sequence[Array], level: int) -> Drift | None:
-    """Return the drift whose `amplitudes` were found in the stretches of a level; None: there are none."""
+    """Return the drift whose `amplitudes` were found in the stretches of a level of the octaves.
+
+    Return None if there are no stretches.
+    """
     if not amplitudes:
         return None
     all_of_them = np.concatenate(amplitudes)

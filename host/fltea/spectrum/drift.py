@@ -11,13 +11,13 @@ from fltea.spectrum.cubic_drift import Drift
 from fltea.spectrum.periodogram import FEWEST, LOWEST, Periodogram
 
 PERIODS = 10.0
-"""Number of periods that the slowest fitted wave has in the record. A wave with fewer periods may be a part
-of any drift.
+"""Number of periods that a wave of the lowest fitted frequency has in the record. A slower wave, with fewer
+periods, may be a part of any drift.
 """
 CUBIC_PERIODS = 0.7
-"""Number of periods in the record of the waves that resemble a cubic most."""
+"""Number of periods that a wave has in the record if it resembles a cubic most."""
 LEAST_OFFSET = 10.0
-"""Least ratio of the power of the offset's drift to that of the noise; a smaller drift does not matter."""
+"""Smallest ratio of the power of the offset's drift to that of the noise. A smaller drift does not matter."""
 LEAST_RATIO = 2.0
 FALSE_ALARM = 1e-4
 """Probability of a false alarm of each of the two tests (slow power, drift of the offset) in a record that is
@@ -26,19 +26,21 @@ tested once.
 
 
 class SlowPower(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The power below the fitted frequencies."""
+    """The power below the fitted frequencies, compared with what the noise model predicts there."""
 
     below_hz: float
     ratio: float = 1.0
     """The slow power, divided by the slow power that the best model predicts."""
     p: float = 1.0
-    """Probability of at least this ratio if the model also holds at the slow frequencies."""
+    """Probability of at least this ratio if the model describes the slow frequencies as well."""
     offset: float = 0.0
-    """Power of the cubic that was subtracted from a long record, divided by the model's power at the cubic's
-    frequencies.
+    """Power of the cubic that was subtracted from a long record, divided by the model's power at the
+    frequencies of such a cubic.
     """
     offset_p: float = 1.0
-    """Probability of at least this value of `offset` if the model also holds at the cubic's frequencies."""
+    """Probability of at least this value of `offset` if the model describes the frequencies of such a cubic
+    as well.
+    """
 
     def is_drift(self, false_alarm: float = FALSE_ALARM) -> bool:
         """Return whether there is more slow power than the model explains, and enough of it to matter."""
@@ -49,7 +51,7 @@ class SlowPower(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 def drift_hz(duration_s: float, samples: int) -> float:
     """Return the frequency [Hz] below which power counts as drift in a record of `duration_s`.
 
-    In a record of very few samples, only the frequencies below the lowest usable ordinate count as drift.
+    In a record of very few samples, only power below the lowest usable ordinate counts as drift.
     """
     enough = samples >= 2 * (FEWEST + PERIODS + 1)
     return (PERIODS if enough else LOWEST) / duration_s
@@ -60,8 +62,9 @@ def slow_power(
 ) -> SlowPower:
     """Compare the slow power with what the model of the faster noise predicts for the slow frequencies.
 
-    `slow`: the ordinates below `below_hz`, or None. `model`: returns the power spectrum at λ. `cubic`: the
-    cubic drift that was subtracted before all ordinates were computed, or None. `h`: sampling period [s].
+    `slow`: the ordinates below `below_hz`, or None. `model`: function that returns the model's power spectrum
+    at λ [rad a sample]. `cubic`: the cubic drift that was subtracted before all ordinates were computed, or
+    None. `h`: sampling period [s].
     """
     offset, offset_p = 0.0, 1.0
     if cubic is not None:

@@ -1,10 +1,11 @@
 """Drift rate of a record: the slope of its straight line, and its uncertainty from the noise.
 
-The line is the least-squares fit. The variance of its slope is the integral of the noise's spectrum times the
-response of the slope, 36/T² j1(x)². There T is the length of the record, j1 a spherical Bessel function, and
-x half the phase [rad] through which the frequency turns in the time T. A random walk tilts the line far more
-than white noise does, and in a short record a Gauss–Markov part does so too. Where it is not certain which of
-them is present, the variances of several models are combined, each with a probability.
+The line is fitted by least squares. To compute the variance of its slope, the noise's spectrum is multiplied
+by 36/T² j1(x)² and integrated over the frequencies. T is the length of the record, j1 a spherical Bessel
+function, and x half the phase [rad] through which a wave of the frequency turns in the time T. A random walk
+tilts the line far more than white noise does, and in a short record a Gauss–Markov part does so too. If it is
+not certain which of these noises is present, the variances by several models are combined, each with its
+probability.
 """
 
 import math
@@ -19,8 +20,8 @@ from fltea.records.plus_minus import NORMAL_95
 
 AT_ONCE = 1 << 18
 FINE, COARSE = 4000, 1000
-"""Number of points of the integral: FINE at the frequencies where the response's oscillations matter, COARSE
-above them, where the response is replaced by its mean.
+"""Numbers of frequencies at which the integral is computed. There are FINE of them where the oscillations of
+j1² matter. Above, there are COARSE, and j1² is replaced by its mean over an oscillation.
 """
 WAVES_TO = 100.0
 OUTSIDE = 0.05
@@ -29,7 +30,7 @@ NEAR = 1e-4
 
 
 def drift_rate(y: Array, h: float, spectrum: Callable[[Array], Array]) -> Interval:
-    """Return the slope of `y` (n,), in its unit per second, with the 95 % interval.
+    """Return the slope of `y` (n,), in the unit of `y` per second, with its 95 % interval.
 
     `spectrum`: the noise's power spectrum at λ [rad a sample], normalised as in `periodogram`. `h`: sampling
     period [s].
@@ -38,7 +39,7 @@ def drift_rate(y: Array, h: float, spectrum: Callable[[Array], Array]) -> Interv
 
 
 def slope(y: Array, h: float) -> float:
-    """Return the slope of the least-squares line through `y` (n,), in its unit per second."""
+    """Return the slope of the least-squares line through `y` (n,), in the unit of `y` per second."""
     n = len(y)
     total, mean = 0.0, float(y.mean())
     for begin in range(0, n, AT_ONCE):

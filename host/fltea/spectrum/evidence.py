@@ -1,4 +1,4 @@
-"""The figures from which the verdict on one axis is drawn."""
+"""The figures on which the verdict on one axis is based."""
 
 import math
 from typing import NamedTuple
@@ -16,10 +16,13 @@ from fltea.spectrum.spectral_lines import Peak
 from fltea.spectrum.stationarity import Change
 
 LEVEL = 0.05
-"""The null test of a recording, which is tested once, rejects white noise at p-values below this level."""
+"""Significance level for a recording, which is tested once: the null test rejects white noise if its p-value
+is below this level.
+"""
 ANYTIME_LEVEL = 1e-5
-"""The level for a sensor that is tested every second for a day: at most one white sensor in a hundred is ever
-reported as anything else."""
+"""Significance level for a live sensor, which is tested every second. With it, at most one sensor with white
+noise in a hundred is reported as anything else within a day.
+"""
 APART = 6.0
 """Difference in 2 log L from which on two models count as different."""
 
@@ -32,18 +35,20 @@ class Evidence(NamedTuple):
     samples: int
     rate_hz: float
     p_all: float
-    """The p-value of the null test of all ordinates that the user left in."""
+    """The p-value of the null test on all ordinates that the user did not exclude."""
     p_without_peaks: float
-    """The p-value of the null test without the ordinates of lines and resonances."""
+    """The p-value of the null test on the ordinates outside spectral lines and resonances."""
     p_clean: float
-    """The p-value of the null test of the clean ordinates: those without peaks and above the frequencies of
-    the drift.
+    """The p-value of the null test on the clean ordinates. These lie outside peaks, and above the frequencies
+    of the drift.
     """
     peaks: tuple[Peak, ...]
     candidates: CandidateModels
     """The candidate models, fitted to the clean ordinates."""
     reading: Reading
-    """What the best model without an order says about the noise."""
+    """What the best model without an order says about the noise, after traces of other things are removed
+    from it.
+    """
     from_hz: float
     to_hz: float
     """`from_hz` and `to_hz` are the ends [Hz] of the band of the clean ordinates."""
@@ -54,25 +59,26 @@ class Evidence(NamedTuple):
     level: float = LEVEL
     """The level at which the null test rejects white noise."""
     median: MedianFilter | None = None
-    """The median filter that was detected in the samples; None without one."""
+    """The median filter that was detected in the samples; None if there is none."""
 
     def residual_ks(self, model: FittedModel) -> float:
-        """Return the Kolmogorov–Smirnov distance for the ratio of periodogram to model (`residuals`)."""
+        """Return the Kolmogorov–Smirnov statistic of the residuals of a model (`residuals.farthest`)."""
         p = self.clean
         ratio = np.empty_like(p.lam)
-        for begin in range(0, len(ratio), AT_ONCE):  # computed in pieces, which takes less memory
+        # the ratio of periodogram to model is computed in pieces, which takes less memory
+        for begin in range(0, len(ratio), AT_ONCE):
             part = slice(begin, begin + AT_ONCE)
             ratio[part] = p.power[part] / model.spectrum(p.lam[part], p.h)
         return farthest(ratio, p.weight)
 
     @property
     def drifts(self) -> bool:
-        """Whether there is more power below the lowest frequency than the models explain."""
+        """Whether there is more power below the lowest fitted frequency than the models explain."""
         return self.slow.is_drift(FALSE_ALARM * self.level / LEVEL)
 
     @property
     def odds(self) -> float | None:
-        """The odds that coloured noise has an order; None if no fitted model has an order."""
+        """The odds that noise which is not white has an order; None if no fitted model has an order."""
         return odds_of(self.candidates)
 
     @property
@@ -84,7 +90,7 @@ class Evidence(NamedTuple):
 def apart(level: float) -> float:
     """Return the difference in 2 log L from which on two models count as different.
 
-    It grows as `level`, the significance level of a single refit, becomes smaller. So a claim holds for all
-    refits together.
+    `level`: significance level of a single refit. For a smaller level, the difference is larger, so that a
+    live sensor that is refitted often leads to no more false claims.
     """
     return APART - 2 * math.log(level / LEVEL)

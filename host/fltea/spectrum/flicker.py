@@ -1,6 +1,6 @@
 """White noise, 1/f noise and a random walk fitted to the low frequencies of a spectrum.
 
-These are the three terms of IEEE 952's noise model that one reads from a curve of Allan deviations. Their
+These are the three terms of IEEE 952's noise model that users read from a curve of Allan deviations. Their
 spectra are linear in their amplitudes, so that a fit costs less than a millisecond. The fit uses every
 frequency at which the 1/f noise stands out of the white noise. It therefore determines the amplitude B long
 before the Allan deviation shows a flat stretch with small errors.
@@ -17,8 +17,8 @@ from fltea.spectrum.candidate_models import CandidateModels, FittedModel, walk_c
 from fltea.spectrum.intervals import CRITICAL
 
 SLOW = 1 / 20
-"""Highest fitted frequency as a share of the sample rate. A sensor's own filter nearly always acts above
-it.
+"""Ratio of the highest fitted frequency to the sample rate. A sensor's own filter nearly always acts only
+above this frequency.
 """
 FEWEST = 30.0
 """Fewest ordinates for a fit."""
@@ -27,9 +27,9 @@ LEAST_GAIN = 1e-5
 """The fit ends when an iteration raises log L by less than this."""
 DAMPING = 1e-3
 LEAST = 1e-12
-"""Least squared amplitude of a term, as a share of the value from which the fit starts."""
+"""Smallest squared amplitude that a term can get, divided by the value from which the fit starts."""
 NEAR = 0.05
-"""Accuracy of an end of an interval, in 2 log L."""
+"""Accuracy with which an end of an interval is found: largest error of 2 log L there."""
 SEARCHES = 12
 WIDEST = 100.0
 """Each end of the interval of B² differs from B² by at most this factor."""
@@ -38,30 +38,32 @@ WIDEST = 100.0
 class Flicker(NamedTuple):
     """The three terms fitted to one spectrum.
 
-    A gain is the increase of 2 log L over the fit without the term.
+    The gain of a term is the increase of 2 log L over the fit without this term.
     """
 
     B: Interval
-    """The amplitude of the 1/f noise, in the unit of the samples; all null if it gains too little.
+    """The amplitude of the 1/f noise, in the unit of the samples. Value and ends are None if the term gains
+    too little.
 
-    Where the fit needs no random walk, B comes from a fit without one. The power of a random walk cannot be
-    negative, so that any power that chance gives to it would be missing in B. The lower end of the interval
-    still comes from the profile with a random walk, since there may be one.
+    If the fit needs no random walk, B comes from a fit without one. The power of a random walk cannot be
+    negative, so that any power that it gets by chance would be missing in B. The lower end of the interval
+    still comes from the profile likelihood with a random walk, since there may be a weak one.
     """
     gain: float
     """Gain in 2 log L by the 1/f noise."""
     gain_of_walk: float
     """Gain in 2 log L by the random walk."""
     behind: float
-    """2 log L of the noise model of the verdict, less 2 log L of this fit, at the same frequencies."""
+    """2 log L of the model that stands for the noise, less 2 log L of this fit, both at the same frequencies.
+    """
     ordinates: float
 
 
 class _Data(NamedTuple):
     """The bins of a spectrum.
 
-    For each bin: the power and the number of ordinates, (k,), and the spectrum of each term of amplitude 1,
-    (k, 3).
+    `power`, `counts`: power and number of ordinates of each bin, (k,). `columns`: spectrum of each of the
+    three terms with amplitude 1 in each bin, (k, 3).
     """
 
     power: Array
@@ -77,9 +79,9 @@ class _Data(NamedTuple):
 
 
 def flicker(f: CandidateModels, stands: FittedModel) -> Flicker | None:
-    """Return the fit of the three terms to the slow part of the spectrum of `f`; None if it is too short.
+    """Return the fit of the three terms to the low frequencies of the spectrum of `f`.
 
-    `stands`: the model that stands for the noise.
+    `stands`: the model that stands for the noise. The result is None if there are too few ordinates.
     """
     lam = np.asarray(f.data.lam, dtype=np.float64)
     keep = lam < 2 * math.pi * SLOW
@@ -88,7 +90,7 @@ def flicker(f: CandidateModels, stands: FittedModel) -> Flicker | None:
     power = np.asarray(f.data.power[0], dtype=np.float64)[keep]
     if counts.sum() < FEWEST or not (power > 0).any():
         return None
-    # Discrete 1/f noise, ARFIMA(0, 1/2, 0), has B² over 2 sin(λ/2).
+    # The spectrum of sampled 1/f noise, ARFIMA(0, 1/2, 0), is B² / (2 sin(λ/2)).
     columns = np.column_stack([np.ones(len(lam)), 0.5 / np.sin(lam / 2), walk_column(lam, f.samples)])
     data = _Data(power, counts, columns)
     start = np.log(float(counts @ power) / 3 / (counts @ columns))
@@ -108,9 +110,9 @@ def flicker(f: CandidateModels, stands: FittedModel) -> Flicker | None:
 
 
 def _fit(data: _Data, start: Array, fixed: Array | float = 0.0) -> tuple[Array, float]:
-    """Fit by damped Fisher scoring; return the logarithms of the squared amplitudes, and -log L.
+    """Fit the terms by damped Fisher scoring. Return the logarithms of their squared amplitudes, and -log L.
 
-    `fixed`: power that is added to every fit unchanged.
+    `fixed`: power in each bin that is added to the terms' power and not fitted.
     """
     x, least = start.copy(), start + math.log(LEAST)
     nll, damping = data.nll(x, fixed), DAMPING

@@ -1,9 +1,10 @@
-"""What a model with a high-pass says about the noise, and what is only the shape of the filter.
+"""Which parts of a model with a high-pass are noise, and which are only the shape of the filter.
 
 A filter that subtracts a running mean, the mean of each block, or an offset estimated at rest does not have
-exactly the spectrum of the fitted high-pass. Its density may oscillate above the corner frequency, by a
-factor of 1.48 at most, as that of a running mean does. In addition, the ends of a record leak into the
-frequencies that the filter stops: samples at each end lack neighbours that would cancel them.
+exactly the response of the fitted high-pass. Above the corner frequency, the density behind such a filter may
+oscillate. Behind a running mean it does so by a factor of 1.48 at most. In addition, the ends of a record
+leak into the frequencies that the filter stops, since the samples at each end lack neighbours that would
+cancel their slow parts.
 """
 
 import math
@@ -17,23 +18,26 @@ from fltea.spectrum.candidate_models import CandidateModels, FittedModel
 from fltea.spectrum.octaves import WHOLE
 
 SWINGS, RINGS = 2.0, 4.0
-"""Largest ratio of the density to that of the pass band that counts as the filter's own shape: SWINGS if the
-model describes the shape by a relaxation, RINGS if by a resonance.
+"""Largest ratio of the density to that of the pass band that counts as the filter's own shape. SWINGS holds
+if the model describes the shape by a relaxation, RINGS if by a resonance.
 """
 NEAR = 10.0
-"""The shape of the filter is examined up to this multiple of its corner."""
+"""The shape of the filter is examined up to this multiple of its corner frequency."""
 POINTS = 64
 LEAKS_AT_MOST = 15.0
-"""The leak of the two ends depends on a single random number: with 99.99 % it is below this multiple of its
-mean."""
+"""The power that leaks from the two ends depends on a single random number. With a probability of 99.99 % it
+is below this multiple of its mean.
+"""
 
 
 class HighPassed(NamedTuple):
-    """The parts of a model with a high-pass that are real noise and not the shape of the filter."""
+    """The high-pass of a model, and those other parts that are real noise and not the filter's shape."""
 
     high_pass: HighPass
     parts: tuple[Part, ...]
-    """The parts without the filter, its shape and the leak of the ends."""
+    """The parts of the model without the filter, and without parts that only describe its shape or the
+    leakage of the ends.
+    """
 
     @property
     def is_all(self) -> bool:
@@ -49,7 +53,7 @@ class HighPassed(NamedTuple):
 def high_passed(
     f: CandidateModels, model: FittedModel, parts: Sequence[Part], from_hz: float
 ) -> HighPassed | None:
-    """Return which of `parts`, the parts of `model`, are real noise; None if `model` has no high-pass."""
+    """Return which of `parts`, the parts of `model`, are real noise."""
     high_pass = high_pass_of(parts)
     if high_pass is None:
         return None
@@ -59,7 +63,7 @@ def high_passed(
 
 
 def stands_for_shape(f: CandidateModels, model: FittedModel, from_hz: float) -> bool:
-    """Return whether all parts beside the high-pass may be only the shape of a different filter."""
+    """Return whether all parts other than the high-pass may only describe the shape of the real filter."""
     high_pass = high_pass_of(model.parts(f.h))
     return high_pass is not None and _crest(f, model, high_pass, from_hz) < SWINGS
 
@@ -67,8 +71,8 @@ def stands_for_shape(f: CandidateModels, model: FittedModel, from_hz: float) -> 
 def end_leak(f: CandidateModels, model: FittedModel) -> float:
     """Return the mean density that leaks from the ends of the record into the lowest frequencies.
 
-    It is 0 without a high-pass, since the leak matters only where a filter has removed everything else. The
-    octaves above the lowest one have windows, so that nothing leaks into them.
+    It is 0 if the model has no high-pass, since the leakage matters only where a filter has removed
+    everything else. Nothing leaks into the octaves above the lowest one, which are computed with windows.
     """
     parts = model.parts(f.h)
     if high_pass_of(parts) is None or not f.samples:
@@ -76,7 +80,7 @@ def end_leak(f: CandidateModels, model: FittedModel) -> float:
     lam = np.geomspace(math.pi / f.samples, min(math.pi, math.pi * WHOLE / f.samples), POINTS)
     floor = sum(part.R for part in parts if isinstance(part, Floor))
     density = np.maximum(model.spectrum(lam, f.h) - floor, 0.0)
-    # The mean density at λ that leaks from one end of n samples is 1 / (2 sin²(λ/2)) / n.
+    # From one end of n samples, noise of variance 1 leaks with the mean density 1 / (2 sin²(λ/2)) / n at λ.
     return float(np.trapezoid(density / np.sin(lam / 2) ** 2, lam)) / (2 * math.pi * f.samples)
 
 

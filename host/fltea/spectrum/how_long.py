@@ -1,8 +1,8 @@
 """How much longer a sensor has to be observed until its order is known well enough.
 
-The time until it is clear whether there is an order at all is not forecast. Of 79 such forecasts, which used
-the expected odds of longer records of the fitted models, 44 were right within a factor of two
-(host/docs/evaluation/odds.md).
+The time until it is clear whether there is an order at all is not forecast. Such forecasts were tried, from
+the odds that longer records of the fitted models would give on average. Only 44 of 79 were right within a
+factor of two (host/docs/evaluation/odds.md).
 """
 
 from fltea.records.plus_minus import NORMAL_95
@@ -16,8 +16,8 @@ def seconds_more(
     """Return how many more seconds of samples bring the 95 % interval of α to ± `target`.
 
     The noise is assumed to stay as it is. `model`: a model of `f` with an order. `longest_s`: length [s] of
-    the fit's memory, if old samples fade; None: no sample fades. The result is 0 if the interval is narrow
-    enough now, and None if it never will be or the time cannot be known.
+    the fit's memory if old samples fade; None if no sample fades. The result is 0 if the interval is already
+    narrow enough. It is None if the interval never will be, or if the time cannot be predicted.
     """
     deviation = order_deviation(f, model)
     if deviation is None:

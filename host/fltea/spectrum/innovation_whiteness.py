@@ -1,6 +1,6 @@
-"""Test whether a filter's innovations over a record are white, and as large as the filter expects.
+"""Test whether a Kalman filter's innovations over a record are white, and as large as the filter expects.
 
-`estimator.bank` has the live version of this test.
+`estimator.bank` has the version of this test for live samples.
 """
 
 import functools
@@ -18,18 +18,18 @@ LAGS = 20
 """Number of lags in the Ljung–Box test; it is even, so that χ² has a closed form."""
 FEWEST = 100
 COLOURED_P = 1e-3
-"""Innovations may be coloured if white innovations would exceed the same Ljung–Box statistic with at most
-this probability.
+"""Innovations may be coloured if the probability that white innovations exceed their Ljung–Box statistic is
+at most this.
 """
 COLOURED = 0.1
-"""For coloured innovations, the root of the sum of the squared correlations must also exceed this value,
-since in a day of samples even a tiny correlation is significant. The root is 0.3 to 0.7 for samples that
-passed a low-pass filter, and 0.12 to 0.15 where the filter's α is too small by 0.25 to 0.5.
+"""Innovations count as coloured only if the root of the sum of their squared correlations also exceeds this
+value, since in a day of samples even a tiny correlation is significant. This root is 0.3 to 0.7 for samples
+that passed a low-pass filter, and 0.12 to 0.15 if the Kalman filter's α is too small by 0.25 to 0.5.
 """
 
 
 class Innovations(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Figures of n innovations.
+    """Figures of n innovations, from which one sees whether the filter's model is correct.
 
     For a correct model, `nis` is about 1, `lag1` is 0 ± 1/√n, and `ljung_box_p` is spread evenly from 0 to
     1.
@@ -37,12 +37,12 @@ class Innovations(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     samples: int
     nis: float
-    """The mean normalised innovation squared."""
+    """Mean of the squared innovations, each divided by the variance that the filter expects (NIS)."""
     lag1: float
-    """Correlation of each innovation with the next."""
+    """Correlation of each innovation with the following one."""
     ljung_box: float
     ljung_box_p: float
-    """Probability that white innovations give at least this Ljung–Box statistic."""
+    """Probability that white innovations give a Ljung–Box statistic of at least `ljung_box`."""
 
 
 class InnovationSums:
@@ -55,7 +55,7 @@ class InnovationSums:
         self._before = np.empty(0)
 
     def add(self, innovation: Array, std: Array) -> None:
-        """Add innovations and their standard deviations by the filter, both (n,).
+        """Add innovations, and the standard deviations that the filter gives them, both (n,).
 
         Samples without finite values are left out.
         """
@@ -74,7 +74,7 @@ class InnovationSums:
         self._before = both[-LAGS:]
 
     def result(self) -> Innovations | None:
-        """Return the test of all innovations so far; None for fewer than 100."""
+        """Return the figures of all innovations so far; None if there are fewer than 100."""
         n = self._samples
         if n < FEWEST or not self._squares > 0:
             return None
@@ -84,7 +84,10 @@ class InnovationSums:
 
 
 def innovations(innovation: Array, std: Array) -> Innovations | None:
-    """Test innovations with their standard deviations by the filter, both (n,); None for fewer than 100."""
+    """Return the figures of innovations; None if there are fewer than 100.
+
+    `std`: the standard deviations that the filter gives them. Both are (n,).
+    """
     sums = InnovationSums()
     sums.add(innovation, std)
     return sums.result()
@@ -95,13 +98,14 @@ def describes_order(
 ) -> bool | None:
     """Tell whether a filter's order, and the standard deviation that the filter gives it, describe the noise.
 
-    White innovations are not enough: on white noise, with or without a drift, a filter with any order up to 1
-    has them. The likelihood of the whole record has to show an order too, and the filter's order has to agree
-    with it.
+    White innovations are not enough to tell this: on white noise, with or without a drift, a filter with any
+    order up to 1 has white innovations. The likelihood of the whole record has to show an order too, and the
+    filter's order has to agree with that order.
 
-    `white`: whether the innovations are white. `order`: the interval of the order by the fit of the spectrum;
-    an end is missing where the noise has no order; None while there is no fit. The result is None while
-    `white` or `order` is None, except that it is False once the innovations are not white.
+    `white`: whether the innovations are white; None if that is not known yet. `order`: the interval of the
+    order by the fit of the spectrum. Its ends are None if the noise has no order, and it is None itself while
+    there is no fit. The result is False if the innovations are not white. Otherwise it is None while `white`
+    or `order` is None.
     """
     if not white or order is None or not math.isfinite(alpha):
         return False if white is False else None
@@ -112,7 +116,7 @@ def describes_order(
 
 
 def describes(samples: int, ljung_box: float) -> bool:
-    """Tell whether innovations with this Ljung–Box statistic are about white.
+    """Tell whether innovations with this Ljung–Box statistic are nearly white.
 
     If they are not, the filter's α and f, and the standard deviations that the filter gives them, say nothing
     about the noise.

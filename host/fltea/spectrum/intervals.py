@@ -5,12 +5,12 @@ of all (95 % of χ² with one degree of freedom). Unlike the curvature at the ma
 data cannot separate α from f, where a correlation time has only a lower bound, and where white noise below
 other noise has only an upper bound. An end is None where all values on that side belong to the interval.
 
-The variance R of the white noise cannot be below 0. Where the best fit with a given value has R = 0, the
-likelihood ratio does not follow χ²: an error of R can only make it too large, and the other parameters then
-err along with it. Such fits have the larger limits `AT_BOUND`.
+The variance R of the white noise cannot be below 0. If the best fit with a given value has R = 0, the
+likelihood ratio does not follow χ²: the error of the estimate of R can then only be upwards, and it shifts
+the other parameters. For such fits the larger limits `AT_BOUND` hold.
 
-The likelihood of an order sometimes has a second maximum far from the first. So it is searched over the whole
-range of orders, and orders that are as good as the interval's ends belong to the interval.
+The likelihood of an order sometimes has a second maximum far from the first. So the whole range of orders is
+searched, and all orders that are as good as the interval's ends belong to the interval.
 """
 
 import math
@@ -39,32 +39,32 @@ from fltea.spectrum.candidate_models import AT_A_LIMIT, LEAK_OF_CUBIC, Candidate
 CRITICAL = 3.841
 """95 % point of χ² with one degree of freedom."""
 AT_BOUND = {"alpha": 4.8, "f": 4.6, "F": 5.1, "s2": 5.1}
-"""Replaces CRITICAL, for each of these parameters, where the best fit with a given value has no white noise.
-
-It is the 95 % point for two normal estimates with the correlation ρ, where the second cannot be below 0: 4.4
-for |ρ| = 0.8, 4.7 for 0.9, 4.8 for 0.95 and 5.1 for 1 (the distribution is that of Self & Liang, *JASA* 82,
-1987). In nine tenths of 35 noises with R = 0, the correlation by the Fisher information is at most 0.9
-between f and R, 0.95 between α and R, 0.99 for F and 1 for s2 (tools/validation/bound.py).
+"""Limits that replace CRITICAL for these parameters if the best fit with a given value has no white noise.
+Each is the 95 % point of the likelihood ratio for two normal estimates with the correlation ρ, of which the
+second, here R, cannot be below 0: 4.4 for |ρ| = 0.8, 4.7 for 0.9, 4.8 for 0.95 and 5.1 for 1 (Self & Liang,
+*JASA* 82, 1987). The correlation between each parameter and R was computed from the Fisher information of 35
+noises with R = 0. In nine tenths of them it is at most 0.9 for f, 0.95 for α, 0.99 for F and 1 for s2
+(tools/validation/bound.py).
 """
 LEAST = 7.0
 """A variance counts as 0 if its logarithm is more than this below the logarithm of the best value."""
 LITTLE = 4.0
-"""Logarithm of the ratio of the power at the highest frequencies to a small amount of white noise
-(`little_white`).
+"""Logarithm of a ratio: the power at the highest frequencies, divided by the small amount of white noise with
+which some fits start (`little_white`).
 """
 SLOWEST = 300.0
-"""Correlation times are tried up to this multiple of the longest one that the data can show."""
+"""Ratio of the longest correlation time that is tried to the longest one that the data can show."""
 WIDEST_ORDER = 0.9
-"""An order is undefined if its interval is at least this wide."""
+"""An order counts as undefined if its interval is wider than this."""
 NOTHING = 1e-4
-"""A parameter about which the data have less Fisher information than this counts as unknown."""
+"""A parameter with less Fisher information than this counts as one about which the data say nothing."""
 BY_F, BY_PARAMETER, BY_NOISE, BY_STEP = (
     BY_NAME[name].code for name in ("order by F", "order by f", "order by Q", "arfima by s2")
 )
-"""Code numbers of parts that are the same noises with other free parameters. With them a fit can hold a
-parameter fixed that the parts in `fltea.noise.parts` only imply. For the order: F and log -g, or α and log
--f, in place of α and logit(-g / 2^α); or log Q in place of log s2. For ARFIMA: log s2 in place of log s2 / (1
-- φ)².
+"""Code numbers of parts that describe the same noises by other free parameters. With them, a fit can hold a
+parameter fixed that is no free parameter of the parts in `fltea.noise.parts`. There, an order has α, logit(-g
+/ 2^α) and log s2. BY_F has F and log -g, BY_PARAMETER has α and log -f in place of the first two, and
+BY_NOISE has log Q in place of log s2. In place of ARFIMA's log s2 / (1 - φ)², BY_STEP has log s2.
 """
 HIGHEST_ORDER = 1.999
 LOOKED_AT = np.arange(0.04, 1.3, 0.08)
@@ -72,14 +72,14 @@ LOOKED_AT = np.arange(0.04, 1.3, 0.08)
 
 
 class Ends(NamedTuple):
-    """A value and the ends of its interval."""
+    """A value, and the ends of its 95 % interval."""
 
     value: float
     low: float
     high: float
 
     def exp(self) -> "Ends":
-        """Return the interval of the exponential, for a logarithm.
+        """Return the interval of a quantity from this interval of its logarithm.
 
         A lower end at the limit of the search, below which a variance counts as 0, becomes 0.
         """
@@ -100,7 +100,7 @@ class Ends(NamedTuple):
 
 
 class Estimated(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A part with its parameters and their intervals, in the units of `fltea.noise.parts`."""
+    """A part of a noise model: its parameters with their intervals, in the units of `fltea.noise.parts`."""
 
     part: str
     values: dict[str, Interval]
@@ -113,9 +113,9 @@ class Estimated(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class OrderFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The order of a model with an order. All values are null if the data do not determine it.
+    """Order and other parameters of a noise model. All values are None if the data do not define them.
 
-    F = g + α, g = h^α f. Variances are in the square of the unit of y.
+    F = g + α, where g = h^α f. The variances s2 and R are in the square of the samples' unit.
     """
 
     alpha: Interval = Interval()
@@ -128,7 +128,7 @@ class OrderFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def estimated(f: CandidateModels, model: FittedModel) -> tuple[Estimated, ...]:
-    """Return the parts of a model with the intervals of their parameters."""
+    """Return the parts of a model, each with its parameters and their intervals."""
     found = []
     for code, at in model.terms():
         free = free_of(code)
@@ -138,7 +138,7 @@ def estimated(f: CandidateModels, model: FittedModel) -> tuple[Estimated, ...]:
             value = float(getattr(part, name))
             if name in values:
                 continue
-            if k >= free:  # `k` is the number of samples of a mean, which is not fitted
+            if k >= free:  # this parameter, such as the number of samples of a mean, is not fitted
                 values[name] = Interval(value, value, value)
                 continue
             low, high = (
@@ -162,8 +162,8 @@ def estimated(f: CandidateModels, model: FittedModel) -> tuple[Estimated, ...]:
 def _of_order(f: CandidateModels, model: FittedModel, code: int, at: int) -> dict[str, Interval]:
     """Return those parameters of an order or of ARFIMA whose intervals need more than one search.
 
-    They depend on several fit parameters, or their likelihood may have several maxima. For any other part the
-    result is empty.
+    Such a parameter depends on several transformed parameters, or its likelihood may have several maxima. For
+    any other kind of part the result is empty.
     """
     if kind_of(code) not in (Order, Arfima):
         return {}
@@ -176,12 +176,12 @@ def _of_order(f: CandidateModels, model: FittedModel, code: int, at: int) -> dic
 
 
 def _with_value(found: Interval, value: float) -> Interval:
-    """Return the interval with another `value`; a missing end stays missing."""
+    """Return the interval `found`. If it has no value, return `value` without ends."""
     return found if found.value is not None else Interval(value)
 
 
 def _step(f: CandidateModels, model: FittedModel, at: int) -> Interval:
-    """Return s2 of ARFIMA with its interval."""
+    """Return the variance s2 of the steps that drive an ARFIMA, with its interval."""
     d, rate, level = model.eta[at : at + 3]
     log_s2 = level + 2 * math.log(-math.expm1(-math.exp(rate)))
     by_step = _other(model, at, BY_STEP, [d, rate, log_s2])
@@ -189,7 +189,7 @@ def _step(f: CandidateModels, model: FittedModel, at: int) -> Interval:
 
 
 def _noise(f: CandidateModels, model: FittedModel, at: int, Q: float) -> Interval:
-    """Return the noise variance Q of an order, with its interval."""
+    """Return the variance Q of the noise that drives an order, with its interval."""
     alpha, logit = model.eta[at : at + 2]
     by_noise = _other(model, at, BY_NOISE, [alpha, logit, math.log(Q)])
     reach = LEAST + 4 * abs(math.log(f.h))
@@ -206,7 +206,7 @@ def order_fit(f: CandidateModels, model: FittedModel) -> OrderFit:
     at = model.place(Order, Arfima)
     assert at is not None
     here = model.eta
-    if not arfima and here[at] > HIGHEST_ORDER - AT_A_LIMIT:  # the order may have any value beyond the limit
+    if not arfima and here[at] > HIGHEST_ORDER - AT_A_LIMIT:  # the true order may be even higher
         return OrderFit()
     if arfima:
         alpha = _interval(f, model, at, "alpha", (0.0, 1.0), 0.03)
@@ -232,10 +232,10 @@ def order_fit(f: CandidateModels, model: FittedModel) -> OrderFit:
 
 
 def _of_maximum(f: CandidateModels, model: FittedModel, at: int, first: bool = True) -> list[Ends]:
-    """Return α, F, -f, s2 and R, each with the part of its interval around one maximum of the likelihood.
+    """Return α, F, -f, s2 and R, each with the interval around one maximum of the likelihood.
 
-    `first`: whether this is the maximum of `model.nll`. Another maximum may be lower, and its ends are not
-    stored.
+    `first`: whether this is the highest maximum of the likelihood. The ends around another maximum are not
+    stored for the next refit.
     """
     here, s2_at = model.eta, at + 2
 
@@ -268,14 +268,14 @@ def information_of(f: CandidateModels, model: FittedModel) -> Array:
 
 
 def slopes(f: CandidateModels, codes: Sequence[int], eta: Sequence[float]) -> tuple[Array, Array]:
-    """Return a model's spectrum (bins,), and the slopes of its logarithm by the parameters, (p, bins)."""
+    """Return a model's spectrum (bins,), and the slopes of its logarithm by each of `eta` (p, bins)."""
     total, rows = np.empty(len(f.data.lam)), np.empty((len(eta), len(f.data.lam)))
     f.native.slopes(list(codes), list(eta), total, rows)
     return total, rows
 
 
 def order_deviation(f: CandidateModels, model: FittedModel) -> float | None:
-    """Return the standard deviation of the order by the Fisher information, all other parameters unknown."""
+    """Return the standard deviation of the order, from the Fisher information of all parameters."""
     at = model.place(Order, Arfima)
     if at is None:
         return None
@@ -298,9 +298,9 @@ def _interval(
     step: float = 0.1,
     keep: bool = True,
 ) -> Ends:
-    """Return transformed parameter `i` with its interval; an end beyond `limits` is set to the limit.
+    """Return transformed parameter `i` with its interval. An end beyond one of `limits` is set to this limit.
 
-    `keep`: as in `interval_end`.
+    `name`: name of the parameter in AT_BOUND. `step`, `keep`: as in `interval_end`.
     """
     bound = AT_BOUND.get(name, CRITICAL)
     ends = [
@@ -312,10 +312,10 @@ def _interval(
 
 
 def _elsewhere(f: CandidateModels, model: FittedModel, at: int) -> list[list[float]]:
-    """Return the transformed parameters of all fits with a fixed order that belong to the order's interval.
+    """Return the transformed parameters of all fits with a fixed order that lies in the order's interval.
 
-    The first call after a model search tries all orders in LOOKED_AT. Later calls only repeat the fits that
-    belonged to the interval.
+    The first call after a model search tries all orders in LOOKED_AT. Later calls only repeat those fits
+    whose order was in the interval.
     """
     starts = f.fits.elsewhere
     if starts is None:
@@ -335,7 +335,7 @@ def _elsewhere(f: CandidateModels, model: FittedModel, at: int) -> list[list[flo
 
 
 def _limits(f: CandidateModels, code: int, k: int, here: float, side: int) -> tuple[float, float]:
-    """Return where the search for an end of an interval stops, and the first step of that search."""
+    """Return the value at which the search for an end of an interval stops, and the search's first step."""
     one = ROWS[code].coordinates[k]
     match one.kind:
         case "rate":
@@ -359,10 +359,11 @@ def interval_end(
     bound: float = CRITICAL,
     keep: bool = True,
 ) -> float | None:
-    """Return an end of transformed parameter `i`; None if all values up to `limit` are in the interval.
+    """Return an end of the interval of parameter `i` in `eta`; None if it is not found up to `limit`.
 
-    `side`: -1 for the lower end, 1 for the upper one. `bound`: used in place of CRITICAL where the best fit
-    has no white noise. `keep`: store the end, so that the next refit begins its search at this end.
+    `side`: -1 for the lower end, 1 for the upper one. `step`: first step of the search. `bound`: limit in
+    place of CRITICAL if the best fit has no white noise. `keep`: whether to store the end for the next refit,
+    which then begins its search there.
     """
     if side * (limit - model.eta[i]) <= 0:
         return None
@@ -382,37 +383,34 @@ def _at(code: int, eta: Sequence[float], k: int, end: float, h: float, name: str
 
 
 def _falls(ends: Sequence[float | None], value: float) -> bool:
-    """Return whether the two ends are swapped.
-
-    They are where the parameter falls as its transformed value rises.
-    """
+    """Return whether the two ends are swapped, since the parameter falls as its transformed value rises."""
     low, high = ends
     return (low is not None and low > value) or (high is not None and high < value)
 
 
 def _wider(f: CandidateModels, model: FittedModel, at: int, value: float, end: float | None) -> float | None:
-    """Return an end of the interval of K, moved outwards because of the power that a random walk leaks.
+    """Return an end of the interval of K, moved outwards for the power that a random walk leaks.
 
-    The leaked power depends on a single random number and has the same shape at all frequencies, so that an
-    average over frequencies does not reduce its error.
+    The leaked power depends on a single random number, which is common to all frequencies. So an average over
+    frequencies does not reduce its error.
     """
     if end is None:
         return None
     own = slopes(f, model.codes, model.eta)[1][at] ** 2 * f.data.counts
     leaks = leaking(f.data.lam, f.samples)
     share = float(own[leaks].sum() / own.sum())
-    # χ² with one degree of freedom has the standard deviation √2, and K is the root of a variance.
+    # χ² with one degree of freedom has the relative standard deviation √2, the root of a variance half of it.
     more = NORMAL_95 * share * math.sqrt(2) * LEAK_OF_CUBIC / (1 + LEAK_OF_CUBIC) / 2
     distance = math.log(end / value)
     return value * math.exp(math.copysign(math.hypot(distance, more), distance))
 
 
 def _other(model: FittedModel, at: int, code: int, first: list[float]) -> FittedModel:
-    """Return the same model, with the part at index `at` described by other free parameters.
+    """Return the same model, in which the part at index `at` is described by other free parameters.
 
-    `code`: number of the part with these free parameters. `first`: values of the first of them. The spectrum
-    stays the same. A part without free parameters, such as a mean of samples, may have the same index and is
-    left as it is.
+    `code`: code number of the part with these free parameters. `first`: their values; any further parameters
+    stay as they are. The spectrum stays the same. A part without free parameters, such as a mean of samples,
+    may have the same index, and is left as it is.
     """
     codes = [code if place == at and free_of(one) else one for one, place in model.terms()]
     eta = [*model.eta[:at], *first, *model.eta[at + len(first) :]]
@@ -420,15 +418,15 @@ def _other(model: FittedModel, at: int, code: int, first: list[float]) -> Fitted
 
 
 def little_white(f: CandidateModels) -> float:
-    """Return log R of a small amount of white noise, from which a fit can find the true amount.
+    """Return log R of a small amount of white noise, with which a fit can start.
 
-    With R near 0 the likelihood has no slope in log R, so that a fit that begins there would not find any.
+    With R near 0, the likelihood hardly changes with log R, so that a fit that starts there stays there.
     """
     return math.log(max(float(np.median(f.data.power[0][-10:])), 1e-300)) - LITTLE
 
 
 def around(f: CandidateModels, here: float) -> tuple[float, float]:
-    """Return the limits of the search for the ends of a variance's interval, as logarithms."""
+    """Return the limits of the search for the ends of a variance's interval. All values are logarithms."""
     return here - LEAST, max(here, f.white.eta[0]) + LEAST
 
 

@@ -1,11 +1,11 @@
 """Null test: does the noise contain anything beyond white noise?
 
-The statistic is the likelihood ratio of Whittle fits: white noise against the better of two alternatives. The
-first alternative is the fractional state in white noise with α <= 1, which has more power at low frequencies,
-or at high ones. The second is white noise through a high-pass of one pole, which has less power at low
-frequencies. White noise has neither α, g and s2 nor a corner frequency, so that the ratio does not follow χ².
-Its distribution is therefore simulated (tools/gen_null_constants.py). The distribution hardly depends on the
-length of the record.
+The statistic is the likelihood ratio of two Whittle fits: that of the better of two alternatives, and that of
+white noise. The first alternative is the fractional state in white noise with α <= 1, which has more power at
+low frequencies, or at high ones. The second alternative is white noise through a high-pass of one pole, which
+has less power at low frequencies. The parameters of the alternatives (α, g and s2, or a corner frequency)
+have no meaning for white noise, so that the ratio does not follow χ². Its distribution is therefore simulated
+(tools/gen_null_constants.py). The distribution hardly depends on the length of the record.
 """
 
 import math
@@ -25,7 +25,7 @@ def p_value(likelihood_ratio: float, ordinates: float) -> float:
     quantiles = critical_values(ordinates)
     if likelihood_ratio >= quantiles[-1]:
         return float(_PROBABILITIES[-1] * math.exp(-(likelihood_ratio - quantiles[-1]) / 2))
-    above = quantiles > 0  # a ratio of 0 is common: often neither alternative is better than white noise
+    above = quantiles > 0  # the ratio is often 0, when neither alternative is better than white noise
     ratios = np.concatenate([[0.0], quantiles[above]])
     logarithms = np.concatenate([[0.0], _LOGARITHMS[above]])
     return float(np.exp(np.interp(likelihood_ratio, ratios, logarithms)))

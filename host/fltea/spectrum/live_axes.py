@@ -1,6 +1,6 @@
 """The live fit of all axes of one sensor.
 
-It accumulates samples, and returns an `AxisFit` per axis on request.
+It accumulates sums over the samples, and returns an `AxisFit` for each axis on request.
 """
 
 import math
@@ -32,23 +32,24 @@ POINTS = 150
 SHORTEST_MEMORY = 256
 """Shortest memory of a live fit, in samples."""
 FEWEST_SAMPLES = 2 * (FEWEST + LOWEST)
-"""Fewest samples for a fit: their spectrum has FEWEST ordinates that can be fitted."""
+"""Fewest samples for a fit. The spectrum of this many samples has FEWEST ordinates that can be fitted."""
 LONGEST_MOTION_S = 600.0
-"""Longest motion [s] that is left out. A longer one, without 1,024 samples at rest in a row, counts as noise
-that has changed.
+"""Longest motion that is left out [s]. When a motion has lasted longer than this, without 1,024 samples at
+rest in a row, its further samples count as noise.
 """
 LEFT_OUT = "lost", "bridged", "knocked", "moved", "limited"
-"""Kinds of samples that are left out or replaced, by their names in the output record `fit`."""
+"""Kinds of samples that are left out or replaced. The names are those in the output record `fit`."""
 BREAKS = "gaps", "knocks", "motions", "steps", "changes"
-"""Kinds of breaks in the series of samples, by their names in the output record `fit`."""
+"""Kinds of breaks in the series of samples. The names are those in the output record `fit`."""
 REMEMBERED = 2
-"""Samples older than this multiple of the memory's time constant do not contribute to any figure."""
+"""Samples older than this multiple of the setting `memory_s` do not contribute to any figure."""
 
 
 class Noise(NamedTuple):
-    """The noise model of a fit.
+    """The noise model of a fit, for the tracker of the bias.
 
-    `drifts`: whether the noise has drift that none of `parts` describes.
+    `parts`: parts of the model. `drifts`: whether the noise has drift that none of these parts describes.
+    `samples`: number of samples in the fit.
     """
 
     parts: tuple[Part, ...]
@@ -57,7 +58,7 @@ class Noise(NamedTuple):
 
 
 class AxisRefit(NamedTuple):
-    """The result of a refit of an axis: the fit, and the noise model if there is one."""
+    """The result of a refit of an axis: the fit, and the noise model (None if no model could be fitted)."""
 
     fit: AxisFit
     noise: Noise | None
@@ -75,7 +76,7 @@ class LiveAxes:
     """Accumulates samples of `axes` and fits them.
 
     `h`: sampling period [s]. `unit`: unit of the samples. `saved`: the state that `save` returned in an
-    earlier run.
+    earlier run, from which this object continues; None to begin without samples.
 
     Raises:
         ValueError: `saved` is damaged, or belongs to other axes or settings.
@@ -98,7 +99,7 @@ class LiveAxes:
     def add(self, y: Array, moving: NDArray[np.bool_] | None = None) -> None:
         """Add samples `y` (n, axes). Samples where `moving` (n, axes) is set are left out as motion.
 
-        But a motion that lasts longer than LONGEST_MOTION_S counts as noise.
+        When a motion has lasted longer than LONGEST_MOTION_S, its further samples count as noise.
         """
         self.octaves.add(y, moving, self.longest_motion)
 
@@ -106,7 +107,7 @@ class LiveAxes:
     def longest_motion(self) -> int:
         """The largest number of samples in a row that are left out as motion.
 
-        In a longer motion they count as noise.
+        The further samples of a longer motion count as noise.
         """
         return round(LONGEST_MOTION_S / self.h)
 
@@ -120,7 +121,7 @@ class LiveAxes:
         return self.octaves.noticed
 
     def fit(self, *, curves: bool, last: bool = False) -> dict[str, AxisFit]:
-        """Fit every axis; the arguments are those of `refits`."""
+        """Fit every axis, and return the fits by axis. The arguments are those of `refits`."""
         return {axis: make().fit for axis, make in self.refits(curves=curves, last=last).items()}
 
     def refits(
@@ -128,12 +129,13 @@ class LiveAxes:
     ) -> dict[str, Callable[[], AxisRefit]]:
         """Copy the present samples for a refit, and return a function per axis that refits the axis.
 
-        The functions may run in any thread while samples arrive, but not two at a time for the same axis.
+        The functions may run in any thread while samples arrive, but never two at the same time for the same
+        axis.
 
-        `curves`: also compute the spectrum and the Allan deviation. `last`: the record is complete, so that
-        it is tested at the level of a single refit, as `fltea identify` does. `fresh`: search again for
-        models, peaks and changes, as `curves` does too. Otherwise all searches begin at the results of the
-        last refit, until the record has grown by a tenth.
+        `curves`: whether to compute the spectrum and the Allan deviation as well. `last`: whether the record
+        is complete; it is then tested at the significance level of a single test, as `fltea identify` does.
+        `fresh`: whether to search again for models, peaks and changes, which `curves` causes too. Otherwise
+        the results of the last search are used until the record has grown by a tenth.
         """
         octaves = self.octaves.copy()
         level, fresh = LEVEL if last else ANYTIME_LEVEL, fresh or curves
@@ -143,7 +145,7 @@ class LiveAxes:
         }
 
     def save(self) -> bytes:
-        """Return the whole state, for a later run."""
+        """Return the whole state, from which a later run of the program can continue."""
         return msgspec.msgpack.encode(_Saved(self.axes, self.h, self.unit, self._memory, self.octaves.save()))
 
     def _restored(self, saved: bytes) -> Octaves:
@@ -189,9 +191,10 @@ class LiveAxes:
     def _axis_fit(
         self, octaves: Octaves, lane: int, used: int, seen: Spectral, drawn: Periodogram | None
     ) -> AxisRefit:
-        """Return the fit of an axis for output.
+        """Return the fit of an axis in the form of the output record, and its noise model.
 
-        `drawn`: the periodogram from which the published curves are made; None: no curves.
+        `used`: number of samples in the fit. `drawn`: the periodogram from which the published curves are
+        made; None if no curves are wanted.
         """
         e, f = seen.evidence, seen.evidence.candidates
         verdict = decide(e)
@@ -238,12 +241,15 @@ def _R(N: Interval, h: float) -> Interval:
 
 
 def _cells(octaves: Octaves, lane: int, h: float) -> Iterator[BandCells]:
-    """Yield the band powers over time. They are computed only if the search for a change needs them."""
+    """Yield the powers of frequency bands over time.
+
+    They are computed only when the search for a change takes the first one.
+    """
     yield from octaves.cells(lane, h)
 
 
 def spectrum_of(whole: Periodogram, noise: FittedModel) -> FitSpectrum:
-    """Return the spectrum for output, with that of the model `noise`.
+    """Return the spectrum for output, and the spectrum of the model `noise` at the same frequencies.
 
     All ordinates, including those that are not fitted, are averaged over at most POINTS bins.
     """

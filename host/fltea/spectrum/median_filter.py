@@ -1,9 +1,9 @@
-"""Detect a median filter, which no part of the noise model describes.
+"""Detect that samples have passed through a median filter, which no part of a noise model describes.
 
-The median of the last w samples is one of these samples. It often equals the previous median, or a median up
-to w - 1 samples ago with other values in between. White noise that has passed through a linear filter never
-repeats values in this way, if its numbers are not rounded. If they are rounded, a difference of 0 between two
-samples is about as frequent as a difference of one rounding step, since the differences have a smooth
+The median of the last w samples is one of these samples. It often equals the previous median. It may also
+equal a median up to w - 1 samples ago, with other values in between. White noise that has passed through a
+linear filter never repeats values in this way, if its numbers are not rounded. In rounded noise, two samples
+are equal about as often as they differ by one rounding step, since the differences have a smooth
 distribution.
 """
 
@@ -14,7 +14,7 @@ import numpy as np
 from fltea.records.arrays import Array
 
 GLIMPSE, LEAST_SHARE = 8192, 0.01
-"""The first GLIMPSE samples are examined first. Unless at least the share LEAST_SHARE of them equals the
+"""The first GLIMPSE samples are examined first. If fewer of them than the proportion LEAST_SHARE equal the
 sample before, there is no median filter.
 """
 MOST = 1 << 17
@@ -22,29 +22,32 @@ MOST = 1 << 17
 LONGEST = 31
 """The longest window of a median filter that can be detected, in samples."""
 SURE = 6.0
-"""The number of repeated values, less the number that rounding explains, is significant if it exceeds this
-many standard deviations.
+"""Repeated values are significant if their number, less the number that rounding explains, exceeds this many
+standard deviations.
 """
 ROUNDED, ROUNDED_BETWEEN = 1.5, 1.25
-"""Rounding explains at most this ratio of the number of differences of 0 to the mean number of differences of
-plus and of minus one rounding step. ROUNDED holds in general. ROUNDED_BETWEEN holds for two samples with
-another value in between, which makes a difference of 0 less likely.
+"""Rounding explains differences of 0 between samples up to a number: this ratio times the mean of two other
+numbers, those of differences of plus one and of minus one rounding step. ROUNDED holds in general.
+ROUNDED_BETWEEN holds for two samples with another value in between, which makes a difference of 0 less
+likely.
 """
 FINE = 1.5
-"""A difference of fewer rounding steps than this counts as a difference of one step. If most differences are
-that small, the numbers are so coarsely rounded that repeats say nothing.
+"""A difference of fewer rounding steps than this counts as a difference of one step. If most differences
+other than 0 are that small, the numbers are so coarsely rounded that repeated values say nothing.
 """
 ONE_VALUE = 0.5
-"""If the most frequent value has more than this share of the repeats, the cause is a dead band or a stuck
-value.
+"""If more than this proportion of the repeats are repeats of one value, their cause is a dead band or a stuck
+value, and not a median filter.
 """
 REPLACES = 0.2
-"""If a smaller share of samples than this equals the sample before, the filter replaced only outliers."""
+"""If a smaller proportion of samples than this equals the sample before, the filter replaced only outliers by
+medians.
+"""
 
 SHAPED, ENOUGH = 0.1, 128
 """SHAPED: product of frequency and window length up to which the filter lowers the power by at most a
-twentieth. ENOUGH: if the record has at least this many ordinates below that frequency, only these ordinates
-are fitted.
+twentieth. ENOUGH: number of ordinates that remain to be fitted at least, even if they reach beyond that
+frequency.
 """
 
 
@@ -52,9 +55,9 @@ class MedianFilter(NamedTuple):
     """A median filter that was detected in samples."""
 
     samples: int
-    """The length of the filter's window in samples, approximately."""
+    """Approximate length of the filter's window, in samples."""
     share: float
-    """Share of samples that equal their predecessor, beyond what rounding explains."""
+    """Proportion of samples that equal the sample before, less the proportion that rounding explains."""
 
     @property
     def replaces_outliers(self) -> bool:
@@ -62,19 +65,22 @@ class MedianFilter(NamedTuple):
         return self.share < REPLACES
 
     def shaped_hz(self, h: float, duration_s: float) -> tuple[float, float]:
-        """Return the band (low, high) [Hz] where the filter shapes the spectrum; `h`: sampling period [s]."""
+        """Return the band (low, high) [Hz] in which the filter shapes the spectrum.
+
+        `h`: sampling period [s].
+        """
         return max(SHAPED / (self.samples * h), ENOUGH / duration_s), 1 / h
 
     @property
     def words(self) -> str:
-        """Words for the filter, as part of a sentence of the verdict."""
+        """Words that describe the filter, as part of a sentence of the verdict."""
         if self.replaces_outliers:
             return f"a filter that replaces outliers by the median of about {self.samples} samples (Hampel's)"
         return f"a median filter of about {self.samples} samples"
 
 
 def find_median_filter(y: Array) -> MedianFilter | None:
-    """Return the median filter that `y` (n,) has passed through, or None."""
+    """Return the median filter through which the samples `y` (n,) have passed, or None if there is none."""
     y = np.asarray(y, dtype=np.float64)
     some = y[:GLIMPSE]
     if len(some) < 2 * LONGEST or np.count_nonzero(some[1:] == some[:-1]) < LEAST_SHARE * len(some):
@@ -92,7 +98,8 @@ def find_median_filter(y: Array) -> MedianFilter | None:
     while longest < len(excess) and (excess[longest][1] or longest == 0):
         longest += 1
     if longest == len(excess):
-        return None  # rounded values to which two different offsets were added later repeat at any lag
+        # values repeat at any lag if they were rounded and two different offsets were added later
+        return None
     return MedianFilter((longest + 1) | 1, excess[0][0])
 
 
@@ -107,9 +114,9 @@ def _of_one_value(y: Array) -> bool:
 
 
 def _excess(y: Array, lag: int, quantum: float) -> tuple[float, bool]:
-    """Return the share of values that repeat after `lag` samples, less the share that rounding explains.
+    """Return the proportion of values that repeat after `lag` samples, less what rounding explains.
 
-    Also return whether the result is significant. `quantum`: the rounding step.
+    Also return whether this excess is significant. `quantum`: the rounding step.
     """
     apart = np.abs(y[lag:] - y[:-lag])
     same = apart == 0
@@ -126,9 +133,9 @@ def _over(same: int, by_rounding: float, count: int) -> tuple[float, bool]:
 
 
 def _returns(y: Array, quantum: float) -> bool:
-    """Return whether values come back after one other value.
+    """Return whether values come back after one other value significantly often.
 
-    Samples that a sensor merely repeats never do that.
+    In samples that a sensor merely repeats, they never do.
     """
     between = y[1:-1] != y[2:]
     apart = np.abs(y[2:] - y[:-2])[between]

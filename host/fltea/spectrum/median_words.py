@@ -15,11 +15,11 @@ NEXT = (
 
 
 def explains(e: Evidence, found: Reading) -> bool:
-    """Return whether the filter alone may cause all parts that were found besides white noise."""
+    """Return whether the median filter alone may cause all parts of the model other than white noise."""
     assert e.median is not None
     flat_hz = FLAT * e.rate_hz / e.median.samples
     if e.from_hz > flat_hz:
-        return True  # in so short a record, the filter affects all fitted frequencies
+        return True  # the record is so short that the filter affects all fitted frequencies
     return not found.drifts and all(corner_hz(part) > flat_hz for part in found.relaxations)
 
 

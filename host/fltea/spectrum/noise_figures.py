@@ -1,9 +1,9 @@
 """The figures of the noise model that a verdict chooses: its parts, the order, N and K.
 
-A single model stands for the noise wherever its figures are used: in tables, in files for filters, in
-simulations. N comes from its white noise and K from its random walk. A relaxation that is about as fast as
-the sample rate may really be the sensor's white noise after a filter. Then N is not known, and only the
-density at the relaxation's corner frequency (its knee) is reported.
+A single model stands for the noise wherever its figures are used: in tables, in files for navigation filters,
+in simulations. N comes from this model's white noise and K from its random walk. A relaxation that is about
+as fast as the sample rate may really be the sensor's white noise after a filter. Then N is not known, and
+only the density at the relaxation's corner frequency (its knee) is reported.
 """
 
 import math
@@ -26,7 +26,7 @@ from fltea.spectrum.wording import names
 
 
 class ModelSummary(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A noise model that was fitted, whether or not it stands for the noise."""
+    """A noise model that was fitted. It may be the one that stands for the noise, or another candidate."""
 
     name: str
     parts: tuple[AnyPart, ...]
@@ -34,7 +34,7 @@ class ModelSummary(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Number of parameters that BIC counts."""
     log_likelihood: float
     bic: float
-    """BIC minus that of white noise: the lower, the better."""
+    """BIC of the model minus that of white noise. A lower value is better."""
 
 
 class NoiseFigures(NamedTuple):
@@ -46,7 +46,10 @@ class NoiseFigures(NamedTuple):
     level: Level
 
     def spectrum(self, h: float) -> Callable[[Array], Array]:
-        """Return a function that returns the spectrum at λ > 0; `h`: sampling period [s]."""
+        """Return a function that returns the model's spectrum at λ > 0 [rad a sample].
+
+        `h`: sampling period [s].
+        """
         return lambda lam: self.model.spectrum(np.ascontiguousarray(lam), h)
 
 
@@ -59,14 +62,20 @@ def noise_figures(e: Evidence, verdict: Verdict) -> NoiseFigures:
 
 
 def _place(one: Estimated) -> tuple[int, float]:
-    """Return the sort key of a part: white noise first, then relaxations from slow to fast."""
+    """Return the key by which parts are sorted.
+
+    White noise comes first, then relaxations from slow to fast, then all others.
+    """
     if one.part == "relaxation":
         return 1, -one.value("tau_s")
     return 0 if one.part == "white" else 2, 0.0
 
 
 def level(found: Sequence[Estimated], f: CandidateModels, model: FittedModel) -> Level:
-    """Return N and K of a model of `f`, with the intervals in `found`."""
+    """Return N and K of a model of `f`.
+
+    `found`: the parts of the model with intervals, from which K comes.
+    """
     h = f.h
     by_kind = {one.part: one for one in found}
     K = by_kind["walk"].values["K"] if "walk" in by_kind else Interval()
@@ -82,7 +91,7 @@ def level(found: Sequence[Estimated], f: CandidateModels, model: FittedModel) ->
 
 
 def summaries(f: CandidateModels) -> dict[str, ModelSummary]:
-    """Return the candidate models by their names; a model that does not exist is left out."""
+    """Return the candidate models by their names. A model that does not exist is left out."""
     known = {name: getattr(f, name) for name in ("white", "plain", "rich", "pure", "ordered", "order")}
     return {name: _summary(f, one) for name, one in known.items() if one is not None}
 

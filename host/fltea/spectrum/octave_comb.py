@@ -1,11 +1,12 @@
-"""Find a comb in an octave spectrum, where only its lowest teeth are separate lines.
+"""Find a comb in an octave spectrum, in which only the comb's lowest teeth are separate lines.
 
-The distance between neighbouring frequencies (here called lines) of an octave spectrum is about a constant
-share of the frequency. So the first ten to twenty teeth of a comb (the multiples of its fundamental
+The frequencies of an octave spectrum are called lines here. The distance between neighbouring lines is about
+proportional to the frequency. So the first ten to twenty teeth of a comb (the multiples of its fundamental
 frequency) are separate, and all higher teeth merge. The separate teeth are found as in `comb`: the ratio of
-each line to the level around it is converted to a normal deviate. For each possible fundamental, the deviates
-at its multiples are summed, and the sums are compared. Deviates are limited, so that a few strong lines do
-not make a comb. The merged part of the spectrum is left out together with the teeth.
+each line to the level around it is converted to a normal deviate. For each possible fundamental frequency,
+the deviates at its multiples are summed, and the sums are compared. Deviates are limited, so that a few
+strong lines do not make a comb. If a comb is found, the part of the spectrum in which its teeth merge is left
+out together with the separate teeth.
 """
 
 import functools
@@ -22,37 +23,42 @@ from fltea.spectrum.periodogram import LOWEST, Periodogram
 from fltea.spectrum.spectral_lines import Peak, Repeats
 
 FEWEST_LINES = 5.0
-"""Fewest lines from one tooth to the next. Under Hann's window a tooth is up to four lines wide."""
+"""Smallest number of lines from one tooth to the next at which the teeth count as separate. Under Hann's
+window a tooth is up to four lines wide.
+"""
 LOBES = 2.75
-"""Number of lines on each side of a tooth that are left out with the tooth under Hann's window."""
+"""Number of lines on each side of a tooth that are left out with the tooth where Hann's window was used."""
 LEAKS = 0.05
-"""Where there is no window, the skirts of a tooth are left out as far as their power is at least this share
-of the noise power.
+"""Where no window was used, the skirts of a tooth are left out as far as their power is at least this
+proportion of the noise power.
 """
 AROUND, ASIDE = 12, 3
-"""AROUND: the level at a line is the median of this many lines on each side. ASIDE: a tooth has to stand out
-of the two lines at this distance as well, since otherwise it may be a side lobe of a filter.
+"""AROUND: the level at a line is the median over this many lines on each side. ASIDE: a tooth also has to
+stand out of the two lines that are this many lines away, since otherwise it may be a side lobe of a filter.
 """
 FEWEST_CLEAR, CLEAR_BY_CHANCE = 5, 0.0062
-"""CLEAR_BY_CHANCE: share of all lines that are clear by chance. To save time, a comb is searched for only if
-at least FEWEST_CLEAR lines more than this are clear.
+"""CLEAR_BY_CHANCE: proportion of all lines that are clear (see CLEAR) by chance. To save time, a comb is
+searched for only if the number of clear lines exceeds the number by chance by at least FEWEST_CLEAR.
 """
 CLEAR, MOST = 2.5, 4.0
-"""CLEAR: a tooth with a larger normal deviate than this is clear. MOST: larger deviates count as this one."""
+"""CLEAR: a tooth with a larger normal deviate than this is clear. MOST: a larger deviate counts as this one.
+"""
 NOTCH, LEAST_WEIGHT, LOBE = 0.4, 16.0, 10
-"""NOTCH: a line lies in a notch of a filter if its power is below this share of the level. Averages over at
-least LEAST_WEIGHT ordinates are hardly ever so low by chance. LOBE: a side lobe of a filter has a notch
-within this many lines on one side.
+"""NOTCH: a line lies in a notch of a filter if its power is below this proportion of the level. Averages over
+at least LEAST_WEIGHT ordinates are hardly ever so low by chance. LOBE: a side lobe of a filter has a notch at
+most this many lines away.
 """
 NEARLY, SAME = 0.8, 0.02
-"""NEARLY: of all fundamentals with at least this share of the highest evidence, the lowest is chosen. SAME:
-fundamentals that differ by less than this share are versions of the same one.
+"""NEARLY: of all fundamental frequencies whose evidence is at least this proportion of the highest evidence,
+the lowest is chosen. SAME: fundamental frequencies that differ by less than this relative difference count as
+the same one.
 """
 MOST_LEFT_OUT = 0.42
-"""Largest band that is left out on each side of a tooth, as a share of the distance between teeth."""
+"""Largest width of the band that is left out on each side of a tooth, divided by the distance between teeth.
+"""
 STEP = 1 / 160
-"""Relative step between the fundamental frequencies that are tried. It is half the distance of lines where
-lines are closest together.
+"""Relative step between the fundamental frequencies that are tried. It is half the smallest relative distance
+between lines.
 """
 MOST_TEETH = 32
 PREFIXES = np.array([5, 8, 12, 20, 32])
@@ -67,9 +73,10 @@ class OctaveComb(NamedTuple):
 
 
 def find_octave_comb(p: Periodogram, false_alarm: float = FALSE_ALARM) -> OctaveComb | None:
-    """Return the comb of one series, or None without one; `p`: the octave spectrum of the series."""
+    """Return the comb of one series, or None without one. `p`: the octave spectrum of the series."""
     weight = np.ones_like(p.lam) if p.weight is None else p.weight
-    if len(p.lam) == p.n // 2 + (p.n % 2) - LOWEST:  # `p` is the periodogram of the whole record
+    # this many lines mean that `p` is the periodogram of the whole record
+    if len(p.lam) == p.n // 2 + (p.n % 2) - LOWEST:
         return _of_the_whole(p, false_alarm)
     if _nothing_stands_out(p.power, weight):
         return None
@@ -83,7 +90,7 @@ def find_octave_comb(p: Periodogram, false_alarm: float = FALSE_ALARM) -> Octave
     order = np.arange(1, MOST_TEETH + 1)
     teeth = np.outer(fundamentals, order)
     line = _nearest(p.lam, teeth)
-    # Above the frequency at which teeth merge, they give no evidence.
+    # Teeth above the frequency at which they begin to merge give no evidence.
     end = _ends(fundamentals, p.lam, spread)
     seen = teeth < end[:, np.newaxis]
     terms = np.where(seen, deviate[line], 0.0)
@@ -93,8 +100,8 @@ def find_octave_comb(p: Periodogram, false_alarm: float = FALSE_ALARM) -> Octave
     strongest = evidence.max(axis=1)
     if not strongest.max() ** 2 / 2 > math.log(evidence.size / false_alarm):
         return None
-    # A comb of the multiples of 1 Hz contains those of 2 Hz, but not the reverse. So the lowest candidate is
-    # right.
+    # A comb of 1 Hz has power at all multiples of 2 Hz, too, but a comb of 2 Hz lacks every second multiple
+    # of 1 Hz. So the lowest fundamental frequency with nearly the highest evidence is right.
     lowest = int((strongest > NEARLY * strongest.max()).argmax())
     near = fundamentals < fundamentals[lowest] * (1 + SAME)
     i = int(np.where(near, strongest, 0.0).argmax())
@@ -104,13 +111,16 @@ def find_octave_comb(p: Periodogram, false_alarm: float = FALSE_ALARM) -> Octave
 
 
 def _nothing_stands_out(power: Array, weight: Array) -> bool:
-    """Return quickly whether too few lines for a comb are far above the median of the lines around them."""
+    """Return whether too few lines for a comb stand out of the median of the lines around them.
+
+    This quick test saves time.
+    """
     blocks = len(power) // (2 * AROUND)
     parts = power[: blocks * 2 * AROUND].reshape(blocks, 2 * AROUND)
     level = np.repeat(np.partition(parts, AROUND, axis=1)[:, AROUND], 2 * AROUND)
     thin = 1 / (9 * weight[: len(level)])
-    # The ratio that belongs to the normal deviate CLEAR, by Wilson and Hilferty, for a mean of `weight`
-    # ordinates.
+    # `least` is the ratio to the level that is as unlikely as the normal deviate CLEAR. It follows from
+    # Wilson and Hilferty's approximation for a mean of `weight` ordinates.
     least = (1 - thin + CLEAR * np.sqrt(thin)) ** 3 / (1 - thin) ** 3
     few = FEWEST_CLEAR + CLEAR_BY_CHANCE * len(level)
     return int(np.count_nonzero(power[: len(level)] > least * level)) < few
@@ -126,7 +136,10 @@ def _of_the_whole(p: Periodogram, false_alarm: float) -> OctaveComb | None:
 
 
 def _ends(fundamentals: Array, lam: Array, spread: Array) -> Array:
-    """Return, for each fundamental, the frequency below which its teeth are separate; 0 if none are."""
+    """Return, for each fundamental frequency, the frequency below which its teeth are separate.
+
+    It is 0 if no teeth are separate.
+    """
     needed = np.maximum.accumulate(spread) * FEWEST_LINES
     place = np.searchsorted(needed, fundamentals, "right") - 1
     return np.where(place >= 0, lam[np.maximum(place, 0)] * (1 + 1e-9), 0.0)
@@ -134,23 +147,30 @@ def _ends(fundamentals: Array, lam: Array, spread: Array) -> Array:
 
 @functools.lru_cache(maxsize=16)
 def _fundamentals(first: float, last: float) -> Array:
-    """Return all fundamentals to try: their first FEWEST_TEETH multiples fit between `first` and `last`."""
+    """Return all fundamental frequencies to try.
+
+    The first FEWEST_TEETH multiples of each lie between `first` and `last`.
+    """
     lowest = 2 * first
     count = int(math.log(last / FEWEST_TEETH / lowest) / STEP)
     return np.asarray(lowest * np.exp(STEP * np.arange(max(count, 1))))
 
 
 def _level(power: Array, weight: Array) -> Array:
-    """Return the mean level around each line (m,), computed from the median, which teeth do not raise."""
+    """Return the mean level around each line, (m,).
+
+    It is computed from a median, which the teeth do not raise.
+    """
     padded = np.pad(power, AROUND, mode="reflect")
     around = np.lib.stride_tricks.sliding_window_view(padded, 2 * AROUND + 1)
     level = np.partition(around, AROUND, axis=1)[:, AROUND]
-    # The median of averages over w ordinates is this share of their mean (Wilson and Hilferty).
+    # The median of averages over `weight` ordinates is smaller than their mean by the factor (1 - 1 / (9
+    # weight))³ (Wilson and Hilferty).
     return np.asarray(np.maximum(level / (1 - 1 / (9 * weight)) ** 3, 1e-12 * power.mean()))
 
 
 def _beside_a_notch(power: Array, level: Array, weight: Array) -> NDArray[np.bool_]:
-    """Return which lines (m,) are near a line far below the level, as side lobes of a filter are."""
+    """Return which lines are near a line far below the level, (m,). Side lobes of a filter are."""
     padded = np.pad(power / level, LOBE, mode="reflect")
     lowest = np.lib.stride_tricks.sliding_window_view(padded, 2 * LOBE + 1).min(axis=1)
     return np.asarray((lowest < NOTCH) & (weight > LEAST_WEIGHT))
@@ -163,7 +183,7 @@ def _nearest(lam: Array, at: ArrayLike) -> NDArray[np.intp]:
 
 
 def _refined(p: Periodogram, level: Array, line: NDArray[np.intp], order: NDArray[np.intp]) -> float:
-    """Return the fundamental frequency, refined by the centres of the teeth."""
+    """Return the fundamental frequency, computed more exactly from the centres of the teeth."""
     near = line[:, np.newaxis] + np.arange(-1, 2)
     near = near.clip(0, len(p.lam) - 1)
     above = np.maximum(p.power[near] - level[near], 1e-300 * level[near])
@@ -183,8 +203,8 @@ def _described(
     near = (line[:, np.newaxis] + np.arange(-2, 3)).clip(0, len(p.lam) - 1)
     excess = ((p.power - level)[near] * spread[near]).sum(axis=1)
     height = np.maximum((p.power / level)[near].max(axis=1), 1.0)
-    # Ordinates of the whole record have no window, so that the power of a tooth decreases as 1 / (π d)² at a
-    # distance of d ordinates.
+    # Ordinates of the whole record are computed without a window, so that the power of a tooth decreases as 1
+    # / (π d)² at a distance of d ordinates.
     skirts = np.sqrt(height / (2 * LEAKS)) / math.pi
     reach = np.where(_is_whole(weight[line]), np.maximum(skirts, LOBES), LOBES) * spread[line]
     reach = np.minimum(reach, fundamental * MOST_LEFT_OUT)

@@ -39,18 +39,18 @@ SHORTEST = 64
 _FIRST_LINE: int = _native.OCTAVES_LOWEST
 _LINES = _native.OCTAVES_LINES
 JOIN = (_FIRST_LINE - 0.5) * 2 * 2 * math.pi / BLOCK
-"""Frequency, in rad a sample of the whole-record level. Below it the spectrum comes from that level, above it
-from the octaves.
+"""Frequency [rad a sample of the whole-record level]. Below it, the spectrum comes from the whole-record
+level, above it from the octaves.
 """
 _HANN_POWER = 0.375 * BLOCK
 _HANN_LINES = 1 + 2 * (4 / 9 + 1 / 36)
-"""Neighbouring frequencies under Hann's window are correlated: so many of them count as a single independent
-one.
+"""Neighbouring frequencies of blocks under Hann's window are correlated. This many of them count as a single
+independent frequency.
 """
 _HALF_OVERLAP = 2 / 12
-"""Blocks that overlap by half are correlated, too, which increases the number of frequencies that count as
-one. The increase is the sum of the squared correlations of one frequency with all frequencies of the previous
-and of the next block.
+"""Increase of the number of frequencies that count as one, since blocks that overlap by half are correlated,
+too. It is the sum of the squared correlations of one frequency with all frequencies of the previous and of
+the next block.
 """
 
 
@@ -58,17 +58,17 @@ class Counts(NamedTuple):
     """Counts of what happened to the samples of one lane (axis)."""
 
     used: int
-    """Samples that the spectrum contains, or that wait until a chunk of 128 is full."""
+    """Number of samples that the spectrum contains, or that wait until a chunk of 128 samples is full."""
     bridged: int
-    """Lost samples that a straight line replaces."""
+    """Number of lost samples that were replaced by a straight line."""
     lost: int
-    """All lost samples, bridged ones included."""
+    """Number of all lost samples, including the bridged ones."""
     gaps: int
     """Number of breaks in the series because of lost samples."""
     knocks: int
-    """Chunks of 128 samples left out as knocks."""
+    """Number of chunks of 128 samples that were left out as knocks."""
     knocked: int
-    """Samples left out because of knocks or steps."""
+    """Number of samples that were left out because of knocks or steps."""
     steps: int
     """The number of steps of the offset."""
     changes: int
@@ -76,37 +76,43 @@ class Counts(NamedTuple):
     constant: bool
     """Whether all samples are equal to the first."""
     limited: int = 0
-    """Used samples that were reduced to a limit because of their size."""
+    """Number of used samples that were reduced to a limit because they were too large."""
     moved: int = 0
-    """Samples left out as motion, including those of the unfinished chunk before the motion."""
+    """Number of samples that were left out as motion, including those of the unfinished chunk before a
+    motion.
+    """
     motions: int = 0
     """Number of breaks in the series because of motion."""
 
 
 class BandCells(NamedTuple):
-    """The power of one frequency band over time, as logarithms of the powers of its blocks.
+    """The power of one frequency band over time, described by the logarithms of its blocks' powers.
 
-    The blocks are grouped into at most 16 cells (intervals of time). The variance between neighbouring runs
-    of blocks is added for every time scale.
+    The blocks are grouped into at most 16 cells (intervals of time). In addition, neighbouring runs of
+    successive blocks are compared at several time scales.
     """
 
     low_hz: float
     high_hz: float
     counts: Array
-    """The number of blocks of each cell (c,); the blocks overlap by half."""
+    """The number of blocks of each cell, (c,). The blocks overlap by half."""
     mean_log: Array
-    """The mean logarithm of the blocks' power (c,), power being in the squared unit of the samples."""
+    """The mean logarithm of the powers of each cell's blocks, (c,). Powers are in the square of the samples'
+    unit.
+    """
     variance_log: Array
-    """The variance of these logarithms within the cell (c,); NaN for a cell with a single block."""
+    """The variance of these logarithms within each cell, (c,); NaN for a cell with a single block."""
     first: NDArray[np.int64]
-    """The index of the first sample of each cell (c,); lost samples are counted."""
+    """The index of the first sample of each cell, (c,). Lost samples are counted, too."""
     hop: int
     """Number of samples from the start of a block to the start of the next."""
     pairs: Array
-    """Number of pairs of neighbouring runs of 2^s blocks that were compared, for each scale s (k,)."""
+    """For each scale s, the number of pairs of neighbouring runs of 2^s blocks that were compared, (k,)."""
     scale_variance: Array
-    """Mean of 2^s d²/2 over these pairs (k,), where d is the difference of the mean logarithms of the two
-    runs. It is the same at all scales if the blocks are independent."""
+    """For each scale s, the mean of 2^s d²/2 over these pairs, (k,). Here d is the difference of the mean
+    logarithms of the two runs of a pair. The expected value is the same at all scales if the blocks are
+    independent.
+    """
 
 
 class AllanPoints(NamedTuple):
@@ -117,13 +123,13 @@ class AllanPoints(NamedTuple):
     avar: list[float]
     """Allan variances in the squared unit of the samples, (k,)."""
     terms: list[float]
-    """Effective numbers of averaged squared differences, (k,)."""
+    """Effective numbers of squared differences that were averaged, (k,)."""
     samples: float
     """Number of samples from which the variances were computed."""
 
 
 Lines = tuple[Array, Array, Array]
-"""Frequencies in rad a sample, powers and weights, (m,) each."""
+"""Frequencies [rad a sample], powers and weights of a part of a spectrum, (m,) each."""
 
 
 class Parts(NamedTuple):
@@ -134,11 +140,11 @@ class Parts(NamedTuple):
     whole: list[Lines]
     """The frequencies, powers and weights of each unbroken stretch of the whole-record level."""
     depth: int
-    """Number of octaves above the whole-record level."""
+    """Number of octaves, which lie above the whole-record level in frequency."""
     drift: Drift | None
     n: int
-    """Number of samples of the longest unbroken stretch; without any stretch, the number of samples in a
-    block.
+    """Number of samples, at the full rate, of the longest unbroken stretch of the whole-record level. If
+    there is no stretch, the number of samples in a block of the lowest octave.
     """
 
 
@@ -149,8 +155,8 @@ class Octaves:
         """Begin without samples.
 
         Raises:
-            ValueError: there are no lanes, or the memory is neither 0 (nothing is forgotten) nor 256 to 10^12
-                samples.
+            ValueError: there are no lanes, or the memory is neither 0, with which nothing is forgotten, nor
+                256 to 10^12 samples.
         """
         self.native = _native.Octaves(lanes, memory_samples)
 
@@ -188,7 +194,7 @@ class Octaves:
         return result
 
     def save(self) -> bytes:
-        """Return the whole state, for `restore`."""
+        """Return the whole state, from which `restore` can continue."""
         return self.native.save()
 
     @classmethod
@@ -220,10 +226,10 @@ class Octaves:
         return self.native.noticed()
 
     def periodogram(self, lane: int, h: float) -> Periodogram:
-        """Return the weighted spectrum of a lane; `h`: sampling period [s].
+        """Return the spectrum of a lane with the weights of its ordinates. `h`: sampling period [s].
 
-        Its `n` is the length of the longest stretch without a break in the whole-record level, counted in
-        samples of the full rate.
+        The periodogram's `n` is the length of the longest unbroken stretch of the whole-record level, counted
+        in samples of the full rate.
 
         Raises:
             ValueError: the lane is constant, h is not positive, or there are too few samples yet.
@@ -231,7 +237,9 @@ class Octaves:
         return self.lines_and_drift(lane, h)[0]
 
     def lines_and_drift(self, lane: int, h: float) -> tuple[Periodogram, Drift | None]:
-        """Return the spectrum as `periodogram` does, and the drift that was subtracted if the record is long.
+        """Return the spectrum as `periodogram` does, and the drift of the record.
+
+        The drift is subtracted if the record is long or the drift is large.
 
         Raises:
             ValueError: as `periodogram`.
@@ -262,7 +270,10 @@ class Octaves:
         return Parts(octaves, whole, depth, drift_of(amplitudes, depth), n)
 
     def cells(self, lane: int, h: float) -> list[BandCells]:
-        """Return the power of each octave over time, highest band first; `h`: sampling period [s]."""
+        """Return the power of each octave over time, with the highest octave first.
+
+        `h`: sampling period [s].
+        """
         _, levels = self.native.cells(lane)
         result = []
         for level, (data, scales) in enumerate(levels):
@@ -295,10 +306,12 @@ class Octaves:
 
 
 def put_together(parts: Sequence[Lines], h: float, n: int) -> Periodogram:
-    """Join the frequencies of all parts (at least one) in rising order; `n`: as in `Periodogram`.
+    """Join the parts of a spectrum, of which there is at least one, in the order of rising frequency.
+
+    `n`: as in `Periodogram`.
 
     Raises:
-        ValueError: there are too few lines.
+        ValueError: there are too few frequencies for a fit.
     """
     # Unless there are gaps, the frequencies rise from the last part to the first.
     lam, power, weight = map(np.concatenate, zip(*reversed(parts), strict=True))
@@ -340,7 +353,10 @@ def _whole_lines(level: int, y: NDArray[np.float32], amplitudes: list[Array]) ->
 
 @functools.lru_cache(maxsize=8)
 def _whole_gain(level: int, m: int) -> tuple[Array, Array]:
-    """Return the frequencies for m samples of a level, and the factors that convert |FFT|² into power."""
+    """Return the frequencies for a stretch of m samples, and the factors that convert |FFT|² into power.
+
+    `level`: number of octaves, by each of which the rate was halved.
+    """
     last = (m - 1) // 2 if level == 0 else min((m - 1) // 2, math.ceil(JOIN * m / (2 * np.pi)) - 1)
     own = np.asarray(2 * np.pi * np.arange(LOWEST, last + 1) / m, dtype=np.float64)
     return own / 2**level, 2.0**level / m / _passed(own, level)
@@ -353,7 +369,7 @@ def _stretches(values: NDArray[np.float32], lengths: NDArray[np.int32]) -> list[
 
 
 def _passed(own: Array, level: int) -> Array:
-    """Return the power gain of all filters that samples pass on their way to a level.
+    """Return the power gain of all filters that samples pass before they reach a level of reduced rate.
 
     `own`: frequencies [rad a sample of the level], up to 0.7 π.
     """
@@ -361,7 +377,9 @@ def _passed(own: Array, level: int) -> Array:
 
 
 _GRID = np.linspace(0, 0.71 * np.pi, 2001)
-"""Frequencies at which the gain is computed. Interpolation between them is accurate to seven digits."""
+"""Frequencies at which the gain of these filters is computed. Interpolation between them is accurate to seven
+digits.
+"""
 
 
 @functools.cache
@@ -373,7 +391,7 @@ def _passed_on_grid(level: int) -> Array:
 
 
 def in_order(lam: Array, power: Array, weight: Array) -> Lines:
-    """Return the spectrum with rising frequency; values at equal frequencies are averaged."""
+    """Return the spectrum in the order of rising frequency. Values at equal frequencies are averaged."""
     order = np.argsort(lam)
     lam, power, weight = lam[order], power[order], weight[order]
     unique, place = np.unique(lam, return_inverse=True)

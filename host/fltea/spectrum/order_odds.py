@@ -1,11 +1,11 @@
-"""Odds that a noise has an order: a calibrated Bayes factor of the two best models.
+"""Odds that a noise has an order, computed from how well models with and without an order fit.
 
-BIC's difference is about -2 log of the Bayes factor of two models (Schwarz, *Ann. Stat.* 6, 1978). This is
-only approximate: the search has chosen both models, and sums of relaxations have priors of their own. So the
-odds come from a logistic regression on two leads of the best model with an order: its lead over the best
-model without an order, and its lead over the richest model without an order. The regression is fitted to
-noises drawn at random. Half of them have an order, and the other half consist of relaxations
-(tools/validation/odds/populations.py, host/docs/evaluation/odds.md).
+The difference of two models' BIC is about -2 times the logarithm of their Bayes factor (Schwarz, *Ann. Stat.*
+6, 1978). This is only approximate, since the search has chosen both models, and sums of relaxations have
+priors of their own. So the odds come from a logistic regression with two inputs: the lead of the best model
+with an order over the best model without one, and its lead over the richest model without one. The regression
+was fitted to noises that were drawn at random. Half of them have an order, and the other half consist of
+relaxations (tools/validation/odds/populations.py, host/docs/evaluation/odds.md).
 """
 
 import math
@@ -36,7 +36,10 @@ def order_odds(lead: float, lead_over_rich: float, ordinates: float) -> float:
 
 
 def odds_of(f: CandidateModels) -> float | None:
-    """Return the odds of an order from the candidate models; None if no model with an order was fitted."""
+    """Return the odds of an order by the candidate models.
+
+    Return None if no model with an order was fitted.
+    """
     if f.ordered is None:
         return None
     return order_odds(f.lead, f.lead_over_rich, f.ordinates)

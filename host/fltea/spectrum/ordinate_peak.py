@@ -1,16 +1,18 @@
 """Search the ordinates of a periodogram for the most significant peak.
 
-Where the spectrum is flat, the ratio of a range's mean to the mean of a flank has an F distribution at any
-level. Ranges of 1, 2, 4, ... ordinates are tried; the rate of false alarms is divided by the number of trials
-(Bonferroni).
+A peak is a range of neighbouring ordinates whose mean is far above the means of its flanks, the ordinates on
+both sides. Where the spectrum is flat, the ratio of a range's mean to that of a flank has an F distribution,
+whatever the level of the spectrum is. Ranges of 1, 2, 4, ... ordinates are tried. The rate of false alarms is
+divided by the number of trials (Bonferroni).
 
 At the ends of the band, the search finds lines only. Near 0 Hz the lower flank may be short. At the Nyquist
-frequency there is only a lower flank: its level is extrapolated by its rise from the first half to the
-second.
+frequency there is only a lower flank. Its level is extrapolated by the ratio in which it rises from its first
+half to its second half.
 
-host/native/octave_peak.hpp searches ordinates that are averages of different numbers. The two are not one,
-since a file of a day has millions of ordinates, which are searched in blocks here, with the exact F
-distribution; a live spectrum has a few hundred, which are searched every second.
+host/native/octave_peak.hpp does the same for values that are averages of different numbers of ordinates.
+There are two programs, since their tasks differ. A file of a day has millions of ordinates, which are
+searched in blocks here, with the exact F distribution. A live spectrum has a few hundred values, which are
+searched every second.
 """
 
 import functools
@@ -24,25 +26,34 @@ from fltea.records.arrays import Array
 from fltea.spectrum.periodogram import AT_ONCE
 
 FLANK = 48
-"""Ordinates in the shortest flank; the flanks of a wide range are twice as long as the range."""
+"""Number of ordinates in the shortest flank. The flanks of a wide range are twice as long as the range."""
 SHORTEST_FLANK = 4
 """Fewest ordinates in the lower flank near frequency 0."""
 END_WIDTHS = (1, 2, 4)
 """Widths of the ranges that are tried at the ends of the band."""
 SURELY_NOT = 4.0
-"""Largest difference between the log of a range's probability and that log for an exactly known level."""
+"""Largest difference between two logarithms: that of the exact probability of a range, and that for an
+exactly known level. Ranges that cannot be significant for this reason are not tested exactly.
+"""
 WIDEST_SHARE = 0.08
-"""The widest stretch, as a share of all ordinates."""
+"""Ratio of the widest range that is tried to the number of all ordinates."""
 FOLDED_SHARE, FOLDED_HEIGHT, FLAT = 0.04, 5.0, 1.3
-"""Limits for a hump at the Nyquist frequency: FOLDED_SHARE, its largest width as a share of all ordinates;
-FOLDED_HEIGHT, its least mean over the level below it; FLAT, the largest ratio of the two halves of that
-level. The last one excludes noise that alternates in sign, whose spectrum falls slowly."""
+"""Limits for a hump at the Nyquist frequency. FOLDED_SHARE: its largest width, divided by the number of all
+ordinates. FOLDED_HEIGHT: smallest ratio of its mean to the level of the flank below it. FLAT: largest ratio
+of the level in the flank's upper half to that in its lower half. This excludes noise that alternates in sign,
+whose spectrum rises slowly towards the Nyquist frequency.
+"""
 LEAST_LEVEL = 1e-12
-"""Least level over the mean; it replaces a level of 0, as simulated noise may have it."""
+"""Smallest ratio of the level to the mean of all ordinates. A smaller level, such as 0 in simulated noise, is
+replaced by this.
+"""
 
 
 def strongest_ordinates(power: Array, false_alarm: float) -> tuple[int, int, float] | None:
-    """Return begin and end of the most striking significant range, and the level around it; or None."""
+    """Return begin and end of the most significant peak, and the level around it.
+
+    Return None if no peak is significant.
+    """
     m = len(power)
     sums = np.zeros(m + 1)
     np.cumsum(power, out=sums[1:])
@@ -72,8 +83,9 @@ def strongest_ordinates(power: Array, false_alarm: float) -> tuple[int, int, flo
         highest, place, around = top
         tried = len(range(first, last, step))
         log_p = f_log_tail(highest, 2 * width, 2 * flank) + math.log(len(widths) * tried)
-        # Among the significant ranges the likeliest is taken, as if the level were known. A comparison of
-        # probabilities would favour wide ranges, whose flanks are longer.
+        # Of all significant ranges, the one with the highest likelihood as a peak is taken, for a level that
+        # counts as known. A comparison of the ranges' probabilities would favour wide ranges, whose flanks
+        # are longer.
         gain = width * (highest - 1 - math.log(highest)) if highest > 0 else -math.inf
         if log_p < math.log(false_alarm) and (best is None or gain > best[0]):
             best = gain, place, place + width, around
@@ -81,7 +93,10 @@ def strongest_ordinates(power: Array, false_alarm: float) -> tuple[int, int, flo
 
 
 def _at_the_ends(sums: Array, false_alarm: float) -> tuple[float, int, int, float] | None:
-    """Return gain, begin, end and surrounding level of the likeliest line too close to an end for a flank."""
+    """Return gain, begin, end and surrounding level of the likeliest spectral line at an end of the band.
+
+    There, a flank is too short or missing.
+    """
     m = len(sums) - 1
     at, width = _end_tries(m)
     if not len(at):
@@ -103,7 +118,7 @@ def _at_the_ends(sums: Array, false_alarm: float) -> tuple[float, int, int, floa
     needed = math.log(len(at) / false_alarm)
     for i in np.argsort(-gain)[: np.count_nonzero(gain > needed - SURELY_NOT)].tolist():
         mean, wide = float(ratio[i] * level[i]), int(width[i])
-        # The flanks are tested separately, since a short flank is more often low by chance.
+        # The range is compared with each flank separately, since a short flank is more often low by chance.
         flanks = [(float(below[i]), int(at[i] - width[i] - begin[i])), (float(above[i]), FLANK)]
         log_p = max(f_log_tail(mean / one, 2 * wide, 2 * many) for one, many in flanks if one > 0)
         if log_p < -needed:
@@ -112,10 +127,10 @@ def _at_the_ends(sums: Array, false_alarm: float) -> tuple[float, int, int, floa
 
 
 def _at_nyquist(sums: Array, false_alarm: float) -> tuple[float, int, int, float] | None:
-    """Return gain, begin, end and surrounding level of the likeliest hump that ends at the Nyquist frequency.
+    """Return gain, begin, end and surrounding level of the likeliest hump at the Nyquist frequency.
 
-    Mains at half of a sample rate of 100 Hz makes such a hump. Noise that rises towards the Nyquist frequency
-    changes by less over so few ordinates.
+    Mains hum of 50 Hz makes such a hump if the sample rate is 100 Hz. Noise that rises towards the Nyquist
+    frequency changes by less over so few ordinates.
     """
     m, best = len(sums) - 1, None
     widths = [1 << i for i in range(2, int(math.log2(max(FOLDED_SHARE * m, 1))) + 1)]
@@ -138,7 +153,7 @@ def _at_nyquist(sums: Array, false_alarm: float) -> tuple[float, int, int, float
 
 @functools.lru_cache(maxsize=8)
 def _end_tries(m: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the begins and the widths of the ranges to try near the ends of m ordinates."""
+    """Return the first ordinates and the widths of the ranges to try near the ends of m ordinates."""
     tries = [
         (at, width)
         for width in END_WIDTHS

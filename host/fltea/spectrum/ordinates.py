@@ -1,7 +1,7 @@
-"""Frequencies and powers in which peaks are searched, of a file's periodogram or of the running spectrum.
+"""Frequencies and powers among which peaks are searched, from a file or from the running spectrum.
 
-In a file's periodogram each value is one ordinate. A value of the running spectrum averages several
-ordinates, at high frequencies over blocks under Hann's window.
+In the periodogram of a file, each value is one ordinate. In the running spectrum of live samples, a value may
+average several ordinates. At high frequencies it averages over blocks under Hann's window.
 """
 
 import math
@@ -17,11 +17,11 @@ from fltea.spectrum.ordinate_peak import strongest_ordinates
 from fltea.spectrum.periodogram import Periodogram
 
 LOBE = 2
-"""Number of averaged ordinates on each side to which a sharp line spreads."""
+"""Number of averages over blocks on each side to which a sharp spectral line spreads."""
 
 
 class Found(NamedTuple):
-    """The strongest peak: the first ordinate, the one after the last, and the level around them."""
+    """The strongest peak: the range `start` to before `stop` of its values, and the level around it."""
 
     start: int
     stop: int
@@ -29,7 +29,7 @@ class Found(NamedTuple):
 
 
 class Ordinates(NamedTuple):
-    """Ordinates with rising frequency; where others were left out, there is a gap."""
+    """The values among which peaks are searched, in the order of rising frequency."""
 
     lam: Array
     """Frequencies (m,) [rad a sample]."""
@@ -37,13 +37,13 @@ class Ordinates(NamedTuple):
     h: float
     """Sampling period [s]."""
     n: int
-    """Number of samples."""
+    """Number of samples of the record."""
     weight: Array | None = None
     """Number of ordinates that each value averages (m,); None if each value is one ordinate."""
     averaged: NDArray[np.bool_] | None = None
     """Whether each value is an average over blocks (m,); None if each value is one ordinate."""
     spread: Array | None = None
-    """Width of the band that each value stands for (m,) [rad a sample]; None if all have the same."""
+    """Width of the band for which each value stands, (m,) [rad a sample]; None if all widths are equal."""
 
     @staticmethod
     def of(p: Periodogram) -> "Ordinates":
@@ -53,15 +53,15 @@ class Ordinates(NamedTuple):
         return Ordinates(p.lam, p.power, p.h, p.n, p.weight, averaged_of(p.weight), np.gradient(p.lam))
 
     def part(self, begin: int, end: int) -> "Ordinates":
-        """Return the ordinates from `begin` to before `end`."""
+        """Return the values from index `begin` to before `end`."""
         return self._chosen(lambda column: column[begin:end])
 
     def without(self, left: int, right: int) -> "Ordinates":
-        """Return the ordinates before `left`, and those from `right` on."""
+        """Return the values before index `left`, and those from `right` on."""
         return self._chosen(lambda column: np.concatenate([column[:left], column[right:]]))
 
     def strongest(self, false_alarm: float) -> Found | None:
-        """Return the most striking significant peak; None if there is none."""
+        """Return the most significant peak; None if no peak is significant."""
         if self.weight is None:
             found = strongest_ordinates(self.power, false_alarm)
         else:
@@ -69,7 +69,7 @@ class Ordinates(NamedTuple):
         return None if found is None else Found(*found)
 
     def is_averaged(self, i: int) -> bool:
-        """Return whether a value is an average over blocks."""
+        """Return whether value `i` is an average over blocks."""
         return self.averaged is not None and bool(self.averaged[i])
 
     def has_averages(self) -> bool:
@@ -77,16 +77,16 @@ class Ordinates(NamedTuple):
         return self.averaged is not None and bool(self.averaged.any())
 
     def first_average_before(self, end: int) -> int:
-        """Return where the averages begin that reach up to `end` without a single ordinate between."""
+        """Return the first index from which on all values up to `end` are averages over blocks."""
         single = np.flatnonzero(~self.averaged[:end]) if self.averaged is not None else np.arange(end)
         return int(single[-1]) + 1 if single.size else 0
 
     def median_weight(self) -> float:
-        """Return the median number of ordinates in a value."""
+        """Return the median of the numbers of ordinates that the values average."""
         return 1.0 if self.weight is None else float(np.median(self.weight))
 
     def ordinates_in(self, begin: int, end: int) -> float:
-        """Return the number of ordinates in the values from `begin` to before `end`."""
+        """Return the number of ordinates that the values from `begin` to before `end` average in total."""
         return float(end - begin) if self.weight is None else float(self.weight[begin:end].sum())
 
     def mean(self, begin: int, end: int) -> float:
@@ -97,25 +97,26 @@ class Ordinates(NamedTuple):
         return float(self.weight[begin:end] @ power) / self.ordinates_in(begin, end)
 
     def power_over(self, begin: int, end: int, level: float) -> float:
-        """Return the power above `level` from `begin` to before `end`, in the unit of `total`."""
+        """Return the power of the values `begin` to before `end` above `level`, in the unit of `total`."""
         above = self.power[begin:end] - level
         return float(above.sum() if self.spread is None else above @ self.spread[begin:end])
 
     def total(self) -> float:
-        """Return the power of all ordinates."""
+        """Return the power of all values, summed over the frequencies."""
         return float(self.power.sum() if self.spread is None else self.power @ self.spread)
 
     def width_hz(self, at: NDArray[np.intp]) -> float:
-        """Return the width of the values `at` together [Hz]."""
+        """Return the total width [Hz] of the bands for which the values `at` stand."""
         if self.spread is None:
             return len(at) / (self.n * self.h)
         return float(self.spread[at].sum() / (2 * math.pi * self.h))
 
     def margin(self, i: int) -> float:
-        """Return by how much a band reaches beyond its last value [rad a sample].
+        """Return by how much a band that ends at value `i` reaches beyond this value [rad a sample].
 
-        `Periodogram.without` rounds the ordinates of a file to their places. In the running spectrum rounding
-        must not keep the values at the ends of the band.
+        In a file, the band needs no margin, since `Periodogram.without` computes the exact frequencies of the
+        ordinates. In the running spectrum, a rounding error must not leave a value at the band's end outside
+        of it.
         """
         return 0.0 if self.spread is None else float(self.spread[i]) / 4
 
@@ -133,7 +134,7 @@ def averaged_of(weight: Array) -> NDArray[np.bool_]:
 
 
 def around(p: Periodogram, bands: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
-    """Return `bands` (low, high) [Hz], widened so that no sharp line inside leaks out of them in `p`."""
+    """Return `bands` (low, high) [Hz], widened so that no sharp spectral line in a band leaks out of it."""
     if p.weight is None:
         return bands
     hz = p.lam / (2 * np.pi * p.h)

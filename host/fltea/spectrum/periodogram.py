@@ -1,7 +1,7 @@
 """Periodogram of one axis: the ordinates in use, and their averages over bins.
 
 λ is in rad a sample. I(λ) = |sum_t (y_t - mean) e^{-iλt}|² / n, so that white noise of variance σ² has the
-mean I = σ². Four ordinates are not used: the three lowest ones, since they contain remains of offset and
+mean I = σ². Some ordinates are not used: those below number LOWEST, since they contain remains of offset and
 drift, and the one at π, since it has another distribution. Whittle's likelihood needs only the averages over
 bins, as long as the spectrum hardly changes within a bin.
 """
@@ -21,22 +21,24 @@ LOWEST = 4
 FEWEST = 64
 """Fewest ordinates for a fit."""
 LONG, PARTS, AT_ONCE = 1 << 20, 16, 1 << 15
-"""If there are more samples than LONG, the last few are left out, so that their number is a multiple of
-PARTS. The transform is then combined from PARTS smaller ones, for AT_ONCE ordinates at a time."""
+"""If there are more samples than LONG, the last few samples are left out, so that the number of samples is a
+multiple of PARTS. The transform is then combined from PARTS smaller transforms, for AT_ONCE ordinates at a
+time.
+"""
 GROWTH = 0.03
 """Ratio of the width of a bin to its frequency. A spectrum proportional to λ^-4 then changes by 12 % within a
 bin.
 """
 WIDEST = math.pi / 120
-"""Largest width of a bin [rad a sample], so that peaks of that width are resolved."""
+"""Largest width of a bin [rad a sample]. It is limited so that peaks of this width can still be seen."""
 COARSER = 2.0
-"""Factor by which bins are wider if the ordinates have weights. It changes the p-values of the null test by 2
-% at most.
+"""Factor by which bins are wider if the ordinates have weights. The wider bins change the p-values of the
+null test by 2 % at most.
 """
 
 
 class Periodogram(NamedTuple):
-    """The ordinates in use, in the order of rising frequency."""
+    """The ordinates of a periodogram that are used, in the order of rising frequency."""
 
     lam: Array
     """Frequencies (m,) in rad a sample."""
@@ -47,7 +49,7 @@ class Periodogram(NamedTuple):
     n: int
     """Number of samples."""
     weight: Array | None = None
-    """Effective number of ordinates that each value of `power` stands for (m,); None if each stands for
+    """Effective number of ordinates for which each value of `power` stands, (m,); None if each stands for
     one.
     """
 
@@ -67,14 +69,14 @@ class Periodogram(NamedTuple):
             lam = self.lam[begin : begin + AT_ONCE]
             if self.weight is None:
                 hz = np.rint(lam * (self.n / (2 * np.pi))) / (self.n * self.h)
-            else:  # averages over blocks are not at multiples of 1/(n h)
+            else:  # the frequencies of averages over blocks are not multiples of 1/(n h)
                 hz = lam / (2 * np.pi * self.h)
             blocks.append(_kept(hz, from_hz, notch))
         keep = np.flatnonzero(np.concatenate(blocks))
         check_enough(len(keep), self.n)
         rows: slice | NDArray[np.intp] = keep
         if keep[-1] - keep[0] + 1 == len(keep):
-            rows = slice(int(keep[0]), int(keep[-1]) + 1)  # a slice makes no copy
+            rows = slice(int(keep[0]), int(keep[-1]) + 1)  # a slice of an array needs no copy
         weight = None if self.weight is None else self.weight[rows]
         return self._replace(lam=self.lam[rows], power=self.power[..., rows], weight=weight)
 
@@ -85,8 +87,8 @@ class Binned(NamedTuple):
     lam: Array
     """The mean frequency of each bin (bins,) [rad a sample]."""
     counts: Array
-    """The number of ordinates in each bin (bins,). If the ordinates were averages, it may not be a whole
-    number.
+    """The number of ordinates in each bin, (bins,). It may be no whole number if values with weights were
+    averaged.
     """
     power: Array
     """The mean power of each bin, (series, bins)."""
@@ -124,18 +126,18 @@ def periodogram(
     if power is not None:
         power = power[LOWEST:] if len(use) == len(power) - LOWEST else power[use]
         lam: Array = np.multiply(2 * np.pi, use, dtype=np.float64)
-        lam /= n  # divided in place, since the array for a day's record takes 35 MB
+        lam /= n  # the division is done in place, since the array for a record of a day takes 35 MB
         return Periodogram(lam, power, h, n)
     spectrum = np.fft.rfft(samples - samples.mean(axis=-1, keepdims=True))[..., use]
     return Periodogram(2 * np.pi * use / n, (spectrum.real**2 + spectrum.imag**2) / n, h, n)
 
 
 def _power_in_parts(y: Array) -> Array:
-    """Return ordinates 0 to the last one below π of `y` (n,), where n is a multiple of PARTS.
+    """Return the ordinates of `y` (n,) from number 0 to the last one below π. n is a multiple of PARTS.
 
     Each set of every PARTS-th sample is transformed separately, and the transforms are combined for a few
-    ordinates at a time. A transform of the whole record would need four times the memory of y in addition to
-    its result.
+    ordinates at a time. A single transform of the whole record would need four times the memory of y, in
+    addition to that of its result.
     """
     n, mean = len(y), y.mean()
     size = n // PARTS
@@ -170,7 +172,7 @@ def check_enough(ordinates: int, n: int) -> None:
 def used_ordinates(
     n: int, h: float, *, from_hz: float = 0.0, notch: Sequence[tuple[float, float]] = ()
 ) -> NDArray[np.intp]:
-    """Return the numbers j of the ordinates 2πj/n in use, for n samples."""
+    """Return the numbers j of the ordinates that are used. For n samples, they have the frequencies 2πj/n."""
     j = np.arange(LOWEST, (n - 1) // 2 + 1)
     return j[_kept(j / (n * h), from_hz, notch)]
 
@@ -185,9 +187,9 @@ def _kept(frequency_hz: Array, from_hz: float, notch: Sequence[tuple[float, floa
 def binned(p: Periodogram) -> Binned:
     """Average ordinates over bins that become wider with the frequency.
 
-    The lowest ordinates are not averaged.
+    At the lowest frequencies, each ordinate has a bin of its own.
 
-    If ordinates have weights, the bins are `COARSER` times as wide, for speed.
+    If the ordinates have weights, the bins are wider by the factor `COARSER`, which saves time.
     """
     starts = bin_starts(p.lam, p.n, 1.0 if p.weight is None else COARSER)
     lam, power = p.lam, np.atleast_2d(p.power)

@@ -1,8 +1,9 @@
-"""What a model without an order says about the noise: relaxations, drift, a filter, a resonance, a rise.
+"""What a model without an order says about the noise, after traces of other things are removed from it.
 
 A model describes a spectrum as well as it can. So one of its parts may be only the trace of something else:
-the skirt of a peak that was found, or the difference between the true filter and the fitted one. Such traces
-are removed, and the remaining parts are reported.
+the skirt of a spectral peak that was left out, or the difference between the true filter and the fitted one.
+Such traces are removed, and the remaining parts are reported: relaxations, drift, a filter, a resonance, a
+rise.
 """
 
 import math
@@ -34,45 +35,52 @@ SLOW = 3.0
 frequency.
 """
 LARGE_SHARE = 0.05
-"""A peak with at least this share of the power leaves a visible trace in the model."""
+"""A peak with more than this proportion of all power leaves a visible trace in the model."""
 LINE_LEAKS, RESONANCE_LEAKS = 2.0, 6.0
 """LINE_LEAKS: a spectral line leaks into frequencies up to this factor away. RESONANCE_LEAKS: the skirts of a
 resonance reach up to this factor away.
 """
 NO_WHITE = 0.03
-"""White noise counts as absent if it has less than this share of the density at half the sample rate."""
+"""White noise counts as absent if its density is less than this proportion of the whole density at half the
+sample rate.
+"""
 LEAST_CORNER = 10.0
-"""If there is no white noise, a relaxation whose corner frequency is above this multiple of the lowest
-frequency counts as a filter.
+"""If there is no white noise, the fastest relaxation counts as a filter if its corner frequency is above this
+multiple of the lowest fitted frequency.
 """
 NEAR_THE_FILTER = 0.1
-"""A relaxation may be only an error of the fitted filter if its corner frequency is above this share of the
-filter's.
+"""A relaxation may be only an error of the fitted filter if the ratio of its corner frequency to that of the
+filter is at least this.
 """
 AS_FILTERS_DIFFER = 1.6
-"""If the densities in the pass band differ by at most this ratio, a relaxation counts as an error of the
-fitted filter.
+"""If the densities in the filter's pass band differ by less than this ratio, such a relaxation counts as an
+error of the fitted filter.
 """
 RIPPLES = 0.4
-"""A hump belongs to the filter if its frequency is above this share of the filter's corner frequency."""
+"""A resonance belongs to the fitted filter if the ratio of its frequency to the filter's corner frequency is
+at least this.
+"""
 STANDS_OUT, ASIDE = 1.2, 3.0
-"""A resonance has to be STANDS_OUT times as high as the density at ASIDE times its frequency and at 1/ASIDE
-of it."""
+"""A resonance counts only if the density at its frequency is more than STANDS_OUT times the densities at two
+other frequencies: ASIDE times its frequency, and its frequency divided by ASIDE.
+"""
 SMOOTHS = -0.15
-"""A short filter whose parameter s is below this value is a low-pass."""
+"""A filter over two samples (`Sharpening`) whose parameter s is below this value is a low-pass."""
 RISES, HIGHEST = 1.05, 0.85
-"""The density counts as rising if its mean above the share HIGHEST of half the sample rate is at least RISES
-times the density at the lowest frequency.
+"""The density counts as rising with the frequency if its mean above HIGHEST times half the sample rate is
+more than RISES times the density at the lowest fitted frequency.
 """
 
 
 class Reading(NamedTuple):
-    """What a model says in addition to white noise."""
+    """What a model says about the noise in addition to white noise."""
 
     relaxations: tuple[Relaxation, ...]
     """The relaxations whose corner frequency is in the fitted band, the slowest first."""
     drifts: bool
-    """Whether there is a random walk, or a relaxation too slow to be distinguished from one."""
+    """Whether there is a random walk, or a relaxation that is too slow to be distinguished from a random
+    walk.
+    """
     low_pass: LowPass | None
     """The low-pass through which the whole noise has passed."""
     resonance: Resonance | None
@@ -82,7 +90,9 @@ class Reading(NamedTuple):
     coloured: bool
     """Whether there is a filter or a rise of any kind."""
     high_pass: HighPassed | None = None
-    """The high-pass filter that removed all slow noise, and the parts that remain."""
+    """The high-pass filter that removed all slow noise, and the parts of the noise that remain; None without
+    such a filter.
+    """
 
 
 def corner_hz(part: Relaxation) -> float:
@@ -93,8 +103,8 @@ def corner_hz(part: Relaxation) -> float:
 def read(f: CandidateModels, from_hz: float, peaks: Sequence[Peak] = (), apart: float = math.inf) -> Reading:
     """Return what the best model without an order says, after the traces of `peaks` are removed from it.
 
-    `from_hz`: lowest fitted frequency. `apart`: difference in 2 log L by which a slow relaxation has to beat
-    a random walk, and a model with a high-pass has to beat white noise.
+    `from_hz`: lowest fitted frequency. `apart`: lead in 2 log L that a slow relaxation needs over a random
+    walk to be reported, and that a model with a high-pass needs over white noise.
     """
     model, h = f.plain, f.h
     parts = [p for p in model.parts(h) if not (_is_skirt(p, peaks) or _is_left_out(p, f))]
@@ -116,7 +126,7 @@ def read(f: CandidateModels, from_hz: float, peaks: Sequence[Peak] = (), apart: 
         relaxations = [part for part in relaxations if corner_hz(part) < near]
     rises = last > RISES * first
     if rises:
-        # Relaxations that raise the density at low frequencies are kept, since they are no trace of the
+        # Only relaxations that raise the density at low frequencies are kept. The others may be traces of the
         # rise at high frequencies.
         relaxations = [p for p in relaxations if _lowest(p, h) > first / 2 and p.tau_s > h]
     inside = [
@@ -130,8 +140,8 @@ def read(f: CandidateModels, from_hz: float, peaks: Sequence[Peak] = (), apart: 
     coloured = low_pass is not None or any(part.row().says == "colour" for part in parts)
     resonances = [part for part in parts if isinstance(part, Resonance)]
     if inside or drifts or coloured or notch is not None or behind is not None:
-        # Beside other parts, a resonance may only correct their shape. A resonance without other parts is
-        # real.
+        # If the model has other parts, a resonance may only correct their shape. If it has no other parts, a
+        # resonance is real.
         ripples = math.inf if low_pass is None else RIPPLES * low_pass.corner_hz
         resonances = [p for p in resonances if p.frequency_hz < ripples and _stands_out(model, p, h)]
     elif not resonances:
@@ -160,9 +170,9 @@ def _filter(parts: Sequence[Part], h: float) -> LowPass | None:
 
 
 def _flat(model: FittedModel, low_pass: LowPass, h: float, from_hz: float) -> bool:
-    """Return whether the pass band is flat.
+    """Return whether the density in the filter's pass band is flat.
 
-    Deviations that an error of the fitted filter can cause do not count.
+    Deviations that may be caused by an error of the fitted filter do not count.
     """
     inside = max(from_hz, 1e-3 * low_pass.corner_hz)
     hz = np.array([inside, max(0.2 * low_pass.corner_hz, inside)])
@@ -171,7 +181,7 @@ def _flat(model: FittedModel, low_pass: LowPass, h: float, from_hz: float) -> bo
 
 
 def _behind_with_walk(f: CandidateModels, part: Relaxation) -> float:
-    """Return the loss of 2 log L when a random walk replaces the relaxation."""
+    """Return by how much 2 log L becomes smaller if a random walk replaces the relaxation `part`."""
     codes: list[int] = []
     eta: list[float] = []
     for code, at in f.plain.terms():
@@ -186,7 +196,7 @@ def _behind_with_walk(f: CandidateModels, part: Relaxation) -> float:
 
 
 def _stands_out(model: FittedModel, part: Resonance, h: float) -> bool:
-    """Return whether the resonance is a maximum of the whole spectrum, not only of its own part."""
+    """Return whether the whole spectrum, and not only the resonance itself, has a maximum there."""
     hz = part.frequency_hz * np.array([1.0, 1 / ASIDE, ASIDE])
     top, *sides = model.spectrum(np.minimum(2 * np.pi * hz * h, np.pi), h).tolist()
     return bool(top > STANDS_OUT * max(sides))
@@ -195,7 +205,8 @@ def _stands_out(model: FittedModel, part: Resonance, h: float) -> bool:
 def _ends(f: CandidateModels, model: FittedModel, from_hz: float) -> tuple[float, float]:
     """Return the model's density at the lowest fitted frequency, and the mean density at the highest ones.
 
-    Only fitted frequencies count, since power between neighbouring frequencies fills the zeros of a filter.
+    Only the frequencies of the bins count for the latter. The samples' power at them also contains power from
+    neighbouring frequencies, which fills the zeros of a filter.
     """
     low = np.array([min(max(2 * np.pi * from_hz * f.h, 1e-3), np.pi)])
     high = f.data.lam >= min(HIGHEST * np.pi, f.data.lam[-1])
@@ -214,7 +225,7 @@ def _highest(part: Relaxation, h: float) -> float:
 
 
 def _is_left_out(part: Part, f: CandidateModels) -> bool:
-    """Return whether a resonance lies in a band whose data are left out, such as that of a peak."""
+    """Return whether the part is a resonance in a band whose data are left out, such as that of a peak."""
     if not isinstance(part, Resonance):
         return False
     hz = f.data.lam / (2 * math.pi * f.h)

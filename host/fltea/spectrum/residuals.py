@@ -1,4 +1,4 @@
-"""Test whether the residuals of a model are white: Kolmogorov–Smirnov on the cumulative periodogram."""
+"""Kolmogorov–Smirnov test of a model's residuals, on the cumulative periodogram: are they white?"""
 
 import math
 
@@ -9,17 +9,18 @@ from fltea.spectrum.periodogram import AT_ONCE
 
 
 def farthest(ratio: Array, weight: Array | None = None) -> float:
-    """Return √m times the largest distance of the cumulative sum of I/S from a straight line.
+    """Return the Kolmogorov–Smirnov statistic of the ratios I/S of m ordinates to a model.
 
-    The sum is scaled to end at 1.
+    It is √m times the largest distance of the cumulative sum of I/S from a straight line, where the sum is
+    scaled so that it ends at 1. I is the power of an ordinate, and S the model's power at its frequency.
 
-    For a correct model all ratios I/S have the same exponential distribution, and the sum is a Brownian
-    bridge (Bartlett 1955). `ratio`: I/S, (m,), which is overwritten. `weight`: effective number of ordinates
-    of each line; m is then the sum of the weights.
+    For a correct model, all ratios I/S have the same exponential distribution, and the distance is a Brownian
+    bridge (Bartlett 1955). `ratio`: I/S, (m,); the array is overwritten. `weight`: effective number of
+    ordinates that each value averages; m is then the sum of the weights.
     """
     if weight is not None:
-        # An ordinate of weight w contributes w I/S, whose variance is w. So the sum W of all weights replaces
-        # m.
+        # A value of weight w contributes w I/S to the sum. Its variance is w, so that the sum of all weights
+        # takes the place of m.
         sums, line = np.cumsum(ratio * weight), weight.cumsum()
         return float(np.abs(sums / sums[-1] - line / line[-1]).max()) * math.sqrt(line[-1])
     sums = np.cumsum(ratio, out=ratio)

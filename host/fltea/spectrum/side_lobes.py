@@ -1,9 +1,9 @@
-"""Side lobes of a filter that averages over a window: humps that are no resonances.
+"""Side lobes of a filter that averages over a window: humps of a spectrum that are no resonances.
 
-A side lobe is separated from the pass band, at lower frequencies, by a notch of the filter that is not much
-wider than the lobe. Next to a resonance, instead, lies the noise floor, which is much wider. The stop band of
-the filter begins at the first notch. It contains lobes and notches. A spectral line in it stands far above
-all lobes.
+A side lobe is separated from the filter's pass band, which lies at lower frequencies, by a notch of the
+filter. The notch is not much wider than the lobe. Next to a resonance there is the noise floor instead, which
+is much wider than the resonance. The stop band of the filter begins at the first notch, and contains lobes
+and notches. A spectral line in the stop band stands far above all lobes.
 """
 
 import numpy as np
@@ -11,30 +11,32 @@ import numpy as np
 from fltea.records.arrays import Array
 
 DEPTH, BEYOND = 0.2, 0.6
-"""Levels relative to that of the hump: a notch is below DEPTH, and the spectrum on the other side of the
-notch is above BEYOND.
+"""Limits as ratios to the power of the hump: the power in a notch is below DEPTH, and the power on the other
+side of the notch is above BEYOND.
 """
 NOTCH_WIDTH = 1.5
 """Largest ratio of the width of a notch to that of the hump."""
 TELLING = 30.0
 """A value in the stop band belongs to a spectral line if its power exceeds this multiple of the highest
-lobe's power. The multiple is large since single ordinates scatter.
+lobe's power. The multiple is so large because the powers of single ordinates scatter.
 """
 TELLING_AVERAGED = 5.0
 AVERAGED = 8.0
-"""For averages over at least this effective number of ordinates, the smaller multiple TELLING_AVERAGED is
-enough.
+"""For values that average at least this effective number of ordinates, the smaller multiple TELLING_AVERAGED
+is enough.
 """
 
 
 def notch_below(lam: Array, power: Array, start: int, stop: int, least: int) -> float | None:
-    """Return the frequency at which the notch next to a hump begins; None if the hump is no side lobe.
+    """Return the frequency at which the notch below a hump begins; None if the hump is no side lobe.
 
-    `start`, `stop`: range of the hump.
+    `start`, `stop`: range of the hump, as indices.
 
-    `lam`, `power`: (m,), with rising frequency. `least`: smallest number of values in an average.
+    `lam`, `power`: frequencies and powers, (m,), in the order of rising frequency. `least`: smallest number
+    of values over which the power is averaged.
     """
-    # The part of the spectrum beyond the notch is at least as wide as the hump; the notch may be narrower.
+    # The part of the spectrum beyond the notch is at least as wide as the hump, so averages there may be
+    # wide. The notch may be narrower, so averages in it are half as wide.
     wide, fine = smoothed(power, max(least, stop - start)), smoothed(power, max(least, (stop - start) // 2))
     top, height = start + int(fine[start:stop].argmax()), float(power[start:stop].mean())
     low = np.flatnonzero(fine[:top] < DEPTH * height)
@@ -54,8 +56,8 @@ def notch_below(lam: Array, power: Array, start: int, stop: int, least: int) -> 
 
 
 def smoothed(power: Array, lines: int) -> Array:
-    """Return running means over `lines` neighbouring values, or over fewer near the ends."""
-    # Cumulative sums are used, since a hump of a long record can be a million lines wide.
+    """Return running means over `lines` neighbouring values. Near the ends, they are over fewer values."""
+    # The means are computed from cumulative sums, since a hump of a long record can be a million values wide.
     lines, places = min(lines, len(power)), np.arange(len(power))
     sums = np.concatenate([[0.0], np.cumsum(power)])
     first, last = np.maximum(places - lines // 2, 0), np.minimum(places + (lines - 1) // 2 + 1, len(power))
@@ -63,7 +65,9 @@ def smoothed(power: Array, lines: int) -> Array:
 
 
 def lines_among_lobes(power: Array, lines: int, weight: float = 1.0) -> list[tuple[int, int, float]]:
-    """Return begin, end and surrounding level of each peak above all lobes of a stop band, `power` (m,).
+    """Return begin, end and surrounding level of each peak above all lobes of a stop band.
+
+    `power`: powers in the stop band, (m,).
 
     `lines`: number of values that a whole lobe or notch takes; a narrow spectral line takes only a few.
     `weight`: ordinates that each value averages.

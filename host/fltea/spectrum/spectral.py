@@ -4,7 +4,7 @@ There are three sets of ordinates. The first has all ordinates that the user did
 the first without spectral lines and resonances. The third, the clean ordinates, is the second without the low
 frequencies of the drift. The models are fitted to the clean ordinates.
 
-A recording and a live sensor are examined in the same way; only the significance level of the tests differs.
+A recording and a live sensor differ only in the significance level of the tests.
 """
 
 from collections.abc import Callable, Iterable
@@ -35,37 +35,41 @@ Bands = tuple[tuple[float, float], ...]
 T = TypeVar("T")
 
 FALSE_PEAK = 0.01
-"""Probability, at `LEVEL`, of finding a peak where there is none. The octave spectrum shows spectral lines
-less clearly, so that with a smaller probability lines of real sensors would be missed.
+"""Probability of finding a peak where there is none, at the significance level `LEVEL`. It is not smaller,
+since spectral lines of real sensors would then be missed in the octave spectrum, which shows them less
+clearly.
 """
 FALSE_COMB = 1e-3
-"""Probability, at `LEVEL`, of finding a comb where there is none."""
+"""Probability of finding a comb where there is none, at the significance level `LEVEL`."""
 FALSE_CHANGE = 1e-3
-"""Probability, at `LEVEL`, of finding a change during the record where there is none."""
+"""Probability of finding a change during the record where there is none, at the significance level `LEVEL`.
+"""
 LEAKS = 3.0
-"""Ratio of the distance over which a spectral line leaks to the width of the band that is left out because of
-it.
+"""Ratio of the frequency distance over which a spectral line leaks to the width of the band that is left out
+because of the line.
 """
 SLOW_LINES = 4.0
-"""Spectral lines below this multiple of the lowest frequency are called slow lines."""
+"""Spectral lines below this multiple of the lowest fitted frequency are called slow lines."""
 LARGEST_SHARE = 0.15
-"""A band is tested for changes only if peaks have at most this share of its power. Two spectral lines with
-that share beat, but by less than a change that matters.
+"""A band is tested for changes only if peaks have at most this proportion of its power. Two spectral lines
+with that proportion make the power go up and down by interference, but by less than a change that matters.
 """
 EXPLAINED = 1.5
-"""A peak is discarded if its power is below this multiple of the power that the other parts explain."""
+"""A peak is discarded if its power is below this multiple of the power that the other parts of the model
+explain.
+"""
 GROWN = 1.1
 """Models, peaks and changes are searched for again when the record has grown by this factor."""
 
 
 class Band(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The band of the clean ordinates, which the verdict is about."""
+    """The frequency band of the clean ordinates, about which the verdict is."""
 
     from_hz: float
     to_hz: float
     notch_hz: Bands
     ordinates: int
-    """The number of effective ordinates."""
+    """The effective number of ordinates in the band."""
 
 
 class Spectral(msgspec.Struct, frozen=True):
@@ -93,7 +97,10 @@ class LastRefit:
         self._found.clear()
 
     def result(self, name: str, ordinates: float, compute: Callable[[], T]) -> T:
-        """Return the last result for `name`; call `compute` again if the record has grown by a tenth."""
+        """Return the last result for `name`.
+
+        If the record has grown by a tenth, call `compute` for a new result.
+        """
         found, then = self._found.get(name, (None, 0.0))
         if ordinates > GROWN * then:
             found, then = self._found[name] = compute(), ordinates
@@ -102,7 +109,8 @@ class LastRefit:
     def candidates(self, name: str, p: Periodogram, samples: int) -> CandidateModels:
         """Return the candidate models of these ordinates.
 
-        They are the previous ones fitted again, or those of a new search.
+        They come from a new search if the record has grown by a tenth. If not, those of the last refit are
+        fitted again.
         """
         data = binned(p)
         last, then = self._found.get(name, (None, 0.0))
@@ -147,13 +155,14 @@ def examine(
 
     `whole`: all ordinates that the user did not exclude: those above `from_hz` and outside the bands (low,
     high) `notch` [Hz]. `duration_s`, `samples`: length of the record. `cells`: band powers over time for the
-    test of stationarity; empty: no test. `drift`: the drift that was subtracted from `whole`. `peaks`: peaks
-    found elsewhere with a finer resolution; None: search for them in `whole`. `before`: the ordinates before
-    a comb among these peaks was removed; None: no comb was removed. `median`: the median filter detected in
-    the samples. `level`: significance level of each test. `last_refit`: earlier refits' results.
+    test of stationarity; empty: no test. `drift`: the drift that was subtracted from the samples. `peaks`:
+    peaks that were found elsewhere with a finer resolution; None to search for peaks in `whole`. `before`:
+    the ordinates before a comb among these peaks was removed; None if no comb was removed. `median`: the
+    median filter detected in the samples. `level`: significance level of each test. `last_refit`: results of
+    earlier refits.
 
     Raises:
-        ValueError: too few ordinates are left, or all ordinates are zero.
+        ValueError: too few ordinates are left, or all ordinates are 0.
     """
     last_refit = last_refit or LastRefit()
     seen = _seen(whole, duration_s, peaks, median, FALSE_PEAK * level / LEVEL, last_refit)
@@ -199,14 +208,15 @@ class _Seen(NamedTuple):
 
     combs: tuple[Peak, ...]
     of_comb: Bands
-    """Bands of a comb, for live data only: in a file, a comb is removed from the samples themselves."""
+    """Bands of a comb. They are needed for live samples only; in a file, a comb is removed from the samples.
+    """
     of_median: Bands
     peaks: tuple[Peak, ...]
     """All peaks other than the comb."""
     bands: Bands
     """One band for each of `peaks`."""
     rest: Periodogram
-    """The ordinates outside of the bands of the comb and the median filter."""
+    """The ordinates outside the bands of the comb and of the median filter."""
 
 
 def _seen(
@@ -217,7 +227,7 @@ def _seen(
     false_alarm: float,
     last_refit: LastRefit,
 ) -> _Seen:
-    """Return the peaks and their bands; the arguments are those of `examine`."""
+    """Return the peaks and their bands. The arguments are those of `examine`."""
     if not float(whole.power.max()) > 0:
         raise ValueError("the samples repeat themselves exactly: there is no noise in them")
     of_comb: Bands = ()
@@ -230,7 +240,7 @@ def _seen(
     except ValueError:  # too few ordinates are left
         rest, of_comb, of_median = whole, (), ()
     others = [peak for peak in peaks if peak.repeats is None]
-    if of_median:  # at high frequencies these are humps of the filter
+    if of_median:  # resonances in the filter's band are humps of the filter's response
         others = [peak for peak in others if peak.kind != "resonance" or peak.frequency_hz < of_median[0][0]]
     bands = tuple(peak.notch_hz for peak in others)
     return _Seen(
@@ -252,15 +262,15 @@ def _peaks(whole: Periodogram, false_alarm: float) -> tuple[tuple[Peak, ...], Ba
         return find_peaks(whole, false_alarm), ()
     try:
         return (comb.peak, *find_peaks(whole.without(0.0, comb.bands), false_alarm)), comb.bands
-    except ValueError:  # too few lines are left between the teeth
+    except ValueError:  # too few values of the spectrum are left between the teeth
         return (comb.peak,), ()
 
 
 def _unexplained(peaks: tuple[Peak, ...], whole: Periodogram, f: CandidateModels) -> tuple[Peak, ...]:
     """Return the peaks that the other parts of the noise do not explain.
 
-    A hump may be only the band between a high-pass and a filter at higher frequencies. If the model of the
-    ordinates outside a hump also explains the ordinates inside it, the hump is no peak.
+    A hump of the spectrum may be only the band between a high-pass and a filter at higher frequencies. If the
+    model that is fitted outside the hump also explains the power inside it, the hump is no peak.
     """
     if HighPass not in f.plain.kinds:
         return peaks
@@ -278,7 +288,7 @@ def _unexplained(peaks: tuple[Peak, ...], whole: Periodogram, f: CandidateModels
 
 
 def _above_slow_lines(peaks: tuple[Peak, ...], lowest_hz: float) -> float:
-    """Return the lowest frequency [Hz] of the clean ordinates, which is above the leakage of slow lines."""
+    """Return the lowest frequency [Hz] of the clean ordinates, above the leakage of slow spectral lines."""
     ends = [
         high + LEAKS * (high - low)
         for low, high in (peak.notch_hz for peak in peaks if peak.kind != "resonance")
@@ -300,7 +310,7 @@ def _slow(whole: Periodogram, from_hz: float, slow_hz: float, found: Bands) -> P
 
 
 def _highest(f: CandidateModels) -> Callable[[Array], Array]:
-    """Return the highest spectrum of all plausible models, with the leakage of the record's ends."""
+    """Return a function for the highest spectrum of all plausible models, with leakage of the ends."""
     possible = [f.plain] + ([f.ordered] if f.ordered is not None and f.lead > -APART else [])
 
     leaks = [(one, LEAKS_AT_MOST * end_leak(f, one)) for one in possible]
@@ -314,17 +324,17 @@ def _highest(f: CandidateModels) -> Callable[[Array], Array]:
 def _change(
     cells: Iterable[BandCells], whole: Periodogram, peaks: Bands, level: float, from_hz: float, notch: Bands
 ) -> Change | None:
-    """Return the change during the record, if there is one. Bands full of `peaks` are not tested.
+    """Return the change of the noise during the record; None if there is none.
 
-    With a strong sharp resonance, neighbouring blocks are alike, and parts of the record differ for that
-    reason alone.
+    Bands with much power in `peaks` are not tested. With a strong sharp resonance, neighbouring blocks have
+    similar powers, so that parts of the record differ more than independent blocks would.
     """
     compared = [band for band in cells if _share_of_peaks(whole, band, peaks) < LARGEST_SHARE]
     return find_change(compared, whole.h, FALSE_CHANGE * level / LEVEL, from_hz, notch)
 
 
 def _share_of_peaks(whole: Periodogram, band: BandCells, peaks: Bands) -> float:
-    """Return the share of a band's power that lies in peaks."""
+    """Return the proportion of a band's power that lies in peaks."""
     if not peaks:
         return 0.0
     hz = whole.lam / (2 * np.pi * whole.h)
@@ -342,27 +352,27 @@ class _Clean(NamedTuple):
 
     ordinates: Periodogram
     from_hz: float
-    """Where they begin."""
+    """The lowest frequency of the clean ordinates."""
     peaks: tuple[Peak, ...]
     bands: Bands
     """One band for each of `peaks`."""
     slow_line: bool
-    """Whether a slow line, or its leakage, hides the lowest frequencies."""
+    """Whether a slow spectral line, or its leakage, hides the lowest frequencies."""
 
     @property
     def to_hz(self) -> float:
-        """Highest frequency."""
+        """The highest frequency of the clean ordinates."""
         return float(self.ordinates.lam[-1]) / (2 * np.pi * self.ordinates.h)
 
     def band(self, left_out: Bands) -> Band:
-        """Return the band of these ordinates, out of which also `left_out` is left."""
+        """Return the band of these ordinates, with `left_out` left out as well."""
         return Band(self.from_hz, self.to_hz, left_out + self.bands, round(self.ordinates.ordinates))
 
 
 def _clean(seen: _Seen, lowest_hz: float) -> _Clean:
-    """Return the ordinates above `lowest_hz` without peaks.
+    """Return the clean ordinates, which lie above `lowest_hz` and outside peaks.
 
-    They begin above the leakage of slow lines, if that leaves enough ordinates.
+    They begin above the leakage of slow spectral lines, if enough ordinates are left then.
     """
     from_hz = _above_slow_lines(seen.peaks, lowest_hz)
     slow_line = from_hz > lowest_hz
@@ -375,10 +385,10 @@ def _clean(seen: _Seen, lowest_hz: float) -> _Clean:
 
 
 def _outside(whole: Periodogram, from_hz: float, found: Bands) -> tuple[Periodogram, int]:
-    """Return the ordinates above `from_hz` outside of bands, and how many of the bands `found` are left out.
+    """Return the ordinates above `from_hz` and outside the bands `found`, and how many bands are left out.
 
     Raises:
-        ValueError: too few ordinates are left even with the fewest bands left out.
+        ValueError: too few ordinates are left even if no band is left out.
     """
     least = max(FEWEST, whole.ordinates / 2)
     for kept in range(len(found), 0, -1):

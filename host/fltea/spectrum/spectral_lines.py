@@ -1,11 +1,11 @@
 """Find narrow lines and broad resonances in a spectrum, with a known rate of false alarms.
 
 A peak is a range of frequencies whose mean is too far above the means of the flanks on both sides of it.
-Where the spectrum slopes, the ratio to the higher flank decides.
+Where the spectrum rises or falls, the higher one of the two flanks decides.
 
-The search is the same for the ordinates of a file's periodogram and for the values of the running spectrum,
-which average different numbers of ordinates (`Ordinates` holds both). Only the strongest peak of all is found
-by two programs: `ordinate_peak` and host/native/octave_peak.hpp.
+The search is the same for a file's periodogram and for the running spectrum, whose values average different
+numbers of ordinates (`Ordinates` can hold both). Only the strongest peak is found in two ways: by
+`ordinate_peak` in a file, and by host/native/octave_peak.hpp in the running spectrum.
 """
 
 import math
@@ -25,25 +25,27 @@ FALSE_ALARM = 3e-3
 MOST = 12
 """The search ends after this many peaks: a record with more peaks has other problems."""
 SMOOTHEST = 9
-"""Fewest ordinates that are averaged to test whether a hump is a side lobe."""
+"""Smallest number of ordinates over which a spectrum is averaged to test whether a hump is a side lobe."""
 LINE_SKIRT = 3
-"""Number of single ordinates on both sides of a line among side lobes that are left out with the line."""
+"""Number of ordinates on each side of a spectral line among side lobes that are left out with the line."""
 SHORTEST_FLANK = 12
-"""Fewest averaged ordinates in a flank, whatever number each of them averages."""
+"""Number of values in the shortest flank if values average over blocks."""
 SKIRT = 0.05
-"""An averaged ordinate belongs to a peak if it is more than this share above the level around the peak."""
+"""Values of the running spectrum belong to the skirt of a peak only if they exceed the level around the peak
+by at least this proportion.
+"""
 NARROW = 3
-"""A peak up to this many averaged ordinates wide may be a line or a resonance."""
+"""A peak that is at most this many averages over blocks wide may be a spectral line or a resonance."""
 LINE_ORDINATES = 6
-"""A peak with nearly all its power in this many ordinates is a spectral line: its phase is stable over the
-record.
+"""A peak with nearly all its power in about this many ordinates is a spectral line: its phase is stable over
+the record.
 """
 IN_A_LINE = 0.7
-"""Share of a peak's power that counts as nearly all. The rest is noise around the spectral line."""
+"""Proportion of a peak's power that counts as nearly all. The rest is noise around the spectral line."""
 
 
 class Repeats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """An event that repeats at equal intervals and causes a comb of lines."""
+    """An event that repeats at equal intervals and causes a comb of spectral lines."""
 
     period_s: float
     harmonics: int
@@ -59,37 +61,37 @@ class Repeats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Peak(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A line, a resonance, or a comb of lines."""
+    """A peak of a spectrum: a spectral line, a resonance, or a comb of spectral lines."""
 
     kind: str
     """"line", "resonance", "peak" where the resolution cannot distinguish the two, or "comb" for spectral
     lines at all multiples of `frequency_hz`.
     """
     frequency_hz: float
-    """Frequency of the maximum; for a resonance, after smoothing."""
+    """Frequency of the spectrum's maximum in the peak. For a resonance, the spectrum is smoothed first."""
     width_hz: float
     """Width at half the peak's height above its surroundings."""
     power_share: float
-    """The peak's share of all power in the ordinates in use."""
+    """Power of the peak, divided by the power of all ordinates that are used."""
     height: float
     """Ratio of the peak's mean power to the level around the peak."""
     notch_hz: tuple[float, float]
-    """The band to leave out in order to remove the peak; for a comb, the band of its lowest line."""
+    """The band that has to be left out to remove the peak. For a comb, it is the band of its lowest line."""
     repeats: Repeats | None = None
     """The repeating event; only for a comb."""
 
 
 def find_peaks(p: Periodogram, false_alarm: float = FALSE_ALARM) -> tuple[Peak, ...]:
-    """Find the peaks of one series, the strongest first.
+    """Find the peaks in the spectrum of one series, the strongest first.
 
-    Each peak is removed before the next is searched for.
+    Each peak is removed before the next strongest peak is searched for.
     """
     ordinates = Ordinates.of(p)
     return _search(ordinates, ordinates.total(), false_alarm)
 
 
 def _search(lines: Ordinates, total: float, false_alarm: float) -> tuple[Peak, ...]:
-    """Return the peaks of `lines`; `total`: power of all ordinates before any peak was removed."""
+    """Return the peaks of a spectrum. `total`: power of all its values before any peak was removed."""
     remaining = lines
     peaks: list[Peak] = []
     while len(peaks) < MOST:
@@ -108,9 +110,9 @@ def _search(lines: Ordinates, total: float, false_alarm: float) -> tuple[Peak, .
 
 
 def _notch_below(lines: Ordinates, found: Found) -> float | None:
-    """Return where the notch begins that makes the peak a side lobe of a filter; None without a notch.
+    """Return where the notch begins that makes the peak a side lobe of a filter; None if there is no notch.
 
-    Single ordinates are not searched if the peak is among averages.
+    If the peak lies among averages over blocks, the notch is not searched among single ordinates.
     """
     averaged = lines.is_averaged(found.start)
     begin = lines.first_average_before(found.start) if averaged else 0
@@ -119,13 +121,17 @@ def _notch_below(lines: Ordinates, found: Found) -> float | None:
 
 
 def _with_stop_band(lines: Ordinates, total: float, false_alarm: float, edge: float) -> tuple[Peak, ...]:
-    """Return the peaks of a filter's pass band, and the spectral lines of its stop band, from `edge` on."""
+    """Return the peaks in a filter's pass band, and the spectral lines in its stop band.
+
+    `edge`: frequency at which the stop band begins.
+    """
     begin = int(np.searchsorted(lines.lam, edge))
     peaks = _search(lines.part(0, begin), total, false_alarm)
     above = lines.part(begin, len(lines.lam))
     if not len(above.lam):
         return peaks
-    # A narrow line takes only a few of the ordinates that hold a whole lobe or notch.
+    # `flank` is also the number of values that a whole lobe or notch takes. A narrow spectral line takes only
+    # a few values.
     flank = SHORTEST_FLANK if above.has_averages() else FLANK
     skirt = LINE_SKIRT if above.weight is None else LOBE
     described = []
@@ -137,9 +143,9 @@ def _with_stop_band(lines: Ordinates, total: float, false_alarm: float, edge: fl
 
 
 def _extent(lines: Ordinates, found: Found) -> tuple[int, int]:
-    """Return the range of the peak with its skirts.
+    """Return the range of the peak `found` with its skirts, as indices.
 
-    A skirt ends where the mean over half the peak's width is no longer above the level.
+    A skirt ends where the mean over half the peak's width is no longer significantly above the level.
     """
     piece = max(LOBE if lines.is_averaged(found.start) else 3, (found.stop - found.start) // 2)
     least = 0.0 if lines.weight is None else SKIRT
@@ -170,8 +176,9 @@ def _describe(lines: Ordinates, found: Found, extent: tuple[int, int], total: fl
     is_narrow = len(wide) <= (NARROW if averaged else LINE_ORDINATES)
     if lines.weight is not None:
         top = sharp if is_narrow else top
-    elif _in_few_ordinates(part - found.level, sharp):  # smoothing would widen a sharp peak
-        # Not in a live spectrum, whose few single ordinates hold a resonance of low frequency as well.
+    elif _in_few_ordinates(part - found.level, sharp):  # a sharp peak is not smoothed, which would widen it
+        # This is not done in a live spectrum. It has few single ordinates, which may contain nearly all of a
+        # resonance of low frequency as well.
         top, wide, is_narrow = sharp, wide[:LINE_ORDINATES], True
     frequency = float(lines.lam[left + top])
     if averaged and is_narrow:
@@ -193,7 +200,7 @@ def _describe(lines: Ordinates, found: Found, extent: tuple[int, int], total: fl
 
 
 def _in_few_ordinates(excess: Array, top: int) -> bool:
-    """Return whether nearly all of a peak's power is close to its top."""
+    """Return whether nearly all power of a peak lies in the few ordinates around its highest one."""
     half = LINE_ORDINATES // 2
     near = float(excess[max(top - half, 0) : top + half + 1].sum())
     return near > IN_A_LINE * float(excess.sum())
@@ -202,6 +209,6 @@ def _in_few_ordinates(excess: Array, top: int) -> bool:
 def height_over(power: float, level: float) -> float:
     """Return the ratio of the peak's power to the noise level.
 
-    It is infinite without noise, as for exactly periodic samples.
+    The ratio is infinite if there is no noise, as in exactly periodic samples.
     """
     return power / level if level > 0 else math.inf
