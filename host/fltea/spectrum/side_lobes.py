@@ -70,7 +70,7 @@ def lines_among_lobes(power: Array, lines: int, weight: float = 1.0) -> list[tup
     `power`: powers in the stop band, (m,).
 
     `lines`: number of values that a whole lobe or notch takes; a narrow spectral line takes only a few.
-    `weight`: ordinates that each value averages.
+    `weight`: number of ordinates that each value averages.
     """
     if not len(power):
         return []

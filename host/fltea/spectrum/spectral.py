@@ -35,9 +35,8 @@ Bands = tuple[tuple[float, float], ...]
 T = TypeVar("T")
 
 FALSE_PEAK = 0.01
-"""Probability of finding a peak where there is none, at the significance level `LEVEL`. It is not smaller,
-since spectral lines of real sensors would then be missed in the octave spectrum, which shows them less
-clearly.
+"""Probability of finding a peak where there is none, at the significance level `LEVEL`. With a smaller one,
+spectral lines of real sensors would be missed in octave spectra, which show them less clearly.
 """
 FALSE_COMB = 1e-3
 """Probability of finding a comb where there is none, at the significance level `LEVEL`."""
@@ -45,9 +44,7 @@ FALSE_CHANGE = 1e-3
 """Probability of finding a change during the record where there is none, at the significance level `LEVEL`.
 """
 LEAKS = 3.0
-"""Ratio of the frequency distance over which a spectral line leaks to the width of the band that is left out
-because of the line.
-"""
+"""Ratio of the frequency distance over which a spectral line leaks to the width of its left-out band."""
 SLOW_LINES = 4.0
 """Spectral lines below this multiple of the lowest fitted frequency are called slow lines."""
 LARGEST_SHARE = 0.15

@@ -1,11 +1,11 @@
-"""Test whether the noise stayed the same: the power of its octaves, compared between parts of the record.
+"""Test whether the noise stayed the same: the power of each octave is compared between parts of the record.
 
-Each octave keeps the mean and the variance of the logarithm of its blocks' power in a few cells (intervals of
-time). If the noise is stationary, the means of cells differ no more than the blocks within a cell explain
-(analysis of variance). The logarithm makes the test robust against heavy tails, and the variance comes from
-the data themselves. The cells of a long record are long. Changes up and down within a cell are found by
-another test, at the time scale of these changes (`swings`). So a long record shows all that a short one
-shows.
+Of each octave of the spectrum, the mean and the variance of the logarithm of its blocks' power are known in a
+few cells (intervals of time). If the noise is stationary, the means of the cells differ no more than the
+variance of the blocks within a cell explains (analysis of variance). The logarithm makes the test robust
+against heavy tails, and the variance comes from the data themselves. The cells of a long record are long.
+Changes up and down within a cell are found by another test, at the time scale of these changes (`swings`). So
+any change that can be found in a short record can be found in a long one, too.
 """
 
 import math
@@ -22,33 +22,36 @@ from fltea.spectrum.octaves import BandCells
 from fltea.spectrum.swings import OVERLAP, Swing, find_swings
 
 LEAST_IN_CELL = 4
-"""Fewest blocks in a cell; smaller cells are joined with their neighbours."""
+"""Fewest blocks in a cell. Smaller cells are joined with their neighbours."""
 LEAST_SIZE = 1.25
-"""Ratio of powers, up or down: a smaller change is of no practical importance."""
+"""Ratio of powers, up or down. A smaller change is of no practical importance."""
 MOSTLY_ONE_STEP = 0.6
-"""A change is called a step if a single step explains this share of the differences."""
+"""A change is called a step if a single step explains at least this proportion of the variance between cells.
+"""
 
 
 class Change(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How the power of one octave changed."""
+    """How the power of one octave of the spectrum changed during the record."""
 
     low_hz: float
     high_hz: float
     p: float
-    """The p-value of the test that found the change, multiplied by the number of tests."""
+    """The p-value of the test that found the change, multiplied by the number of all tests."""
     size: float
-    """Two standard deviations of the true level over time, as a ratio of powers. For a single step in the
-    middle of the record, this is the size of the step.
+    """Two standard deviations of the power's level over time beyond chance, as a ratio of powers. For a
+    single step in the middle of the record, this is the size of the step.
     """
     ratio: float = 1.0
-    """Mean power after `at_s` over that before; 1 if the power went up and down."""
+    """Ratio of the mean power after `at_s` to that before; 1 if the power went up and down."""
     at_s: float = 0.0
     """The time that divides the record into the two parts that differ most."""
     share: float = 0.0
-    """Share of all differences that this division explains. The rest are changes up and down."""
+    """Proportion of the variance between cells that this division explains. The rest comes from changes up
+    and down.
+    """
     half_s: float | None = None
-    """Time from a high to a low power, known to a factor of two; None if the change was found by a comparison
-    of cells.
+    """Time from a high power to a low one, known to a factor of two; None if the change was found by a
+    comparison of cells.
     """
     period_s: float | None = None
     """Period of the changes, if the samples show that the power goes up and down regularly."""
@@ -60,7 +63,7 @@ class Change(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class _Parted(NamedTuple):
-    """How the cells of an octave differ.
+    """How the cells of an octave differ from each other.
 
     `variance`: variance of the logarithm of power between the cells, beyond chance.
     """
@@ -70,9 +73,9 @@ class _Parted(NamedTuple):
     ratio: float
     at_s: float
     explained: float
-    """Variance between cells that the division in two parts explains."""
+    """Variance between cells that is explained by the division of the record in two parts at `at_s`."""
     share: float
-    """Share of the variance between cells that the division explains."""
+    """Proportion of the variance between cells that is explained by this division."""
 
 
 Found = TypeVar("Found", _Parted, Swing)
@@ -130,14 +133,17 @@ def _p(deviate: float, tests: int) -> float:
 
 
 def _size(variance: float) -> float:
-    """Return two standard deviations of the logarithm of power, as a ratio of powers."""
+    """Return two standard deviations of the logarithm of power as a ratio of powers.
+
+    `variance`: variance of this logarithm.
+    """
     return math.exp(2 * math.sqrt(variance))
 
 
 def _compared(
     counts: Array, means: Array, first: Array, within: float, degrees: float, h: float
 ) -> _Parted | None:
-    """Compare the cells; None if they differ too little to matter.
+    """Compare the cells of an octave. Return None if they differ too little to matter.
 
     The arguments are what `_joined` returns.
     """
@@ -164,9 +170,10 @@ def _compared(
 
 
 def _joined(band: BandCells) -> tuple[Array, Array, Array, float, float] | None:
-    """Return counts, means and first samples of cells, joined until each has enough blocks.
+    """Return the cells of an octave, joined until each has enough blocks.
 
-    Also return the variance within the cells, and its degrees of freedom.
+    The result has the number of blocks, the mean and the first sample of each cell, the variance within the
+    cells, and the degrees of freedom of this variance. It is None if there are fewer than two cells.
     """
     counts = np.asarray(band.counts, dtype=np.float64)
     some = counts > 0
@@ -185,7 +192,7 @@ def _joined(band: BandCells) -> tuple[Array, Array, Array, float, float] | None:
         return None
     n = np.add.reduceat(counts, starts)
     mean = np.add.reduceat(counts * means, starts) / n
-    # The sum of squares about the mean of the joined cell.
+    # Sum of the squared differences of the blocks' logarithms from the mean of the joined cell.
     total = np.add.reduceat(squares + counts * means**2, starts) - n * mean**2
     degrees = float(n.sum()) - len(n)
     within = float(total.sum()) / degrees

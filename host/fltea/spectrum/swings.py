@@ -1,10 +1,11 @@
-"""Test whether the power of an octave goes up and down, at any time scale.
+"""Test whether the power of an octave of the spectrum goes up and down, at any time scale.
 
 Consider the means of the logarithm of power in neighbouring runs of 2^s blocks. If blocks are independent,
 the variance of the difference of these means falls as 1 / 2^s: multiplied by 2^s, it is the same at every
-scale s (`octaves.BandCells`). Power that goes up and down increases the variance at scales near the time of
-its swings, and hardly at others. So each scale is compared by an F test with the shorter scales and with the
-longer ones. A longer record has more pairs at each scale, so that it shows all that a short record shows.
+scale s (`octaves.BandCells`). Power that goes up and down increases the variance at scales near the duration
+of its swings, and hardly at other scales. So each scale is compared by an F test with the shorter scales, and
+with the longer ones. A longer record has more pairs of runs at each scale, so that a swing that can be found
+in a short record can be found in a long one, too.
 """
 
 import functools
@@ -25,7 +26,7 @@ MOST_ALIKE = 0.1
 overlapping blocks, and a resonance continues from one block to the next.
 """
 FEWEST_PAIRS = 3
-"""Fewest pairs with which a scale is compared."""
+"""Fewest pairs of runs with which a scale is used."""
 EVERYDAY = 3.0
 """A normal deviate up to this value is not significant at any level in use."""
 
@@ -34,17 +35,17 @@ class Swing(NamedTuple):
     """The time scale at which the power of an octave differs most from what chance allows."""
 
     deviate: float
-    """Normal deviate that is as unlikely as the ratio of variances that was found."""
+    """Normal deviate that is as unlikely in stationary noise as the ratio of variances that was found."""
     variance: float
     """Variance of the logarithm of power beyond chance, summed over all scales."""
     half_s: float
-    """Time from a high to a low power, known to a factor of two. It comes from the scale with most of the
-    variance.
+    """Time from a high power to a low one, known to a factor of two. It is that of the scale with the largest
+    part of this variance.
     """
 
 
 class _Compared(NamedTuple):
-    """Ratios of the variance of one scale to that expected from other scales; all (k,)."""
+    """Comparisons of one scale's variance with that expected from other scales; all (k,)."""
 
     ratio: Array
     pairs: Array
@@ -53,9 +54,9 @@ class _Compared(NamedTuple):
 
 
 def find_swings(bands: Sequence[BandCells], h: float) -> tuple[list[tuple[BandCells, Swing]], int]:
-    """Return the most significant scale of each band, if it is unusual; `h`: sampling period [s].
+    """Return the most significant time scale of each band in which a scale is unusual.
 
-    Also return how many pairs of scales were compared in all bands.
+    Also return how many comparisons of scales were made in all bands. `h`: sampling period [s].
     """
     those = [_Scales.of(band) for band in bands]
     enough = [(band, its) for band, its in zip(bands, those, strict=True) if len(its.runs) >= 2]
@@ -78,7 +79,10 @@ def find_swings(bands: Sequence[BandCells], h: float) -> tuple[list[tuple[BandCe
 
 
 class _Scales(NamedTuple):
-    """The scales (k,) of a band that have enough pairs; `runs`: number of blocks in a run, at each scale."""
+    """The time scales (k,) of a band that have enough pairs of runs.
+
+    `runs`: number of blocks in a run, at each scale.
+    """
 
     runs: Array
     pairs: Array
@@ -99,13 +103,16 @@ class _Scales(NamedTuple):
         return _against((self.variance / _expected(self.runs, OVERLAP))[::-1], self.pairs[::-1])
 
     def swing(self, deviate: float, usual: float, alike: float, hop_s: float) -> Swing:
-        """Return the swing with the variance beyond `usual`; `hop_s`: time [s] from one block to the next."""
+        """Return the swing whose variance is that beyond `usual`.
+
+        `hop_s`: time [s] from one block to the next.
+        """
         excess = np.maximum(self.variance - usual * _expected(self.runs, alike), 0.0) / (2 * self.runs)
         return Swing(deviate, float(excess.sum()), float(self.runs[excess.argmax()]) * hop_s)
 
 
 def _against(variance: Array, pairs: Array) -> _Compared:
-    """Compare each variance (k,) with the means of the first 1, 2, … of the variances before it."""
+    """Compare each variance (k,) with the mean of the first one, two and so on of the variances before it."""
     total = pairs.cumsum()
     usual = (variance * pairs).cumsum() / total
     one, before = _below(len(pairs))
@@ -118,7 +125,7 @@ def _below(scales: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 
 def _expected(runs: Array, alike: float) -> Array:
-    """Return the expected ratio of each scale's variance to that of blocks.
+    """Return the expected ratio of each scale's variance to that of single blocks.
 
     `alike`: correlation of neighbouring blocks.
     """

@@ -1,10 +1,10 @@
 """The verdict on one axis: which models describe the noise, and what they say about it.
 
 Two sets of models compete: models with an order and models without one. Each set has the best model that a
-search found, and a set wins if its best model leads by `APART` in 2 log L after BIC's price. An order also
-has to be ahead of richer models without one. A model without an order wins only if a model with an order in
-place of its relaxations does not come near. If neither wins, both are reported. Each question is stored with
-the figure that answered it, so that a reader can follow the verdict.
+search found, and a set wins if its best model leads by `APART` in 2 log L after BIC's price. A model with an
+order also has to lead over richer models without one. A model without an order wins only if the model in
+which an order replaces its relaxations is far behind. If neither set wins, the best model of each is
+reported. Each question is stored with the figure that answered it, so that a reader can follow the verdict.
 """
 
 import msgspec
@@ -22,14 +22,14 @@ from fltea.spectrum.residuals import kolmogorov
 
 CLAIMED, LEAST_OVER_RICH = 12.0, 4.0
 """The noise is called fractional if the odds of an order are at least CLAIMED, and if 2 log L of the best
-model with an order exceeds that of the richest model without one by LEAST_OVER_RICH. Of each kind of noise
-without an order, then at most one in a hundred is called fractional. This includes sums of regularly spaced
-relaxations, which look like an order (host/docs/evaluation/odds.md).
+model with an order exceeds that of the richest model without one by LEAST_OVER_RICH. With these limits, at
+most one in a hundred noises without an order is called fractional. This holds for each kind of such noises,
+even for sums of regularly spaced relaxations, which look like an order (host/docs/evaluation/odds.md).
 """
 LEAST_RESIDUAL_LEVEL = 0.01
-"""Level of the test of residuals. The test can only contradict a claim, not support one."""
+"""Lowest level of the residuals' test. The test can only contradict the claim of an order, not support it."""
 SHORT_S = 580.0
-"""About ten minutes: a verdict on a shorter record holds only for what so short a record shows."""
+"""About ten minutes. The verdict on a shorter record says that slower noise may be hidden."""
 PEAKS: dict[str, VerdictKind] = {
     "line": "line",
     "resonance": "resonance",
@@ -38,7 +38,7 @@ PEAKS: dict[str, VerdictKind] = {
 }
 """The kind of verdict for each kind of peak. In live data, a narrow peak may be a line or a resonance."""
 RISING = tuple(kind for kind in CODES if kind.has("rising"))
-"""Kinds of parts whose power rises with the frequency. An order does not explain such a rise."""
+"""Kinds of parts of a model whose power rises with the frequency. An order does not explain such a rise."""
 NEXT_EITHER = "Record longer, or use the model without an order."
 NEXT_LIKELY = "Record longer to be sure; a navigation filter takes the model without an order."
 NEXT_FILTER = (
@@ -68,18 +68,18 @@ class Verdict(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     what: str
     """What the noise is."""
     why: str
-    """How sure that is, and on what evidence."""
+    """How sure it is what the noise is, and on what evidence."""
     next: str
     """What the user can do about it."""
     rules: tuple[Rule, ...]
     """The questions that were asked, with their answers."""
     odds: float | None = None
-    """The odds that coloured noise has an order (`spectrum.order_odds`). Null if the noise is as good as
-    white or not stationary, or if no fitted model has an order."""
+    """The odds of an order (`spectrum.order_odds`). None if the noise is nearly white or not stationary, or if
+    no fitted model has an order."""
     has_order: bool = False
     """Whether a model with an order is among the models that the verdict names."""
     order: OrderFit = OrderFit()
-    """The order with its intervals; all null if there is no order or the data do not determine it."""
+    """The order with its intervals. All are None if there is no order or the data do not determine it."""
 
     def saying(self, **words: str) -> "Verdict":
         """Return the verdict with another `what`, `why` or `next`, and with `text` composed of them again."""
@@ -160,7 +160,7 @@ def decide(e: Evidence) -> Verdict:
 
 
 def _claimed(e: Evidence, q: _Questions) -> bool:
-    """Return whether the best model with an order is ahead of all models without one."""
+    """Return whether an order is claimed: the best model with an order leads over all models without one."""
     f = e.candidates
     if f.ordered is None:
         return False

@@ -15,9 +15,11 @@ from fltea.spectrum.spectral_lines import Peak
 
 NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
 LIKELY = 10.0
-"""From these odds on, for or against an order, the text says what the noise most likely is."""
+"""If the odds for or against an order are at least this, the text says what the noise most likely is."""
 REGULAR = 3.0
-"""From these odds of an order on, the text says that regularly spaced relaxations look like an order."""
+"""If the odds of an order are higher than this, the text says that relaxations a decade apart look like an
+order.
+"""
 UNDEFINED = "α and f are undefined"
 TAKEN_OUT = (
     "AC coupling or an auto-zero: slow noise and the bias have been taken out, so nothing can be said of "
@@ -26,7 +28,7 @@ TAKEN_OUT = (
 
 
 def duration(seconds: float) -> str:
-    """Return a duration in the unit that a person would choose."""
+    """Return a duration as text, in the unit that a person would choose."""
     for limit, size, unit in ((120, 1, "s"), (7200, 60, "min"), (172_800, 3600, "h")):
         if seconds < limit:
             return f"{seconds / size:.0f} {unit}"
@@ -44,7 +46,7 @@ def capital(text: str) -> str:
 
 
 def peaks(found: tuple[Peak, ...]) -> str:
-    """Return words for the few strongest peaks."""
+    """Return words for the three strongest peaks, and the number of the others."""
     parts = [_peak(peak) for peak in found[:3]]
     if len(found) > 3:
         parts.append(f"{len(found) - 3} more")
@@ -66,7 +68,7 @@ def _peak(peak: Peak) -> str:
 def peak_hz(frequency_hz: float) -> str:
     """Return words for a peak's frequency.
 
-    For a slow peak they include its period, since 0.00 Hz says nothing.
+    For a peak below 0.1 Hz they include its period, since "0.00 Hz" would say nothing.
     """
     if frequency_hz < 0.1:
         return f"{frequency_hz:.2g} Hz (a period of {duration(1 / frequency_hz)})"
@@ -74,7 +76,10 @@ def peak_hz(frequency_hz: float) -> str:
 
 
 def sentence(parts: Sequence[Part], e: Evidence, order: OrderFit | None = None) -> str:
-    """Return words for the parts of a noise and its filters; `order`: the order with its interval."""
+    """Return words for the parts of a noise and the filters behind them.
+
+    `order`: the order with its interval.
+    """
     told = [
         (part, _order(order or OrderFit()) if part.has("ordered") else part.words(e.rate_hz))
         for part in parts
@@ -103,12 +108,15 @@ def _order(found: OrderFit) -> str:
 
 
 def relaxations(found: Sequence[Relaxation]) -> str:
-    """Return the number of relaxations in words."""
+    """Return words that say how many relaxations there are."""
     return "one relaxation" if len(found) == 1 else f"a sum of {NUMBERS[len(found)]} relaxations"
 
 
 def corners(found: Sequence[Relaxation], e: Evidence) -> str:
-    """Return words for the corner frequencies of relaxations, with figures if they are in the fitted band."""
+    """Return words for the corner frequencies of relaxations.
+
+    The words give the frequencies that lie in the fitted band.
+    """
     values = sorted(corner_hz(part) for part in found)
     inside = [f"{value:.3g}" for value in values if e.from_hz <= value <= e.to_hz]
     parts = []
@@ -122,7 +130,7 @@ def corners(found: Sequence[Relaxation], e: Evidence) -> str:
 
 
 def drift(e: Evidence) -> str:
-    """Return words for power that is slower than the fitted frequencies."""
+    """Return words for drift, the power below the fitted frequencies."""
     ratio = max(e.slow.offset, e.slow.ratio)
     times = f"{ratio:.2g}" if ratio < 1000 else f"{ratio:.0e}"
     return (
@@ -200,7 +208,10 @@ def null_test(e: Evidence) -> str:
 
 
 def rejected_by(e: Evidence) -> str:
-    """Return words on missing power, if that is why white noise was rejected; otherwise an empty text."""
+    """Return words on missing power at low frequencies, if white noise was rejected because of it.
+
+    The text is empty otherwise.
+    """
     if e.candidates.missing.nll >= e.candidates.null.nll:
         return ""
     return ": low frequencies have less power than the others, as behind AC coupling or an auto-zero"

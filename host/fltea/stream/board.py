@@ -1,7 +1,7 @@
-"""Follow the estimates that a board makes: find the sample of each estimate, and compare it with the host's.
+"""Follow the estimates that a board makes: find the sample of each, and compare it with the host's estimate.
 
-An estimate arrives later than its sample, since the board needs time for it. Only the newest samples since
-the last restart of the filters are remembered. An estimate for any other sample is dropped and counted.
+An estimate arrives later than its sample, since the board needs time for it. So the newest samples since the
+last restart of the filters are remembered. An estimate for any other sample is dropped and counted.
 """
 
 from collections.abc import Iterator
@@ -31,18 +31,19 @@ from fltea.stream.epoch import Beginning, Item, Notice, Standing
 from fltea.stream.live import LiveFits, accepted_by
 
 AS_STATED = "begun", "every", "queue", "skipped", "longest_axis_us", "fit_every", "longest_slice_us"
-"""Fields of the board's estimator message that its statistics repeat unchanged."""
+"""Fields of the board's message about its estimator that the record `stats` repeats unchanged."""
 
 
 class BoardEstimates:
     """Follows the board's own estimates.
 
-    If only the board estimates, its estimates become `Estimate` records. Otherwise `DeviceEstimates` records
-    compare them with this computer's estimates, made with the board's settings as soon as the board has
-    stated them. The state of a board's estimator is never saved, since the board begins a new start-up window
-    with each boot.
+    If only the board makes estimates, they become `Estimate` records. If this computer makes estimates too,
+    `DeviceEstimates` records compare the two. This computer uses the board's settings then, as soon as the
+    board has stated them. The state of a board's estimator is never saved, since the board begins a new
+    start-up window with each boot.
 
-    `fits`: the live fits, whose verdict on white noise the records state.
+    `fits`: this computer's live fits. The records of the board's estimates repeat their p-value of white
+    noise.
     """
 
     def __init__(self, config: Config, fits: LiveFits | None = None) -> None:
@@ -65,7 +66,7 @@ class BoardEstimates:
     def host_settings(self) -> EstimatorConfig | None:
         """Return the settings for this computer's filters: those of the board, once they are known.
 
-        The result is None if only the board estimates.
+        The result is None if only the board makes estimates.
         """
         if self.alone:
             return None
@@ -81,7 +82,7 @@ class BoardEstimates:
         self._notices.begin()
 
     def forget(self) -> None:
-        """Forget all samples until now, so that estimates for them are dropped."""
+        """Forget all samples until now. Estimates for them that still arrive are dropped."""
         self._unplaced += len(self._group)
         self._fits.forget()
         self._samples.clear()
@@ -90,7 +91,7 @@ class BoardEstimates:
         self._sequence = None
 
     def on_block(self, block: Block, host_ns: Ints) -> Iterator[Item]:
-        """Remember samples, since their estimates arrive later; `host_ns` (n,): arrival times [ns]."""
+        """Remember samples, since the board's estimates for them arrive later."""
         yield from self._notices.unused(int(host_ns[0]))
         self._samples.add(block)
         late = self._notices.silent_from(host_ns) if self.stated is None else None
@@ -103,7 +104,7 @@ class BoardEstimates:
             yield block.rows(late + 1, len(block))
 
     def on_event(self, event: Event) -> Iterator[Item]:
-        """Process an event in which the board reports estimates, fits or settings; yield the records."""
+        """Yield the records about an event in which the board reports estimates, fits or settings."""
         if isinstance(event, LinkDown):
             self.forget()
             self.stated = self._settings = None
@@ -139,9 +140,9 @@ class BoardEstimates:
         yield from self._notices.on_estimator(stated)
 
     def _on_axis(self, e: DeviceAxis) -> Iterator[Item]:
-        """Process the board's estimate of one axis.
+        """Process the board's estimate of one axis for one sample.
 
-        Yield a record when the estimates of all axes have arrived.
+        Yield a record when the estimates of all axes for this sample have arrived.
         """
         self._estimates += 1
         if self._sequence is not None:

@@ -1,4 +1,4 @@
-"""Make records of a board's estimate of an axis, alone or with its difference from the host's estimate."""
+"""Make records of a board's estimate of an axis. They may have its difference from the host's estimate."""
 
 import math
 
@@ -10,7 +10,7 @@ from fltea.stream.live import AcceptedFit
 
 
 def estimate_of(e: DeviceAxis, fit: AcceptedFit, known: AxisEstimate) -> AxisEstimate:
-    """Return the estimate of an axis, with the board's filter in place of the host's."""
+    """Return the record of an axis's estimate in which FLTEA's numbers are those of the board's filter."""
     valid, numbers = _numbers(e)
     of_board = FlteaEstimate(*numbers, valid, e.tuned)
     return msgspec.structs.replace(known, null_p=fit.null_p, whiteness=fit.whiteness, fltea=of_board)
@@ -19,17 +19,17 @@ def estimate_of(e: DeviceAxis, fit: AcceptedFit, known: AxisEstimate) -> AxisEst
 def compare(
     e: DeviceAxis, known: AxisEstimate | None, host_age: int | None, same_settings: bool
 ) -> DeviceAxisEstimate:
-    """Return the board's estimate, with its difference from the host's, or the reason for no difference.
+    """Return the board's estimate, and its difference from the host's or the reason why there is none.
 
-    `known`: the host's estimate after the same sample. `host_age`: number of steps of the host's filters
-    since their start-up window, from 1; None if the host does not estimate this axis. `same_settings`:
-    whether the host uses the settings that the device states.
+    `known`: the host's estimate after the same sample. `host_age`: number of steps that the host's filters
+    have made since their start-up window, counted from 1; None if the host makes no estimates of this axis.
+    `same_settings`: whether the host's filters use the settings that the board states.
     """
     valid, numbers = _numbers(e)
     host = None if known is None or host_age is None else known.fltea
     why_not: WhyNot | None = None
     alpha = f = state = None
-    # several reasons may apply: the first one in the order of `records.why_not.WHY_NOT` is given
+    # if several reasons apply, the first one in the order of `records.why_not.WHY_NOT` is given
     if not valid:
         why_not = "device_not_valid"
     elif host is None:
@@ -66,9 +66,10 @@ _Six = tuple[float | None, float | None, float | None, float | None, float | Non
 
 
 def _numbers(e: DeviceAxis) -> tuple[bool, _Six]:
-    """Return whether the board's estimate is valid, and its numbers.
+    """Return whether the board's estimate is valid, and its six numbers.
 
-    A number that is not finite becomes None.
+    All numbers are None if the estimate is not valid. The innovation is None if it is not finite or the
+    sample is missing.
     """
     if not (e.valid and all(map(math.isfinite, (e.alpha, e.alpha_std, e.f, e.f_std, e.state_dps)))):
         return False, (None, None, None, None, None, None)

@@ -1,8 +1,11 @@
-"""Make records of the maximum-likelihood fits that a board makes, with their difference from this computer's.
+"""Make records of the maximum-likelihood fits that a board makes.
 
-The board needs up to a minute for a fit. So the record states the time of the newest sample at the arrival of
-the fit. Its fields `age` and `samples` state which samples were fitted. The spectral bins of the fit arrive
-later, in several messages.
+They have the differences from this computer's fits.
+
+The board needs up to a minute for a fit, so a fit does not belong to the sample that arrives at the same
+time. The record of a fit states the time of the newest sample when the fit arrives. Its fields `age` and
+`samples` state which samples were fitted. The bins of the spectrum that was fitted arrive later, in several
+messages.
 """
 
 import math
@@ -26,21 +29,23 @@ MOST_ORDER = 2.0
 """Largest fractional order α of the noise model that the board fits."""
 
 ROUNDING = 1e-5
-"""Relative rounding error of a frequency in the device's single precision."""
+"""Largest relative rounding error of a frequency that the device computes in single precision."""
 
 MOST_DPS2 = 1e8
-"""Largest variance that a fit can have [(deg/s)²]: no gyroscope turns at 10,000 deg/s."""
+"""Largest possible variance in a fit [(deg/s)²]. It is the square of 10,000 deg/s, which no gyroscope
+measures.
+"""
 
 CHECK_EVERY_NS = 1_000_000_000
-"""Shortest time between two fits by which this computer checks an axis's bins [ns]. A working device sends
-its bins every half minute.
+"""Shortest time between two checks of an axis's bins by a fit of this computer [ns]. A working device sends
+bins only every half minute.
 """
 
 AS_STATED = (
     *("number", "age", "samples", "ordinates", "evaluations", "searched", "tuned", "bins_left_out"),
     *("ratio_white", "ratio_relaxation"),
 )
-"""Fields of the board's fit that the record repeats unchanged."""
+"""Fields of the board's message about a fit that the record of the fit repeats unchanged."""
 
 VERDICTS: tuple[DeviceVerdict, ...] = get_args(DeviceVerdict)
 
@@ -48,7 +53,7 @@ VERDICTS: tuple[DeviceVerdict, ...] = get_args(DeviceVerdict)
 class BoardFits:
     """Makes records of a board's fits.
 
-    `came`: number of fits that arrived. `refused`: number of them that arrived before any sample, or had
+    `came`: number of fits that arrived. `refused`: number of fits that arrived before any sample, or had
     impossible numbers or bins.
     """
 
@@ -65,12 +70,15 @@ class BoardFits:
         self._rate_hz = rate_hz
 
     def forget(self) -> None:
-        """Forget the last fit, since the filters restart. Its bins that still arrive are not used."""
+        """Forget the last fits, since the filters restart.
+
+        Bins of these fits that still arrive are not used.
+        """
         self._newest.clear()
         self._bins.clear()
 
     def on_fit(self, fit: DeviceFit, axes: Collection[str], moment: Moment | None) -> Iterator[DeviceFits]:
-        """Yield the record of a fit that arrived; `moment`: number and times of the newest sample."""
+        """Yield the record of a fit that arrived. `moment`: number and times of the newest sample."""
         self.came += 1
         found = _axis_fit(fit, self._accepted(fit.axis).fit) if fit.axis in axes else None
         if moment is None or found is None:
@@ -80,16 +88,16 @@ class BoardFits:
         yield DeviceFits(*moment, {fit.axis: found}, device=self._device)
 
     def on_bins(self, bins: DeviceBins, moment: Moment | None) -> Iterator[DeviceFits]:
-        """Store some spectral bins of the newest fit.
+        """Store some of the spectral bins of an axis's newest fit.
 
-        When all its bins have arrived, yield the fit again with them.
+        When all bins of this fit have arrived, yield the record of the fit again, with its bins.
         """
         fit, parts = self._newest.get(bins.axis), self._bins.get(bins.axis)
         if fit is None or parts is None or moment is None or bins.number != fit.number:
             return
         total = parts[0].total if parts else bins.total
         if not bins.hz or bins.total != total or bins.first != sum(len(part.hz) for part in parts):
-            self._bins.pop(bins.axis)  # some bins were lost
+            self._bins.pop(bins.axis)  # some bins of this fit were lost, so all are given up
             return
         parts.append(bins)
         if bins.first + len(bins.hz) < total:
@@ -117,7 +125,10 @@ class BoardFits:
         return DeviceSpectrum(*(list(column) for column in zip(*rising, strict=True)))
 
     def _check(self, spectrum: DeviceSpectrum, axis: str, moment: Moment) -> float | None:
-        """Fit the bins on this computer, and return the order α; None if no fit is due or possible."""
+        """Fit the board's bins on this computer, and return the order α.
+
+        Return None if no such check is due or possible.
+        """
         before_ns = self._checked_ns.get(axis)
         if not self._rate_hz > 0 or (before_ns is not None and moment.host_ns - before_ns < CHECK_EVERY_NS):
             return None
@@ -126,7 +137,7 @@ class BoardFits:
 
 
 def _axis_fit(fit: DeviceFit, host: AxisFit | None) -> DeviceAxisFit | None:
-    """Return the fit of an axis as the record states it; None if a number in it is impossible."""
+    """Return the board's fit of an axis as the record states it; None if a number in it is impossible."""
     ratios = fit.ordinates, fit.ratio_white, fit.ratio_relaxation
     numbers = *ratios, fit.alpha, fit.f, fit.s2_dps2, fit.R_dps2
     verdict = next((one for one in VERDICTS if one == fit.verdict), None)
@@ -162,11 +173,11 @@ def _axis_fit(fit: DeviceFit, host: AxisFit | None) -> DeviceAxisFit | None:
 
 
 def order_of_bins(spectrum: DeviceSpectrum, rate_hz: float) -> float | None:
-    """Fit, on this computer, the bins that a board fitted, as a check of the board's arithmetic.
+    """Fit the bins that a board fitted on this computer, to check the board's arithmetic.
 
-    The result is the order α with the highest likelihood, for a fractional noise plus white noise. It is None
-    if the bins cannot be fitted. That is so for bins of several pieces of a record, where two bins may have
-    the same frequency.
+    The result is the order α with the highest likelihood, for a sum of fractional noise and white noise. It
+    is None if the bins cannot be fitted, as happens if two bins have the same frequency. They may if the
+    board's record has several stretches.
     """
     lam = np.array(spectrum.hz) * (2 * math.pi / rate_hz)
     power = np.square(spectrum.density) * (rate_hz / 2)

@@ -1,6 +1,6 @@
-"""Report what a user has to know about a board that estimates.
+"""Report what a user has to know about a board that makes estimates itself.
 
-Each message is given once, or once a minute.
+Each message is given only once, or at most once a minute.
 """
 
 from collections.abc import Iterator
@@ -14,11 +14,14 @@ from fltea.stream.board_settings import unused_settings
 from fltea.stream.epoch import Notice
 
 PATIENCE_NS = 5 * 10**9
-"""A board that sends samples but has not described its estimator is reported after this time [ns]."""
+"""Time after which a board is reported that sends samples but has not described its estimator [ns]."""
 
 
 class BoardNotices:
-    """Reports what is wrong with a board. `config`: the host's settings, which the board does not use."""
+    """Reports what is wrong with a board's estimates.
+
+    `config`: the host's settings, which the board does not use.
+    """
 
     def __init__(self, config: EstimatorConfig) -> None:
         self._config = config
@@ -27,21 +30,21 @@ class BoardNotices:
         self._constant: set[str] = set()
         self._invalid = OnceAMinute()
         self._skipped: tuple[int, int | None] = (0, None)
-        """Number of samples that were reported as skipped, and time of that report; None before the first
-        report.
+        """Number of samples that the board's estimator had skipped at the last report, and time of this
+        report. The time is None before the board has stated the number.
         """
 
     def begin(self) -> None:
-        """Expect the board to describe its estimator again, since the filters restart."""
+        """Let constant axes be reported again, since the filters restart."""
         self._constant.clear()
 
     def on_link_down(self) -> None:
-        """Repeat all reports for the next board, which may be another one."""
+        """Begin to watch anew for silence and skipped samples, since another board may come."""
         self._waits_since_ns = None
         self._skipped = (0, None)
 
     def unused(self, now_ns: int) -> Iterator[Notice]:
-        """Report which of this computer's settings have no effect, since the board estimates with its own."""
+        """Report which of this computer's settings have no effect, since the board uses its own."""
         if self._unused_reported:
             return
         self._unused_reported = True
@@ -57,7 +60,7 @@ class BoardNotices:
     def silent_from(self, host_ns: Ints) -> int | None:
         """Return the index of the first sample at which the board has been silent for too long, or None.
 
-        Silent means that it sends samples, but does not describe its estimator.
+        A board is silent here if it sends samples, but does not describe its estimator.
         """
         if self._silence_reported:
             return None
@@ -78,7 +81,7 @@ class BoardNotices:
         )
 
     def on_settings(self, problem: ValueError, now_ns: int) -> Iterator[Notice]:
-        """Report that this computer cannot compute with the board's settings."""
+        """Report that this computer's filters cannot work with the board's settings."""
         if self._settings_reported:
             return
         self._settings_reported = True
@@ -103,7 +106,10 @@ class BoardNotices:
             )
 
     def on_axis(self, e: DeviceAxis, before: DeviceAxis | None) -> Iterator[Notice]:
-        """Report what is wrong with an axis that only the board estimates; `before`: its last estimate."""
+        """Report what is wrong with an axis for which only the board makes estimates.
+
+        `before`: the estimate before `e`.
+        """
         if e.constant and e.axis not in self._constant:
             self._constant.add(e.axis)
             text = (

@@ -1,4 +1,4 @@
-"""Remember the newest samples of a board, since its estimates and fits arrive after their samples."""
+"""Remember the newest samples of a board, since its estimates and fits arrive later than their samples."""
 
 from typing import NamedTuple
 
@@ -8,15 +8,15 @@ from fltea.records.records import GYRO_UNIT, AxisEstimate
 from fltea.stream.epoch import Moment
 
 REMEMBERED = 256
-"""Number of newest samples that are remembered. A board skips samples rather than send estimates that are
-later.
+"""Number of newest samples that are remembered. Estimates never arrive later than this many samples, since a
+board rather skips samples.
 """
 
 
 class RecentSample(NamedTuple):
     """The sample in row `row` of `block`.
 
-    `age`: number of estimates that the host has made since the start-up window.
+    `age`: number of estimates that the host's filters have made since their start-up window.
     """
 
     seq: int
@@ -32,12 +32,15 @@ class RecentSample(NamedTuple):
     def estimates(self) -> dict[str, AxisEstimate]:
         """Return this computer's estimates after the sample.
 
-        They include those of FLTEA's filters if these run.
+        The estimates include those of FLTEA's filters if these run.
         """
         return self.block.estimates_at(self.row, GYRO_UNIT)
 
     def has_filters(self) -> bool:
-        """Return whether this computer's filters gave estimates. In their start-up window they do not."""
+        """Return whether this computer's filters gave estimates of the gyroscope.
+
+        In their start-up window they give none.
+        """
         return any(columns.unit == GYRO_UNIT for columns in self.block.estimates)
 
 
@@ -67,7 +70,10 @@ class RecentSamples:
         return self._samples[next(reversed(self._samples))].moment() if self._samples else None
 
     def find(self, number: int) -> RecentSample | None:
-        """Return the sample with `number`, which wraps as on the wire; None if it is not remembered."""
+        """Return the sample whose number on the wire, which wraps, is `number`.
+
+        Return None if it is not remembered.
+        """
         if not self._samples:
             return None
         newest = next(reversed(self._samples))

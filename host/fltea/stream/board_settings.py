@@ -8,9 +8,10 @@ from fltea.settings.estimator import EstimatorConfig
 
 
 def host_settings(stated: DeviceEstimator) -> EstimatorConfig:
-    """Return settings with which the host computes, in double precision, what the device computes.
+    """Return settings with which the host's filters compute the same as the device's.
 
-    Their values are the single-precision numbers that the device uses.
+    The values in the settings are the single-precision numbers that the device uses. The host computes with
+    them in double precision.
 
     Raises:
         ValueError: no filter of this host works with these settings.
@@ -48,12 +49,12 @@ def host_settings(stated: DeviceEstimator) -> EstimatorConfig:
 
 
 def info_of(stated: DeviceEstimator) -> EstimatorInfo:
-    """Return what the record of an epoch states about the estimator if only the device estimates."""
+    """Return what the record `epoch` states about the estimator if only the device makes estimates."""
     return EstimatorInfo(stated.variant, "device", "compressed", stated.guard, 0, stated.startup, (), ())
 
 
 def unused_settings(config: EstimatorConfig) -> list[str]:
-    """Return the dotted paths of changed settings that have no effect, since the device has its own."""
+    """Return the dotted names of changed settings that have no effect, since the device has its own."""
     usual = EstimatorConfig(estimate_on=config.estimate_on)
     names = [name for name in config.__struct_fields__ if getattr(config, name) != getattr(usual, name)]
     return [f"estimator.{name}" for name in names]

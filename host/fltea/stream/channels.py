@@ -18,16 +18,17 @@ from fltea.stream.live import NO_FIT, AcceptedFit
 from fltea.stream.tuning import HandedOver, handed_over
 
 LONGEST_BRIDGE = 30_000
-"""Largest number of missing samples that an estimator with unlimited memory bridges by prediction. This many
-take half a second.
+"""Largest number of missing samples that filters with unlimited memory bridge by prediction. The prediction
+over this many samples takes half a second.
 """
 
 
 class Channels:
-    """The filters of the axes of one sensor, in the sensor's unit. The native device feeds them with samples.
+    """The filters of the axes of one sensor, in the sensor's unit. The native device passes samples to them.
 
-    `axes`: for each axis's name, its column in the sensor's samples. `h`: sampling period [s]. `resolution`:
-    size of one LSB in the sensor's unit, None if unknown. `state`: a result of `save` to continue from.
+    `axes`: for each axis by its name, the index of its column in the sensor's samples. `h`: sampling period
+    [s]. `resolution`: size of one LSB in the sensor's unit, None if unknown. `state`: a result of `save` to
+    continue from.
 
     Raises:
         ValueError: no filter works with the settings, or the state does not fit them.
@@ -47,16 +48,21 @@ class Channels:
         self._names, self._unit = tuple(axes), unit
         self._fits: tuple[AcceptedFit, ...] = (NO_FIT,) * len(self._names)
         self.words: tuple[Any, ...] = self._words()
-        """For each axis, `null_p` and whiteness. They stay the same in all records until the next fit."""
+        """`null_p` of each axis, and `whiteness` of each axis, by the accepted fits. They stay the same in
+        all records until the next fit.
+        """
         self._known: dict[str, AcceptedFit] = {}
         self.bank = Bank(self._names, config, h, resolution, state)
 
     def columns(self, found: Sequence[Array | Bools]) -> AxisColumns:
-        """Return the filters' results as columns of a block; `found`: the arrays of the native bank."""
+        """Return the filters' results as columns of a block.
+
+        `found`: the arrays with results that the native bank returned.
+        """
         return AxisColumns._make((self._names, self._unit, *self.words, *found))
 
     def losses(self, lost: Iterable[tuple[int, int, Reason]]) -> list[tuple[str, Reason]]:
-        """Return the names of the axes that became invalid, and why."""
+        """Return the axes whose filters became invalid, each with the reason."""
         return [(self._names[lane], why) for _, lane, why in lost]
 
     @property
@@ -65,13 +71,13 @@ class Channels:
         return [self._tuned and axis not in self.bank.tuned for axis in self._names]
 
     def use_model(self, accepted: Sequence[AcceptedFit]) -> None:
-        """Use the accepted fits, one for each axis, from the next sample on."""
+        """Use these accepted fits, one for each axis, from the next sample on."""
         self._fits = tuple(accepted)
         self.words = self._words()
         self._tune()
 
     def fill(self) -> None:
-        """Begin to estimate, since the start-up window is full."""
+        """Begin to make estimates, since the start-up window is full."""
         self.bank.fill()
         self._tune()
 
@@ -103,14 +109,14 @@ class Channels:
         return self.bank.baseline is None or axis in self.bank.baseline.constant_axes
 
     def bridge(self, count: int) -> None:
-        """Predict over `count` samples that came while the program did not run.
+        """Let the filters predict over `count` samples that came while the program did not run.
 
         No more samples are predicted than the memory of the filters holds.
         """
         self.bank.on_missing(min(count, self.config.window_samples or LONGEST_BRIDGE))
 
     def notices(self, host_ns: int) -> Iterator[Notice]:
-        """Yield reports about the start-up window of the axes, after it is full."""
+        """Yield reports about axes that were constant in the start-up window, after it is full."""
         baseline = self.bank.baseline
         for axis in baseline.constant_axes if baseline else ():
             remedy = "--set accel.R=9e-4" if axis in ACCEL_AXES else "--r 0.02"
@@ -121,7 +127,7 @@ class Channels:
             yield Notice("constant_axis", text, host_ns)
 
     def save(self) -> OnlineState | None:
-        """Return what a later run needs to continue; None while the start-up window fills."""
+        """Return the filters' state for a later run; None until the start-up window is full."""
         return self.bank.save()
 
     @cached_property
@@ -170,7 +176,10 @@ class Channels:
 
 
 def _numbers(setting: str | float | list[float]) -> tuple[float, ...]:
-    """Return the values of bias or R in the settings; empty if the start-up window determines them."""
+    """Return the values of the setting `bias` or `R`.
+
+    The result is empty if the start-up window determines them.
+    """
     if isinstance(setting, str):
         return (0.0,) if setting == "none" else ()
     return tuple(setting) if isinstance(setting, list) else (setting,)

@@ -1,8 +1,8 @@
 """Convert the events of a source into samples in physical units, with their numbers and times.
 
 The native device (host/native/device.hpp) makes the conversion. It also runs the estimators that
-`fltea.stream.pipeline` gives it. An export of a recording runs the native device without estimators. An epoch
-is a stretch of samples without a restart of the estimators; samples are numbered within an epoch.
+`fltea.stream.pipeline` gives it. To export a recording, it runs without estimators. An epoch is a stretch of
+samples without a restart of the estimators. Within an epoch, the samples' numbers and times do not wrap.
 """
 
 from collections.abc import Callable, Iterator
@@ -23,44 +23,44 @@ from fltea.wire.sample_scaling import Scales
 
 
 class Stop(IntEnum):
-    """Reason why the native device stops, and the details that it gives then (host/native/device.hpp)."""
+    """Reasons why the native device stops while it processes samples (host/native/device.hpp)."""
 
     END = 0
-    """All samples are processed."""
+    """All samples of the block are processed."""
     MORE = 1
-    """Nothing has happened, and there are more samples to process."""
+    """Nothing has happened, but a part of the samples is processed, and there are more."""
     STATS_DUE = 2
-    """Before a sample, since statistics are due when it arrives."""
+    """Statistics are due before the next sample is processed."""
     GAP = 3
-    """Before a sample that follows a gap. Details: number of missing samples, number and time of the sample,
+    """The next sample follows a gap. Details: number of missing samples, number and time of the next sample,
     and the axes that became invalid.
     """
     EPOCH = 4
-    """Before a sample that begins an epoch. Details: the fields of `FirstSample`."""
+    """The next sample begins an epoch. Details: the fields of `FirstSample`."""
     HAPPENED = 5
-    """After a sample with an event. Details: for each event its sensor, and either the axes that became
-    invalid, or a step or motion.
+    """Something happened at the last processed sample. Details: for each event, the sensor, and either the
+    axes that became invalid, or a step or motion.
     """
     WINDOW_FULL = 6
-    """After a sample: the start-up window of a sensor is full."""
+    """With the last processed sample, the start-up window of a sensor is full."""
     FIT_COUNTS = 7
-    """After a sample: a refit takes effect at the next sample."""
+    """A refit takes effect at the next sample."""
     FIT_DUE = 8
-    """After a sample: a refit is to begin."""
+    """A refit has to begin after the last processed sample."""
     RATE_DIFFERS = 9
-    """After a sample, since the device's clock contradicts its HELLO and later samples are not used. Details:
-    sampling rate in the HELLO, and sampling rate by the device's clock [Hz].
+    """The device's clock contradicts its HELLO, so that further samples are not used. Details: sampling rate
+    in the HELLO, and sampling rate by the device's clock [Hz].
     """
 
 
 OfSensors = list[tuple[list[Any], list[Any] | None] | None]
-"""For each sensor, the columns of its tracker, and those of its filters if it has filters; None for a sensor
-without samples.
+"""For each sensor, the columns with results of its bias tracker, and those of its filters or None; None for a
+sensor without samples.
 """
 
 Rows = tuple[int, tuple[Any, ...], OfSensors]
-"""Processed samples: index of the first sample in the source's block, columns of the samples, and the results
-of the sensors.
+"""Processed samples: the index of the first of them in the source's block, the columns of the samples, and
+the results of trackers and filters.
 """
 
 
@@ -68,8 +68,10 @@ class FirstSample(NamedTuple):
     """The first sample of an epoch.
 
     `missing`: number of samples lost just before this sample. `seq`, `epoch_us`: number and time [µs] of the
-    sample in the epoch. `sequence`, `device_us`: number and time [µs] as received, which wrap. `gyro_axes`,
-    `has_accel`: axes of the gyroscope, and whether there are axes of the accelerometer, whose scale is known.
+    sample within the epoch, which do not wrap. `sequence`, `device_us`: its number and time [µs] as received,
+    which wrap. `gyro_axes`,
+    `has_accel`: number of axes of the gyroscope, and whether the samples contain an accelerometer whose scale
+    is known.
     """
 
     reason: EpochReason
@@ -85,7 +87,8 @@ class FirstSample(NamedTuple):
 class Decoded(NamedTuple):
     """Samples without a gap, in physical units and in counts.
 
-    `missing`: number of samples lost just before them.
+    `missing`: number of samples lost just before these. `new_epoch`: reason why an epoch begins with these
+    samples, or None.
     """
 
     block: Block
@@ -98,9 +101,10 @@ class Decoded(NamedTuple):
 class Decoder:
     """Converts the events of a source into samples.
 
-    `unix_offset_ns`: a function that returns the offset from the source's clock to Unix time [ns]. `max_gap`:
-    longest gap within an epoch, in samples or as a time. `device`, `output`: as in `Block`. `epoch`: number
-    of the present epoch, from 1; 0 before the first epoch.
+    `unix_offset_ns`: function that returns the offset from the source's clock to Unix time [ns]. `max_gap`:
+    longest gap that does not end an epoch, in samples or as a time. `device`, `output`: name of the device
+    and settings of the output, for the blocks. `epoch`: number of the present epoch, from 1; 0 before the
+    first epoch.
     """
 
     def __init__(
@@ -130,11 +134,14 @@ class Decoder:
 
     @property
     def counts(self) -> SampleStats:
-        """The number of samples that were used, lost and dropped until now."""
+        """The numbers of samples that were used, lost and dropped until now."""
         return SampleStats(*self.native.counts)
 
     def on_hello(self, hello: Hello) -> bool:
-        """Note a HELLO; return whether it is the first, or states another boot or sensor."""
+        """Note a HELLO.
+
+        Return whether it is the first, or states another boot or another start of the sensor.
+        """
         before = self._hello
         another_boot = before is None or _boot(hello) != _boot(before)
         another_sensor = before is None or hello.sensor_starts != before.sensor_starts
@@ -198,7 +205,7 @@ class Decoder:
         missing, reason = 0, None
         for stop, _, rows, details in self.advance(raw):
             if stop == Stop.EPOCH:
-                reason, missing, *_ = details  # these are the fields of FirstSample
+                reason, missing, *_ = details  # the details are the fields of `FirstSample`
                 self.begin([])
             elif stop == Stop.GAP:
                 missing, *_ = details

@@ -1,4 +1,4 @@
-"""Define what is known when an epoch of a device begins, what it yields, and the state of its estimators.
+"""Define the data about an epoch of a device: its beginning, its records, the state of its estimators.
 
 An epoch is a stretch of samples without a restart of the estimators.
 """
@@ -16,7 +16,8 @@ from fltea.records.sensor_kind import ACCELEROMETER, GYROSCOPE, SensorKind
 from fltea.records.stats import AxisStats, DeviceEstimatorStats, TrackerStats
 
 NEVER = 2**62
-"""A number that no sample has, and a time at which no sample arrives, as in host/native/device.hpp."""
+"""Stands for "never": a number that no sample has, and a time at which none arrives (host/native/device.hpp).
+"""
 
 
 class Moment(NamedTuple):
@@ -29,7 +30,10 @@ class Moment(NamedTuple):
 
 
 class Notice(NamedTuple):
-    """Kind and text of an `error` record; `host_ns`: its time on the source's monotonic clock [ns]."""
+    """Kind and text of an `error` record.
+
+    `host_ns`: time of the record on the source's monotonic clock [ns].
+    """
 
     kind: str
     message: str
@@ -43,7 +47,8 @@ Item = AnyRecord | Block | Notice
 class Beginning(NamedTuple):
     """What is known about the samples of an epoch when it begins.
 
-    `gyro_axes`, `accel`: the axes of each sensor in the samples. `saved`: saved state from which to continue.
+    `gyro_axes`: number of axes of the gyroscope in the samples. `accel`: whether the samples contain an
+    accelerometer. `saved`: saved state from which to continue.
     `missing`: number of samples lost just before the epoch, as far as it is known.
     """
 
@@ -54,9 +59,10 @@ class Beginning(NamedTuple):
     missing: int = 0
 
     def axes(self, wanted: Sequence[str] | None) -> dict[SensorKind, dict[str, int]]:
-        """Return for each sensor the columns of its axes in `wanted`; None means all axes of the gyroscope.
+        """Return, for each sensor, the index of the column of each of its axes that is wanted.
 
-        A sensor without such an axis is left out.
+        `wanted`: names of these axes; None stands for all axes of the gyroscope. A sensor without a wanted
+        axis is left out.
         """
         chosen = GYROSCOPE.axes if wanted is None else wanted
         found = {
@@ -78,7 +84,7 @@ class Beginning(NamedTuple):
 
 
 class SavedSensor(NamedTuple):
-    """The saved state of one sensor: filters, spectral sums, and bias tracker; None where not saved."""
+    """The saved state of one sensor: filters, spectral sums, and bias tracker. What was not saved is None."""
 
     filters: OnlineState | None
     sums: bytes | None
@@ -120,7 +126,7 @@ class Standing:
     tracker: dict[str, TrackerStats] = field(default_factory=dict)
 
     def with_board(self, of_board: "Standing") -> "Standing":
-        """Return this state, with the board's state for each axis that this computer does not estimate."""
+        """Return this state, completed by the board's state for axes that only the board estimates."""
         return Standing(
             max(self.startup_remaining, of_board.startup_remaining),
             of_board.axes | self.axes,

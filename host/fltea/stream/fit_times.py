@@ -1,6 +1,9 @@
-"""Decide when refits begin and take effect, counted in samples, so that replays give the same results.
+"""Decide when refits begin and when they take effect.
 
-A few more samples hardly change the fit of a long record, so the time between refits grows with the record.
+Both are counted in samples, so that replays give the same results.
+
+A few more samples hardly change the fit of a long record, so the time between refits grows with the length of
+the record.
 """
 
 import math
@@ -10,8 +13,8 @@ from fltea.settings.config import Config
 from fltea.stream.fit_worker import FitWorker
 
 DEVICES_A_SECOND = 12
-"""Largest number of three-axis devices that are refitted once a second each: the model search for a short
-record takes 25 ms per device.
+"""Largest number of devices with three axes each of which is refitted once a second. The model search for a
+short record takes 25 ms per device.
 """
 GOLDEN = (math.sqrt(5) - 1) / 2
 """Golden ratio. The fractional parts of its multiples are spread evenly over 0 to 1, for any number of
@@ -19,13 +22,15 @@ devices.
 """
 LONGEST_PERIOD_S = 3600.0
 SEARCH_GROWTH, REFIT_GROWTH = 10, 100
-"""Growth of the record between two model searches (1/`SEARCH_GROWTH`) and two refits (1/`REFIT_GROWTH`)."""
+"""The record grows by 1/`SEARCH_GROWTH` of its length between two model searches, and by 1/`REFIT_GROWTH` of
+its length between two refits.
+"""
 LONGEST_S = 60.0
-"""Longest time between two refits while an output shows them [s]."""
+"""Longest time between two refits if an output shows the fits [s]."""
 CURVES_S, CURVES_PERIODS = 10.0, 4
-"""Shortest time between two published fits with curves: in seconds (CURVES_S), and in the shortest times
-between refits (CURVES_PERIODS). Curves are most of a record's bytes, and a third of the work with many
-devices.
+"""The time between two published fits with curves is at least CURVES_S seconds, and at least CURVES_PERIODS
+times the shortest time between refits. Curves are most of the bytes of the record `fit`, and a third of the
+work if there are many devices.
 """
 SEARCH_LAG = 50
 """A model search takes effect when the epoch has grown by 1/`SEARCH_LAG` since the search began. Samples are
@@ -36,7 +41,7 @@ processed in the meantime, also when a file is read at full speed or many device
 def period_s(config: Config, fit_worker: FitWorker) -> float:
     """Return the shortest time between two refits [s], by the samples' clock.
 
-    It is longer with many devices.
+    It is longer if the program has many devices, or if the processor does not keep up.
     """
     given = config.live.period_s
     usual_s = max(1.0, fit_worker.devices / DEVICES_A_SECOND) if given is None else given
@@ -50,9 +55,9 @@ def period_s(config: Config, fit_worker: FitWorker) -> float:
 def turn(fit_worker: FitWorker, number: int, period: int) -> int:
     """Return the time within a period at which device `number` does its periodic work.
 
-    Many devices begin together. If they also did this work at the same time, all device streams would wait
-    for each other. `number`: index of the device. `period`: length of the period, in the unit of the result:
-    samples or ns.
+    Many devices begin together when a program starts. If they also did their periodic work at the same time,
+    all device streams would wait for each other. `number`: index of the device. `period`: length of the
+    period, in the unit of the result: samples or ns.
     """
     return int(number * GOLDEN % 1 * period) if fit_worker.devices > DEVICES_A_SECOND else 0
 
@@ -60,9 +65,9 @@ def turn(fit_worker: FitWorker, number: int, period: int) -> int:
 class Refit(NamedTuple):
     """Purpose of a refit, and when it takes effect.
 
-    `settles`: the estimates use the refit, until the next refit with `settles`. `fresh`: the noise model is
-    searched for again. `curves`: the record of the refit holds curves. `counts`: number of the sample at
-    which the refit takes effect.
+    `settles`: whether the estimates use the refit, until the next refit with `settles`. `fresh`: whether the
+    noise model is searched for again. `curves`: whether the refit's record contains spectrum and Allan
+    deviation. `counts`: number of the sample at which the refit takes effect.
     """
 
     settles: bool
@@ -72,13 +77,13 @@ class Refit(NamedTuple):
 
 
 class RefitTimes:
-    """Gives the numbers of an epoch's samples, counted from 1, at which refits begin.
+    """Decides at which samples of an epoch refits begin. The samples are numbered from 1.
 
-    These numbers are multiples of the period, in samples. A refit takes effect before the next multiple. Only
-    a model search may take longer; it delays the refits that no estimate uses. `grows`: the time between
-    model searches grows with the record; otherwise every refit is a model search. `every`: refits that no
-    estimate uses are made as well, for outputs that show them. The refits that estimates use are the same
-    with and without `every`.
+    The numbers at which refits may begin are multiples of the period, in samples. A refit takes effect before
+    the next multiple. Only a model search may take longer, and delays the refits that no estimate uses.
+    `grows`: whether the time between model searches grows with the record; if not, every refit is a model
+    search. `every`: whether refits that no estimate uses are made as well, for outputs that show them. The
+    refits that estimates use do not depend on `every`.
     """
 
     def __init__(self, rate_hz: float, *, grows: bool, every: bool) -> None:
@@ -96,8 +101,8 @@ class RefitTimes:
         """Return the refit that begins with sample `number`, which is at least `check`; None if none begins.
 
         `samples`: number of samples of the whole record. `period`: number of samples between two refits from
-        now on. `noticed`: the data have changed, so a refit is wanted now. `busy`: the last refit has not
-        taken effect yet.
+        now on. `noticed`: whether a step or a change of the noise was noticed, so that a refit is wanted now.
+        `busy`: whether the last refit has not taken effect yet.
         """
         self.check = (number // period + 1) * period
         settles = number >= self._search

@@ -1,4 +1,4 @@
-"""Make the refits of all axes of all devices of a program in one thread, while samples are processed."""
+"""Make the refits of all devices of a program in one thread, while other threads process samples."""
 
 import threading
 from collections.abc import Callable
@@ -11,10 +11,10 @@ T = TypeVar("T")
 class FitWorker:
     """Makes the refits of all devices of a program.
 
-    This class does so in the thread that asks for the result; `FitThread` uses another thread.
+    This class makes a refit in the thread that asks for the result. `FitThread` uses a thread of its own.
 
-    `devices`: number of devices. `slower`: factor by which the time between refits is longer than usual,
-    since the processor does not keep up. The code that runs many devices changes both.
+    `devices`: number of devices of the program. `slower`: factor by which the time between refits is longer
+    than usual, since the processor does not keep up. The code that runs many devices sets both.
     """
 
     def __init__(self, devices: int = 1, slower: float = 1.0) -> None:
@@ -23,7 +23,8 @@ class FitWorker:
     def begin(self, work: Callable[[], T]) -> Callable[[], T]:
         """Begin `work`.
 
-        The returned function returns the result of `work`, or raises the exception of `work`.
+        The returned function does the work if it is not done yet. It returns the result of `work`, or raises
+        its exception.
         """
         return _Work(work).result
 
@@ -54,10 +55,10 @@ class _Work:
 
 
 class FitThread(FitWorker):
-    """Does all tasks in one separate thread, in the order in which they were queued, until `close`.
+    """Does all tasks in one separate thread, in the order in which they were queued.
 
-    A caller that needs the result of a task that has not started does the task itself, so a replay uses two
-    cores.
+    If a caller needs the result of a task that has not started, it does the task itself. So a replay uses two
+    processor cores.
     """
 
     def __init__(self, devices: int = 1) -> None:
@@ -68,7 +69,7 @@ class FitThread(FitWorker):
         self._closed = False
 
     def begin(self, work: Callable[[], T]) -> Callable[[], T]:
-        """Queue `work`; it starts when all work queued before it is done."""
+        """Queue `work`, which starts when all work that was queued before is done."""
         part = _Work(work)
         with self._lock:
             if self._thread.ident is None and not self._closed:
@@ -77,7 +78,7 @@ class FitThread(FitWorker):
         return part.result
 
     def close(self, timeout_s: float | None) -> bool:
-        """Start no more work; return False if the task that is running does not end within `timeout_s`."""
+        """Start no more work. Return False if the task that is running does not end within `timeout_s`."""
         with self._lock:
             self._closed = True
             if self._thread.ident is None:

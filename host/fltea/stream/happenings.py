@@ -13,16 +13,16 @@ from fltea.records.records import Motion, Step
 from fltea.stream.epoch import Moment
 
 BY = {BY_ACCEL: "accel", BY_CALLER: "caller"}
-"""What a record calls the detector of motion, if the detector is not an axis of the sensor itself."""
+"""Names in a record for what detected a motion, if that is not an axis of the sensor itself."""
 
 
 def record_of(
     event: TrackerEvent, moment: Moment, axes: Sequence[str], unit: str, h: float, device: str | None
 ) -> Step | Motion:
-    """Return the record of an event. `moment`: sample that shows the event. `h`: sampling period [s].
+    """Return the record of an event. `moment`: sample at which it was detected. `h`: sampling period [s].
 
-    The time at which the event began is computed from the sampling rate, so it does not depend on the blocks
-    in which samples arrive.
+    The time at which the event began is computed from the sampling rate. It need not be looked up among
+    earlier samples, so it does not depend on the blocks in which samples arrive.
     """
     before = max(event.ago - 1, 0)
     place = (
@@ -48,9 +48,10 @@ def record_of(
 
 
 def left_out(moving: Mask, events: Sequence[TrackerEvent]) -> Mask:
-    """Return the mask (n, axes) of samples that the noise spectrum leaves out: in motion, or at a step.
+    """Return the mask (n, axes) of the samples that are left out of the noise spectrum.
 
-    A sample that is left out divides the record into two pieces, so that no piece contains a step.
+    These are the samples in motion (`moving`), and those at which a step was detected. A sample that is left
+    out divides the record, so that no stretch of it contains a step.
     """
     steps = [event for event in events if event.kind == EventKind.STEP]
     if not steps:

@@ -1,7 +1,7 @@
 """Fit a noise model to each sensor's axes while samples arrive, and publish each fit as a record `fit`.
 
-The spectrum is kept as sums over pieces of the record, as long as the sensor stays the same. A gap of any
-length, a restart of the board or of its sensor, and the time between two runs (`--state`) end a piece, but
+The spectrum is kept as sums over stretches of samples, as long as the sensor stays the same. A gap of any
+length, a restart of the board or of its sensor, and the time between two runs (`--state`) end a stretch, but
 the sums are kept. Another device, scale, filter, rate or set of axes begins new sums. So the samples of one
 fit may span several epochs, while FLTEA's filters begin anew with each epoch.
 
@@ -9,7 +9,8 @@ A refit takes milliseconds, and no sample waits for it: it works on a copy of th
 thread, and takes effect at a sample that is chosen when the refit begins. If the refit is not done by then,
 the samples wait for it. So the results do not depend on the speed of the machine.
 
-Motion of the sensor is no noise: the sums leave out the samples that the sensor's tracker calls motion.
+Motion of the sensor is no noise, so samples in which the sensor's tracker detects motion are left out of the
+sums.
 """
 
 from collections.abc import Callable, Iterator
@@ -31,22 +32,25 @@ from fltea.stream.fit_worker import FitWorker
 from fltea.stream.tracked_models import TrackedModel, TrackedModelMaker
 
 NO_VERDICT = ("too few samples",)
-"""Verdicts of a fit that say nothing about the noise, so no estimate uses such a fit."""
+"""Verdicts of a fit that say nothing about the noise. They never count as stable."""
 REFILTERED = 32
-"""This many samples before a refit takes effect, the fit worker filters all remembered samples with the new
-noise model. The device stream then has to filter only this many samples itself (about 5 µs per axis), and the
-test for steps covers as many past samples as without a refit.
+"""Number of samples before a refit takes effect at which the fit worker filters all remembered samples with
+the new noise model. The device stream then has to filter only this many samples itself (about 5 µs per axis),
+and the test for steps covers as many past samples as without a refit.
 """
 BREAK = 9
-"""At a break, at least this many samples count as lost, since the true number may be unknown."""
+"""Smallest number of samples that count as lost when a stretch of samples ends. The true number may be
+unknown.
+"""
 
 
 class AcceptedFit(NamedTuple):
-    """The newest live fit of an axis that the axis's estimates use.
+    """The newest live fit of an axis that the estimates of this axis use.
 
-    `null_p`: p-value of white noise, rounded to three digits, since the last digits of a fit depend on the
-    kind of processor; None before the first fit. `stands`: the newest fit with a stable verdict: two accepted
-    fits in a row had the same verdict. `tracked_model`: the noise model that the bias tracker uses.
+    `null_p`: p-value of the null test for white noise; None before the first fit. It is rounded to three
+    digits, since the last digits of a fit depend on the kind of processor. `stands`: the newest fit with a
+    stable verdict, which is one that two accepted fits in a row had. `tracked_model`: the noise model that
+    the bias tracker uses.
     """
 
     null_p: float | None = None
@@ -74,7 +78,7 @@ class Tracks(Protocol):
         """Return an object that makes a tracker model from an axis's samples until now."""
 
     def remembered(self, axis: str) -> Remembered:
-        """Return the samples of an axis that the tracker remembers."""
+        """Return the newest samples of an axis, which the tracker remembers."""
 
 
 class _Begun(NamedTuple):
@@ -84,9 +88,7 @@ class _Begun(NamedTuple):
     samples: int
     refit: Refit
     refits: dict[str, Callable[[], tuple[AxisFit, AcceptedFit]]]
-    """For each axis, a function that returns the fit of the axis, and the accepted fit that follows from
-    it.
-    """
+    """For each axis, a function that returns the fit of the axis, and the accepted fit after it."""
     refilters: int
     """Number of the sample after which the fit worker filters the remembered samples with the new models."""
     refiltered: tuple[Callable[[], None], ...] = ()
@@ -94,13 +96,14 @@ class _Begun(NamedTuple):
 
 
 class LiveFits:
-    """Fits the axes of both sensors, whether this computer or the board estimates.
+    """Fits the noise of both sensors' axes, no matter whether this computer or the board makes estimates.
 
-    The spectral sums are kept as long as each HELLO describes the same sensor.
+    The spectral sums continue as long as each HELLO describes the same sensor.
 
-    `prompt`: samples arrive at the pace of a device, not as fast as a file can be read. `watched`: an output
-    shows the fits, so that fits that no estimate uses are made as well. `fit_worker`: makes the refits of all
-    devices of this program. `number`: index of this device among the devices of the program, from 0.
+    `prompt`: whether samples arrive at the pace of a device, and not as fast as a file can be read.
+    `watched`: whether an output shows the fits, so that fits that no estimate uses are made as well.
+    `fit_worker`: makes the refits of all devices of this program. `number`: index of this device among the
+    devices of the program, from 0.
     """
 
     def __init__(
@@ -157,12 +160,12 @@ class LiveFits:
         period = self._period()
         self._times.begin(period)
         self._before_first = seq - 1 + turn(self._fit_worker, self._number, period)
-        # a refit that began in the previous epoch takes effect at the first sample of this one
+        # a refit that began in the previous epoch takes effect at the first sample of this epoch
         if self._begun is not None:
             self._begun = self._begun._replace(refit=self._begun.refit._replace(counts=1))
 
     def bridge(self, count: int) -> None:
-        """End the present piece of the record, since at least `count` samples are missing."""
+        """End the present stretch of samples, since at least `count` samples are missing."""
         for sums in self._sums.values():
             sums.skip(max(count, BREAK))
 
@@ -180,10 +183,10 @@ class LiveFits:
         return NEVER if self._begun is None else self._before_first + self._begun.refit.counts
 
     def refit(self, moment: Moment, tracks: Callable[[str], Tracks]) -> None:
-        """Begin a refit after a sample if one is due, and filter the remembered samples for the last refit.
+        """Begin a refit if one is due. Also filter the remembered samples for the last refit, if that is due.
 
-        `moment`: number and times of a sample whose number is `due` or higher. `tracks`: returns the tracker
-        of an axis.
+        `moment`: number and times of the last processed sample; its number is `due` or higher. `tracks`:
+        function that returns the tracker of the sensor to which an axis belongs.
         """
         number = moment.seq - self._before_first
         self._refilter(number, tracks)
@@ -209,7 +212,7 @@ class LiveFits:
             self._drawn_samples = samples
 
     def _refilter(self, number: int, tracks: Callable[[str], Tracks]) -> None:
-        """Let the fit worker filter the remembered samples, if this is due at sample `number`."""
+        """Let the fit worker filter the remembered samples with the new models, if this is due."""
         if self._begun is None or number < self._begun.refilters:
             return
         begun, to_come = self._begun, self._begun.refit.counts - number
@@ -226,8 +229,8 @@ class LiveFits:
         begun, self._begun = self._begun, None
         if begun is None:
             return
-        # The fit of the last axis is asked for first, since the thread of the fit worker begins with the
-        # first axis.
+        # The fit of the last axis is asked for first, since the fit worker begins with the first axis. So
+        # this thread helps with fits that the fit worker has not begun.
         refitted = {axis: begun.refits[axis]() for axis in reversed(begun.refits)}
         for wait in reversed(begun.refiltered):
             wait()
@@ -236,9 +239,9 @@ class LiveFits:
         yield Fit(*begun.moment, begun.samples, found, device=self._config.name)
 
     def last(self, moment: Moment | None) -> Iterator[Fit]:
-        """Yield a fit of all samples with its curves at the end, unless that fit has just been published.
+        """Yield a fit of all samples with curves at the end, unless such a fit has just been published.
 
-        For a recording only this fit counts, and it agrees with that of `fltea identify`. `moment`: number
+        For a recording only this fit matters, and it agrees with that of `fltea identify`. `moment`: number
         and times of the last sample; None if there was no sample.
         """
         yield from self.counted()
@@ -303,7 +306,7 @@ def _refiltered(
 
 
 def accepted_by(fits: LiveFits | None) -> Callable[[str], AcceptedFit]:
-    """Return a function that returns the accepted fit of an axis; without `fits` it returns `NO_FIT`."""
+    """Return a function that returns the accepted fit of an axis. If `fits` is None, it returns `NO_FIT`."""
     return (lambda axis: NO_FIT) if fits is None else fits.accepted
 
 
