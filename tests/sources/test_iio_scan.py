@@ -132,7 +132,7 @@ def test_a_mount_matrix_that_is_none(text: str) -> None:
 
 
 def test_a_scale_of_nothing_and_a_matrix_that_flattens() -> None:
-    with pytest.raises(ValueError, match="is no scale"):
+    with pytest.raises(ValueError, match="is not positive and finite"):
         conversion([0.0], [0.0], None)
     for mount in (
         np.zeros((3, 3)),

@@ -184,7 +184,7 @@ def test_without_time_stamps_the_order_numbers(tmp_path: Path) -> None:
     ("change", "kind", "words"),
     [
         ({"trigger/current_trigger": "gone"}, "no_trigger", "there is no trigger 'gone'"),
-        ({"in_anglvel_scale": "0"}, "open_failed", "is no scale"),
+        ({"in_anglvel_scale": "0"}, "open_failed", "is not positive and finite"),
         ({"in_anglvel_scale": "x"}, "open_failed", "does not say the scale of its gyroscope"),
         ({"in_anglvel_mount_matrix": "1,2"}, "open_failed", "is no 3 x 3 matrix"),
         ({"mount_matrix": "1, 0, 0; 0, 1, 0; 0, 0, -1"}, "open_failed", "accelerometer: mount matrix"),
@@ -270,7 +270,7 @@ def test_a_rate_that_the_driver_cannot_do(tmp_path: Path, monkeypatch: pytest.Mo
     device = imu(tmp_path)
     refuse_to_write(monkeypatch, "sampling_frequency", "123\n", errno.EINVAL)
     trouble = first_trouble(device.url + "?rate_hz=123")
-    assert "cannot do 123 Hz, but: 25 50 100 200 400" in trouble.message
+    assert "cannot sample at 123 Hz, but at: 25 50 100 200 400" in trouble.message
 
 
 def test_another_rate_than_the_driver_says_is_told(tmp_path: Path) -> None:

@@ -48,8 +48,8 @@ def told(path: Path, error: Meddled, lost: LinkMessage) -> tuple[str, str]:
         )
     return "record_deleted", (
         f"{path} was {error.what} by another program while it was written: {lost.items} items of it, with "
-        f"{lost.bytes} bytes of the wire, are lost. The recording goes on in a new file. Which files are "
-        "removed when room is needed?"
+        f"{lost.bytes} bytes of the wire, are lost. The recording goes on in a new file. Does a "
+        "program delete old files to make room?"
     )
 
 

@@ -11,8 +11,8 @@ class ArrivalWatch:
     """Checks whether samples that are numbered by their order arrive at the stated rate.
 
     A buffer on the way delays samples, and then many arrive at once. So in each second or so, only the
-    arrival with the smallest delay counts. If the delay increases at once and stays larger, samples were
-    lost, or the sender paused.
+    arrival with the smallest delay counts. If the delay becomes larger suddenly and stays larger, samples
+    were lost, or the sender paused.
     """
 
     WHILE_S, CHUNKS, LEAST_JUMP_S = 1.0, 3, 0.1

@@ -43,8 +43,8 @@ class AsWire:
     """Encodes events as frames of fltea's wire protocol.
 
     A replay of the frames gives the same HELLO, samples in counts, counters of the device, and losses of the
-    device. A HELLO's field that a frame cannot hold becomes 0. Troubles are not encoded; they are only
-    recorded as `error` records.
+    connection to the device. A HELLO's field that a frame cannot hold becomes 0. Troubles are not encoded;
+    they are only recorded as `error` records.
 
     `unix_offset_ns`: function that returns the offset [ns] from the source's monotonic clock to Unix time.
     """

@@ -60,8 +60,8 @@ class FramesSource:
             now_ns = host_ns()
         else:
             now_ns = int(item.host_ns[0]) if isinstance(item, Reads) else item.host_ns
-        # this source is created by the device's first message, so a pause before it does not mean that the
-        # program was late
+        # the time since the last message counts as a pause of the device and not of the program, since this
+        # source exists only after the device has sent something
         self._wire.resume(now_ns)
         yield from self._wire.feed(item, now_ns)
 

@@ -307,7 +307,7 @@ class McapRecording:
             link = _link.decode(data)
         # msgspec raises ValueError, and RecursionError for deeply nested brackets
         except (ValueError, RecursionError):
-            self._break("a message about the line is damaged", None)
+            self._break("a message about the connection is damaged", None)
             return
         if link.event == "gap":
             self.unrecorded_items += link.items

@@ -143,9 +143,9 @@ class ByTime:
             self._by_order.begin()
 
     def add(self, rows: Arrived, host_ns: int) -> Iterator[Numbered]:
-        """Number samples that arrived together, and yield them at once.
+        """Number samples that arrived together, and yield them.
 
-        They wait until the sampling rate is known.
+        As long as the sampling rate is unknown, they wait instead.
         """
         assert rows.time is not None
         if self._by_order is not None:

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from fltea.sources.mcap import McapRecording
 
 AT_ONCE = 8192
-"""Number of samples in a block."""
+"""Largest number of samples that are put into one block."""
 
 MOST_TROUBLES = 3
 """Largest number of troubles in the file that the message about too few samples lists."""

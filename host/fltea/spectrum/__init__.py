@@ -1,1 +1,1 @@
-"""Spectra, fits, intervals, tests and the verdict."""
+"""Identify noise by its spectrum: fits of noise models, intervals, tests, and the verdict."""

@@ -1,4 +1,4 @@
-"""Read N, B and K of IEEE Std 952 from an Allan deviation σ(τ) wherever the curve has their slope.
+"""Read N, B and K of IEEE Std 952 from an Allan deviation σ(τ): each where the curve has its slope.
 
     N  angle random walk   σ = N / √τ               slope -1/2, read at τ = 1 s
     B  bias instability    σ = B √(2 ln 2 / π)      slope 0, or the lowest point

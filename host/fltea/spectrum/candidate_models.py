@@ -116,7 +116,7 @@ class FittedModel(NamedTuple):
 
 
 class Fits:
-    """Results from which a later fit of the same axis begins. They do not refer to the data.
+    """Results from which a later fit of the same axis begins. They hold no reference to the data.
 
     `raw`: the fitted models. `elsewhere`: transformed parameters of fits with another order that belongs to
     the interval of the reported order; None if they have not been searched for yet. `ends`: difference

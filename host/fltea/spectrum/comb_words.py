@@ -9,11 +9,11 @@ SAME_FREQUENCY = 3e-3
 """
 NEXT = (
     "Look for what runs with that period: a logger that writes its buffer, a GPS pulse, a heater, a radio. "
-    "No figure of the noise has it in it."
+    "It is left out of all figures of the noise."
 )
 NEXT_MAINS = (
     "That is the period of mains hum with its harmonics: look for a power supply, a transformer or a lamp. "
-    "No figure of the noise has it in it."
+    "It is left out of all figures of the noise."
 )
 
 

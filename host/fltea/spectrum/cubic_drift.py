@@ -43,7 +43,7 @@ def cubic_through(values: Array) -> tuple[Array, Array]:
 
 @functools.lru_cache(maxsize=8)
 def _cubics(m: int) -> Array:
-    """Return three orthogonal cubics (3, m) of unit power and mean 0."""
+    """Return orthogonal polynomials of degree 1, 2 and 3 with mean 0 and sum of squares 1, (3, m)."""
     x = np.linspace(-1, 1, m)
     squares = x * x
     curve = squares - squares.mean()

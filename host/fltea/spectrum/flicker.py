@@ -50,9 +50,9 @@ class Flicker(NamedTuple):
     still comes from the profile likelihood with a random walk, since there may be a weak one.
     """
     gain: float
-    """Gain in 2 log L by the 1/f noise."""
+    """Increase of 2 log L that the 1/f noise brings to the fit."""
     gain_of_walk: float
-    """Gain in 2 log L by the random walk."""
+    """Increase of 2 log L that the random walk brings to the fit."""
     behind: float
     """2 log L of the model that stands for the noise, less 2 log L of this fit, both at the same frequencies.
     """

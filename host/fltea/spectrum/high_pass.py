@@ -85,7 +85,7 @@ def end_leak(f: CandidateModels, model: FittedModel) -> float:
 
 
 def _crest(f: CandidateModels, model: FittedModel, high_pass: HighPass, from_hz: float) -> float:
-    """Return the ratio of the largest density near and above the corner frequency to that of white noise."""
+    """Return the ratio of the largest density around the filter's corner frequency to that of white noise."""
     far = min(NEAR * high_pass.corner_hz, 0.5 / f.h)
     hz = np.geomspace(min(from_hz, far / 2), far, POINTS)
     density = model.spectrum(2 * np.pi * hz * f.h, f.h)

@@ -29,6 +29,6 @@ def verdict(e: Evidence, median: MedianFilter) -> tuple[str, str, str]:
     return (
         f"White noise through {median.words}.{wording.also_found(e, with_median=False)}",
         f"{median.share:.0%} of the values are the same as the one before, as no linear filter makes them: "
-        f"what is faster than {in_hz(shaped_hz)} is of its shape, and {wording.UNDEFINED}.",
+        f"the median filter shapes the spectrum above {in_hz(shaped_hz)}, and {wording.UNDEFINED}.",
         NEXT,
     )

@@ -170,7 +170,7 @@ def _level(power: Array, weight: Array) -> Array:
 
 
 def _beside_a_notch(power: Array, level: Array, weight: Array) -> NDArray[np.bool_]:
-    """Return which lines are near a line far below the level, (m,). Side lobes of a filter are."""
+    """Return which lines are near a line far below the level, (m,). They may be side lobes of a filter."""
     padded = np.pad(power / level, LOBE, mode="reflect")
     lowest = np.lib.stride_tricks.sliding_window_view(padded, 2 * LOBE + 1).min(axis=1)
     return np.asarray((lowest < NOTCH) & (weight > LEAST_WEIGHT))

@@ -65,7 +65,7 @@ STANDS_OUT, ASIDE = 1.2, 3.0
 other frequencies: ASIDE times its frequency, and its frequency divided by ASIDE.
 """
 SMOOTHS = -0.15
-"""A filter over two samples (`Sharpening`) whose parameter s is below this value is a low-pass."""
+"""A filter over three samples (`Sharpening`) whose parameter s is below this value is a low-pass."""
 RISES, HIGHEST = 1.05, 0.85
 """The density counts as rising with the frequency if its mean above HIGHEST times half the sample rate is
 more than RISES times the density at the lowest fitted frequency.

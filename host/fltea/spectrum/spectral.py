@@ -60,7 +60,7 @@ GROWN = 1.1
 
 
 class Band(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The frequency band of the clean ordinates, about which the verdict is."""
+    """The frequency band of the clean ordinates, to which the verdict applies."""
 
     from_hz: float
     to_hz: float

@@ -29,7 +29,7 @@ even for sums of regularly spaced relaxations, which look like an order (host/do
 LEAST_RESIDUAL_LEVEL = 0.01
 """Lowest level of the residuals' test. The test can only contradict the claim of an order, not support it."""
 SHORT_S = 580.0
-"""About ten minutes. The verdict on a shorter record says that slower noise may be hidden."""
+"""About ten minutes [s]. The verdict on a shorter record says that slower noise may be hidden."""
 PEAKS: dict[str, VerdictKind] = {
     "line": "line",
     "resonance": "resonance",
@@ -74,8 +74,8 @@ class Verdict(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     rules: tuple[Rule, ...]
     """The questions that were asked, with their answers."""
     odds: float | None = None
-    """The odds of an order (`spectrum.order_odds`). None if the noise is nearly white or not stationary, or if
-    no fitted model has an order."""
+    """The odds of an order (`spectrum.order_odds`). None if the noise is nearly white or not stationary, or
+    if no fitted model has an order."""
     has_order: bool = False
     """Whether a model with an order is among the models that the verdict names."""
     order: OrderFit = OrderFit()

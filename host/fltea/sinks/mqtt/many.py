@@ -77,7 +77,7 @@ class ManyMqttSink(Sink):
 
     @property
     def lost(self) -> int:  # type: ignore[override]
-        """Number of records that were not published for any device."""
+        """Number of records that were not published, of all devices together."""
         return self._gone_lost + sum(sink.lost for sink in self._sinks.values())
 
     def write(self, item: Item) -> None:

@@ -31,7 +31,7 @@ class View:
 class SharedConnection:
     """Opens one connection when the first device asks for it.
 
-    After a loss, opens it again when the next device asks.
+    If the connection was lost, opens it again when the next device asks for it.
 
     One thread calls all methods. `will`: topic and payload that the broker publishes if the program vanishes.
     """

@@ -35,8 +35,8 @@ KINDS = {
     "estimate": Wanted(estimates=True),
     "corrected": Wanted(corrected=True),
 }
-"""For each kind of record of which a block has one per sample: the choice of this kind alone, for encoding as
-JSON.
+"""Kinds of records of which a block has one for each sample. The value of a kind says that only this kind of
+a block's records is encoded as JSON.
 """
 
 

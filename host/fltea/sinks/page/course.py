@@ -12,7 +12,7 @@ from fltea.records.arrays import Array
 from fltea.sinks.page.tiers import WINDOWS, Cursor, Kind, Rows, Tiers
 
 SILENCE_MS = 1000.0
-"""Pause after which a curve is interrupted [ms]."""
+"""Length of a pause between samples after which a curve is interrupted [ms]."""
 
 STALE_MS = 5000.0
 """Time for which an estimate is drawn if no newer estimate comes [ms]."""
@@ -28,8 +28,8 @@ ESTIMATED: dict[str, Kind] = {
     "apart_high": "max",
     "f_apart": "max",
 }
-"""Names of the columns with estimates of an axis, each with the way in which its values are merged. `apart`:
-α by the device minus α by this computer.
+"""Names of the columns with estimates of an axis, each with the way in which its values are merged when rows
+are. `apart`: α by the device minus α by this computer.
 `f_apart`: absolute difference between f by the device and f by this computer.
 """
 
@@ -40,8 +40,8 @@ OF_AXIS: dict[str, Kind] = {
     **dict.fromkeys(FIT, "mean"),
     **ESTIMATED,
 }
-"""Names of all columns of an axis, each with the way in which its values are merged. `y`: the sample minus an
-offset. `state`: the bias minus the same offset.
+"""Names of all columns of an axis, each with the way in which its values are merged when rows are. `y`: the
+sample minus an offset. `state`: the bias minus the same offset.
 """
 
 DRAWN = ("y_low", "y", "y_high", "state", "state_std")

@@ -234,7 +234,7 @@ def curves(history: DeviceHistory, name: str) -> list[str]:
 
 
 def _headings(history: DeviceHistory, name: str) -> list[list[str]]:
-    """Return rows of text.
+    """Return rows of text about the error of the heading after a rest.
 
     The first row says how long the sensor has rested; each other row gives the 95 % error of the heading
     after some time.

@@ -44,7 +44,8 @@ class TimeToTell:
     def __init__(self) -> None:
         self._newest_s = self._taken_s = 0.0
         self._totals: list[float] = []
-        """Duration of samples that is needed in total, as each of the last fits predicts it [s]."""
+        """Total duration of samples after which the order is known, as each of the last fits predicts it [s].
+        """
         self._steady_s: float | None = None
 
     def take(self, samples: int, rate_hz: float, fit: AxisFit) -> None:

@@ -24,7 +24,7 @@ NOT_ALLOWED = (
 
 FULL = (
     "The live page has {0} visitors and takes no more (setting dashboard.visitors). Close it elsewhere, or "
-    "start fltea with --set dashboard.visitors={1}. It is tried again in a moment."
+    "start fltea with --set dashboard.visitors={1}. The page tries again in a moment."
 )
 
 MOST_PARTS = 20

@@ -57,7 +57,8 @@ def bind(option: str, host: str, port: int) -> list[socket.socket]:
         sockets = bind_sockets(port, host)
     except (OSError, UnicodeError) as error:
         raise cannot_listen(option, host, port, error) from error
-    for one in sockets:  # accepted connections inherit this option from the listening sockets
+    # accepted connections inherit this size of the send buffer from the listening sockets
+    for one in sockets:
         one.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, UNREAD)
     return sockets
 

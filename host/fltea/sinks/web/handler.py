@@ -27,7 +27,7 @@ browser would first ask this server for permission, and get none.
 """
 
 BURST = 10
-"""Number of seconds [s]; as many requests as are allowed in this time on average may come at once."""
+"""As many requests may come at once as are allowed in this time on average [s]."""
 
 TRY_AGAIN_S = 10
 HEADERS = {

@@ -47,7 +47,7 @@ FIFO_R_W: Final = 0x72
 BANK_SELECT: Final = 0x7F
 """[8.65] Bits 5:4 select the bank of registers."""
 GYRO_SMPLRT_DIV: Final = BANK_2 | 0x00
-"""[10.1] Output rate = 1125 Hz / (1 + value), with GYRO_FCHOICE."""
+"""[10.1] Output rate of the gyroscope = 1125 Hz / (1 + value), if GYRO_FCHOICE is 1."""
 GYRO_CONFIG_1: Final = BANK_2 | 0x01
 """[10.2] Bits 5:3 GYRO_DLPFCFG, 2:1 GYRO_FS_SEL, 0 GYRO_FCHOICE (1: the filter is on)."""
 ODR_ALIGN_EN: Final = BANK_2 | 0x09
@@ -55,7 +55,7 @@ ODR_ALIGN_EN: Final = BANK_2 | 0x09
 ACCEL_SMPLRT_DIV_1: Final = BANK_2 | 0x10
 """[10.11] High bits of the accelerometer's divider."""
 ACCEL_SMPLRT_DIV_2: Final = BANK_2 | 0x11
-"""[10.12] Output rate = 1125 Hz / (1 + value), with ACCEL_FCHOICE."""
+"""[10.12] Output rate of the accelerometer = 1125 Hz / (1 + value), if ACCEL_FCHOICE is 1."""
 ACCEL_CONFIG: Final = BANK_2 | 0x14
 """[10.15] Bits 5:3 ACCEL_DLPFCFG, 2:1 ACCEL_FS_SEL, 0 ACCEL_FCHOICE."""
 
@@ -104,7 +104,8 @@ ICM20948 = Chip(
     restart=((USER_CTRL, 0), (FIFO_RST, ALL_FIFOS), (FIFO_RST, 0), (USER_CTRL, FIFO_EN)),
     running=Setting(USER_CTRL, FIFO_EN, 0xF0),
     sample=Struct(">6h"),
-    fifo_bytes=512,  # [4.16]; some chips hold 4,096 bytes, and only 512 are used
+    # size of the FIFO by [4.16]; that of some chips holds 4,096 bytes, of which only 512 are used
+    fifo_bytes=512,
     keeps_oldest=True,
     fifo_count=FIFO_COUNT_H,
     fifo_data=FIFO_R_W,

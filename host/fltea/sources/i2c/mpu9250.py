@@ -41,7 +41,7 @@ def mpu9250(who_am_i: int) -> Chip:
         accel_range_g=2.0,
         accel_lsb_per_g=16384.0,
         reset=(reg.PWR_MGMT_1, reg.RESET),
-        reset_s=0.1,  # start-up time in PS-MPU-9250A-01
+        reset_s=0.1,  # start-up time of the registers in PS-MPU-9250A-01
         # the gyroscope needs 35 ms to start from sleep [PS-MPU-9250A-01, 3.1], in which an MPU-6050 is after
         # a reset
         settle_s=0.05,

@@ -35,7 +35,7 @@ def fault_text(code: FaultCode, detail: int, path: str, address: int) -> str:
             return (
                 f"transfers on {path} break off: SDA or SCL stays low, or is disturbed. Check for a short to "
                 f"GND, SDA and SCL swapped, and a sensor without 3.3 V. {_WIRES}. "
-                f"'{detect_command(path)}' that takes minutes says the same."
+                f"If '{detect_command(path)}' takes minutes, the reason is the same."
             )
     text = faults.fault_text(code, detail, f"the sensor at 0x{address:02X} on {path}")
     return f"{text} {_WIRES}." if code == FaultCode.SENSOR_LOST else text

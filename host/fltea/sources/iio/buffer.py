@@ -151,7 +151,7 @@ class Buffer:
             if unusable.kind == "no_permission" or not choice:
                 raise
             raise Unusable(
-                "open_failed", f"{self._device.id} cannot do {text} Hz, but: {choice}."
+                "open_failed", f"{self._device.id} cannot sample at {text} Hz, but at: {choice}."
             ) from unusable
 
     def _set_length(self) -> None:

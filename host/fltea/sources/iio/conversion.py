@@ -41,10 +41,10 @@ def conversion(
     sensor is mounted. It is ignored if there are fewer than three axes.
 
     Raises:
-        ValueError: a scale is 0 or not finite, or the mount matrix is not a rotation.
+        ValueError: a scale is not positive and finite, or the mount matrix is not a rotation.
     """
     if not all(math.isfinite(scale) and scale > 0 for scale in scales):
-        raise ValueError(f"scale {', '.join(f'{scale:g}' for scale in scales)} is no scale")
+        raise ValueError(f"scale {', '.join(f'{scale:g}' for scale in scales)} is not positive and finite")
     if not all(map(math.isfinite, offsets)):
         raise ValueError("an offset is not finite")
     turn = np.eye(len(scales))

@@ -55,7 +55,9 @@ def parse_element(name: str, index: str, text: str) -> Element:
         raise ValueError(f"{name}: '{text.strip()}', index '{index.strip()}' is no layout of a channel")
     bits, storage_bits, shift = int(found[3]), int(found[4]), int(found[6])
     if storage_bits not in STORAGE_BITS or not 1 <= bits <= storage_bits - shift:
-        raise ValueError(f"{name}: {text.strip()}: {bits} bits, shifted by {shift}, in {storage_bits}")
+        raise ValueError(
+            f"{name}: {text.strip()}: {bits} bits, shifted by {shift}, in a field of {storage_bits}"
+        )
     return Element(
         name, int(index), found[1] == "be", found[2] == "s", bits, storage_bits, shift, int(found[5] or 1)
     )

@@ -153,7 +153,10 @@ def choose_trigger(root: Path, device: Attributes, wish: str | None) -> tuple[st
 
 
 def find(root: Path, what: str) -> list[Attributes]:
-    """Return the devices with a name, a label, an ID such as `iio:device0`, or a path in /dev or /sys."""
+    """Return the devices that `what` names.
+
+    It is a device's name, label, ID such as `iio:device0`, or path in /dev or /sys.
+    """
     last = os.path.basename(what.rstrip("/")).removeprefix("iio:")
     return [
         one
