@@ -168,7 +168,8 @@ class TextEvents:
     def _set_up(self, chosen: Chosen, now_ns: int) -> Iterator[Event]:
         """Choose how samples are numbered, now that the columns of the text are known."""
         if chosen.time is None:
-            assert chosen.rate_hz is not None  # `choose` refuses columns without time and rate
+            # `choose` refuses columns if neither times nor a rate are given
+            assert chosen.rate_hz is not None
             self._numbers = ByOrder(chosen.rate_hz)
             self._watch = ArrivalWatch(self.url, chosen.rate_hz)
         else:

@@ -133,7 +133,7 @@ class WireEvents:
         self.decoder.resume(now_ns)
 
     def link_stats(self, overflow_bytes: int = 0) -> LinkStats:
-        """Return the counts of bytes and frames that were passed on, and that were lost on the way."""
+        """Return the counts of bytes and frames that arrived, and that were lost on the way."""
         size_bytes, frames, refused, connections, bad = self.decoder.counts()
         return LinkStats(
             bytes=size_bytes,

@@ -80,7 +80,7 @@ class FittedModel(NamedTuple):
 
     @property
     def kinds(self) -> tuple[type[Part], ...]:
-        """Return the kinds of the parts."""
+        """Return the kinds of the model's parts."""
         return tuple(map(kind_of, self.codes))
 
     def terms(self) -> Iterator[tuple[int, int]]:

@@ -26,10 +26,9 @@ SURE = 6.0
 standard deviations.
 """
 ROUNDED, ROUNDED_BETWEEN = 1.5, 1.25
-"""Rounding explains differences of 0 between samples up to a number: this ratio times the mean of two other
-numbers, those of differences of plus one and of minus one rounding step. ROUNDED holds in general.
-ROUNDED_BETWEEN holds for two samples with another value in between, which makes a difference of 0 less
-likely.
+"""Largest ratio of two numbers that rounding explains: the number of differences of 0 between samples, and
+half the number of differences of one rounding step, up or down. ROUNDED holds in general. ROUNDED_BETWEEN
+holds for samples with another value in between, which makes a difference of 0 less likely.
 """
 FINE = 1.5
 """A difference of fewer rounding steps than this counts as a difference of one step. If most differences

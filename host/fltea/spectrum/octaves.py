@@ -34,7 +34,7 @@ BLOCK: int = _native.OCTAVES_BLOCK
 LANE_BYTES: int = _native.OCTAVES_LANE_BYTES
 """Memory in bytes for each lane (axis), whatever the length of the record."""
 SHORTEST = 64
-"""Fewest samples of an unbroken stretch of the whole-record level. Shorter stretches are not used."""
+"""Fewest samples of an unbroken stretch of the record at reduced rate. Shorter stretches are not used."""
 
 _FIRST_LINE: int = _native.OCTAVES_LOWEST
 _LINES = _native.OCTAVES_LINES
@@ -101,7 +101,7 @@ class BandCells(NamedTuple):
     unit.
     """
     variance_log: Array
-    """The variance of these logarithms within each cell, (c,); NaN for a cell with a single block."""
+    """The variance of the logarithms of each cell's powers, (c,); NaN for a cell with a single block."""
     first: NDArray[np.int64]
     """The index of the first sample of each cell, (c,). Lost samples are counted, too."""
     hop: int
@@ -138,7 +138,7 @@ class Parts(NamedTuple):
     welch: list[Lines]
     """The frequencies, powers and weights of each octave that has blocks."""
     whole: list[Lines]
-    """The frequencies, powers and weights of each unbroken stretch of the whole-record level."""
+    """The frequencies, powers and weights of each unbroken stretch of the record at reduced rate."""
     depth: int
     """Number of octaves, which lie above the whole-record level in frequency."""
     drift: Drift | None

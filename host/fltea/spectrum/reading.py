@@ -205,8 +205,8 @@ def _stands_out(model: FittedModel, part: Resonance, h: float) -> bool:
 def _ends(f: CandidateModels, model: FittedModel, from_hz: float) -> tuple[float, float]:
     """Return the model's density at the lowest fitted frequency, and the mean density at the highest ones.
 
-    Only the frequencies of the bins count for the latter. The samples' power at them also contains power from
-    neighbouring frequencies, which fills the zeros of a filter.
+    The mean is taken over the fitted frequencies only. Between them, the model of a filter may have zeros,
+    which in the data are filled by power from neighbouring frequencies.
     """
     low = np.array([min(max(2 * np.pi * from_hz * f.h, 1e-3), np.pi)])
     high = f.data.lam >= min(HIGHEST * np.pi, f.data.lam[-1])

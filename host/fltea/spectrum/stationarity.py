@@ -24,7 +24,7 @@ from fltea.spectrum.swings import OVERLAP, Swing, find_swings
 LEAST_IN_CELL = 4
 """Fewest blocks in a cell. Smaller cells are joined with their neighbours."""
 LEAST_SIZE = 1.25
-"""Ratio of powers, up or down. A smaller change is of no practical importance."""
+"""Smallest change that is reported, as a ratio of powers. A smaller change is of no practical importance."""
 MOSTLY_ONE_STEP = 0.6
 """A change is called a step if a single step explains at least this proportion of the variance between cells.
 """
@@ -46,8 +46,8 @@ class Change(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     at_s: float = 0.0
     """The time that divides the record into the two parts that differ most."""
     share: float = 0.0
-    """Proportion of the variance between cells that this division explains. The rest comes from changes up
-    and down.
+    """Proportion of the variance between cells that is explained by the division of the record at `at_s`. The
+    rest comes from changes up and down.
     """
     half_s: float | None = None
     """Time from a high power to a low one, known to a factor of two; None if the change was found by a
@@ -75,7 +75,7 @@ class _Parted(NamedTuple):
     explained: float
     """Variance between cells that is explained by the division of the record in two parts at `at_s`."""
     share: float
-    """Proportion of the variance between cells that is explained by this division."""
+    """Proportion of the variance between cells that is explained by the division at `at_s`."""
 
 
 Found = TypeVar("Found", _Parted, Swing)

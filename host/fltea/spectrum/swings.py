@@ -103,7 +103,7 @@ class _Scales(NamedTuple):
         return _against((self.variance / _expected(self.runs, OVERLAP))[::-1], self.pairs[::-1])
 
     def swing(self, deviate: float, usual: float, alike: float, hop_s: float) -> Swing:
-        """Return the swing whose variance is that beyond `usual`.
+        """Return a swing, whose variance is what the scales have beyond the usual variance `usual`.
 
         `hop_s`: time [s] from one block to the next.
         """

@@ -43,8 +43,8 @@ class Loss(NamedTuple):
 def _not_of_empty_fifo(row: Row) -> bool:
     """Return whether a row of counts is a sample, and was not read from an empty FIFO.
 
-    A chip whose FIFO is empty repeats the last byte [register map, section 4.37], so all bytes of the row are
-    equal.
+    A chip whose FIFO is empty repeats the last byte (section 4.37 of the MPU-9250's register map), so all
+    bytes of the row are equal.
     """
     return len(set(row)) > 1 or row[0] & 0xFF != row[0] >> 8 & 0xFF
 

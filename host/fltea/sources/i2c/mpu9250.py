@@ -7,8 +7,8 @@ from fltea.sources.i2c.chip import AD0, Chip, Family, Setting
 
 RATE_HZ = 100.0
 SAMPLE = Struct(">7h")
-"""Binary layout of a sample: acceleration, temperature and rate, as in the output registers [4.22 to
-4.24].
+"""Binary layout of a sample: acceleration, temperature and rate, as in the output registers (sections 4.22 to
+4.24 of the register map).
 """
 
 

@@ -1,40 +1,39 @@
 """Registers of the MPU-9250 that the driver uses, named as in firmware/core/mpu9250_registers.h.
 
-Numbers in brackets are sections of the register map RM-MPU-9250A-00. The MPU-6050 (RM-MPU-6000A-00) has all
-these registers except ACCEL_CONFIG_2 and FIFO_MODE. A test compares the values here with those in the
-firmware's file.
+Sections are those of the register map RM-MPU-9250A-00. The MPU-6050 (RM-MPU-6000A-00) has all these registers
+except ACCEL_CONFIG_2 and FIFO_MODE. A test compares the values here with those in the firmware's file.
 """
 
 from typing import Final
 
 SMPLRT_DIV: Final = 0x19
-"""[4.4] Output rate = internal rate / (1 + value)."""
+"""Section 4.4: Output rate = internal rate / (1 + value)."""
 CONFIG: Final = 0x1A
-"""[4.5] FIFO_MODE, and DLPF_CFG, the gyroscope's low-pass filter."""
+"""Section 4.5: FIFO_MODE, and DLPF_CFG, the gyroscope's low-pass filter."""
 GYRO_CONFIG: Final = 0x1B
-"""[4.6] Range of the gyroscope, and FCHOICE_B, which bypasses its filters."""
+"""Section 4.6: Range of the gyroscope, and FCHOICE_B, which bypasses its filters."""
 ACCEL_CONFIG: Final = 0x1C
-"""[4.7] Range of the accelerometer."""
+"""Section 4.7: Range of the accelerometer."""
 ACCEL_CONFIG_2: Final = 0x1D
-"""[4.8] A_DLPF_CFG, the accelerometer's low-pass filter, and ACCEL_FCHOICE_B, which bypasses it."""
+"""Section 4.8: A_DLPF_CFG, the accelerometer's low-pass filter, and ACCEL_FCHOICE_B, which bypasses it."""
 FIFO_EN: Final = 0x23
-"""[4.11] Selects which data enter the FIFO."""
+"""Section 4.11: Selects which data enter the FIFO."""
 INT_PIN_CFG: Final = 0x37
-"""[4.19] Behaviour of the INT pin."""
+"""Section 4.19: Behaviour of the INT pin."""
 INT_ENABLE: Final = 0x38
-"""[4.20] Switches the interrupts on."""
+"""Section 4.20: Switches the interrupts on."""
 INT_STATUS: Final = 0x3A
-"""[4.21] Interrupt status; reading clears it."""
+"""Section 4.21: Interrupt status; reading clears it."""
 USER_CTRL: Final = 0x6A
-"""[4.33] Switches the FIFO on or off, and resets it."""
+"""Section 4.33: Switches the FIFO on or off, and resets it."""
 PWR_MGMT_1: Final = 0x6B
-"""[4.34] Reset, sleep, and choice of the clock."""
+"""Section 4.34: Reset, sleep, and choice of the clock."""
 FIFO_COUNT_H: Final = 0x72
-"""[4.36] First of two registers with the number of bytes in the FIFO; reading this register latches both."""
+"""Section 4.36: First of two registers with the number of bytes in the FIFO; reading it latches both."""
 FIFO_R_W: Final = 0x74
-"""[4.37] The oldest byte in the FIFO; reading removes the byte. All reads in a transfer use this address."""
+"""Section 4.37: The FIFO's oldest byte; reading removes it. All reads in a transfer use this address."""
 WHO_AM_I: Final = 0x75
-"""[4.38] Identity of the chip."""
+"""Section 4.38: Identity of the chip."""
 
 RESET: Final = 0x80
 """Bit of PWR_MGMT_1: H_RESET, which resets the chip."""
