@@ -26,7 +26,7 @@ j1² matter. Above, there are COARSE, and j1² is replaced by its mean over an o
 WAVES_TO = 100.0
 OUTSIDE = 0.05
 NEAR = 1e-4
-"""Relative accuracy of the interval's half-width."""
+"""Relative accuracy with which the half-width of the 95 % interval is found."""
 
 
 def drift_rate(y: Array, h: float, spectrum: Callable[[Array], Array]) -> Interval:

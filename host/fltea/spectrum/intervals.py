@@ -206,7 +206,8 @@ def order_fit(f: CandidateModels, model: FittedModel) -> OrderFit:
     at = model.place(Order, Arfima)
     assert at is not None
     here = model.eta
-    if not arfima and here[at] > HIGHEST_ORDER - AT_A_LIMIT:  # the true order may be even higher
+    # the fit has the highest allowed order, and the true one may be even higher
+    if not arfima and here[at] > HIGHEST_ORDER - AT_A_LIMIT:
         return OrderFit()
     if arfima:
         alpha = _interval(f, model, at, "alpha", (0.0, 1.0), 0.03)

@@ -307,7 +307,7 @@ def _slow(whole: Periodogram, from_hz: float, slow_hz: float, found: Bands) -> P
 
 
 def _highest(f: CandidateModels) -> Callable[[Array], Array]:
-    """Return a function for the highest spectrum of all plausible models, with leakage of the ends."""
+    """Return a function for the highest of all plausible models' spectra, with the record ends' leakage."""
     possible = [f.plain] + ([f.ordered] if f.ordered is not None and f.lead > -APART else [])
 
     leaks = [(one, LEAKS_AT_MOST * end_leak(f, one)) for one in possible]

@@ -70,7 +70,7 @@ class Verdict(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     why: str
     """How sure it is what the noise is, and on what evidence."""
     next: str
-    """What the user can do about it."""
+    """What the user can do next, about the noise or to know it better."""
     rules: tuple[Rule, ...]
     """The questions that were asked, with their answers."""
     odds: float | None = None
