@@ -1,13 +1,13 @@
-"""Convert the events of one device's source into records and blocks: the device stream.
+"""The stream of one device: convert the events of the device's source into records and blocks of samples.
 
-A source yields events. The native device (`fltea.stream.decode`) processes the samples. It stops where Python
-has to act, such as at a gap; `HANDLERS` names the method for each kind of stop. All results go to the
-outputs, in order. The results do not depend on how samples were grouped into blocks, nor on how the bytes
-were read.
+A source yields events. The native device (`fltea.stream.decode`) processes the samples in them. It stops
+where Python has to act, such as at a gap; `HANDLERS` names the method for each kind of stop. All results go
+to the outputs, in the order of the samples. The results do not depend on how samples were grouped into
+blocks, nor on how the bytes were read.
 
-Statistics are published at the first event of each new second, and count the events before it. With many
-devices, the second of each device begins at another time (`fit_times.turn`), so that no sample waits for the
-statistics of all devices.
+The statistics of a device are published at the first event of each new second, and count the events before
+that one. With many devices, the second of each device begins at another time (`fit_times.turn`). Otherwise
+the statistics of all devices would be due together, and samples would wait for them.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -50,16 +50,17 @@ Output = AnyRecord | Block
 
 
 class Pipeline:
-    """Converts the events of one source into records and blocks, in order.
+    """Converts the events of one source into records and blocks of samples, in order.
 
-    `outputs`: a function that returns the counts of the outputs, for the record `stats`. These counts are
-    published only for live sources: for a file they would only show how fast this machine is. `state`: a
-    snapshot of an earlier run. `refuse`: a function that is called if the snapshot is not valid.
-    `fit_worker`: makes the live fits of all devices of this program. `number`: index of this device among the
-    devices of the program, from
-    0. `stats_s`: seconds between two statistics; the devices publish them at different times. `watched`: an
-    output receives every result. Otherwise only the last statistics, and the records on which other results
-    depend, are made.
+    `outputs`: a function that returns what each output has written and dropped, for the record `stats`. These
+    counts are published only for live sources: for a file they would only show how fast this machine is.
+    `state`: a snapshot of the estimators from an earlier run.
+    `refuse`: a function that is called if the content of that snapshot is not valid.
+    `fit_worker`: makes the live fits of all devices of this program.
+    `number`: index of this device among the devices of the program, counted from zero.
+    `stats_s`: seconds between two statistics of a device. Different devices publish them at different times.
+    `watched`: whether an output receives every result. Otherwise only the last statistics are made, and the
+    records on which other results depend.
     """
 
     def __init__(
@@ -101,10 +102,10 @@ class Pipeline:
     def feed(self, event: Event) -> Iterator[Output]:
         """Yield the results of one event.
 
-        The caller has to consume all of them before it feeds the next event.
+        The caller has to consume all results before it feeds the next event.
 
         Raises:
-            UsageError: a fixed bias or R does not fit the axes.
+            UsageError: the settings, such as a fixed bias or R, do not fit the axes of the device.
         """
         self._source_offset_ns = self._source.unix_offset_ns
         if isinstance(event, RawBlock):
@@ -120,17 +121,17 @@ class Pipeline:
         yield from self._on_event(event)
 
     def _on_samples(self, raw: RawBlock) -> Iterator[Output]:
-        """Let the native device process samples from stop to stop, and yield the results."""
+        """Let the native device process samples, handle each of its stops, and yield the results."""
         for stop, row, rows, details in self._decoder.advance(raw):
             if rows is not None:
                 yield from self.took(rows, raw.host_ns[rows[0] : rows[0] + len(rows[1][0])])
             if stop in HANDLERS:
                 now_ns = int(raw.host_ns[row]) if stop in BEFORE_SAMPLE else self._now_ns
                 yield from self.stopped(stop, now_ns, details)
-        self._now_ns = int(raw.host_ns[-1])  # this is noted even if the last samples are not used
+        self._now_ns = int(raw.host_ns[-1])  # the time is noted even if the device ignores the last samples
 
     def took(self, rows: Rows, host_ns: Ints) -> Iterator[Output]:
-        """Yield the samples that the native device has processed, with the results.
+        """Yield the samples that the native device has processed, together with the results for them.
 
         `host_ns` (n,): arrival times of the samples on the monotonic clock [ns].
         """
@@ -156,7 +157,7 @@ class Pipeline:
         return self._on_time(self._now_ns)
 
     def _on_gap(self, details: Any) -> Iterator[Output]:
-        """Report that samples are missing before the next one, and which axes became invalid by that."""
+        """Report that samples are missing before the next one, and which axes this made invalid."""
         missing, seq, unix_ns, lost = details
         yield Gap(seq - missing, missing, self._decoder.epoch, unix_ns, device=self._config.name)
         for number, losses in enumerate(lost):
@@ -203,16 +204,17 @@ class Pipeline:
             yield from self._records(channels.notices(self._now_ns))
 
     def _on_fit_counts(self, details: None) -> Iterator[Output]:
-        """Let the refit that has begun take effect now."""
+        """From the next sample on, use the result of the refit that began earlier."""
         assert self._fits is not None
         found = list(self._fits.counted())
         self._sensors.go_by_fits(self._device)
         self._set_fit_times()
-        # these come last, since an output that prints them needs the values of the next samples
+        # The records of the fit come last: an output that prints them already needs the models that the next
+        # samples use.
         yield from found
 
     def _on_fit_due(self, details: None) -> Iterator[Output]:
-        """Begin a refit with the samples until now, in the fit worker."""
+        """Begin a refit in the fit worker, with the samples until now."""
         moment = self._moment()
         assert self._fits is not None
         assert moment is not None
@@ -234,7 +236,7 @@ class Pipeline:
                 yield self._error(*explain_lost(axis, why))
 
     def _on_time(self, host_ns: int | None) -> Iterator[Output]:
-        """Publish the statistics of a second before the first event of the next second is processed."""
+        """Publish the statistics of the past second if this event is the first of a new second."""
         if host_ns is not None:
             self._now_ns = host_ns
         self._note_offset()
@@ -247,7 +249,10 @@ class Pipeline:
         self._device.stats_due_ns = (begun + 1) * self._stats_ns + self._stats_offset_ns
 
     def _note_offset(self) -> None:
-        """Read the source's clock offset until the first epoch, since the source may learn the date late."""
+        """Update the offset from host time to Unix time until the first epoch begins.
+
+        The source may learn the date only after its first events.
+        """
         if not self._decoder.epoch:
             self._offset_ns = self._source_offset_ns
 
@@ -273,21 +278,22 @@ class Pipeline:
                 yield item
 
     def save(self) -> DeviceState | None:
-        """Return a snapshot of the estimators for a later run; None while there is nothing to keep."""
+        """Return a snapshot of the estimators for a later run; None while they have nothing to save."""
         if self._state is not None:  # the snapshot of an earlier run has not been used yet
             return self._state
         hello, saved = self._decoder.hello, self._sensors.save()
         if hello is None or not saved or self._device.moment is None:
             return None
         sequence, device_us, host_ns, *_ = self._device.newest
-        # not the offset at the begin of the epoch, since the date may have been set later
+        # The present offset is used, not the one from the beginning of the epoch: the date may have been set
+        # since then.
         unix_ns = host_ns + self._source.unix_offset_ns
         last = None if self._boot_id is None else LastSample(self._boot_id, sequence, device_us)
         return DeviceState(sensor=sensor_of(hello, self._config), unix_ns=unix_ns, last=last, **saved)
 
     @property
     def device(self) -> Device:
-        """The native device, for callers whose native code feeds the samples."""
+        """The native device, for callers whose own native code passes the samples to it."""
         return self._device
 
     @property
@@ -302,7 +308,7 @@ class Pipeline:
 
     @property
     def hello(self) -> Hello | None:
-        """The newest HELLO; None while the device is unknown."""
+        """The newest HELLO; None while no device has sent one."""
         return self._decoder.hello
 
     def stats(self) -> Stats:
@@ -330,8 +336,8 @@ class Pipeline:
     def finish(self, *, last_fit: bool = True, whole: bool = False) -> Iterator[Output]:
         """Yield the records at the end of a stream: a fit of all samples, and the statistics.
 
-        `last_fit`: whether to make the fit. `whole`: whether the source has ended, so that there are no more
-        samples.
+        `last_fit`: whether to make that fit. `whole`: whether the source has ended, so that no more samples
+        can come.
         """
         if self._fits is not None and last_fit:
             yield from self._fits.last(self._moment())
@@ -345,7 +351,7 @@ class Pipeline:
         yield stats
 
     def _moment(self) -> Moment | None:
-        """Return number and times of the last sample; None before the first sample."""
+        """Return the number, device time and host time of the last sample; None before the first one."""
         moment = self._device.moment
         if moment is None:
             return None
@@ -353,7 +359,10 @@ class Pipeline:
         return Moment(seq, self._decoder.epoch, device_us, host_ns)
 
     def _standing(self) -> Standing:
-        """Return the state of all estimators: the board's for an axis that only the board estimates."""
+        """Return the present state of all estimators.
+
+        For an axis that only the board estimates, it is the board's.
+        """
         whole = self._sensors.standing(self._device)
         return whole if self._board is None else whole.with_board(self._board.standing())
 
@@ -362,9 +371,10 @@ class Pipeline:
     ) -> tuple[list[Item], EpochReason, float | None, int]:
         """Begin an epoch, from the snapshot if there is a suitable one.
 
-        Returns the reports, the reason why the epoch begins, the snapshot's age [s], and the number of
-        samples lost since the snapshot. The losses are counted only for a device that another process served
-        before, since no other part of the program counts them.
+        Returns the reports to publish, the reason why the epoch begins, the snapshot's age [s] (None without
+        a snapshot), and the number of samples lost since the snapshot. These losses are counted only for a
+        device that another process of a cluster served before, since no other part of the program counts
+        them. Otherwise the number is 0.
         """
         notices: list[Item] = []
         hello = beginning.hello
@@ -407,9 +417,9 @@ class Pipeline:
         self._decoder.begin(sensors)
 
     def _forget(self) -> None:
-        """Ignore estimates and fits of the board for earlier samples.
+        """Ignore the estimates and fits that the board still sends for earlier samples.
 
-        Another board or sensor may be connected now.
+        The samples from now on may come from another board or sensor.
         """
         if self._board is not None:
             self._board.forget()
@@ -431,7 +441,9 @@ HANDLERS: dict[Stop, Callable[[Pipeline, Any], Iterator[Output]]] = {
     Stop.FIT_DUE: Pipeline._on_fit_due,
     Stop.RATE_DIFFERS: Pipeline._on_rate_differs,
 }
-"""The method that handles each kind of stop of the native device. `END` and `MORE` need no method."""
+"""The method that handles each kind of stop of the native device. `END` and `MORE` need no method, since they
+report no event.
+"""
 
 BEFORE_SAMPLE = {stop for stop in Stop if stands_before_sample(stop)}
 """Kinds of stops that come before the next sample. All other stops come after the last sample."""

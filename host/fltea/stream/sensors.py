@@ -1,4 +1,7 @@
-"""Combine the bias tracker, the spectral sums and the filters of each sensor of a device in one epoch."""
+"""The sensors of a device in one epoch.
+
+Each has a bias tracker, the sums from which its noise is fitted, and FLTEA's filters.
+"""
 
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple
@@ -23,7 +26,8 @@ from fltea.stream.tracking import SensorTracks
 class Sensor(NamedTuple):
     """One sensor of a device.
 
-    `sums`: spectral sums; None if nothing is fitted. `channels`: FLTEA's filters; None if they do not run.
+    `tracks`: the trackers of the biases of its axes. `sums`: sums of its spectra, to which noise models are
+    fitted; None if nothing is fitted. `channels`: FLTEA's filters; None if they do not run.
     """
 
     kind: SensorKind
@@ -51,7 +55,7 @@ class Sensor(NamedTuple):
             self.channels.use_model(accepted)
 
     def bridge(self, count: int) -> None:
-        """Predict over `count` samples that passed while the program did not run."""
+        """Let the estimators predict `count` samples that came while the program did not run."""
         self.tracks.skip(count)
         if self.channels is not None:
             self.channels.bridge(count)
@@ -60,8 +64,8 @@ class Sensor(NamedTuple):
 class Sensors:
     """Both sensors of the present epoch.
 
-    `settings`: function that returns the settings of the gyroscope's filters, called when an epoch begins; it
-    returns None if only a board estimates. `fits`: the live fits; None if nothing is fitted.
+    `settings`: function that returns the settings of the gyroscope's filters, or None if only the board runs
+    such filters. It is called when an epoch begins. `fits`: the live fits; None if nothing is fitted.
     """
 
     def __init__(
@@ -71,11 +75,13 @@ class Sensors:
         self._all: list[Sensor] = []
 
     def begin(self, beginning: Beginning) -> list[tuple[Any, ...]]:
-        """Begin an epoch, from the saved state if it fits; return the arguments of `_native.Device.begin`.
+        """Begin an epoch, from the saved state if there is one.
+
+        Return the sensors in the form that `_native.Device.begin` expects.
 
         Raises:
             ValueError: the settings or the snapshot are not usable. Nothing has changed then.
-            UsageError: a setting amounts to more samples than allowed.
+            UsageError: a time in the settings, converted at this rate, is more samples than allowed.
         """
         config, hello, saved = self._config, beginning.hello, beginning.saved or Saved()
         h = 1 / hello.rate_hz
@@ -83,7 +89,8 @@ class Sensors:
         tracks: dict[SensorKind, SensorTracks] = {}
         for kind, axes in beginning.axes(config.channels).items():
             estimator: EstimatorConfig = getattr(config, kind.settings)
-            here = self._settings() if kind is GYROSCOPE else estimator  # a board may estimate the gyroscope
+            # without settings only the board filters the gyroscope
+            here = self._settings() if kind is GYROSCOPE else estimator
             if here is not None:
                 settings = _at(here, kind.settings, hello.rate_hz)
                 resolution = kind.resolution(hello)
@@ -107,7 +114,7 @@ class Sensors:
                 device.set_waits(number, sensor.channels.waiting)
 
     def fill(self, device: Any) -> Iterator[Channels]:
-        """Let the filters of sensors whose start-up window is full begin to estimate, and yield them."""
+        """Let the filters of each sensor whose start-up window has become full begin, and yield them."""
         for number, sensor in enumerate(self._all):
             channels = sensor.channels
             if channels is not None and channels.bank.startup_remaining and not device.window_left(number):
@@ -116,14 +123,14 @@ class Sensors:
                 yield channels
 
     def bridge(self, count: int) -> None:
-        """Predict over `count` samples that passed while the program did not run."""
+        """Let the estimators predict `count` samples that came while the program did not run."""
         if self._fits is not None:
             self._fits.bridge(count)
         for sensor in self._all:
             sensor.bridge(count)
 
     def block(self, block: Block, of_sensors: OfSensors) -> Block:
-        """Return the samples together with the sensors' results."""
+        """Return the samples `block` together with the results of the trackers and filters."""
         tracked, estimates, variant = [], [], ""
         for sensor, found in zip(self._all, of_sensors, strict=True):
             if found is None:
@@ -141,9 +148,9 @@ class Sensors:
         return [] if channels is None else channels.losses(losses)
 
     def happened(self, number: int, event: Any, moment: Moment) -> Step | Motion:
-        """Return the record of a step or motion of a sensor, shown by the sample `moment`.
+        """Return the record of a step of a bias or of motion, noticed at the sample `moment`.
 
-        `event`: an item for `events_of`.
+        `event`: the event as the native tracker reports it, which `events_of` converts.
         """
         tracks = self._all[number].tracks
         (found,) = events_of([event])
@@ -151,18 +158,18 @@ class Sensors:
 
     @property
     def words(self) -> object:
-        """Values that all records of samples share until a fit changes them."""
+        """Values that are the same in the records of all samples until the next fit, such as the verdicts."""
         return [
             (sensor.tracks.words, None if sensor.channels is None else sensor.channels.words)
             for sensor in self._all
         ]
 
     def tracks(self, axis: str) -> SensorTracks:
-        """Return the tracker of the sensor that has the axis."""
+        """Return the trackers of the sensor to which the axis belongs."""
         return next(sensor.tracks for sensor in self._all if axis in sensor.tracks.names)
 
     def standing(self, device: Any) -> Standing:
-        """Return the state of the estimators. `device`: the native device."""
+        """Return the present state of all estimators, to be published. `device`: the native device."""
         standing = Standing(fit_period_s=self._fits.period_s() if self._fits is not None else None)
         for number, sensor in enumerate(self._all):
             standing.tracker |= dict(sensor.tracks.stats())
@@ -175,7 +182,10 @@ class Sensors:
         return standing
 
     def save(self) -> dict[str, Any]:
-        """Return the state for a later run, as fields of `Saved`; empty while a start-up window fills."""
+        """Return the estimators' state for a later run, as fields of `Saved`.
+
+        It is empty while a start-up window is not full.
+        """
         saved: dict[str, Any] = {}
         for sensor in self._all:
             channels, sums = sensor.channels, sensor.sums
@@ -189,10 +199,10 @@ class Sensors:
 
 
 def _at(config: EstimatorConfig, table: str, rate_hz: float) -> EstimatorConfig:
-    """Return the settings with times converted to samples.
+    """Return the settings of the filters with all times converted to numbers of samples.
 
     Raises:
-        UsageError: a time in the settings amounts to more samples than allowed.
+        UsageError: a time in the settings is more samples than allowed.
     """
     try:
         return config.at(rate_hz)

@@ -1,11 +1,11 @@
 """Define what is saved of a device's estimators for a later run, and when that snapshot may be used.
 
 A snapshot is used for the same device with the same sensor and settings, if it is not older than `max_age_s`.
-Then bias, R, and the filters with their memory continue. The time since the snapshot is bridged like a gap,
-by prediction alone, for at most the length of the memory. The spectral sums of the live fit continue as well,
-with a break for that time. The record of the first epoch gives `resumed` as the reason. A reset of the board
-since the snapshot does not matter, since the sensor's noise stays the same. (Opening the port of a Due resets
-it.)
+Then the estimates of the bias and of R go on from the saved ones, and so do the filters with their memory.
+The time since the snapshot is bridged like a gap, by prediction alone, for at most the length of the memory.
+The spectral sums of the live fit continue as well, with a break for that time. The record of the first epoch
+gives `resumed` as the reason. A reset of the board since the snapshot does not matter, since the sensor's
+noise stays the same. (Opening the port of a Due resets it.)
 """
 
 import msgspec
@@ -18,11 +18,16 @@ from fltea.settings.config import Config
 from fltea.stream.epoch import Saved
 
 LONGEST_WRAP_S = 30 * 60.0
-"""Longest time over which wraps of the device's clock (every 71.6 minutes) can be counted [s]."""
+"""Longest age of a snapshot for which the number of missing samples follows from the device's clock, which
+wraps every 71.6 minutes [s].
+"""
 
 
 class LastSample(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Number and time of the last sample in the device's boot `boot_id`; both wrap as on the wire."""
+    """Number and device time of the last sample before a snapshot, both with the wraps of the wire protocol.
+
+    `boot_id`: identifier of the device's boot to which they belong.
+    """
 
     boot_id: Whole
     sequence: Whole
@@ -32,9 +37,9 @@ class LastSample(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class DeviceState(Saved, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The saved estimators of one device.
 
-    `sensor`: values that have to be equal for the snapshot to be used. `unix_ns`: Unix time of the last
-    sample [ns]. `last`: the last sample; its number shows how many samples are missing, if the device has run
-    on since.
+    `sensor`: values that describe device, sensor and settings; they have to be equal for the snapshot to be
+    used. `unix_ns`: Unix time of the last sample [ns]. `last`: the last sample; its number shows how many
+    samples are missing, if the device has run on since.
     """
 
     sensor: dict[str, str]
@@ -43,10 +48,10 @@ class DeviceState(Saved, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 def missing_since(state: DeviceState, hello: Hello, sequence: int, device_us: int, age_s: float) -> int:
-    """Return the number of samples between a snapshot and the device's present sample, `age_s` later.
+    """Return how many samples are missing between a snapshot and the device's present sample.
 
-    It is the difference of the samples' numbers, if the device has not booted since the snapshot and its
-    clock agrees. Otherwise it is computed from `age_s`, the age of the snapshot [s].
+    If the device has not booted since the snapshot, and its clock agrees with the samples' numbers, these
+    numbers say it. Otherwise it is computed from `age_s`, the age of the snapshot [s], and the sampling rate.
     """
     known = missing_by_number(state, hello, sequence, device_us, age_s)
     return max(0, round(age_s * hello.rate_hz) - 1) if known is None else known
@@ -55,7 +60,7 @@ def missing_since(state: DeviceState, hello: Hello, sequence: int, device_us: in
 def missing_by_number(
     state: DeviceState, hello: Hello, sequence: int, device_us: int, age_s: float
 ) -> int | None:
-    """Return the number of missing samples if the samples' numbers show it; else None."""
+    """Return how many samples are missing since a snapshot if their numbers show it; else None."""
     last = state.last
     if last is None or last.boot_id != hello.boot_id or age_s > LONGEST_WRAP_S:
         return None
@@ -68,7 +73,10 @@ def missing_by_number(
 
 
 def sensor_of(hello: Hello, config: Config) -> dict[str, str]:
-    """Return the values that have to be equal for a snapshot to be used."""
+    """Return values that describe device, sensor and settings.
+
+    A snapshot is used only if all of them are equal.
+    """
     return {
         "device_id": str(hello.device_id),
         "who_am_i": str(hello.who_am_i),

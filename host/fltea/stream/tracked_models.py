@@ -1,7 +1,7 @@
 """Make the model for the tracker of an axis from a live fit, in the thread that makes the fit.
 
-The model is made with the samples that the tracker remembered when the refit began. So later samples do not
-wait for it, and the result does not depend on the time that this takes.
+The model is made with the samples that the tracker remembered when the refit began. Later samples therefore
+do not wait for the model, and the model does not depend on how long the computation takes.
 """
 
 from typing import NamedTuple
@@ -21,25 +21,25 @@ from fltea.spectrum.live_axes import Noise
 from fltea.spectrum.wording import names
 
 ENOUGH = 3000
-"""Least number of samples of a fit that replaces the tracker's bank of random walks. A fit of fewer samples
-shows too little of slow noise.
+"""Number of samples from which on a fit's noise model replaces the bank of random walks, which the tracker
+uses before. A fit of fewer samples shows too little of slow noise.
 """
 FEWEST, LIKELIER = 300, 30.0
-"""A fit of at least `FEWEST` samples replaces the bank of random walks early if its 2 log L is higher than
-the bank's by `LIKELIER`.
+"""A fit of fewer samples than `ENOUGH`, but at least `FEWEST`, replaces the bank of random walks if 2 log L
+of the samples is higher by more than `LIKELIER` with its noise model than with the bank.
 """
 AHEAD_S = 1, 10, 60, 600, 3600
 GROWTH, APART = 1.5, 0.5
-"""A new filter replaces the present one if the record has grown by the factor `GROWTH`, or if the new noise
-model fits better by `APART` in log likelihood.
+"""The tracker gets a new filter if the record has grown by the factor `GROWTH`, if the parts of the noise
+model have changed, or if the old and the new model differ by `APART` or more in log likelihood.
 """
 EVERY = 2
-"""Only one in `EVERY` of the step variances of the offset's walk is tried. The bias is as accurate as if all
-were tried, in a fifth of the time.
+"""Of the grid of step variances for the random walk of the offset, only every second one (`EVERY`) is tried.
+The bias is as accurate as if all were tried, and the search takes a fifth of the time.
 """
 DIGITS = 3
-"""Number of significant digits of a fit's figures that are used, since the last digits may differ between a
-run and its replay.
+"""Number of significant digits to which the figures of a fit are rounded, since further digits may differ
+between a run and its replay.
 """
 
 
@@ -52,19 +52,23 @@ class TrackedModel(NamedTuple):
     tracker_model: TrackerModel
     """The model that the tracker uses."""
     system: System
-    """State-space system of the noise model, with the mean over all drifts that the offset may have."""
+    """State-space system of the noise model. Its offset drifts as the weighted mean of all drifts that the
+    samples allow.
+    """
     K: Interval
-    """Rate random walk K of the offset, as `OffsetWalk.K` gives it."""
+    """Rate random walk K of the offset with its interval (`OffsetWalk.K`)."""
     at_rest: Array
-    """Covariance (n, n) of the state x of `system` after a rest as long as the fitted record."""
+    """Covariance (n, n) of the state x of `system` after the sensor was at rest for as long as the fitted
+    record.
+    """
     h: float
     headings: dict[int, float]
-    """Standard deviation of the heading error for each number of seconds since the rest; empty for a sensor
-    that measures no rate.
+    """For each number of seconds after the end of the rest, the standard deviation of the heading error;
+    empty for a sensor that measures no rate.
     """
 
     def heading_std(self, t_s: float) -> float:
-        """Return the standard deviation of the integral of the samples, `t_s` seconds after the rest."""
+        """Return the standard deviation of the samples' integral, `t_s` seconds after the end of a rest."""
         return heading_std(self.system, self.at_rest, self.h, t_s)
 
 
@@ -76,13 +80,14 @@ class TrackedModelMaker(NamedTuple):
     h: float
     unit: str
     knows_offset: bool
-    """Whether the settings give the offset."""
+    """Whether the user has given the sensor's offset in the settings."""
 
     def tracked_model(self, noise: Noise | None, before: TrackedModel | None) -> TrackedModel | None:
         """Return the tracker model to use from now on.
 
-        `before`: tracker model in use. It is returned unless the noise has changed, the fit is certain
-        enough, and a filter can be made for the new noise.
+        `noise`: noise model of the newest fit. `before`: the tracker model in use, which is returned if the
+        noise has hardly changed, if the fit has too few samples, or if no filter can be made for the new
+        noise.
         """
         if noise is None or noise.samples < FEWEST:
             return before
@@ -102,7 +107,8 @@ class TrackedModelMaker(NamedTuple):
             tracker_model = TrackerModel(self.rules, *rivals)
             P = rested(found, n)
             stds = heading_stds(found, P, self.h, AHEAD_S) if self.unit == GYRO_UNIT else ()
-        # the new model is at the edge of stationarity: the previous one stays in use
+        # the new model is at the edge of stationarity, so no filter can be made for it, and the previous
+        # model stays in use
         except (ValueError, ArithmeticError):
             return before
         model = names(map(type, noise.parts))
@@ -112,7 +118,7 @@ class TrackedModelMaker(NamedTuple):
 
 
 def _says_the_same(noise: Noise, before: Noise, h: float) -> bool:
-    """Return whether `noise` is so similar to `before` that the filter can stay."""
+    """Return whether the noise `noise` is so similar to `before` that the tracker can keep its filter."""
     if noise.samples > GROWTH * before.samples or noise.drifts != before.drifts:
         return False
     if [type(part) for part in noise.parts] != [type(part) for part in before.parts]:
@@ -122,6 +128,6 @@ def _says_the_same(noise: Noise, before: Noise, h: float) -> bool:
 
 def _rounded(part: Part) -> Part:
     figures = ((name, getattr(part, name)) for name in part.__struct_fields__)
-    # A figure that is a number of samples is an integer and is not rounded.
+    # A parameter that is a number of samples is an integer and is not rounded.
     rounded = {name: x if isinstance(x, int) else float(f"{x:.{DIGITS}g}") for name, x in figures}
     return with_fields(part, **rounded)

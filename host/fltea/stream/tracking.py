@@ -1,7 +1,7 @@
 """Estimate the present bias of each axis with the noise model of the live fit.
 
-Estimates begin with the first sample. Until a fit is stable, or its record is half a minute long, a bank of
-random-walk models is used in place of the noise model.
+The bias is estimated from the first sample on. Until a fit is far likelier than a bank of random-walk models,
+or has 3,000 samples, the tracker uses that bank in place of the fit's noise model.
 """
 
 import contextlib
@@ -24,9 +24,13 @@ from fltea.stream.tracked_models import TrackedModel, TrackedModelMaker
 
 UNDEFINED = Interval()
 CHECKED_S = 1, 10, 60
-"""Times over which the bias is compared with later samples [s]."""
+"""Lengths of the later pieces of samples with whose means the bias is compared, as a check of its standard
+deviation [s].
+"""
 STILL_S = 10.0
-"""Time for which the samples have to stay at another value before it becomes the new offset [s]."""
+"""Time for which the samples have to stay at another value before the tracker takes that value as the new
+offset [s].
+"""
 
 
 def rules_of(live: LiveConfig, h: float, unit: str) -> TrackerRules:
@@ -39,7 +43,7 @@ def rules_of(live: LiveConfig, h: float, unit: str) -> TrackerRules:
         largest_gravity_step=live.largest_step_ms2,
         still=max(round(STILL_S / h), 1),
         patience=max(round(LONGEST_MOTION_S / h), 1),
-        settles=not is_gyro,  # an accelerometer that was tilted has another value at rest
+        settles=not is_gyro,  # an accelerometer that was tilted stays at another value, which is no motion
     )
 
 
@@ -58,13 +62,15 @@ class SensorTracks:
         self._bias_s = live.bias_s
         self.tracker = Tracker(self._offsets, rules_of(live, h, unit))
         self.words = self._words()
-        """For each axis, verdict, alpha and f. They stay the same in all records until the next fit."""
+        """The verdicts of all axes, their alphas and their f. They are the same in all records until the next
+        fit.
+        """
         self._tracked_models: dict[str, TrackedModel] = {}
 
     def run(self, values: Array, accel: Array | None = None, rest: Rest = Rest.UNKNOWN) -> TrackedColumns:
-        """Track samples (n, columns), and return the results.
+        """Track the biases over samples (n, columns), and return the trackers' results.
 
-        Then `events` has the steps and motions among them.
+        After the call, `events` has the steps of biases and the motions that were found in these samples.
 
         `accel`: simultaneous samples of the accelerometer, (n, 1 to 3) [m/s²].
         """
@@ -73,11 +79,14 @@ class SensorTracks:
 
     @property
     def events(self) -> list[TrackerEvent]:
-        """Steps and motions among the samples of the last call of `run`."""
+        """Steps of biases and motions that the last call of `run` found in its samples."""
         return self.tracker.events
 
     def columns(self, found: Sequence[Array | Mask]) -> TrackedColumns:
-        """Return the tracker's results for samples as columns; `found`: the arrays of the native tracker."""
+        """Return the tracker's results for a block of samples as named columns.
+
+        `found`: the arrays of the native tracker.
+        """
         return TrackedColumns._make((self.names, self.unit, *found, *self.words))
 
     def _words(self) -> tuple[tuple[Any, ...], ...]:
@@ -93,13 +102,15 @@ class SensorTracks:
         return accepted is self._known.get(axis)
 
     def skip(self, count: int) -> None:
-        """Predict over `count` lost samples."""
+        """Let the trackers predict `count` lost samples."""
         self.tracker.skip(count)
 
     def maker(self, axis: str) -> TrackedModelMaker:
-        """Return an object that makes a tracker model from the axis's samples until now.
+        """Return an object that makes the tracker model of an axis.
 
-        `AcceptedFit.followed_by` uses it.
+        It uses the samples that the axis's tracker remembers now.
+
+        `AcceptedFit.followed_by` uses this object.
         """
         given = self._offsets[self.names.index(axis)] is not None
         return TrackedModelMaker(self.remembered(axis), self.tracker.rules, self.h, self.unit, given)
@@ -123,9 +134,9 @@ class SensorTracks:
             self._tracked_models[axis] = tracked_model
 
     def heading_std(self, axis: str, t_s: float) -> float:
-        """Return the standard deviation of the integral of an axis, `t_s` seconds after a rest.
+        """Return the standard deviation of an axis's integral, `t_s` seconds after the end of a rest.
 
-        NaN before the first fit.
+        Return NaN before the first fit of the axis.
         """
         return self._tracked_models[axis].heading_std(t_s) if axis in self._tracked_models else math.nan
 
@@ -157,7 +168,7 @@ class SensorTracks:
             )
 
     def save(self) -> bytes:
-        """Return the trackers' state for `load`."""
+        """Return the state of the trackers as bytes, from which `load` can continue."""
         return self.tracker.save()
 
     def load(self, saved: bytes) -> None:
@@ -166,7 +177,10 @@ class SensorTracks:
 
 
 def _checks(checked: Sequence[Checked]) -> dict[int, BiasCheck]:
-    """Return, for each time in `CHECKED_S`, how well the bias was predicted, if there are enough samples."""
+    """Return, for each time in `CHECKED_S`, how well the bias predicted the samples' mean.
+
+    Times without a complete check are left out.
+    """
     found = zip(CHECKED_S, checked, strict=True)
     return {t_s: BiasCheck(one.pieces, one.rms) for t_s, one in found if one.rms is not None}
 

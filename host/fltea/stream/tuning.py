@@ -1,4 +1,4 @@
-"""Decide which results of the live fit the FLTEA filter of an axis uses, and when it takes them over."""
+"""Decide which results of the live fit the FLTEA filter of an axis uses, and when."""
 
 from typing import NamedTuple
 
@@ -10,13 +10,20 @@ from fltea.settings.estimator import LARGEST
 from fltea.settings.live import TUNED_WITHIN
 
 STEP = 0.1
-"""A figure counts as unchanged if it has changed by less than this share of its confidence interval."""
+"""A figure of a fit counts as unchanged if it has changed by at most this fraction of the width of its
+confidence interval.
+"""
 LEAST_R = 1e-3
-"""Smallest R, as a share of s2. The data cannot distinguish a smaller R from 0, and a filter needs R > 0."""
+"""Smallest ratio of R, the variance of the white noise, to s2, the variance of a step of the state. The
+samples cannot distinguish a smaller R from 0, and a filter needs R > 0.
+"""
 
 
 class HandedOver(NamedTuple):
-    """Results of one fit that a filter has to use together, since each is right only with the others."""
+    """The variances and the order from one fit.
+
+    A filter has to use them together, since each is right only with the others.
+    """
 
     variances: Variances
     filter_model: FilterModel
@@ -25,11 +32,12 @@ class HandedOver(NamedTuple):
 def handed_over(fit: AxisFit, in_use: Variances | None) -> HandedOver | None:
     """Return s2, R and the order of a fit, rounded to three digits; None if the order is not known.
 
-    s2 and R may each be uncertain by a factor of ten although α is known, since more white noise with a
-    smaller state has nearly the same spectrum. So α and f are used only with s2 and R of the same fit. The
-    result is also None in three other cases: if the noise passed a low-pass or high-pass filter, which Q and
-    R do not describe; if the filters do not accept the order; and if both variances are unchanged. `in_use`:
-    the variances that the filter got before, if any.
+    s2 is the variance of a step of the state, and R that of the white noise. Both may be uncertain by a
+    factor of ten although the order α is known, since more white noise with a smaller state has nearly the
+    same spectrum. So α and f are used only with s2 and R of the same fit. The result is also None if the
+    noise passed a low-pass or high-pass filter, which Q and R do not describe; if the filters do not accept
+    the order or the variances; and if both variances are unchanged. `in_use`: the variances that the filter
+    uses now; None if it has none from a fit.
     """
     s2, R = fit.s2.value, fit.R.value
     filter_model = _filter_model(fit)
@@ -45,7 +53,8 @@ def handed_over(fit: AxisFit, in_use: Variances | None) -> HandedOver | None:
 def _filter_model(fit: AxisFit) -> FilterModel | None:
     alpha, F, f = _with_std(fit.alpha), _with_std(fit.F), _with_std(fit.f)
     if fit.low_pass is not None or fit.high_pass is not None or alpha is None or F is None or f is None:
-        # the samples passed a filter: the figures describe the input of that filter, not the samples
+        # without an order there is no model, and if the samples passed a low-pass or high-pass, the figures
+        # describe the noise before it
         return None
     filter_model = FilterModel(*alpha, *F, *f)
     return (
@@ -54,9 +63,9 @@ def _filter_model(fit: AxisFit) -> FilterModel | None:
 
 
 def _with_std(p: Interval) -> tuple[float, float] | None:
-    """Return a figure and its standard deviation, from the wider side of its interval.
+    """Return a figure and its standard deviation, which is computed from the wider side of the 95 % interval.
 
-    None if an end is missing.
+    Return None if the figure or an end of the interval is not known.
     """
     if p.value is None or p.low is None or p.high is None:
         return None

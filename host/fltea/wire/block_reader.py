@@ -31,8 +31,8 @@ class SampleColumns(NamedTuple):
     flags: NDArray[np.int64]
     """Bits of `wire.SampleFlags`; shape (n,)."""
     end: NDArray[np.int64]
-    """Where each frame ends, after its closing 0x00, counted from the first byte passed to the call [bytes];
-    shape (n,).
+    """For each frame, the number of bytes from the first byte passed to the call to the frame's closing 0x00,
+    including it; shape (n,).
     """
 
     def frames(self) -> Iterator[Frame]:
@@ -43,15 +43,15 @@ class SampleColumns(NamedTuple):
 
 
 class Located(NamedTuple):
-    """A decoded item that is not a sample, and where it ends."""
+    """A decoded item that is not a sample, with the place in the stream of bytes where it ends."""
 
     item: Frame | Refused | BadFrame
     """A frame other than SAMPLE, a refused HELLO, or a bad frame."""
     end: int
-    """Where the item ends, after its closing 0x00, counted from the first byte passed to the call [bytes].
+    """Number of bytes from the first byte passed to the call to the item's closing 0x00, including it.
 
-    A COBS block that is too long ends after the first byte beyond the limit, since it is reported before its
-    0x00 arrives.
+    A COBS block that is too long is reported before its 0x00 arrives. It ends with the first byte beyond the
+    limit.
     """
 
 
@@ -59,7 +59,7 @@ Decoded: TypeAlias = SampleColumns | Located
 
 
 class BlockReader:
-    """Decodes the bytes from one port into blocks of samples and other items, in their order.
+    """Decodes the bytes from one port into blocks of samples and other items, in the order of arrival.
 
     `bytes_in` is the number of all bytes passed to `feed`; `reset` does not change it. The result does not
     depend on how the bytes are divided among calls, except that a block of samples ends at the end of a call.
@@ -70,9 +70,9 @@ class BlockReader:
         self._decoder = _native.Decoder()
 
     def reset(self) -> None:
-        """Begin again after the port was reopened, and drop an unfinished frame.
+        """Begin again after the port was reopened. An unfinished frame is dropped.
 
-        The beginning of the next frame may be missing.
+        The first frame after this call may lack its beginning.
         """
         self._decoder.reset()
 
@@ -106,7 +106,7 @@ class BlockReader:
 
 
 def _read(type: int, sequence: int, device_us: int, payload: bytes) -> Frame | Refused:
-    """Return an undamaged frame. The native decoder has already checked its type and length."""
+    """Return an undamaged frame as a `Frame`. The native decoder has already checked its type and length."""
     refused = refusal(payload) if type == Hello.TYPE else None
     return refused or Frame(type, sequence, device_us, MESSAGES[type].unpack(payload))
 

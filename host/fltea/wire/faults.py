@@ -1,6 +1,6 @@
-"""Returns texts that explain a device's FAULT messages and say what to do.
+"""Returns texts for users that explain a device's FAULT messages and say what to do.
 
-The codes of the messages are in protocol/README.md.
+The codes in FAULT messages are listed in protocol/README.md.
 """
 
 from fltea.wire.layout import FaultCode
@@ -9,10 +9,10 @@ _LINES = {1: "SDA stays", 2: "SCL stays", 3: "SDA and SCL stay"}
 
 
 def fault_text(code: int, detail: int, sensor: str = "the sensor") -> str:
-    """Return a text that says what happened, the likely cause, and what to do.
+    """Return a text for users that says what fault happened, its likely cause, and what to do.
 
     `code`, `detail`: the fields of the FAULT message.
-    `sensor`: name of the sensor for the text.
+    `sensor`: name of the sensor, which the text mentions.
     """
     match code:
         case FaultCode.SENSOR_MISSING:

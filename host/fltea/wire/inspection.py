@@ -1,4 +1,7 @@
-"""Shows the frames of the wire protocol as text: one line for each frame, damaged or not, and a summary."""
+"""Shows the frames in a stream of bytes as text.
+
+Each frame, damaged or not, gets one line; a summary gives the counts.
+"""
 
 from collections.abc import Iterable, Iterator
 from enum import IntFlag
@@ -11,13 +14,16 @@ HEX_BYTES_SHOWN = 24
 
 
 FLAGS: dict[type[wire.Message], type[IntFlag]] = {wire.Estimate: wire.EstimateFlags, wire.Fit: wire.FitFlags}
-"""Meanings of the bits in the field `flags`, for messages whose flags differ from those of SAMPLE."""
+"""Meanings of the bits in the field `flags` of a message. Messages that are not listed have the flags of
+SAMPLE.
+"""
 
 
 def inspect(chunks: Iterable[bytes], reader: FrameReader) -> Iterator[str]:
-    """Yield one line of text for every frame in a stream of bytes. `reader` counts the frames.
+    """Yield one line of text for every frame in the bytes `chunks`. `reader` decodes and counts the frames.
 
-    After a HELLO of another protocol version, fields may have other meanings; the lines then begin with `?`.
+    After a HELLO of another protocol version, the fields of frames may have other meanings, so the lines of
+    good frames begin with `?`.
     """
     doubtful = False
     for chunk in chunks:
@@ -46,7 +52,7 @@ def describe(item: Frame | Refused | BadFrame) -> str:
 
 
 def summary(reader: FrameReader) -> str:
-    """Return the counts of bytes, good frames and bad frames in the stream as text."""
+    """Return a text with the counts of bytes, good frames and bad frames in the stream."""
     parts = [f"{reader.bytes_in} bytes", f"{reader.counts['frames']} good frames"]
     parts += [f"{n} {reason}" for reason, n in sorted(reader.counts.items()) if reason != "frames"]
     return ", ".join(parts)
@@ -54,7 +60,7 @@ def summary(reader: FrameReader) -> str:
 
 def _value(field: str, value: object, flags: type[IntFlag]) -> str:
     if isinstance(value, float):
-        return f"{value:.7g}"  # as many digits as a 32-bit float holds
+        return f"{value:.7g}"  # seven digits, as many as a 32-bit float holds
     if isinstance(value, bytes):
         return value.hex()
     if isinstance(value, str):

@@ -1,4 +1,4 @@
-"""Converts messages of the wire protocol to events, and raw counts to values in units."""
+"""Converts messages of the wire protocol to events, whose values are in physical units instead of counts."""
 
 from enum import IntEnum
 
@@ -12,7 +12,7 @@ _FIELDS = wire.Estimate._fields
 CAUSES = _FIELDS[_FIELDS.index("order_box") : _FIELDS.index("tracker_bias")]
 """Fields of ESTIMATE that count the interventions of the filters' guard.
 
-This computer's estimator uses the same names.
+The estimator on the host uses the same names for its counters.
 """
 
 BINS = sum(field.startswith("frequency_") for field in wire.Spectrum._fields)
@@ -23,7 +23,7 @@ def hello_event(hello: wire.Hello, source: str, host_ns: int) -> Hello:
     """Return the event of a HELLO message, with counts converted to units."""
 
     def scaled(name: str) -> float:
-        # rounded, so that 164 * 0.1 is exactly 16.4
+        # rounded, so that a raw value of 164 in units of 0.1 gives exactly 16.4
         return float(round(getattr(hello, name) * wire.Hello.SCALE[name], 9))
 
     return Hello(
@@ -50,8 +50,8 @@ def hello_event(hello: wire.Hello, source: str, host_ns: int) -> Hello:
 def status_event(s: wire.Status) -> DeviceStatus:
     """Return the event of a STATUS message, with counts converted to units.
 
-    A `longest_step` of 0 µs means that no time was measured, since every pass of the device's main loop takes
-    longer.
+    Every pass of the device's main loop takes more than 0 µs. A `longest_step` of 0 µs therefore means that
+    the device has not measured any time, and the event has no processor times.
     """
     return DeviceStatus(
         *s[:5],
@@ -149,7 +149,10 @@ def fit_event(fit: wire.Fit, host_ns: int) -> DeviceFit:
 
 
 def bins_event(s: wire.Spectrum, host_ns: int) -> DeviceBins:
-    """Return the event of a SPECTRUM message, without the unused bins at the end of the last message."""
+    """Return the event of a SPECTRUM message.
+
+    The last message of a spectrum may have unused bins at its end, which are left out.
+    """
     n = max(0, min(BINS, s.total - s.first))
     hz, ordinates, density = (
         tuple(getattr(s, f"{name}_{i}") for i in range(n)) for name in ("frequency", "ordinates", "density")

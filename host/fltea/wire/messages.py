@@ -1,14 +1,14 @@
 """Defines the types of decoded frames, and encodes frames (protocol/README.md).
 
-The native decoder reads frames (`fltea.wire.block_reader`).
+Frames are decoded elsewhere, by the native decoder (`fltea.wire.block_reader`).
 """
 
 from struct import Struct
 from typing import Final, NamedTuple
 from zlib import crc32
 
-# The package cobs was written independently of the device's encoder, so both do not have the same faults. It
-# is a fast C extension.
+# This package was written independently of the device's encoder, so it does not have the same faults, and
+# tests can compare the two. It is a fast C extension.
 from cobs import cobs
 
 from fltea.wire.layout import (
@@ -30,11 +30,13 @@ REASONS: Final = {
     "length": "CRC fits, but the payload is shorter than its type demands",
     "unknown_type": "intact, of a type that this version does not know",
 }
-"""For each reason for which a block of bytes is a `BadFrame`, a text."""
+"""Short texts for the reasons why a block of bytes is a `BadFrame`."""
 
 CRC_SIZE: Final = 4
 VERSION: Final = Struct("<BBI")
-"""Layout of the first bytes of a HELLO in every version: major version, minor version and schema hash."""
+"""Layout of the bytes with which a HELLO of every protocol version begins: major version, minor version and
+schema hash.
+"""
 
 
 class Frame(NamedTuple):
@@ -56,15 +58,15 @@ class BadFrame(NamedTuple):
     reason: str
     """Why the frame cannot be used: a key of `REASONS`."""
     data: bytes
-    """The bytes as they arrived, COBS-encoded, without the closing 0x00. If there are more than
-    `MAX_ENCODED`, only these are kept.
+    """The bytes of the block as they arrived, COBS-encoded, without the closing 0x00. Of a longer block, only
+    the first `MAX_ENCODED` bytes are kept.
     """
 
 
 class Refused(NamedTuple):
     """The protocol version in an undamaged HELLO if this program cannot read that version.
 
-    Nothing else that this device sends may be interpreted.
+    After such a HELLO, nothing else that the device sends may be interpreted.
     """
 
     protocol_major: int
@@ -108,7 +110,7 @@ def encode(message: Message, sequence: int, device_us: int) -> bytes:
 def encode_frame(type: int, sequence: int, device_us: int, payload: bytes) -> bytes:
     """Return the bytes of one frame as they are sent, including the closing 0x00.
 
-    The device has its own encoder. This function is for simulated devices, tests and benchmarks.
+    Only simulated devices, tests and benchmarks use this function; a real device has its own encoder.
 
     `device_us`: device time since boot, modulo 2**32 [us].
 

@@ -1,6 +1,6 @@
 """Opens serial ports, each in its own thread, and opens them again if they are lost.
 
-Others read the ports.
+The opened ports are read elsewhere.
 """
 
 import os
@@ -16,7 +16,10 @@ from fltea.wire.transport import Port
 
 @dataclass
 class _PortState:
-    """State of a port. `open_ns`: time to open it [ns]; None while the port is open or being opened."""
+    """State of a port.
+
+    `open_ns`: time at which it is to be opened [ns]; None while it is open or being opened.
+    """
 
     port: Port
     open_ns: int | None = 0
@@ -26,10 +29,11 @@ class _PortState:
 class Openings:
     """Opens serial ports that have a file descriptor.
 
-    `read`: function that starts to read an opened port. Its arguments are the port's index, the descriptor,
-    whether the other side can close the port, and the port's setting `latency_s` [ns]. It raises OSError if
-    the port cannot be read.
-    `wake`: function that is called from another thread when a port was opened, or could not be opened.
+    `read`: function that starts to read an opened port. Its arguments are the port's index, its file
+    descriptor, whether the other side can close the port, and the port's `latency_s`, converted to
+    nanoseconds. It raises OSError if the port cannot be read.
+    `wake`: function that is called from another thread after each attempt to open a port, whether successful
+    or not.
     """
 
     def __init__(
@@ -45,7 +49,10 @@ class Openings:
         self._closed = False
 
     def begin(self, now_ns: int) -> None:
-        """Start to open the ports that are due, each in its own thread, since a network may be slow."""
+        """Start to open the ports that are due.
+
+        Each is opened in its own thread, since opening a port on a network may be slow.
+        """
         for index, state in enumerate(self._states):
             if state.open_ns is not None and now_ns >= state.open_ns:
                 state.open_ns = None
@@ -54,11 +61,11 @@ class Openings:
 
     @property
     def next_ns(self) -> int | None:
-        """Time at which the next port is to be opened [ns]; None if no port waits."""
+        """Time at which the next port is to be opened [ns]; None if no port waits to be opened."""
         return min((state.open_ns for state in self._states if state.open_ns is not None), default=None)
 
     def opened(self) -> Iterator[tuple[int, Opened | Failed]]:
-        """Yield index and result of each attempt to open a port that has ended since the last call."""
+        """Yield port index and result of each attempt to open a port that has ended since the last call."""
         while not self._opened.empty():
             index, event = self._opened.get()
             state = self._states[index]
@@ -73,7 +80,7 @@ class Openings:
     def lost(self, index: int, number: int, *at: int, worked: bool) -> Failed:
         """Close a port that was lost, schedule its next opening, and return the event of the loss.
 
-        `number`: number of the system's error (errno) that showed the loss.
+        `number`: errno of the failed system call that showed the loss.
         `at`: host time and offset to Unix time of the loss [ns].
         `worked`: whether bytes had arrived from the port; such a port is opened again soon.
         """
@@ -108,7 +115,10 @@ class Openings:
         self._wake()
 
     def _updated(self, state: _PortState, event: Opened | Failed) -> Opened | Failed:
-        """Record whether the port is open; if it is not, schedule its next opening. Return the event."""
+        """Record by `event` whether the port is open.
+
+        If it is not, schedule its next opening. Return the event.
+        """
         state.is_open = isinstance(event, Opened)
         state.open_ns = None if state.is_open else host_ns() + round(state.port.backoff_s() * 1e9)
         return event

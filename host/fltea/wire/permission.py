@@ -11,7 +11,8 @@ from typing import NamedTuple
 class Group(NamedTuple):
     """The group of a file.
 
-    `joinable`: whether joining helps: its members may read and write the file, and it is not root's group.
+    `joinable`: whether a user who joins the group gains access. This is so if its members may read and write
+    the file, and if it is not root's group.
     """
 
     gid: int
@@ -59,11 +60,13 @@ RULES = {
     "dialout": "sudo make install-udev, in a clone; then plug the board in again",
     "i2c": 'KERNEL=="i2c-[0-9]*", GROUP="i2c", MODE="0660"',
 }
-"""For the groups of serial ports and of I²C buses, the udev rule that gives access, or how to install it."""
+"""For the usual groups of serial ports and of I²C buses, a text that names the udev rule that gives users
+access, or says how to install it.
+"""
 
 
 def join_remedy(device: str, group: Group | None, user: User) -> str:
-    """Return a text that tells a user how to get permission to use a device.
+    """Return a text that tells the user how to get permission to use a device file.
 
     `group`: the group of the device; None if the group is not known.
     """

@@ -1,4 +1,7 @@
-"""Reads several serial ports in one thread. Native code waits for data, reads them and adds times."""
+"""Reads several serial ports in one thread.
+
+Native code waits for bytes, reads them and notes their arrival times.
+"""
 
 from collections.abc import Iterator, Sequence
 
@@ -9,13 +12,18 @@ from fltea.wire.openings import Openings
 from fltea.wire.transport import QUEUE_BYTES, Port
 
 TICK_S = 0.5
-"""Time without bytes after which a port yields a `Tick` [s]. Replays yield ticks at the same interval."""
+"""Time without bytes from a port after which a `Tick` is yielded for it [s]. Replays of recordings yield
+ticks at the same interval.
+"""
 
 TICK_NS = int(TICK_S * 1e9)
 
 
 class Ports:
-    """Reads serial ports that have file descriptors, and yields undecoded bytes and events."""
+    """Reads serial ports that have file descriptors.
+
+    It yields the received bytes, not decoded, and the events of the ports.
+    """
 
     def __init__(self, ports: Sequence[Port]) -> None:
         self._ports = list(ports)
@@ -50,7 +58,7 @@ class Ports:
                 yield index, Tick(now_ns)
 
     def wake(self) -> None:
-        """End the wait in `poll`; may be called from another thread."""
+        """End the wait in `poll`. This method may be called from another thread."""
         self._reader.wake()
 
     def close(self) -> None:

@@ -12,7 +12,7 @@ from fltea.wire.transport import QUEUE_BYTES, READ_TIMEOUT_S, Port
 class Reader:
     """Reads one serial port in a separate thread until `close`, and queues the events.
 
-    It is used for ports without a file descriptor, and by callers that have only one port.
+    This class serves ports without a file descriptor, and callers that have only one port.
     """
 
     def __init__(self, port: Port) -> None:
@@ -43,7 +43,7 @@ class Reader:
             yield event
 
     def close(self) -> None:
-        """Stop reading and release the port."""
+        """Stop reading the port and close it."""
         self._stop.set()
         self._queue.put(None)  # wakes a caller that waits in `events`
         if self._thread.is_alive():
@@ -79,7 +79,7 @@ class Reader:
     def _put(self, event: TransportEvent) -> None:
         """Queue an event without waiting.
 
-        If the consumer is too slow, drop the event's bytes and count them.
+        If the consumer of the queue is too slow, drop received bytes and count them.
         """
         if isinstance(event, Chunk):
             with self._lock:

@@ -1,4 +1,4 @@
-"""Converts counts to physical units and back, with the scales in HELLO."""
+"""Converts the raw counts of samples to physical units and back, with the scales that HELLO states."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -14,7 +14,7 @@ from fltea.wire.sensors import temperature_counts, temperature_scale
 class Scales(NamedTuple):
     """Factors from counts to physical units.
 
-    If the scale in HELLO is null, the samples are in physical units already.
+    If a scale in HELLO is null, the samples are in that physical unit already.
     """
 
     gyro_lsb_per_dps: float
@@ -35,7 +35,7 @@ class Scales(NamedTuple):
 
 
 def to_counts(samples: Sequence[Sample], hello: Hello) -> RawBlock:
-    """Convert samples back to counts; all samples must have the same fields."""
+    """Convert samples in physical units back to counts. All samples must have the same fields."""
     lsb, first = hello.gyro_lsb_per_dps, samples[0]
     gyro = np.array([sample.gyro_dps for sample in samples])
     accel = temperature = None

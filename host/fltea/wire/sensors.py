@@ -15,12 +15,14 @@ Counts = NDArray[np.int16] | NDArray[np.float64]
 
 
 class Sensor(NamedTuple):
-    """One kind of sensor chip.
+    """One kind of sensor chip that fltea knows.
 
-    `family`: key in `sources.i2c.chips.CHIPS`; chips of a family have the same registers.
+    `family`: key of the chip's family in `sources.i2c.chips.CHIPS`. All chips of a family have the same
+    registers.
     `lsb_per_c`: scale of the thermometer [LSB per °C].
     `zero_c`: temperature at 0 counts [°C].
-    `note`: text for the owner of a relative or a clone of the MPU-9250; empty for other chips.
+    `note`: warning for the owner of a chip that is a relative or a clone of the MPU-9250; empty for other
+    chips.
     """
 
     name: str
@@ -31,7 +33,7 @@ class Sensor(NamedTuple):
 
     @property
     def is_clone(self) -> bool:
-        """Whether the chip is sold under the name of another chip."""
+        """Whether the chip is a clone, which is sold under the name of another chip."""
         return self.note == _CLONE
 
 
@@ -54,7 +56,7 @@ NO_SENSOR = 0
 """Value of WHO_AM_I in HELLO while no sensor has answered the device."""
 
 _UNKNOWN = SENSORS[0x71]
-"""The chip whose thermometer scale is used for unknown chips, too."""
+"""The chip whose thermometer scale is also used for unknown chips."""
 
 
 def known_sensors() -> str:

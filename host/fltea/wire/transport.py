@@ -1,7 +1,7 @@
 """Opens and reads serial ports by URL. Each failure becomes an event, and the port is opened again.
 
-The class ReaderThread of pyserial ends silently if the port is unplugged (its `in_waiting` raises an
-OSError). In this module, any exception closes the port and makes an event with the reason. Then the port is
+The class ReaderThread of pyserial ends silently if the port is unplugged, because `in_waiting` raises an
+OSError. In this module, any exception closes the port and makes an event with the reason. Then the port is
 opened again, after pauses that become longer with each failure.
 """
 
@@ -34,19 +34,21 @@ ANY_BOARD = f"hwgrep://VID:PID=({'|'.join(f'{v:04X}' for v in DUE_VENDORS)}):{DU
 READ_TIMEOUT_S = 0.1
 SOCKET = "socket://"
 SCHEMES = ("socket", "rfc2217", "hwgrep", "loop")
-"""Allowed URL schemes. Other schemes of pyserial are refused, since they write files or load classes."""
+"""Schemes that the URL of a port may have. Other schemes of pyserial are refused, since they write files or
+load classes.
+"""
 
 BACKOFF_S = (0.25, 0.5, 1.0, 2.0, 5.0)
 QUEUE_BYTES = 1 << 20
-"""Largest number of received bytes that may wait for the consumer: half a minute at a serial port's full
-speed.
+"""Largest number of received bytes of a port that may wait for the consumer. A serial port at full speed
+sends so many in half a minute.
 """
 
 MAX_CHUNK = 1 << 16
 
 AT_ONCE = 4
-"""Largest number of ports that are opened at the same time. While it is opened, a port needs six file
-descriptors, and afterwards one.
+"""Largest number of ports that are opened at the same time. A port takes six file descriptors while it is
+being opened, and one afterwards.
 """
 
 _OPENING = threading.BoundedSemaphore(AT_ONCE)
@@ -67,7 +69,8 @@ def check_url(url: str, baud: int) -> None:
     if baud <= 0:
         raise UsageError(f"a baud rate of {baud} is not possible; the firmware speaks 250000 baud.")
     try:
-        scheme, is_url, _ = url.lower().partition("://")  # pyserial splits URLs in the same way
+        # pyserial looks for the scheme of a URL in the same way
+        scheme, is_url, _ = url.lower().partition("://")
         if is_url and scheme not in SCHEMES:
             raise ValueError(f"'{scheme}://' is not among the kinds of addresses that it opens")
         serial.serial_for_url(url, baudrate=baud, do_not_open=True)
@@ -79,7 +82,7 @@ def check_url(url: str, baud: int) -> None:
             "/dev/ttyACM0, or socket://HOST:PORT, rfc2217://HOST:PORT, hwgrep://REGEXP, loop://."
         ) from error
     except serial.SerialException:
-        pass  # no port matches hwgrep:// now, but it may appear later
+        pass  # no port matches the URL hwgrep:// now, but a matching one may appear later
 
 
 def list_ports_text() -> str:
@@ -118,10 +121,10 @@ def explain_open_failure(url: str, error: Exception) -> tuple[str, str]:
 
 
 class Port:
-    """One serial port: opens it, reads it, and computes the pauses between attempts to open it.
+    """One serial port. This class opens it, reads it, and computes the pauses between attempts to open it.
 
-    The port is opened exclusively. Opening raises the signal DTR if the port has it, which resets a Due;
-    afterwards this class does not change DTR.
+    The port is opened exclusively. Opening raises the signal DTR if the port has that signal, and this resets
+    a Due. Afterwards this class does not change DTR.
 
     `url`: path of a device, or a URL with one of `SCHEMES`.
     `baud`: speed [baud].
@@ -146,7 +149,7 @@ class Port:
 
     @property
     def is_socket(self) -> bool:
-        """Whether the port is a TCP socket, which the other side can close."""
+        """Whether the port is a TCP socket, so that the other side can close it."""
         return self.url.startswith(SOCKET)
 
     def open(self) -> Opened | Failed:
@@ -168,7 +171,8 @@ class Port:
                 _release(port)
             try:
                 return Failed(*explain_open_failure(self.url, error), host_ns(), unix_offset_ns())
-            # explaining the failure reads the machine's groups and ports, which may fail as well
+            # The text of the failure names groups and ports of this machine, and reading these may fail as
+            # well.
             except Exception as fault:
                 text = f"cannot open {self.url}: {error}. Nothing more can be found out ({fault})."
                 return Failed("open_failed", text, host_ns(), unix_offset_ns())
@@ -179,17 +183,17 @@ class Port:
         return self._descriptor
 
     def has_worked(self) -> None:
-        """Make the pauses between attempts short again.
+        """Make the pauses between attempts to open the port short again.
 
-        This is called when bytes have arrived, since a port that was merely opened may still be lost at
-        once.
+        This is called when bytes have arrived, not yet when the port was opened: a port may be lost right
+        after it was opened.
         """
         self._failures = 0
 
     def read_waiting(self) -> Chunk | Failed | None:
         """Wait up to `READ_TIMEOUT_S` for bytes from a port without a file descriptor.
 
-        Return None if none came.
+        Return None if no bytes came.
         """
         port = self._serial
         assert port is not None
@@ -197,7 +201,7 @@ class Port:
             data = port.read(1)
             if data:
                 data += port.read(min(port.in_waiting, MAX_CHUNK))
-        # this may be OSError, SerialException or TypeError, depending on the driver
+        # if the port is lost, this may be OSError, SerialException or TypeError, depending on the driver
         except Exception as error:
             return self.lost(error)
         if not data:
@@ -208,7 +212,7 @@ class Port:
     def lost(self, error: Exception, *at: int) -> Failed:
         """Close the port, and return the event that the port was lost, with the reason.
 
-        `at`: host time, and offset to Unix time, of the loss [ns]; the present time if they are left out.
+        `at`: host time of the loss, and its offset to Unix time [ns]. Without them, the present time is used.
         """
         self.close()
         message = f"{self.url} was lost ({error}): unplugged, or the other side ended."
@@ -217,7 +221,7 @@ class Port:
     def backoff_s(self) -> float:
         """Return the pause before the next attempt to open the port [s].
 
-        It becomes longer with each failure.
+        The pause becomes longer with each failure.
         """
         wait_s = BACKOFF_S[min(self._failures, len(BACKOFF_S) - 1)]
         self._failures += 1
