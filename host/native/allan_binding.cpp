@@ -1,5 +1,5 @@
-// fltea._native.AllanSums: the class with the sums for the Allan variance of one axis, for Python, on plain
-// arrays.
+// Makes the C++ class AllanSums, which computes the Allan variance of one axis, available in Python as
+// fltea._native.AllanSums. Samples come as numpy arrays.
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 

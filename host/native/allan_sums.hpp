@@ -2,9 +2,9 @@
 //
 // Let B_k be the sum of the m = 2^j samples that end at sample k. Then σ²(m) is the mean of (B_k - B_{k-m})²
 // / (2 m²). For m up to 8, every k is used. For larger m, every (m/8)-th k is used; this loses almost no
-// information, because neighbouring terms are nearly equal. Octave 3 + i therefore needs only the last 16
-// sums of 2^i samples. These sums are the values of level i; level 0 has the samples, and each further level
-// has the sums of pairs of the level below.
+// information, because neighbouring terms are nearly equal. The octave with m = 2^(3 + i) therefore needs
+// only the last 16 sums of 2^i samples. These sums are the values of level i; level 0 has the samples, and
+// each further level has the sums of pairs of the level below.
 //
 // Each level processes its values in chunks of kChunk, counted from the last break in the series. The results
 // therefore do not depend on how callers split the samples into calls.
@@ -21,14 +21,16 @@ namespace allan {
 constexpr std::size_t kChunk = 16, kHistory = 15;
 // Octaves 0 to 3 are computed from level 0, and each further octave from its own level.
 constexpr std::size_t kLevels = 24, kOfSamples = 4, kOctaves = kLevels + kOfSamples - 1;
-// Results older than this number of memory time constants are not shown.
+// Points of the Allan variance whose last term is older than this multiple of the memory's time constant are
+// not returned.
 constexpr double kOldest = 3;
 constexpr double kLargestValue = 1e100, kLargestCount = 1e15;
 
-// The terms (B_k - B_{k-m})² of one octave, as a weighted sum. A new term has weight 1.
+// The weighted sum of the terms (B_k - B_{k-m})² of one octave. A new term has weight 1, and older terms have
+// less if samples are forgotten.
 struct Octave {
     double squares = 0, weight = 0, weight_squared = 0;
-    // Time of the last term, in samples since the beginning of the series.
+    // Time of the last term that was added, in samples since the beginning of the series.
     double last = 0;
 };
 
@@ -43,7 +45,8 @@ struct Level {
 
 struct Point {
     double factor, avar;
-    // Effective number of overlapping terms. If nothing is forgotten, it is the exact number.
+    // Effective number of the overlapping terms that were averaged. If nothing is forgotten, it is their
+    // exact number.
     double terms;
 };
 
@@ -70,8 +73,8 @@ class AllanSums {
     void add(const double* y, std::size_t n) {
         if (n == 0) return;
         if (!begun_) {
-            // The origin is subtracted from the samples, so that a large offset causes no rounding errors in
-            // the sums. It has no effect on differences of sums.
+            // The origin, a fixed value, is subtracted from the samples, so that a large offset causes no
+            // rounding errors in the sums. It cancels in the differences of sums.
             origin_ = y[0];
             begun_ = true;
         }
@@ -96,8 +99,8 @@ class AllanSums {
         stretch_begin_ = now_;
     }
 
-    // Adds the sums of another instance, as if both series ended now. In the series of this instance, this is
-    // a break.
+    // Adds the sums of another instance, as if the series of both ended now. The series of this instance has
+    // a break here.
     void merge(const AllanSums& other) {
         if (other.samples_ <= 0) return;
         AllanSums ended(other);
@@ -193,7 +196,7 @@ class AllanSums {
         for (std::size_t k = 0; k < allan::kHistory; ++k) level.values[k] = level.values[k + n];
     }
 
-    // Adds the terms of octave j: squared differences of two block sums that lie `width` values apart.
+    // Adds terms to octave j: the squared differences of two block sums that lie `width` values apart.
     void count(std::size_t j, std::size_t i, const double* sums, std::size_t width, std::size_t old,
                std::size_t n) {
         const std::size_t needed = 2 * width - 1, first = old < needed ? needed - old : 0;
@@ -204,7 +207,8 @@ class AllanSums {
         const double step = std::ldexp(1.0, static_cast<int>(i)), taken = levels_[i].taken;
         if (memory_ > 0) {
             const double decay = step_decay_[i], decay2 = decay * decay;
-            // The first term may come long after the last one, if a break lies between them.
+            // The first of these terms may come long after the octave's last one, if a break lies between
+            // them.
             fade(octave, stretch_begin_ + (taken + static_cast<double>(first + 1)) * step - octave.last);
             double squares = octave.squares, weight = octave.weight, both = octave.weight_squared;
             for (std::size_t k = first; k < n; ++k) {
@@ -249,7 +253,7 @@ class AllanSums {
         octave.squares *= decay;
         octave.weight *= decay;
         octave.weight_squared *= decay * decay;
-        // The octave is reset before the squares of its weights underflow.
+        // The octave is reset before its weights become so small that their squares underflow.
         if (octave.weight < 1e-100) octave = allan::Octave();
     }
 

@@ -20,7 +20,7 @@ namespace fltea {
 struct BankBlock {
     double* columns[kLaneColumns];  // NaN where an axis is not valid
     std::uint8_t* valid;            // 1 where an axis is valid, else 0
-    std::uint8_t* white;            // 1 where its innovations are white (Whiteness::is_white), else 0
+    std::uint8_t* white;            // 1 where an axis's innovations are white (Whiteness::is_white), else 0
 };
 
 // Result of a fit for one axis: the order and the parameter f, each with its standard deviation.
@@ -49,11 +49,13 @@ class AxisBank {
     std::size_t axes() const { return axes_; }
     bool started() const { return lanes_ != nullptr; }
 
-    // Returns the statistics of an axis over the rows before start().
+    // Returns mean and variance of an axis over the rows of its start-up window, which are those before
+    // start().
     const engine::Baseline<double>& window(std::size_t axis) const { return window_[axis]; }
 
-    // Ends the start-up window. From the next row on, one lane (filters of one axis) per axis filters the
-    // rows minus `bias`. Axes that are not `live` stay invalid, whatever their lanes report.
+    // Ends the start-up window. From the next row on, each axis is filtered by one of the `lanes` (a lane has
+    // the filters of one axis), after `bias` was subtracted. Axes that are not `live` stay invalid, whatever
+    // their lanes report.
     void start(std::unique_ptr<LaneRunner> lanes, const double* bias, const std::uint8_t* live) {
         lanes_ = std::move(lanes);
         bias_.assign(bias, bias + axes_);
@@ -101,8 +103,8 @@ class AxisBank {
         }
     }
 
-    // Predicts over `count` missing rows. Before start(), missing rows change nothing. Row numbers in `lost`
-    // are counted from the first missing row.
+    // Predicts `count` missing rows. Before start(), missing rows change nothing. Row numbers in `lost` are
+    // counted from the first missing row.
     void skip(std::size_t count, std::vector<Lost>& lost) {
         if (count > 0) {
             for (Whiteness& one : white_) one.skip();
@@ -171,7 +173,7 @@ class AxisBank {
         }
     }
 
-    // Clears all outputs that the lane of an axis that is not live has written.
+    // Clears the outputs of axes that are not live. Their lanes have written to these outputs, too.
     void forget(std::size_t axis, std::size_t rows, const BankBlock& out) {
         for (std::size_t i = axis; i < rows * axes_; i += axes_) {
             for (double* column : out.columns) column[i] = __builtin_nan("");

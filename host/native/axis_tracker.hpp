@@ -26,18 +26,20 @@ struct Tracked {
 
 struct TrackerCounts {
     std::uint64_t moved;  // number of samples in motion
-    std::uint64_t begun;  // number of restarts, because the offset had changed
+    std::uint64_t begun;  // number of restarts of the tracker, because the offset had changed
     std::uint64_t steps;  // number of steps of the bias
 };
 
 struct TrackerRules : BiasLengths {
-    // Largest step of the bias. A larger change is taken for motion.
+    // Largest change of the samples' mean that is taken for a step of the bias. A larger change is taken for
+    // motion.
     double largest_step = std::numeric_limits<double>::infinity();
-    // Number of samples that have to stay at another mean without moving until the tracker accepts that mean
-    // as the new offset. `still` applies if that mean is nearer to 0, if the caller reports rest, or if
-    // `settles` is set. Otherwise the sensor may be rotating, and `patience` applies.
+    // When the samples stay at another mean, this number of samples has to pass without motion until the
+    // tracker accepts that mean as the new offset. `still` applies if that mean is nearer to 0, if the caller
+    // reports rest, or if `settles` is set. Otherwise the sensor may be rotating, and `patience` applies.
     std::int64_t still = 1024, patience = 60000;
-    // Whether a mean farther from 0 is accepted as an offset as quickly, although it may be a rotation.
+    // Whether a mean farther from 0 is accepted as the new offset as quickly as a nearer one, although it may
+    // come from a rotation.
     bool settles = true;
 };
 
@@ -49,9 +51,9 @@ struct BiasStep {
 
 class AxisTracker {
   public:
-    // If more samples than this are missing in a row, the tracker restarts.
+    // The tracker restarts if more consecutive samples than this are missing.
     enum { kLongestGap = 100000 };
-    // A value that exceeds all sensor values in magnitude.
+    // A number that no value of a sensor reaches in magnitude.
     static constexpr double kLargest = 1e100;
 
     // `offset`: the known offset of the sensor, or null if it is to be tracked.
@@ -63,8 +65,8 @@ class AxisTracker {
 
     // Whether a sample has arrived.
     bool has_begun() const { return has_origin_; }
-    // State vector after the newest sample, relative to the origin. If the model has two candidate systems,
-    // it is that of the likelier one. Without a model its size is 0.
+    // State vector after the newest sample, relative to the origin. If the noise model has two candidate
+    // systems, it is the state of the likelier one. Without a model the vector is empty.
     const double* x() const { return model_->x(); }
     int size() const { return model_ == nullptr ? 0 : model_->size(); }
     double origin() const { return origin_; }
@@ -74,10 +76,10 @@ class AxisTracker {
     const Remembered& memory() const { return memory_; }
     bool fixed() const { return fixed_; }
 
-    // Sets the noise model. It applies to all remembered samples, and from the next sample on. Returns false
-    // and changes nothing if no filter can work with the model. `begun`: a filter that has already processed
-    // the remembered samples in another thread, or null. If `begun` is null or no longer matches the memory,
-    // the remembered samples are filtered in this call.
+    // Sets the noise model that is used from the next sample on. All remembered samples are filtered with it,
+    // too. Returns false and changes nothing if no filter can work with the model. `begun`: a filter that has
+    // already processed the remembered samples in another thread, or null. If `begun` is null or no longer
+    // matches the memory, the remembered samples are filtered in this call.
     bool set(const std::shared_ptr<TrackerModel>& model, Refiltered* begun = nullptr) {
         std::unique_ptr<Refiltered> own;
         if (begun == nullptr || begun->model() != model || !begun->expects(memory_)) {
@@ -100,13 +102,14 @@ class AxisTracker {
     }
     const StepTest& steps() const { return steps_; }
 
-    // Returns 2 log L of the samples according to the bank of filters, up to a constant. NaN if there is no
-    // bank.
+    // Returns 2 log L of the samples according to the bank of filters, up to a constant, or NaN if the bank
+    // is no longer in use.
     double likelihood() const {
         return banks_ != nullptr && banks_->bank.knows() ? banks_->bank.likelihood() : __builtin_nan("");
     }
 
-    // Predicts the sample `y`. Returns true if this sample alone shows motion. Call take() afterwards.
+    // Predicts the sample `y` from the samples before it. Returns true if this sample alone shows motion.
+    // Call take() afterwards.
     bool predict(double y) {
         if (!has_origin_) {
             if (!fixed_) origin_ = y;
@@ -137,7 +140,7 @@ class AxisTracker {
         return tracked(moving);
     }
 
-    // Advances by one missing sample, which is predicted.
+    // Advances by one sample that is missing, and only predicts it.
     void miss() {
         white_.skip();
         check_.skip();
@@ -146,13 +149,14 @@ class AxisTracker {
         memory_.add(__builtin_nanf(""));
     }
 
-    // Whether the step test has detected a change of the bias at the newest sample.
+    // The kind of change of the bias that the step test has detected at the newest sample.
     StepSeen::Kind seen() const { return seen_.kind; }
-    // Whether the detected step would move the bias farther from its settled value than a step can.
+    // Whether the detected step would move the bias farther from its settled value than the largest step of a
+    // bias.
     bool is_too_far() const { return !(std::fabs(bias() + step_size() - settled_bias()) <= largest_step()); }
 
     // Accepts the detected step: from now on, the bias is computed from the samples after the step. Returns
-    // false if it turns out not to be a step.
+    // false if the change turns out to be no step, for example a drift.
     bool step(BiasStep& found) {
         const StepSeen seen = seen_;
         const double was = bias(), was_variance = bias_variance(), size = step_size();
@@ -173,15 +177,16 @@ class AxisTracker {
         return told(BiasStep{seen.ago, bias() - was, std::sqrt(bias_variance() + was_variance)}, found);
     }
 
-    // Decides at the end of a chunk of samples whether it shows motion. Call this before roll().
+    // Decides at the end of a chunk of samples whether this chunk shows motion. Call this before roll().
     ChunkVerdict end_chunk(bool moving) {
         return gate_.end_chunk(deviation_, settled_bias(), largest_step(), moving);
     }
 
     void drop_chunk() { gate_.drop_chunk(); }
 
-    // Call this when motion was detected. Undoes what this chunk of samples and the chunk before it have
-    // changed, and also steps just before the motion. Returns the number of samples that were undone.
+    // Call this when motion was detected. Undoes the effect of this chunk of samples and of the chunk before
+    // it on the filter, and the effect of steps just before the motion. Returns the number of samples that
+    // were undone.
     std::int64_t go_back() {
         steps_.clear();
         check_.skip();
@@ -219,7 +224,8 @@ class AxisTracker {
         keep();
     }
 
-    // Restarts the tracker. It forgets the offset, and keeps what is known of the noise.
+    // Restarts the tracker. The tracker forgets the offset, but keeps the noise model and the usual size of
+    // innovations.
     void begin_again() {
         memory_.clear();
         const Usual usual = gate_.usual();
@@ -285,9 +291,9 @@ class AxisTracker {
 
   private:
     static constexpr double kRoundings = 3.4641016151377544;  // √12
-    // kWide: assumed variance of a step before it is estimated, as a multiple of the square of its apparent
-    // size. kSettled: if no further step follows within this number of samples, a step was not the beginning
-    // of motion.
+    // kWide: ratio of the variance that is assumed for a step before it is estimated, to the square of its
+    // apparent size. kSettled: if no further step follows within this number of samples, a step was not the
+    // beginning of motion.
     static constexpr double kWide = 10, kLeastOfNoise = 2;
     enum { kSettled = 512, kFewestOfBank = 1024, kSlow = 1024, kSoon = 4, kBefore = 512 };
 
@@ -297,7 +303,7 @@ class AxisTracker {
     };
 
     struct LastStep {
-        std::int64_t at;  // number of samples when the step was reported
+        std::int64_t at;  // number of samples until the step was reported
         double size;
     };
 
@@ -305,7 +311,7 @@ class AxisTracker {
     struct Before {
         NoiseModel::State state;
         double bias;
-        std::int64_t at, newest;  // numbers of samples when this was saved, and at the newest step
+        std::int64_t at, newest;  // numbers of samples until this state was saved, and until the newest step
         std::uint64_t steps;
     };
 
@@ -330,7 +336,8 @@ class AxisTracker {
         return model_ == nullptr && banks_->bank.knows() && !(banks_->bank.variance() > kNothing);
     }
 
-    // Handles the first sample that differs. The equal samples before it say nothing about the noise.
+    // Handles the first sample that differs from all before it. The equal samples before it say nothing about
+    // the noise, so they are forgotten.
     void wake(double y) {
         banks_.reset(new Banks(rules_.ahead));
         memory_.past.clear();
@@ -344,8 +351,8 @@ class AxisTracker {
         keep_twice();
     }
 
-    // Determines the noise of rounding from the smallest change of the samples. The noise is at least that
-    // large, even if hardly any sample changes.
+    // Determines the noise of rounding from the smallest difference between consecutive samples. The sensor's
+    // noise is at least that large, even if hardly any sample differs from the previous one.
     void note_change(double y) {
         const double change = std::fabs(y - last_);
         if (change > 0 && has_last_ && (rounding_ == 0 || change < rounding_ * kRoundings)) {
@@ -400,13 +407,13 @@ class AxisTracker {
             one.likely * (1 - one.likely) * size * size + one.likely * one.variance * deviation_ * deviation_;
     }
 
-    // The limit is at least the noise of a few samples, because a smaller step cannot be distinguished from
-    // noise quickly.
+    // The limit for steps is at least twice the standard deviation of a sample's noise: a smaller step cannot
+    // be distinguished from noise quickly.
     double largest_step() const {
         return std::fmax(rules_.largest_step, deviation_ < kLargest ? kLeastOfNoise * deviation_ : 0);
     }
 
-    // Bias relative to the origin.
+    // The present bias, relative to the origin of the samples.
     double bias() const {
         if (model_ != nullptr) return model_->bias();
         return banks_->bank.knows() ? banks_->bank.known().bias : 0;
@@ -424,7 +431,7 @@ class AxisTracker {
         return known > 0 ? sum / known - bias() : seen_.size * deviation_;
     }
     double bias_variance() const { return known().bias_variance; }
-    // Bias before the steps that may be the beginning of motion.
+    // Bias before those steps that may be the beginning of motion, or the present bias if there are none.
     double settled_bias() const { return before_ != nullptr ? before_->bias : bias(); }
 
     void note_before() {
@@ -444,14 +451,15 @@ class AxisTracker {
         keep_twice();
     }
 
-    // Whether small steps in the same direction follow each other, which are a drift instead of steps.
+    // Whether this step and the one before it have the same direction and follow each other soon. Such steps
+    // are a drift.
     bool goes_on(const StepSeen& seen, double size) const {
         const std::int64_t since = memory_.total - last_step_.at;
         return seen.ago >= kSlow && size * last_step_.size > 0 && since < kSoon * std::int64_t(seen.ago);
     }
 
-    // Handles a bias that drifts by more than its model says. Until the next model is set, a larger random
-    // walk of the offset accounts for the drift.
+    // Handles a bias that drifts by more than the noise model says. Until the next model is set, the offset's
+    // random walk gets larger steps to account for the drift.
     void drift(const StepSeen& seen, double change) {
         steps_.clear();
         if (model_ == nullptr) return;
@@ -462,7 +470,8 @@ class AxisTracker {
         again();
     }
 
-    // Without a model, a step is handled by estimating the noise again from the samples since the step.
+    // Handles a step while there is no noise model: the bank of filters starts again with the samples since
+    // the step.
     bool begin_bank_at(int ago, double size, double was, double was_variance, BiasStep& found) {
         steps_.clear();
         if (banks_->bank.count() < kFewestOfBank || ago < WalkBank::kFewest) return false;
@@ -476,8 +485,8 @@ class AxisTracker {
         if (!banks_->bank.knows()) return false;
         gate_.forget_chunk();
         keep_twice();
-        // The bank of filters has already followed the step for a while, so the bias before the step is
-        // computed as the mean of earlier samples.
+        // The earlier bank of filters had followed the step for a while. The bias before the step is
+        // therefore computed as the mean of samples before it.
         double before = was, variance = was_variance;
         mean_before(ago, before, variance);
         return told(BiasStep{ago, bias() - before, std::sqrt(bias_variance() + variance)}, found);
@@ -490,7 +499,7 @@ class AxisTracker {
     }
 
     // Computes the mean of up to kBefore samples that came before the newest `ago` samples, and the variance
-    // of that mean. Leaves both unchanged if there are too few samples.
+    // of that mean. Leaves `mean` and `variance` unchanged if there are too few such samples.
     void mean_before(int ago, double& mean, double& variance) const {
         const std::vector<double> all = memory_.newest(ago + kBefore);
         double sum = 0, squares = 0;
@@ -506,7 +515,8 @@ class AxisTracker {
         variance = std::fmax(squares / known - mean * mean, 0) / known;
     }
 
-    // Stores a copy of the filter. At the end of the next chunk it serves as the state of one chunk ago.
+    // Stores a copy of the filter. At the end of the next chunk, this copy serves as the state of one chunk
+    // ago.
     void keep() {
         if (model_ != nullptr) {
             model_->keep();
@@ -547,7 +557,7 @@ class AxisTracker {
     Whiteness white_;
     std::unique_ptr<NoiseModel> model_;
     std::unique_ptr<Before> before_;
-    std::unique_ptr<Banks> banks_;  // used until there is a model
+    std::unique_ptr<Banks> banks_;  // used until there is a noise model
 };
 
 }  // namespace track

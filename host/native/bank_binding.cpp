@@ -1,5 +1,5 @@
-// fltea._native.Bank: the class AxisBank, all axes of a sensor, for Python, on plain arrays
-// (host/fltea/estimator/bank.py).
+// Makes the C++ class AxisBank, which filters all axes of a sensor, available in Python as fltea._native.Bank
+// (host/fltea/estimator/bank.py). Samples and results are numpy arrays.
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
@@ -27,7 +27,8 @@ using fltea::engine::LaneSettings;
 using Numbers = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Mask = nb::ndarray<const uint8_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
-// Limit for skip(), because lost samples are predicted one by one.
+// Largest number of lost samples for which skip() can be called. It is limited because they are predicted one
+// by one.
 constexpr size_t kMostSkipped = 10'000'000;
 
 // Statistics of a start-up window: mean, variance (at least that of rounding to the resolution), and whether
@@ -38,7 +39,7 @@ Moments moments_of(const fltea::engine::Baseline<double>& window, double resolut
     return {window.bias(), window.variance(resolution), window.constant()};
 }
 
-// Returns the statistics of every column of an array.
+// Returns these statistics for every column (axis) of an array.
 std::vector<Moments> moments(Rows y, double resolution) {
     const size_t columns = y.shape(1);
     std::vector<fltea::engine::Baseline<double>> windows(columns);
@@ -174,8 +175,8 @@ class Bank : public fltea::BankPart {
     }
 
     // Returns four figures of the innovations for each axis: the correlation of neighbours (lag 1), NIS, the
-    // Ljung-Box statistic, and the number of innovations that it uses. They are NaN until there are enough
-    // innovations.
+    // Ljung-Box statistic, and the number of innovations from which that statistic is computed. The figures
+    // are NaN until there are enough innovations.
     std::vector<std::tuple<double, double, double, int>> whiteness() const {
         const std::lock_guard<std::mutex> alone(mutex_);
         std::vector<std::tuple<double, double, double, int>> result;

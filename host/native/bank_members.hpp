@@ -1,5 +1,5 @@
-// The noise models of the bank of filters (walk_bank.hpp). All variances are relative to the variance of the
-// white noise.
+// The noise models of the bank of filters that a tracker uses before the first fit (walk_bank.hpp). All
+// variances are relative to the variance of the white noise.
 #pragma once
 
 #include <complex>
@@ -19,8 +19,8 @@ class BankMembers {
     enum { kMost = 4, kRoom = 320 };  // largest number of states; largest number of models
     typedef Kalman<kMost> Filter;
 
-    // Returns the models whose bias is the mean over the next `ahead` samples. `ahead` is rounded to 3 %, so
-    // that sensors of similar rate share the models.
+    // Returns the models for a bias that is the expected mean over the next `ahead` samples. `ahead` is
+    // rounded to 3 %, so that sensors of similar rate share the models.
     static const BankMembers& of(std::int64_t ahead) {
         static std::mutex alone;
         static std::map<std::int64_t, std::unique_ptr<const BankMembers>> known;
@@ -79,7 +79,8 @@ class BankMembers {
                 for (double power : {0.03, 0.1, 0.3, 1.0, 3.0}) add(Noise{corner, 0, 1, {time}, {power}});
             }
         }
-        // The gains of all models are interleaved in memory, because each sample is filtered with all models.
+        // The gains of all models for one sample lie next to each other in memory, because each sample is
+        // filtered with all models.
         const std::size_t stride = std::size_t(count_);
         of_samples_.reset(new Filter::Gain[stride * Filter::kExact]);
         for (int i = 0; i < count_; ++i) {

@@ -17,13 +17,12 @@ class BiasCheck {
     enum { kTimes = BiasLengths::kChecks };
     struct Found {
         std::uint64_t pieces;
-        // RMS ratio of the difference to its expected standard deviation; NaN before the first piece is
-        // complete
+        // root mean square of the difference divided by its expected standard deviation; 1 if that deviation
+        // is right, NaN before the first piece of samples is complete
         double rms;
     };
 
-    // Sets the length of the pieces of samples over which the check number `which` averages. 0: no such
-    // check.
+    // Sets the number of samples over which the check number `which` averages. 0: there is no such check.
     void expect(int which, std::int64_t length) { pieces_[which].length = length; }
 
     // Call this when another noise model applies from the next sample on.
@@ -36,7 +35,8 @@ class BiasCheck {
         skip();
     }
 
-    // Call this for a sample that is missing or shows motion. The piece in progress is dropped.
+    // Call this for a sample that is missing or shows motion. The pieces of samples that are in progress are
+    // dropped.
     void skip() {
         for (Piece& one : pieces_) one.ends = 0;
         count_ = 0;
@@ -78,11 +78,13 @@ class BiasCheck {
 
   private:
     struct Piece {
-        // `ends`: number of the sample with which the piece in progress ends; 0: there is none
+        // `ends`: number of the sample with which the piece of samples in progress ends; 0: none is in
+        // progress
         std::int64_t length = 0, ends = 0;
         double bias = 0, variance = 1, sum_before = 0, squares = 0;
         std::uint64_t pieces = 0;
-        MeanAhead<kMost> ahead[TrackerModel::kRivals] = {};  // one mean for each candidate system
+        // how to predict the mean of the piece, for each candidate system of the model
+        MeanAhead<kMost> ahead[TrackerModel::kRivals] = {};
     };
 
     void end_pieces(const NoiseModel& model) {

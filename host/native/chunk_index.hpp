@@ -8,13 +8,16 @@
 namespace fltea {
 
 // A record of a chunk. `begin` and `end` are the byte range of its content in the chunk; for a message, the
-// content does not include the message's header. `channel` and the fields after it are 0 except for messages.
+// content does not include the message's header. Only messages have `channel`, `sequence` and times; these
+// are 0 for other records.
 struct ChunkRecord {
     std::int64_t kind, begin, end, channel, sequence, log_time, publish_time;
 };
 
-// Why a chunk cannot be read; if `what` is empty, it can be. `at`: offset of the record in the chunk;
-// `claimed`: its stated length; `left`: number of bytes that the chunk has after the record's header.
+// Why a chunk cannot be read; if `what` is empty, the chunk can be read. `at`: offset of the faulty record in
+// the chunk;
+// `claimed`: length that the record's header states; `left`: number of bytes that the chunk has after that
+// header.
 struct ChunkFault {
     const char* what = "";
     std::uint64_t at = 0, claimed = 0, left = 0;

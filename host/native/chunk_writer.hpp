@@ -13,8 +13,8 @@
 
 namespace fltea {
 
-// Builds the content of an MCAP record from numbers, in little-endian order, and strings, which are preceded
-// by their lengths.
+// Builds the content of an MCAP record from numbers, in little-endian byte order, and from strings, each
+// preceded by its length.
 class RecordText {
   public:
     template <typename T>
@@ -80,7 +80,7 @@ class ChunkWriter {
         const std::uint64_t plain = records_.text().size();
         RecordText out;
         out.begin(0x06, chunk_bytes(size) - kHead).put(start_ns_).put(end_ns_).put(plain);
-        // CRC 0 means that there is none: the compressed format has its own checksum
+        // a CRC of 0 means that the chunk has none: the compressed format has its own checksum
         out.put(std::uint32_t{0}).put_text(compression_);
         out.put(static_cast<std::uint64_t>(size)).put(packed, size);
         note(at - next_at_);
@@ -111,8 +111,8 @@ class ChunkWriter {
         return out.text();
     }
 
-    // Statistics of all finished chunks: first and newest time [ns], number of chunks, and number of messages
-    // per channel.
+    // Statistics of all finished chunks: first and newest time of a message [ns], number of chunks, and
+    // number of messages per channel.
     std::uint64_t first_ns() const { return first_ns_; }
     std::uint64_t newest_ns() const { return newest_ns_; }
     std::size_t chunks() const { return chunks_; }
@@ -158,8 +158,8 @@ class ChunkWriter {
         return index_.insert(place, Index(channel, {}))->second;
     }
 
-    // Appends a number with seven bits per byte. The index is stored in this form until the file ends,
-    // because as plain numbers it would take five times the memory.
+    // Appends a number, of which each byte holds seven bits. The index of the finished chunks is stored in
+    // this form until the file ends, because as plain numbers it would take five times the memory.
     void note(std::uint64_t value) {
         for (; value >= 0x80; value >>= 7) noted_.push_back(static_cast<char>(value | 0x80));
         noted_.push_back(static_cast<char>(value));

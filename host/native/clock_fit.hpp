@@ -1,10 +1,11 @@
 // Fits a device's clock to the host's: a straight line through the earliest arrivals.
 //
-// The delay between sampling and arrival is never negative, but often large and in bursts (USB bridges,
-// schedulers). Therefore each user takes only the earliest arrival of each second or so, and fits a line by
-// least squares. The slope of the delay is the difference of the two clocks' rates.
+// The delay between sampling and arrival is never negative, but it is often large and comes in bursts,
+// because of USB bridges and schedulers. Therefore each caller passes only the earliest arrival of each
+// second or so, and a line through these is fitted by least squares. The slope of this line is the difference
+// of the two clocks' rates.
 //
-// The users: timebase.hpp (times of live samples and of recordings), sources/i2c/fifo_clock.py (a sensor
+// The callers: timebase.hpp (times of live samples and of recordings), sources/i2c/fifo_clock.py (a sensor
 // without a time of its own), machine/doctor/hearing.py (difference of the clocks with its standard error).
 #pragma once
 
@@ -19,17 +20,17 @@ struct Arrival {
 };
 
 struct ClockFit {
-    Arrival centre = {};  // mean of the arrivals; the line passes through it
-    double slope = 0;     // change of the delay per unit of the device's clock
-    // Standard error of the slope, by the residuals; infinite with fewer than three arrivals.
+    Arrival centre = {};  // mean of the arrivals; the fitted line passes through this point
+    double slope = 0;     // slope of the line: change of the delay per unit of the device's time
+    // Standard error of the slope, computed from the residuals; infinite with fewer than three arrivals.
     double slope_std = std::numeric_limits<double>::infinity();
 
     double at(double device) const { return centre.delay + slope * (device - centre.device); }
 };
 
-// `arrivals`: a container of `Arrival`, not empty. `prior`: standard deviation of a delay over that of the
-// slope, by prior knowledge, in the device's unit of time; 0 if nothing is known of the slope, which takes
-// arrivals at two times at least.
+// Fits the line. `arrivals`: a container of `Arrival`, not empty. `prior`: the standard deviation of a delay,
+// divided by that of the slope, both as known before the fit, in the device's unit of time. It is 0 if
+// nothing is known of the slope; then the arrivals need at least two different device times.
 template <typename Arrivals>
 ClockFit fit_clock(const Arrivals& arrivals, double prior) {
     ClockFit fit;
@@ -49,7 +50,7 @@ ClockFit fit_clock(const Arrivals& arrivals, double prior) {
     return fit;
 }
 
-// As `fit_clock`, with the standard error.
+// Does the same as `fit_clock`, and also computes the standard error of the slope.
 template <typename Arrivals>
 ClockFit fit_clock_with_error(const Arrivals& arrivals, double prior) {
     ClockFit fit = fit_clock(arrivals, prior);

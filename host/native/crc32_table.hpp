@@ -1,5 +1,5 @@
-// Computes the same CRC-32 as firmware/core/crc32.h, but eight bytes per step. A host can spare 8 kB of
-// tables, and checking the frames is most of the cost of decoding.
+// Computes the same CRC-32 as firmware/core/crc32.h, but takes eight bytes per step. A host can spare 8 kB of
+// memory for the tables, and checking CRCs is most of the cost of decoding frames.
 #pragma once
 
 #include <array>
@@ -12,8 +12,8 @@ namespace crc32_table {
 
 typedef std::array<std::array<std::uint32_t, 256>, 8> Tables;
 
-// tables[k][b] is the change of the CRC by a byte b if k more bytes follow it (Kounavis and Berry, ISCC
-// 2005).
+// tables[k][b]: what a byte b that is followed by k more bytes contributes to the CRC (Kounavis and Berry,
+// ISCC 2005).
 constexpr Tables make() {
     Tables tables = {};
     for (std::uint32_t byte = 0; byte < 256; ++byte) {
@@ -34,7 +34,7 @@ inline constexpr Tables kTables = make();
 
 }  // namespace crc32_table
 
-// Reads a number of four bytes. Compilers turn this into one load on a little-endian machine.
+// Reads a little-endian number of four bytes. On a little-endian machine, compilers turn this into one load.
 inline std::uint32_t load_u32(const std::uint8_t* bytes) {
     return static_cast<std::uint32_t>(bytes[0]) | static_cast<std::uint32_t>(bytes[1]) << 8 |
            static_cast<std::uint32_t>(bytes[2]) << 16 | static_cast<std::uint32_t>(bytes[3]) << 24;
