@@ -20,7 +20,7 @@ std::uint16_t load_u16(const std::uint8_t* bytes) {
     return static_cast<std::uint16_t>(bytes[0] | bytes[1] << 8);
 }
 
-// Visitor of a SAMPLE's fields (messages.h) that reads the fields from the payload.
+// Reads the fields of a SAMPLE (messages.h) from the payload, when a visit of these fields calls it for each.
 class FieldReader {
   public:
     explicit FieldReader(const std::uint8_t* payload) : next_(payload) {}
@@ -35,16 +35,16 @@ class FieldReader {
     const std::uint8_t* next_;
 };
 
-// Decodes COBS in place, so that the frame begins at block[1]. As a frame is shorter than 255 bytes, no code
-// is 0xFF, every code except the first replaces a 0x00, and no byte has to be moved. Returns false if the
-// block is not valid COBS.
+// Decodes COBS in place, so that the frame begins at block[1]. As a frame is shorter than 255 bytes, no COBS
+// code is 0xFF. Every code except the first therefore replaces a 0x00, and no byte has to be moved. Returns
+// false if the block is not valid COBS.
 bool undo_cobs(std::uint8_t* block, std::size_t n) {
     static_assert(Decoder::kMaxBlock < 255, "a code of 0xFF would stand for no 0x00");
     std::size_t at = 0;
     while (at < n) {
         const std::size_t code = block[at];
-        // A code of 0 would cause an endless loop. It can appear if another thread writes to a bytearray
-        // during the decoding.
+        // A COBS code of 0 would cause an endless loop. It can appear only if another thread writes to a
+        // bytearray while it is decoded here.
         if (code == 0) return false;
         block[at] = 0;
         at += code;
@@ -52,7 +52,8 @@ bool undo_cobs(std::uint8_t* block, std::size_t n) {
     return at == n;
 }
 
-// Gets the smallest payload of a message type; false if this protocol version has no such type.
+// Writes the size of the smallest payload of a message type to `least`. Returns false if this protocol
+// version has no such type.
 bool least_payload(std::uint8_t type, std::size_t& least) {
     switch (type) {
         case Hello::type():
@@ -84,7 +85,7 @@ bool least_payload(std::uint8_t type, std::size_t& least) {
     }
 }
 
-// Why a valid frame cannot be used.
+// Returns why an undamaged frame cannot be used; Reason::none if it can.
 Reason judge_payload(std::uint8_t type, const std::uint8_t* payload, std::size_t n) {
     if (type == Hello::type() && is_other_version(payload, n)) return Reason::none;
     std::size_t least = 0;
@@ -92,7 +93,7 @@ Reason judge_payload(std::uint8_t type, const std::uint8_t* payload, std::size_t
     return n >= least ? Reason::none : Reason::length;
 }
 
-// Whether this fault can be the consequence of receiving only a part of a frame.
+// Whether a frame is bad for a reason that can also arise if only a part of the frame was received.
 bool may_be_cut(Reason reason) {
     return reason == Reason::oversize || reason == Reason::cobs || reason == Reason::short_ ||
            reason == Reason::crc;
@@ -140,7 +141,7 @@ void Decoder::bad(Reason reason, const std::uint8_t* block, std::size_t n, std::
 
 void Decoder::judge(const std::uint8_t* block, std::size_t n, std::int64_t end, Decoded& found) const {
     std::uint8_t plain[kMaxBlock];
-    // Nearly every frame is a SAMPLE. Its length is known to the compiler, which therefore need not call
+    // Nearly every frame is a SAMPLE. The compiler knows its length, so it can copy the bytes without calling
     // memcpy.
     if (n == kSampleBlock) {
         std::memcpy(plain, block, kSampleBlock);
@@ -164,7 +165,8 @@ void Decoder::judge(const std::uint8_t* block, std::size_t n, std::int64_t end, 
         row.end = end;
         row.sequence = load_u16(frame + 1);
         row.device_us = load_u32(frame + 3);
-        // Fields that an older device does not send are set to 0. The buffer has room for any message.
+        // Fields of the message that an older device does not send are set to 0. The buffer has room for any
+        // message.
         if (size < Sample::size()) std::memset(plain + 1 + kHeader + size, 0, Sample::size() - size);
         FieldReader read(payload);
         Sample::visit_fields(row.sample, read);

@@ -2,8 +2,9 @@
 // and returns frames.
 //
 // It returns the same frames as the plain Python decoder tests/rig/plain_decoder.py, at a tenth of the cost
-// or less; tests/wire/test_block_reader.py compares the two. Any bytes may be fed. The decoder never reads
-// beyond them, and keeps at most one unfinished block (the bytes up to the next 0x00) between calls.
+// or less; tests/wire/test_block_reader.py compares the two. Any bytes may be passed to it. The decoder never
+// reads beyond them. Between calls it keeps at most one unfinished block, which is the bytes after the last
+// 0x00.
 #pragma once
 
 #include <cstddef>
@@ -22,8 +23,8 @@ struct SampleRow {
     Sample sample;
 };
 
-// Why a block is not a valid frame. The checks are made in this order, and the first that fails is reported.
-// reason_name() gives the names.
+// Why a block of bytes is not a valid frame. The checks are made in this order, and the first that fails is
+// reported. reason_name() gives the names of the reasons.
 enum class Reason : std::uint8_t { none, partial, oversize, cobs, short_, crc, unknown_type, length };
 
 // The name of a reason in fltea.wire.messages.REASONS, or nullptr for Reason::none.
@@ -31,10 +32,11 @@ const char* reason_name(Reason reason);
 
 // A frame of another type, or a block that is not a valid frame.
 struct OtherRow {
-    std::size_t row;  // number of samples in the same call that come before it
-    // as in SampleRow; for an oversize block, the offset just after the byte that made it too long
+    std::size_t row;  // number of samples of the same call that came before this item
+    // as in SampleRow, the offset just after the closing 0x00; for an oversize block, just after the byte
+    // that made it too long
     std::int64_t end;
-    Reason reason;  // Reason::none: a valid frame, whose header fields follow
+    Reason reason;  // Reason::none means a valid frame; only then the header fields that follow are set
     std::uint8_t type;
     std::uint16_t sequence;
     std::uint32_t device_us;
@@ -44,7 +46,7 @@ struct OtherRow {
     std::size_t size;
 };
 
-// Results of one call. Each list is in the order in which the bytes came.
+// What one call of the decoder has found. Each list is in the order in which the bytes came.
 struct Decoded {
     std::vector<SampleRow> samples;
     std::vector<OtherRow> others;

@@ -1,5 +1,6 @@
-// fltea._native.Decoder: takes the bytes of a serial port, and returns samples as numpy columns and all other
-// frames in their order. Python code should use fltea.wire.block_reader instead.
+// Makes the decoder of the wire protocol available in Python as fltea._native.Decoder. It takes the bytes of
+// a serial port, and returns samples as numpy columns and all other frames in order. Python code should use
+// fltea.wire.block_reader instead.
 #include "decoder_binding.hpp"
 
 #include <cstring>
@@ -19,8 +20,8 @@ using fltea::OtherRow;
 using fltea::Reason;
 using fltea::SampleRow;
 
-// The GIL is released for at least this number of bytes. Fewer bytes are decoded before another thread would
-// get the GIL, and acquiring it again can take milliseconds.
+// For this number of bytes or more, Python's GIL is released during the decoding. Decoding fewer bytes takes
+// so little time that no other thread would get the GIL, and acquiring it again can take milliseconds.
 constexpr std::size_t kWorthReleasing = 16384;
 
 class Decoder {

@@ -1,5 +1,5 @@
-// Functions that add the classes of the wire protocol to the native module: the decoder, the reader of serial
-// ports, and the printer of wire messages as text.
+// Functions that add classes to the native module fltea._native: the decoder of the wire protocol, the reader
+// of serial ports, and the decoder that turns what came from such a port into items.
 #pragma once
 
 #include <nanobind/nanobind.h>

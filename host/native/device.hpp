@@ -1,5 +1,5 @@
-// One device: its sensors, and the sequence numbers, clock and scales of its samples. All samples, live or
-// recorded, pass through this class (host/README.md, "The way of a sample").
+// One device: its sensors, and what numbers, times and scales its samples. All samples, live or recorded,
+// pass through this class (host/README.md, "The way of a sample").
 #pragma once
 
 #include <algorithm>
@@ -20,7 +20,7 @@ namespace fltea {
 // Why `advance` returned. The caller handles the reason, then calls `advance` again.
 enum class Stop : int {
     kEnd,       // all samples are consumed
-    kMore,      // no event; more samples wait
+    kMore,      // no event has occurred, but more samples wait
     kStatsDue,  // before a sample that arrived after the time at which statistics were due
     // before a sample: other samples before it are missing, and the sensors have predicted them
     kGap,
@@ -32,12 +32,14 @@ enum class Stop : int {
     kRateDiffers,  // after a sample: the device's clock contradicts the rate that its HELLO states
 };
 
-// Whether `advance` stops before the sample that caused the stop, rather than after it.
+// Whether `advance` makes this stop before it processes the sample that caused the stop, rather than after
+// it.
 constexpr bool stands_before_sample(Stop stop) {
     return stop == Stop::kStatsDue || stop == Stop::kGap || stop == Stop::kEpoch;
 }
 
-// An event at a sample: an axis became invalid (`lost`) if `is_lost`, otherwise `event`.
+// What happened at a sample. If `is_lost`, an axis became invalid, as `lost` says; otherwise `event` says
+// what the tracker noticed.
 struct Happening {
     std::size_t row;  // index of the sample in the run
     std::size_t sensor;
@@ -49,14 +51,14 @@ struct Happening {
 // Columns of a run, which is a series of consecutive samples that are processed together. A column has the
 // shape (n,) or (n, width) for n samples.
 struct RunColumns {
-    std::size_t n = 0, first = 0;  // number of rows; index of the first sample in the source
+    std::size_t n = 0, first = 0;  // number of rows; index in the source of the first sample
     std::int64_t *seq = nullptr, *device_us = nullptr, *host_ns = nullptr, *flags = nullptr;
     double *gyro_dps = nullptr, *accel_ms2 = nullptr, *temperature_c = nullptr;
     std::size_t gyro_width = 0, accel_width = 0;
     std::vector<SensorColumns> sensors;
 };
 
-// Sample number, device time and Unix time of a sample.
+// Number of a sample, its device time in the epoch [us] and its Unix time [ns].
 struct Moment {
     std::int64_t seq, device_us, host_ns;
 };
@@ -76,7 +78,8 @@ class Device {
     Scales scales = {};
     std::vector<Sensor> sensors;
     std::int64_t stats_due_ns = kNever;
-    // Sample numbers at which `advance` stops. Each causes one stop, and then has to be set again.
+    // Sample numbers at which `advance` stops: where a fit has to begin, and where the result of a fit takes
+    // effect. Each causes one stop, and then has to be set again.
     std::int64_t fit_due = kNever, fit_counts = kNever;
 
     // Begins an epoch with the sample at which `advance` stopped.
@@ -97,7 +100,7 @@ class Device {
     // its Unix time.
     const Judged& judged() const { return judged_; }
     std::int64_t judged_ns() const { return judged_ns_; }
-    // After kGap: axes that became invalid while samples were missing.
+    // After a stop with kGap: for each sensor, the axes that became invalid while samples were missing.
     const std::vector<std::vector<Lost>>& lost_meanwhile() const { return lost_; }
 
     // Processes samples from index `at` on, up to the first sample at which the caller has to do something.
@@ -136,8 +139,8 @@ class Device {
     }
 
   private:
-    // Largest number of rows in a run. It is small enough that the data of one step are still in the cache
-    // for the next step.
+    // Largest number of rows in a run. It is small enough that the columns that one step of the processing
+    // writes are still in the cache for the next step.
     static constexpr std::size_t kMostRows = 2048;
 
     // Judges the next sample before it is processed. kEnd means that there is no stop: the sample either is
@@ -170,7 +173,8 @@ class Device {
             place.told_news();
             return Stop::kRateDiffers;
         }
-        // fit_counts and fit_due are still sample numbers of the previous epoch
+        // before the first sample of an epoch, fit_counts and fit_due may already be set, but place.newest()
+        // is still the last sample of the previous epoch
         if (is_new_) return Stop::kEnd;
         const std::int64_t seq = place.newest().seq;
         if (seq >= fit_counts) {
@@ -238,7 +242,8 @@ class Device {
         std::vector<track::TrackerEvent> events;
         std::vector<Lost> lost;
         const std::size_t left = one.window_left;
-        // For the accelerometer, motion is detected only by its own axes.
+        // Motion of the gyroscope is detected by the accelerometer, too. Motion of the accelerometer is
+        // detected by its own axes alone.
         one.run(values_[k], one.is_accel ? nullptr : accel, accel == nullptr ? 0 : run_.accel_width, run_.n,
                 run_.sensors[k], events, lost);
         window_is_full_ |= left > 0 && one.window_left == 0;
@@ -343,8 +348,9 @@ class Device {
 
     RunColumns run_;
     std::vector<std::int64_t> seq_, device_us_, host_ns_;
-    std::vector<std::vector<double>> values_;  // for each sensor, the values of its axes
-    std::size_t given_ = 0, told_ = 0;         // number of rows and events of the run that were returned
+    std::vector<std::vector<double>> values_;  // for each sensor, the samples of its axes
+    // numbers of rows and of events of the run that were returned to the caller
+    std::size_t given_ = 0, told_ = 0;
     std::vector<Happening> pending_, happened_;
     std::vector<std::vector<Lost>> lost_;
     Moment moment_ = {};

@@ -1,5 +1,5 @@
-// fltea._native.Device: the class that processes all samples of a device, for Python
-// (host/fltea/stream/decode.py).
+// Makes the C++ class Device, which processes all samples of a device, available in Python as
+// fltea._native.Device (host/fltea/stream/decode.py).
 #include "device_binding.hpp"
 
 namespace nb = nanobind;

@@ -26,13 +26,14 @@ using fltea::NumberColumn;
 using fltea::RunColumns;
 using fltea::Stop;
 
-// A column of samples from Python. The object keeps the array alive while it is read.
+// A column of samples that comes from Python as an array. This object keeps the array alive while the column
+// is read.
 class Column {
   public:
     Column(nb::handle array, size_t rows) {
         if (array.is_none()) return;
         if (PyObject_GetBuffer(array.ptr(), &view_, PyBUF_C_CONTIGUOUS | PyBUF_FORMAT) != 0) {
-            PyErr_Clear();  // the array stores its elements in another memory order
+            PyErr_Clear();  // the elements do not follow one another in memory row by row
             const nb::object rows = nb::module_::import_("numpy").attr("ascontiguousarray")(array);
             if (PyObject_GetBuffer(rows.ptr(), &view_, PyBUF_C_CONTIGUOUS | PyBUF_FORMAT) != 0)
                 nb::raise_python_error();
@@ -61,7 +62,7 @@ class Column {
     Column& operator=(const Column&) = delete;
 
     NumberColumn numbers() const { return {view_.buf, type_, width_}; }
-    // Returns the data of a column, or null if there is no column.
+    // Returns the numbers of an int64 column, or null if there is no column.
     const std::int64_t* whole() const {
         if (held_ && type_ != NumberColumn::kWhole) refuse();
         return static_cast<const std::int64_t*>(view_.buf);
@@ -82,7 +83,8 @@ inline std::optional<double> known(double value) {
     return std::isnan(value) ? std::optional<double>() : std::optional<double>(value);
 }
 
-// Returns the details of a stop for the Python class `Stop` in host/fltea/stream/decode.py.
+// Returns the details that Python needs to handle a stop of the device (`Stop` in
+// host/fltea/stream/decode.py).
 inline nb::object told(const fltea::Device& device, const fltea::SampleColumns& from, const Advanced& found) {
     const fltea::Judged& judged = device.judged();
     if (found.stop == Stop::kEpoch) {
@@ -129,7 +131,7 @@ class Device {
 
     // Begins an epoch. Each sensor is a tuple: is_accel, places (indexes of its axes), tracker, sums or None,
     // longest motion, bank or None, number of rows until its start-up window is full, and for each axis
-    // whether it waits.
+    // whether it waits for an accepted fit.
     void begin(std::int64_t offset_ns, nb::list sensors) {
         std::vector<fltea::Sensor> found;
         for (nb::handle sensor : sensors) {
@@ -207,7 +209,7 @@ class Device {
     std::optional<double> rate_hz() const { return known(device_.timebase.rate_hz()); }
     std::optional<double> clock_ppm() const { return known(device_.timebase.clock_ppm()); }
 
-    // Sets the printers, which print all samples from now on as JSON lines.
+    // Sets the printers, which from now on print all samples of this device as JSON lines.
     void set_printers(nb::list printers) {
         std::vector<fltea::RunPrinter*> found;
         for (nb::handle one : printers) found.push_back(&nb::cast<fltea::RunPrinter&>(one));
@@ -271,7 +273,7 @@ class Device {
 
     fltea::Device device_;
     std::optional<NumpyTable> table_;  // has the memory for the columns of a run
-    nb::object kept_;                  // keeps alive the objects that the sensors point to
+    nb::object kept_;                  // keeps the Python objects alive to which the sensors point
     std::vector<fltea::RunPrinter*> printers_;
     nb::object kept_printers_;
 };

@@ -1,4 +1,4 @@
-// The engine, compiled for one instruction set (engine.hpp). CMakeLists.txt compiles this file once for each
+// The estimator engine for one instruction set (engine.hpp). CMakeLists.txt compiles this file once for each
 // instruction set.
 #include "packs.hpp"
 #include "set_name.hpp"
@@ -8,7 +8,7 @@ namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 namespace {
 
-// Calls `action` with the type of Packs that belongs to this shape.
+// Calls `action` with the kind of engine (a type of the template Packs) that belongs to this shape.
 template <class Action>
 void with_packs(void* storage, const EngineShape& shape, Action& action) {
     if (shape.joint) {

@@ -2,8 +2,8 @@
 // per instruction set.
 //
 // engine.cpp is compiled once per instruction set, and each compilation fills one table. This file contains
-// no functions, so that the linker cannot put a function that was compiled for one instruction set into
-// another one. The caller owns all memory.
+// no functions. Otherwise the linker might use a function that was compiled for one instruction set in the
+// code for another one. The caller owns all memory.
 #pragma once
 
 #include <cstddef>
@@ -11,8 +11,8 @@
 
 namespace fltea {
 
-// Largest magnitude of inputs. Larger ones would overflow a double when they are squared and summed over
-// thousands of samples.
+// Largest magnitude of an input of the engine. Larger inputs would overflow a double when they are squared
+// and summed over thousands of samples.
 constexpr double kLargestInput = 1e100;
 
 namespace engine {
@@ -22,14 +22,15 @@ namespace engine {
 struct EngineShape {
     std::size_t lanes;
     std::int32_t joint;       // 0: triple (three filters), 1: joint (filters.hpp, joint.hpp)
-    std::int32_t guard;       // a value of enum Guard (guard.hpp)
+    std::int32_t guard;       // which guard limits the estimates: a value of enum Guard (guard.hpp)
     std::int32_t compressed;  // 0: direct memory (memory_direct.hpp), 1: compressed memory
-    std::int32_t accuracy;    // for the compressed memory: digits of compressed_config(); 0 is its default
+    // accuracy of the compressed memory: the argument `digits` of compressed_config(); 0: its default
+    std::int32_t accuracy;
     // length L of the memory in samples; 0 (only with the compressed memory): unlimited
     std::size_t window;
 };
 
-// Settings of one lane: the fields of Tuning (filters.hpp), in the same order.
+// Settings of one lane: the same fields as in Tuning (filters.hpp), in the same order.
 struct LaneSettings {
     double log_h;
     double x0, P0, Q, R;
@@ -45,7 +46,7 @@ struct FilterModel {
     double alpha_variance, covariance, parameter_variance;
 };
 
-// Columns of an estimate.
+// Columns into which the estimates are written.
 enum Column : int {
     kAlpha,
     kAlphaVariance,
@@ -68,28 +69,30 @@ struct Block {
     double* out[kColumns];
 };
 
-// Extra arguments of a run under the supervisor (supervisor.hpp). A lane that the supervisor declares lost
-// restarts at the next row, together with its supervisor. Such a run writes standard deviations into the
-// block's columns instead of variances, and does not write kP. All columns are NaN where a lane is not valid.
+// Extra arguments of a run under the supervisor (supervisor.hpp). Each lane has its own supervisor. A lane
+// that its supervisor declares lost restarts at the next row, together with the supervisor. A run under
+// supervisors writes standard deviations into the block's columns instead of variances, and does not write
+// kP. All columns are NaN where a lane is not valid.
 struct Watch {
-    unsigned char* supervisors;  // Backend::supervisor bytes for each lane; all zeros are a new supervisor
-    std::uint8_t* verdicts;      // values of VerdictBits, of shape (samples, lanes)
+    // Backend::supervisor bytes for each lane; if all are zero, the supervisor is new
+    unsigned char* supervisors;
+    std::uint8_t* verdicts;  // the supervisors' verdicts: VerdictBits, of shape (samples, lanes)
 };
 
 enum VerdictBits : int { kValid = 1, kRestarted = 2, kRanAway = 4, kBound = 8 };
 
 struct Backend {
     const char* name;
-    int width;               // number of lanes in a pack
-    int causes;              // number of counters per lane
-    std::size_t supervisor;  // bytes of one supervisor
+    int width;               // number of lanes in a pack, which is one vector register
+    int causes;              // number of the guard's counters per lane: one for each cause of an intervention
+    std::size_t supervisor;  // size of one supervisor in bytes
 
     // Returns the number of bytes of storage, aligned to 64, that an engine of this shape needs.
     std::size_t (*storage)(const EngineShape& shape);
     // Builds an engine in `storage`. `settings` has one entry per lane.
     void (*start)(void* storage, const EngineShape& shape, const LaneSettings* settings);
-    // Applies other settings, one entry per lane, from the next sample on. The lanes keep their state and
-    // memory.
+    // Applies other settings from the next sample on. `settings` has one entry per lane. The lanes keep their
+    // state and memory.
     void (*retune)(void* storage, const EngineShape& shape, const LaneSettings* settings);
     // Replaces the estimated order and parameter of one lane, which keeps its state and memory.
     void (*set_filter_model)(void* storage, const EngineShape& shape, std::size_t lane,
@@ -98,13 +101,13 @@ struct Backend {
     void (*watch)(void* storage, const EngineShape& shape, const Block& block, const Watch& watch);
     // Restarts the lanes for which `mask` is not 0.
     void (*reset)(void* storage, const EngineShape& shape, const std::uint8_t* mask);
-    // Writes the guard's counters as an array of shape (lanes, causes).
+    // Writes how often the guard intervened, as an array of shape (lanes, causes).
     void (*counts)(const void* storage, const EngineShape& shape, std::int32_t* out);
     // Returns the size of a snapshot; `save` writes the snapshot. The settings are not part of a snapshot.
     std::size_t (*snapshot)(const EngineShape& shape);
     void (*save)(const void* storage, const EngineShape& shape, unsigned char* out);
-    // Returns false if the snapshot cannot come from an engine of this shape, or has impossible numbers. Part
-    // of it may be loaded by then, so the engine has to be discarded or restarted.
+    // Loads a snapshot. Returns false if it cannot come from an engine of this shape, or has impossible
+    // numbers. A part of it may have been loaded by then, so the engine has to be discarded or restarted.
     bool (*load)(void* storage, const EngineShape& shape, const unsigned char* in);
 };
 

@@ -1,4 +1,5 @@
-// fltea._native.Engine: the estimator engine for Python, on plain float64 arrays.
+// Makes the estimator engine available in Python as fltea._native.Engine. Samples and estimates are float64
+// arrays.
 //
 // Python code should use host/fltea/estimator/engine.py, whose class checks the settings. This binding only
 // rejects arguments that would break memory safety or corrupt an estimator.
@@ -21,7 +22,7 @@ using fltea::engine::LaneSettings;
 
 namespace {
 
-// The function tables that this processor can run, best first.
+// The function tables of the engine for those instruction sets that this processor has, fastest first.
 std::vector<const Backend*> usable() {
     std::vector<const Backend*> result;
 #if defined(FLTEA_X86)

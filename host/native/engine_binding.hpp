@@ -1,4 +1,4 @@
-// Helpers that the classes of fltea._native share when they run the engine.
+// Functions shared by those classes of fltea._native that run the estimator engine.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -17,7 +17,8 @@ using Places = nanobind::ndarray<uint8_t, nanobind::ndim<2>, nanobind::c_contig,
 using Results = nanobind::ndarray<double, nanobind::ndim<3>, nanobind::c_contig, nanobind::device::cpu>;
 using Counts = nanobind::ndarray<int32_t, nanobind::ndim<2>, nanobind::c_contig, nanobind::device::cpu>;
 
-// Releases Python's GIL, but only for work on many rows, because it may take long to acquire the GIL again.
+// Releases Python's GIL as long as this object exists, but only for work on many rows, because it may take
+// long to acquire the GIL again.
 class LockGivenAway {
   public:
     explicit LockGivenAway(size_t rows) {
@@ -29,20 +30,21 @@ class LockGivenAway {
     std::optional<nanobind::gil_scoped_release> release_;
 };
 
-// Returns the functions for an instruction set. Raises ValueError, with the list of usable instruction sets,
-// if this processor cannot run it.
+// Returns the engine's functions for an instruction set. Raises ValueError, with the list of usable
+// instruction sets, if this processor does not have it.
 const fltea::engine::Backend& find_backend(const std::string& instruction_set);
 
-// Builds the shape of an engine from the arguments with which the constructors of all such classes begin.
-// Raises ValueError for arguments that would break memory safety.
+// Builds the shape of an engine (EngineShape) from the arguments with which the constructors of all these
+// classes begin. Raises ValueError for arguments that would break memory safety.
 fltea::engine::EngineShape shape_of(bool joint, int guard, bool compressed, int accuracy, size_t window,
                                     const Rows& settings);
 
 // Checks the settings of retune(). Raises ValueError unless there is one entry per lane.
 const fltea::engine::LaneSettings* settings_of(const Rows& settings, size_t lanes);
 
-// Raises ValueError for numbers beyond ±`largest`, except where `ignored` is set (null: nowhere). This is
-// checked before any number reaches the memory of the filters, where a NaN would stay for a whole window.
+// Raises ValueError for numbers beyond ±`largest` and for NaN, except where `ignored` is set (null: nowhere).
+// This is checked before any number reaches the memory of the filters, where a NaN would stay for the whole
+// length of the memory.
 void check_numbers(const char* name, const double* values, size_t rows, size_t lanes, const uint8_t* ignored,
                    double largest);
 
@@ -53,8 +55,8 @@ void check_counts(const Counts& out, const fltea::OwnedEngine& engine);
 nanobind::bytes as_bytes(const std::vector<unsigned char>& bytes);
 const unsigned char* data_of(const nanobind::bytes& bytes);
 
-// Returns a list of tuples: row, lane, and the reason for which the lane became invalid there
-// (supervisor.hpp), "runaway" or "bound".
+// Returns a list of tuples, one for each lane that became invalid: the row at which this happened, the lane,
+// and the reason that its supervisor gave (supervisor.hpp), "runaway" or "bound".
 nanobind::list as_list(const std::vector<fltea::Lost>& lost);
 
 void bind_engine(nanobind::module_& m);

@@ -7,7 +7,7 @@
 
 namespace fltea {
 
-// How long samples are remembered in sums. `samples` is the memory length; 0: nothing is forgotten.
+// Says how fast sums forget old samples. `samples`: memory length; 0: nothing is forgotten.
 //
 // For forgetting, time is divided into generations of one memory length. The sums are those of the current
 // generation plus those of the previous generation, whose weight falls from 1 to 0 while the current one
@@ -43,7 +43,7 @@ class FadingSums {
         std::memset(&before_, 0, sizeof before_);
     }
 
-    // Adds the powers of a block that belongs to generation `born`. They are in the unit of the sums.
+    // Adds the powers of a block that belongs to generation `born`. The powers have the unit of the sums.
     template <typename Number>
     void add(const Number* power, int, double born) {
         age(born);
@@ -53,7 +53,7 @@ class FadingSums {
         to.blocks += 1;
     }
 
-    // Advances to a later generation.
+    // Advances to a later generation; what is older than the one before it is forgotten.
     void age(double generation) {
         if (!(generation > generation_)) return;
         if (generation == generation_ + 1) {
@@ -65,8 +65,8 @@ class FadingSums {
         generation_ = generation;
     }
 
-    // Returns the sums at the time when the fraction `part` of the generation has passed. `effective`: number
-    // of blocks of equal weight that give the same precision.
+    // Writes the sums of powers and of blocks at the time when the fraction `part` of the current generation
+    // has passed. `effective`: number of blocks of equal weight that would give the same precision.
     void read(double part, double* power, double* blocks, double* effective) const {
         const double old = 1 - part;
         for (int i = 0; i < kLines; ++i) power[i] = now_.power[i] + old * before_.power[i];
@@ -79,8 +79,8 @@ class FadingSums {
         add(now_, other.now_);
         add(before_, other.before_);
     }
-    // Sets the generation after a merge with other sums, when it no longer follows from the blocks that were
-    // added.
+    // Sets the present generation. Call this after a merge with other sums, when the generation no longer
+    // follows from the blocks that were added.
     void set_generation(double generation) { generation_ = generation; }
 
     template <typename Io>

@@ -12,7 +12,7 @@ class GravityGate {
     enum { kAxes = 3 };
     static constexpr double kKnock = 16, kMean = 8;
 
-    // Adds a sample of `axes` axes, of which only the first kAxes are used.
+    // Adds a sample of an accelerometer with `axes` axes, of which only the first kAxes are used.
     void add(const double* y, int axes) {
         for (int i = 0; i < axes && i < kAxes; ++i) {
             if (known_ == 0) first_[i] = y[i];
@@ -24,8 +24,8 @@ class GravityGate {
         ++known_;
     }
 
-    // Ends a chunk of samples. Returns true if it shows motion. `largest_step`: how far the mean of a chunk
-    // at rest may differ from that of earlier chunks because of a changing bias alone.
+    // Ends a chunk of samples. Returns true if the chunk shows motion. `largest_step`: how far the mean of a
+    // chunk at rest may differ from the mean of earlier chunks because the bias has changed.
     bool end_chunk(double largest_step, bool moving) {
         bool knock = false;
         const int n = known_;
@@ -63,8 +63,8 @@ class GravityGate {
         const double power = std::fmax(squares_[i] - mean * sums_[i], 0) / (n - 1);
         bool knock = false;
         if (has_place_) {
-            // While the sensor moves, the limit is lower, because the mean must not be changing any more when
-            // rest begins.
+            // While the sensor moves, the limit for a change of the mean is lower: rest begins only when the
+            // mean hardly changes any more.
             const double step = moving ? largest_step / kStill : largest_step;
             const double least = step + kMean * std::sqrt(usual_[i] * 2 / n);
             knock = power > kKnock * std::fmax(usual_[i], largest_step * largest_step / kKnock) ||

@@ -1,5 +1,5 @@
-// The Kalman filter of a linear system. x is the mean of the state after the newest sample, and P the
-// covariance of the state that is predicted for the next sample.
+// The Kalman filter of a linear system. x is the estimate of the state after the newest sample, and P the
+// covariance of the error of the state that is predicted for the next sample.
 #pragma once
 
 #include "linear_system.hpp"
@@ -7,13 +7,14 @@
 namespace fltea {
 namespace track {
 
-// Estimates after a sample, relative to the origin of the samples. S: variance of the innovation.
+// Estimates after a sample, relative to the origin that is subtracted from all samples. S: variance of the
+// innovation.
 struct Known {
     double state, state_variance, bias, bias_variance, innovation, S;
 };
 
-// The logarithm of a value that often stays the same, because a gain is held for many samples. It is computed
-// only when the value changes.
+// The logarithm of the innovation's variance S. As long as the filter uses the same gain, S stays the same,
+// so the logarithm is computed only when S changes.
 class HeldLog {
   public:
     double of(double S) {
@@ -40,19 +41,20 @@ class Kalman {
         double K[N], S, log_S;
         Variances now;
     };
-    // Gains of a system for the first kExact samples after its start. `at` points to the gain for the first
-    // sample, and the gains for the next samples follow at distances of `stride`. P is the covariance before
-    // the last of them. The gains do not depend on the samples, so all filters of the same system share them.
+    // Gains of the filter of a system for the first kExact samples after its start. `at` points to the gain
+    // for the first sample, and the gains for the next samples follow at distances of `stride`. P is the
+    // covariance before the last of them. The gains do not depend on the samples, so all filters of the same
+    // system share them.
     struct Gains {
         const Gain* at;
         std::size_t stride;
         double P[N * N];
     };
 
-    // For kExact samples after a start or a gap, each sample has its exact gain. After that, one gain is used
-    // for kHeld samples, and is the exact gain of the last of them.
+    // For kExact samples after a start or a gap, the filter computes the exact gain of each sample. After
+    // that, it uses one gain for kHeld samples, which is the exact gain of the last of them.
     enum { kExact = 512, kHeld = RiccatiMap<N>::kSamples, kStep = 32 };
-    // An innovation larger than this is clipped [standard deviations].
+    // Innovations are clipped at this number of standard deviations.
     static constexpr double kClip = 6;
 
     Kalman() {}
@@ -95,7 +97,8 @@ class Kalman {
         }
         gains.at = at;
     }
-    // Starts again with `covariance` as the covariance of the first prediction. The mean x is kept.
+    // Starts the filter again, with `covariance` as the covariance of the first prediction. The estimate x is
+    // kept.
     void start(const System<N>* system, const RiccatiMap<N>* map, const double* covariance) {
         system_ = system;
         map_ = map;
@@ -106,8 +109,9 @@ class Kalman {
         find_gain();
     }
     double bias() const { return dot(system_->bias, x, system_->n); }
-    // Variance of `row` times x, for example of the bias. It is computed from P, which may already be the
-    // covariance of up to kHeld samples later.
+    // Variance of the scalar product of `row` and x, for example of the bias. It is computed from P, but P
+    // may already be the covariance up to kHeld samples later. The known present variance of the bias
+    // corrects that.
     double variance_of(const double* row) const {
         const System<N>& s = *system_;
         const double own = form(row, P, row, s.n), of_bias = form(s.bias, P, s.bias, s.n);
@@ -115,7 +119,8 @@ class Kalman {
         return found > 0 ? found : own > 0 ? own : 0;
     }
 
-    // Sets new addresses of the system and of the map. Call this after both have been moved in memory.
+    // Sets new addresses of the system and of the map of its covariance. Call this after both have been moved
+    // in memory.
     void point_to(const System<N>* system, const RiccatiMap<N>* map) {
         system_ = system;
         map_ = map;
@@ -129,7 +134,7 @@ class Kalman {
         return y - sum;
     }
 
-    // Advances by the sample with the innovation `e` or, if `take` is false, by a missing sample.
+    // Advances by one sample, whose innovation is `e`. If `take` is false, the sample is missing.
     void go_on(double e, bool take) {
         const int n = system_->n;
         if (take) {
@@ -161,7 +166,7 @@ class Kalman {
         if (exact_ == 0) hold();
     }
 
-    // Notes that state i may have changed by an unknown amount of this variance before the next sample.
+    // Notes that state i may change before the next sample by an unknown amount, which has this variance.
     void widen(int i, double variance) {
         find_covariance();
         if (exact_ == 0) let_go();
@@ -193,7 +198,7 @@ class Kalman {
         io.require(S > 0);
     }
 
-    // The values that every sample needs come first in memory.
+    // These values, which are needed for every sample, come first in memory.
     double x[N] = {}, K[N] = {}, S = 1;
 
   private:
@@ -215,7 +220,8 @@ class Kalman {
         now_ = one.now;
     }
 
-    // Computes the present P, which was not updated while `gains_` was used, and stops using `gains_`.
+    // Computes the present covariance P, which was not updated while the precomputed gains `gains_` were
+    // used. From now on, these are not used any more.
     void find_covariance() {
         if (gains_ == nullptr) return;
         std::memcpy(P, system_->P0, sizeof(double) * std::size_t(system_->n * system_->n));
@@ -264,8 +270,9 @@ class Kalman {
             hold();
         }
         if (held_ % kStep != 0) return;
-        // Between the two known variances, 1 / variance is interpolated linearly, because the variance of a
-        // constant is proportional to 1 / number of samples.
+        // The variances are known at the beginning and at the end of these samples. In between, 1 / variance
+        // is interpolated linearly, as it grows for an estimated constant: in proportion to the number of
+        // samples.
         const double share = double(held_ + kStep / 2) / kHeld;
         now_.state = between(from_.state, to_.state, share);
         now_.bias = between(from_.bias, to_.bias, share);
