@@ -1,5 +1,6 @@
-// Runs lanes under the supervisor: the engine, the supervision, and the restarts. A lane is the estimator of
-// one series of samples: an axis of a live sensor, a shuffled copy of it, or a simulated series.
+// Runs lanes of the estimator engine, each under a supervisor that restarts it when its filter has run away.
+// A lane is the estimator of one series of samples: an axis of a live sensor, a shuffled copy of its samples,
+// or a simulated series.
 #pragma once
 
 #include <cstdint>
@@ -24,7 +25,7 @@ enum LaneColumn : int {
     kLaneF,
     kLaneFStd,
     kLaneX,
-    kLaneInnovation,  // is NaN also where the sample is missing
+    kLaneInnovation,  // the innovation is also NaN where the sample is missing
     kLaneInnovationStd,
     kLaneColumns
 };
@@ -40,7 +41,7 @@ class LaneRunner {
     std::size_t lanes() const { return engine_.lanes(); }
     const OwnedEngine& engine() const { return engine_; }
 
-    // Applies other settings, one entry per lane, from the next row on.
+    // Applies other settings from the next row on. There is one entry per lane.
     void retune(const engine::LaneSettings* settings) { engine_.retune(settings); }
 
     void set_filter_model(std::size_t lane, const engine::FilterModel& filter_model) {
@@ -49,7 +50,8 @@ class LaneRunner {
 
     // Runs rows of all lanes. `y`, `missing` (or null) and `valid` have the shape (rows, lanes). `y` is
     // finite where it is not missing; `valid` is set to 0 or 1. Appends each lane that becomes invalid to
-    // `lost`, in the order of the rows. The number of this block's first row in `lost` is `first`.
+    // `lost`, in the order of the rows. The rows in `lost` are counted so that the first row of this block
+    // has the number `first`.
     void run(const double* y, const std::uint8_t* missing, std::size_t rows,
              double* const (&columns)[kLaneColumns], std::uint8_t* valid, std::vector<Lost>& lost,
              std::size_t first = 0) {
@@ -84,7 +86,7 @@ class LaneRunner {
     const std::vector<std::uint64_t>& restarts() const { return restarts_; }
     void set_restarts(const std::vector<std::uint64_t>& restarts) { restarts_ = restarts; }
 
-    // Writes how often the guard intervened since each lane's last start, as an array of shape (lanes,
+    // Writes how often the guard intervened since the last start of each lane, as an array of shape (lanes,
     // causes).
     void counts(std::int32_t* out) const { engine_.counts(out); }
 
@@ -97,7 +99,8 @@ class LaneRunner {
         return std::vector<unsigned char>(bytes, bytes + supervisors_.size() * sizeof(Supervisor));
     }
 
-    // Returns false and changes nothing if `bytes` cannot be the state of these supervisors.
+    // Loads the state of the supervisors. Returns false and changes nothing if `bytes` cannot be such a
+    // state.
     bool load_supervisors(const unsigned char* bytes, std::size_t size) {
         if (size != supervisors_.size() * sizeof(Supervisor)) return false;
         std::vector<Supervisor> loaded(supervisors_.size());

@@ -1,5 +1,5 @@
-// fltea._native.Lanes: the class LaneRunner, lanes under the supervisor, for Python, on plain arrays
-// (host/fltea/estimator/lanes.py).
+// Makes the C++ class LaneRunner, which runs lanes of the engine under supervisors, available in Python as
+// fltea._native.Lanes (host/fltea/estimator/lanes.py). Samples and estimates are numpy arrays.
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>

@@ -1,5 +1,5 @@
-// Prints the rows of several columns as lines of JSON in the format of msgspec. A line consists of fixed
-// texts and of holes between them, into which numbers of the columns are printed.
+// Prints the rows of several columns as lines of JSON, as the Python package msgspec would print them. A line
+// consists of fixed texts and of holes between them, into which the numbers of a row are printed.
 #pragma once
 
 #include <algorithm>
@@ -17,10 +17,10 @@ namespace fltea {
 
 // A column of numbers, of shape (rows,) or (rows, width).
 struct Cells {
-    enum Kind { kReal, kWhole, kFlag };  // double; int64; 0 or 1 in a byte
+    enum Kind { kReal, kWhole, kFlag };  // types of the numbers: double; int64; 0 or 1 in a byte
 
     const void* first;
-    // distances in bytes: from one row to the next, and from one number of a row to the next
+    // distances in memory [bytes]: from one row to the next, and from one number of a row to the next
     std::ptrdiff_t row, place;
     Kind kind;
 };
@@ -31,9 +31,9 @@ class LinePrinter {
         std::size_t column, place;
     };
 
-    // `texts`: the texts before each hole and after the last hole. `nulls`: whether non-finite numbers are
-    // printed as null; if false, they are omitted together with their key. Throws std::invalid_argument if
-    // the numbers of texts and holes do not fit.
+    // `texts`: the fixed texts of a line, of which one stands before each hole and one after the last hole.
+    // `nulls`: whether non-finite numbers are printed as null; if false, they are omitted together with their
+    // key. Throws std::invalid_argument if there is not one text more than there are holes.
     LinePrinter(std::vector<std::string> texts, std::vector<Hole> holes, bool nulls)
         : texts_(std::move(texts)), holes_(std::move(holes)), nulls_(nulls) {
         if (texts_.size() != holes_.size() + 1)
@@ -46,7 +46,7 @@ class LinePrinter {
         return std::any_of(holes_.begin(), holes_.end(),
                            [&](const Hole& one) { return one.column == column; });
     }
-    // Largest number of bytes that `rows` printed rows take.
+    // Largest number of bytes that the text of `rows` rows can take.
     std::size_t room(std::size_t rows) const { return rows * room_; }
 
     // Prints the rows begin, begin + step, … below `end` into `out`, which needs `room` bytes. Returns the
@@ -76,7 +76,7 @@ class LinePrinter {
     };
 
     char* print_row(const std::vector<Cell>& cells, std::ptrdiff_t row, char* out) const {
-        // whether the next key is the first one of its object because all keys before it were omitted
+        // whether all earlier keys of the present object were omitted, so that the next key is its first one
         bool first = false;
         for (std::size_t i = 0; i <= cells.size(); ++i) {
             const std::string& text = texts_[i];
@@ -103,8 +103,8 @@ class LinePrinter {
         return out;
     }
 
-    // Prints the shortest digits from which the same number can be read again. As msgspec does, uses an
-    // exponent only below 1e-5 and from 1e16 on.
+    // Prints a number with the fewest digits from which the same number can be read again. Like msgspec, it
+    // uses an exponent only below 1e-5 and from 1e16 on.
     static char* put_real(double value, char* out) {
         char text[kLongest], digits[kLongest];
         const char* end = std::to_chars(text, text + kLongest, value, std::chars_format::scientific).ptr;

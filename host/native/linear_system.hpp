@@ -1,5 +1,5 @@
-// A noise model as a linear system (host/fltea/noise/system.py), and the change of a filter's prediction
-// covariance over many samples at once.
+// A noise model as a linear system (host/fltea/noise/system.py), and a map that advances the covariance of a
+// Kalman filter's prediction by many samples at once.
 #pragma once
 
 #include <cmath>
@@ -11,15 +11,15 @@ namespace fltea {
 namespace track {
 
 enum { kMost = 24 };  // largest number of states
-// Numbers below this are set to 0, because calculating with denormal numbers takes a processor a hundred
-// times as long.
+// Elements of a covariance below this are set to 0, because calculating with denormal numbers takes a
+// processor a hundred times as long.
 constexpr double kNothing = 1e-200;
 
 // A linear system with n states, in arrays with room for N; if N is at most 4, zeros follow the last state.
-// Matrices are (n, n), row by row, in the first n * n elements. The first states belong to `pairs` pairs of
-// complex poles. State i enters a sample with the weight c[i], the published state with the weight state[i],
-// and the bias with the weight bias[i]. If the bias is a mean over the next samples, bias_more is the part of
-// its variance that noise will add until then.
+// Matrices are (n, n), row by row, in the first n * n elements. The states of `pairs` pairs of complex poles
+// come first. State i contributes to a sample with the weight c[i], to the published state with the weight
+// state[i], and to the bias with the weight bias[i]. If the bias is an expected mean over the next samples,
+// bias_more is the variance that the noise of these samples adds to it.
 template <int N>
 struct System {
     int n, pairs;
@@ -55,8 +55,8 @@ struct System {
         return -1;
     }
 
-    // Number of states over which loops run. For N up to 4 it is always N, because zeros follow the last
-    // state.
+    // Number of states over which loops run. For N up to 4 it is always N, which compilers know; the zeros
+    // behind the last state do no harm.
     int width() const { return N <= 4 ? N : n; }
 
     // Advances a state vector by one sample: x <- A x.
@@ -103,7 +103,7 @@ inline double dot(const double* u, const double* v, int n) {
     return sum;
 }
 
-// The number u' P v.
+// Returns the number u' P v for the vectors u, v and the matrix P.
 inline double form(const double* u, const double* P, const double* v, int n) {
     double sum = 0;
     for (int i = 0; i < n; ++i) {
@@ -154,15 +154,16 @@ inline bool solve(double* M, double* Y, int n, int columns) {
     return true;
 }
 
-// Maps the covariance P of a filter's prediction to that of 2^kDoublings samples later: H + B' P (I + G P)^-1
-// B, with B = A'. G, H and B are computed by the doubling algorithm for the discrete Riccati equation
-// (Anderson, Int. J. Control 28, 1978).
+// Maps the covariance P of a filter's prediction to the covariance 2^kDoublings samples later, which is H +
+// B' P (I + G P)^-1 B. The doublings begin with B = A', the transposed transition matrix. G, H and B are
+// computed by the doubling algorithm for the discrete Riccati equation (Anderson, Int. J. Control 28, 1978).
 template <int N>
 class RiccatiMap {
   public:
     enum { kDoublings = 8, kSamples = 1 << kDoublings };
 
-    // Computes the map for a system. Returns false if a matrix is singular or a number is not finite.
+    // Computes the matrices of the map for a system. Returns false if a matrix is singular or a number is not
+    // finite.
     bool set(const System<N>& s) {
         const int n = n_ = s.n, size = n * n;
         for (int i = 0; i < size; ++i) B_[i] = 0;
@@ -207,7 +208,7 @@ class RiccatiMap {
         return true;
     }
 
-    // Advances P by kSamples samples.
+    // Advances the covariance P by kSamples samples.
     void apply(double* P) const {
         const int n = n_;
         double M[N * N], Y[N * N], T[N * N];

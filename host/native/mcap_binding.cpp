@@ -1,5 +1,6 @@
-// fltea._native.McapChunks, which writes messages into MCAP chunks (host/fltea/recording/part.py), and a
-// function that finds the records in a chunk (host/fltea/recording/scan.py).
+// For Python: the class fltea._native.McapChunks, which writes messages into MCAP chunks
+// (host/fltea/recording/part.py), and a function that finds the records in a chunk
+// (host/fltea/recording/scan.py).
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/string.h>
@@ -36,7 +37,7 @@ class McapChunks {
         writer_.add_message(channel, sequence, log_ns, publish_ns, text_of(data), data.size());
     }
 
-    // Adds one message for each read from a port, with the bytes of that read.
+    // Adds messages with bytes from a serial port, one for each read of the port.
     void add_reads(uint16_t channel, uint32_t sequence, nb::bytes data, const Times& end, const Times& log_ns,
                    const Times& publish_ns) {
         const size_t n = end.shape(0);
@@ -74,8 +75,8 @@ class McapChunks {
         return as_text(writer_.end(text_of(found), found.size(), at));
     }
 
-    // Returns for all finished chunks: their index records, first and last time, number of chunks, and number
-    // of messages per channel.
+    // Returns the summary of all finished chunks: their index records, the first and the last time of a
+    // message, the number of chunks, and the number of messages per channel.
     nb::tuple summary() const {
         nb::dict counts;
         for (const auto& one : writer_.counts()) counts[nb::cast(one.first)] = one.second;

@@ -1,5 +1,5 @@
-// The mean of a sum of states over the next samples: how it depends on the present states, and the variance
-// that the noise until then adds. It is needed because the bias is a forecast of such a mean.
+// The expected mean of a weighted sum of states over the next samples: how it depends on the present states,
+// and the variance that the noise of these samples adds. The published bias is the forecast of such a mean.
 #pragma once
 
 #include <complex>
@@ -9,27 +9,28 @@
 namespace fltea {
 namespace track {
 
-// The expected mean is `row` times x, the state vector at the newest sample. `variance` is the variance that
-// the noise of the next samples adds.
+// The expected mean is the scalar product of `row` and x, the state vector at the newest sample. `variance`
+// is the variance that the noise of the next samples adds to the mean.
 template <int N>
 struct MeanAhead {
     double row[N];
     double variance;
 };
 
-// Sums for a mode that is multiplied by a with each sample, over k = 1 … m, computed by doubling. For slow
-// modes, all terms have the same sign, so no precision is lost. `power`: a^m. `geometric`: g(m) = 1 + a + … +
-// a^(m-1). `sums`: the sum of g(1) … g(m).
+// Sums over m samples for a mode of the system, which is multiplied by a complex number a with each sample.
+// They are computed by doubling m. For slow modes, all terms have the same sign, so no precision is lost.
+// `power`: a^m. `geometric`: g(m) = 1 + a + … + a^(m-1). `sums`: g(1) + g(2) + … + g(m).
 struct ModeSums {
     std::complex<double> power, geometric, sums;
 };
 
-// Returns the mean of `weights` times x over the next m samples. With m = 0, it is `weights` times the
-// present x.
+// Returns the expected mean of the scalar product of `weights` and the state x over the next m samples. With
+// m = 0, it is the product with the present x.
 //
-// Since x_k+j = A^j x_k + …, the mean is computed in the eigenvectors of A, where a pole pair is a conjugate
-// pair of modes. There the mean of A^j is a g(m) / m, and a step of the noise j samples ahead has the weight
-// g(m - j + 1) / m.
+// The state j samples ahead is x_k+j = A^j x_k plus noise. The mean is therefore computed in the eigenvectors
+// of A, where a pole pair becomes two conjugate modes. For a mode with the eigenvalue a, the mean of a^j over
+// j = 1 … m is a g(m) / m (ModeSums), and the noise that is added j samples ahead has the weight g(m - j + 1)
+// / m.
 template <int N>
 MeanAhead<N> mean_ahead(const System<N>& s, const double* weights, long long m) {
     typedef std::complex<double> Complex;
@@ -43,15 +44,15 @@ MeanAhead<N> mean_ahead(const System<N>& s, const double* weights, long long m) 
         a[i] = s.a[i];
         weight[i] = weights[i];
     }
-    // A pole pair with the states x_i and x_i+1: ξ = x_i + i x_i+1 is multiplied by a - i b per sample. The
-    // conjugate of ξ is the second mode.
+    // For a pole pair with the states x and y, the first mode is ξ = x + i y, which is multiplied by a - i b
+    // with each sample. The conjugate of ξ is the second mode.
     for (int i = 0; i < 2 * s.pairs; i += 2) {
         a[i] = Complex(s.a[i], -s.b[i]);
         a[i + 1] = std::conj(a[i]);
         weight[i] = Complex(weights[i], -weights[i + 1]) / 2.0;
         weight[i + 1] = std::conj(weight[i]);
     }
-    // For each pair of modes: the sum over k of g(k) conj g'(k), where g belongs to one mode and g' to the
+    // For any two modes: the sum over k = 1 … m of g(k) conj g'(k), where g belongs to one mode and g' to the
     // other.
     Complex both[N * N], noise[N * N];
     ModeSums of[N];
@@ -128,8 +129,9 @@ MeanAhead<N> mean_ahead(const System<N>& s, const double* weights, long long m) 
     return found;
 }
 
-// Spectral density at frequency 0 of the states whose `in` is true, weighted by c. For fast states, this is
-// their contribution to a mean of many samples.
+// Returns the spectral density at frequency 0 of what the states for which `in` is true contribute to a
+// sample. If these states are fast, this density gives the variance that they contribute to a mean of many
+// samples.
 template <int N>
 double density_at_zero(const System<N>& s, const bool* in) {
     double M[N * N], row[N];

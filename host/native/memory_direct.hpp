@@ -24,7 +24,7 @@ class DirectMemory {
     static std::size_t storage(std::size_t window) {
         return history(window) + (window + kReciprocals + Lanes<T>::count - 1) / Lanes<T>::count;
     }
-    // Number of elements, counted from the first, that hold past samples. The other elements are tables.
+    // Number of elements that hold past samples. These come first; the other elements are tables.
     static std::size_t history(std::size_t window) { return 4 * window; }
 
     // `storage` holds storage(window) elements, aligned for T. The caller owns it.
@@ -52,8 +52,8 @@ class DirectMemory {
     // Adds the newest estimate: state x and variance P. Both have to be finite, because a NaN would stay for
     // a whole window.
     void push(T x, T P) {
-        // Each sample is written to two places at a distance of `window`, so that the window is always
-        // contiguous, newest first.
+        // Each sample is written to two places at a distance of `window`, so that the samples of the window
+        // always lie next to each other, newest first.
         position_ = (position_ == 0 ? window_ : position_) - 1;
         x_[position_] = x_[position_ + window_] = x;
         P_[position_] = P_[position_ + window_] = P;
@@ -61,7 +61,7 @@ class DirectMemory {
     }
 
     std::size_t window() const { return window_; }
-    // Number of samples that the sums use: L(k) = min(k, window).
+    // Number of past samples that the sums use: L(k) = min(k, window).
     std::size_t length() const { return pushed_ < window_ ? static_cast<std::size_t>(pushed_) : window_; }
 
     // Computes S_i = sum_{j=1}^{L(k)} c_j(order_i) x_{k-j} for several orders at once.
@@ -72,7 +72,7 @@ class DirectMemory {
         for (int i = 0; i < N; ++i) S[i] = nest.state[i];
     }
 
-    // V = sum_{j=2}^{L(k)} c_j(order)^2 P_{k-j}.
+    // Computes V = sum_{j=2}^{L(k)} c_j(order)^2 P_{k-j}.
     T variance_sum(T order) const {
         const T orders[1] = {order};
         Nest<T, 0, 1> nest(orders);
@@ -80,7 +80,7 @@ class DirectMemory {
         return nest.variance;
     }
 
-    // Computes both sums of one order together, which is cheaper than one after the other.
+    // Computes S and V of one order together, which is cheaper than one after the other.
     void sums(T order, T& S, T& V) const {
         const T orders[1] = {order};
         Nest<T, 1, 1> nest(orders);
@@ -89,7 +89,7 @@ class DirectMemory {
         V = nest.variance;
     }
 
-    // State that save and restore need in addition to the storage.
+    // What has to be saved and restored in addition to the storage.
     struct Position {
         std::uint64_t position, pushed;
     };
@@ -100,7 +100,7 @@ class DirectMemory {
     }
 
   private:
-    // two elements more than the window: 1/0, which is never used, and 1/(window + 1)
+    // two elements more than the window, for 1/0, which is never used, and 1/(window + 1)
     static constexpr std::size_t kReciprocals = 2;
 
     template <int N, int M>

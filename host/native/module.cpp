@@ -1,6 +1,5 @@
-// The Python module fltea._native: the decoder of the wire protocol, the estimator engine and its
-// supervision, the fits of spectra, and the device's encoder, with whose bytes tests compare those of the
-// Python encoder.
+// The Python module fltea._native. It has the decoder of the wire protocol, the estimator engine with its
+// supervisors, the fits of spectra, and the device's encoder, with which tests compare the Python encoder.
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/string.h>
 
@@ -32,7 +31,8 @@ const uint8_t* data(const nb::bytes& bytes) { return static_cast<const uint8_t*>
     throw nb::value_error((std::string(field) + ": " + why).c_str());
 }
 
-// Visitor of a message's fields (messages.h) that sets the fields from a tuple, in order.
+// Sets the fields of a message from a tuple, when a visit of these fields (messages.h) calls it for each in
+// order.
 class FieldReader {
   public:
     explicit FieldReader(nb::tuple values) : values_(values) {}
@@ -140,8 +140,8 @@ nb::bytes cobs_encode(nb::bytes bytes) {
 
 NB_MODULE(_native, m) {
     m.doc() = "Native parts of fltea.";
-    // The command exits without a garbage collection (host/fltea/cli/app.py), so objects in reference cycles
-    // would be reported as leaks.
+    // Leaked objects are reported only in Python's development mode (-X dev). The command exits without a
+    // garbage collection (host/fltea/cli/app.py), so objects in reference cycles would be reported as leaks.
     nb::set_leak_warnings(PyObject_IsTrue(nb::module_::import_("sys").attr("flags").attr("dev_mode").ptr()) ==
                           1);
     m.attr("SCHEMA_HASH") = fltea::kSchemaHash;

@@ -1,5 +1,6 @@
-// The sums over the newest samples by the recurrence of the Grünwald–Letnikov weights, c_0 = 1, c_j = c_{j-1}
-// (1 - (a+1)/j) (Macias & Sierociuk 2023, sections 2 and 4), evaluated in nested form, as in Horner's scheme.
+// Sums over the newest samples with the Grünwald–Letnikov weights of the order a, which follow from c_0 = 1
+// and c_j = c_{j-1} (1 - (a+1)/j) (Macias & Sierociuk 2023, sections 2 and 4). The sums are computed in
+// nested form, as in Horner's scheme.
 #ifndef FLTEA_NEST_HPP
 #define FLTEA_NEST_HPP
 
@@ -17,12 +18,12 @@ template <class T, int N, int M>
 class Nest {
     typedef Real<T> R;
     static constexpr int kOrders = N > M ? N : M;
-    // Up to this j, c_j/c_{j-1} is computed as (j-1-a)/j, which is exactly 0 at integer orders a. For larger
-    // j it is computed as 1 - (a+1)/j.
+    // Up to this j, the ratio c_j/c_{j-1} is computed as (j-1-a)/j, which is exactly 0 for j = a + 1 if the
+    // order a is an integer. For larger j it is computed as 1 - (a+1)/j.
     static constexpr std::size_t kHead = 8;
 
   public:
-    // The sums S and V. They are valid after run().
+    // The sums S of the x_j and V of the P_j. They are valid after run().
     T state[N > 0 ? N : 1];
     T variance;
 
@@ -38,13 +39,13 @@ class Nest {
     // x[j-1] and P[j-1] are the samples, newest first. reciprocal[j] has to be 1/j for j up to n + 1.
     void run(const T* x, const T* P, const R* reciprocal, std::size_t n) {
         std::size_t j = n;
-        // Each iteration processes two samples, so that the next iteration has to wait for one operation
-        // instead of two.
+        // Each iteration processes two samples, so that the next one has to wait for the result of one
+        // operation instead of two.
         for (; j > kHead; j -= 2) {
             two(x[j - 2], P[j - 2], T(reciprocal[j]), x[j - 1], P[j - 1], T(reciprocal[j + 1]));
         }
-        // From here on the accumulators have to be multiplied by the c_j of the sample that they have
-        // reached.
+        // The newest kHead samples. An accumulator is the sum so far, divided by the weight c_j of the sample
+        // that it has reached, so in the end it is multiplied by c_1 = -a.
         for (; j > 1; --j) head(x[j - 1], P[j - 1], R(j), reciprocal[j + 1]);
         if (j == 1) head(x[0], T(R(0)), R(1), reciprocal[2]);
         for (int i = 0; i < N; ++i) state[i] = -order_[i] * state[i];

@@ -20,13 +20,13 @@ class NoiseModel {
     typedef System<kMost> Noise;
     typedef Kalman<kMost> Filter;
 
-    // The data that change with the samples, to be stored and restored.
+    // What changes with the samples: a copy of it can be stored and restored.
     struct State {
         std::vector<Filter> filters;
         std::vector<double> unlikely;
     };
 
-    // If it is constructed without a model, a saved model has to be loaded before it can be used.
+    // An object that is constructed without a model can be used only after a saved model was loaded into it.
     explicit NoiseModel(const std::shared_ptr<TrackerModel>& of = nullptr) : of_(of) {
         if (of == nullptr) return;
         rivals_.resize(of->count());
@@ -46,7 +46,7 @@ class NoiseModel {
         for (std::size_t i = 0; i < rivals_.size(); ++i) rivals_[i].filter = filtered.filter(i);
         predict();
     }
-    // Filters all remembered samples again, and keeps the weights of the systems.
+    // Filters all remembered samples again with each system, and keeps the weights of the systems.
     void filter_again(const Remembered& memory) {
         for (std::size_t i = 0; i < rivals_.size(); ++i) {
             memory.filter_again(of_->rival(i).system, of_->rival(i).map, rivals_[i].filter);
@@ -71,15 +71,16 @@ class NoiseModel {
         return e;
     }
 
-    // Returns an innovation in standard deviations, for the test for steps. If the system whose offset does
-    // no random walk was the more likely one for long, it is the innovation of that system. The other
-    // system's offset would follow a step, and so would hide it.
+    // Returns the innovation with which the samples are tested for steps, divided by its standard deviation.
+    // `e`: the weighted innovation of all systems. If the system whose offset does no random walk was the
+    // more likely one for long, the innovation of that system is used instead: the offset of the other system
+    // would follow a step, and so would hide it.
     double for_steps(double e) const {
         const Rival& still = rivals_.back();
         return rivals_.size() > 1 && stays_ > 0.5 ? still.e / std::sqrt(still.S) : e / std::sqrt(variance_);
     }
-    // Resets the weights to those before the newest samples. Call this after a step was detected, which
-    // explains these samples.
+    // Resets the weights of the systems to those before the newest samples. Call this when a step was
+    // detected: the step explains these samples, so they say nothing about the systems.
     void forget_newest() {
         if (rivals_.size() < 2) return;
         rivals_.front().unlikely = TrackerModel::unlikely(1 - stays_);
@@ -124,8 +125,8 @@ class NoiseModel {
         for (const Rival& one : rivals_) sum += one.weight * one.filter.bias();
         return sum;
     }
-    // Computes mean and variance of a quantity. `rows` has the linear map from the state x to the quantity
-    // for each system.
+    // Computes mean and variance of a quantity that is linear in the state x. `rows` has its coefficients for
+    // each system.
     void mean_of(const MeanAhead<kMost>* rows, double& mean, double& variance) const {
         mean = variance = 0;
         for (std::size_t i = 0; i < rivals_.size(); ++i) {
@@ -137,8 +138,8 @@ class NoiseModel {
         variance = std::fmax(variance - mean * mean, 0);
     }
 
-    // Raises the variance of the steps in the offset's random walk to `q`. Returns false if it is at least
-    // `q` already, or if that gives no valid model.
+    // Raises the variance of a step of the offset's random walk to `q`. Returns false if this variance is at
+    // least `q` already, or if no filter can work with the changed system.
     bool raise_walk(double q, const BiasLengths& lengths) {
         const int i = offset();
         if (i < 0) return false;
@@ -227,8 +228,8 @@ class NoiseModel {
     }
 
   private:
-    // Limit of the difference between the log likelihoods of two systems. It allows the less likely system to
-    // become the likelier one again.
+    // Limit for the difference between the log likelihoods of two systems, so that the less likely system can
+    // become the likelier one again soon.
     static constexpr double kMostLikely = 12, kClip = 6, kSlow = 1 / 2048.0;
 
     struct Rival {
@@ -262,7 +263,7 @@ class NoiseModel {
     std::vector<Rival> rivals_;
     std::size_t best_ = 0;
     double variance_ = 1;
-    // mean weight of the system without a random walk over the newest few thousand samples
+    // mean weight, over the newest few thousand samples, of the system whose offset does no random walk
     double stays_ = 1;
 };
 

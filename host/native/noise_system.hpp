@@ -1,5 +1,5 @@
-// Functions of a single noise system: they append a state, and compute how well its states and future sums of
-// samples are known (host/fltea/noise/system.py, heading.py).
+// Functions for the linear system of one noise model: they append a state, and compute how well the states
+// and the sums of future samples are known (host/fltea/noise/system.py, heading.py).
 #pragma once
 
 #include <cstdint>
@@ -10,14 +10,14 @@
 namespace fltea {
 namespace track {
 
-// A state to be appended, which does not depend on other states. `variance`: its variance before the first
-// sample. `shared`: part of that variance that the previous state has with the opposite sign, so that this
-// part cancels in the sum of both states.
+// A state to be appended to a system, which evolves without other states. `variance`: its variance before the
+// first sample. `shared`: variance of a further component of the state, which the previous state has with the
+// opposite sign, so that it cancels in the sum of both states.
 struct Coordinate {
     double a, q, variance, signal, shared;
 };
 
-// Appends a state, for which the arrays of `s` must have room.
+// Appends a state to the system `s`, whose arrays must have room for it.
 inline void append(System<kMost>& s, const Coordinate& one) {
     const int n = s.n, all = n + 1;
     for (double* matrix : {s.Q, s.P0}) {
@@ -65,8 +65,8 @@ inline void make_symmetric(double* X, int n) {
 }
 
 // Computes the covariance P of the state x after `samples` samples at rest, counted from the very first
-// sample. Each step X -> H + A X (1 + G X)^-1 A' doubles the number of samples. Returns false if a matrix is
-// singular or a number is not finite.
+// sample. Each step X -> H + A X (1 + G X)^-1 A' of the computation doubles the number of samples. Returns
+// false if a matrix is singular or a number is not finite.
 inline bool rested(const System<kMost>& s, std::int64_t samples, double* P) {
     enum { kSize = kMost * kMost };
     const int n = s.n, size = n * n;
@@ -124,19 +124,19 @@ inline bool rested(const System<kMost>& s, std::int64_t samples, double* P) {
     return true;
 }
 
-// Prediction of the sum of c x plus white noise of variance R over the next samples. `row` maps the state x
-// of the last sample to the mean of the sum, and `variance` is the variance that the noise of the next
-// samples adds.
+// Prediction of the sum of the next samples, each of which is c x plus white noise of variance R. The scalar
+// product of `row` and x, the state at the last sample, is the expected sum, and `variance` is the variance
+// that the noise of the next samples adds to it.
 struct SumAhead {
     double row[kMost], variance;
 };
 
-// Predicts such sums for several numbers of samples together, because they need the same squares of the
-// transition matrix.
+// Predicts the sums over several numbers of samples together, because all of them need the same squares of
+// the transition matrix.
 inline void sums_ahead(const System<kMost>& s, const double* c, double R, const std::int64_t* counts,
                        int count, SumAhead* to) {
     enum { kAll = kMost + 1 };
-    // The sum is appended as the last state.
+    // The sum of the samples is appended to the system as its last state.
     const int n = s.n, all = n + 1;
     double A[kMost * kMost], F[kAll * kAll] = {0}, Q[kAll * kAll] = {0}, T[kAll * kAll], U[kAll * kAll];
     transition(s, A);

@@ -1,5 +1,5 @@
-// Saves a snapshot as a row of doubles, and loads it again. Every loaded number is checked, because a
-// snapshot may come from any file.
+// Saves the state of an object as a row of doubles, and loads it again. Every loaded number is checked,
+// because it may come from any file.
 #pragma once
 
 #include <cmath>
@@ -27,7 +27,7 @@ class NumberSaver {
     std::vector<double>& out_;
 };
 
-// Loads a number. If it is not valid, leaves `value` unchanged.
+// Loads a number into `value`. If the number is not between `low` and `high`, leaves `value` unchanged.
 class NumberLoader {
   public:
     enum { kLoads = 1 };
@@ -38,7 +38,7 @@ class NumberLoader {
     void require(bool condition) {
         if (!condition) sound_ = false;
     }
-    // Loads an integer.
+    // Loads an integer into `value`.
     template <typename T>
     void number(T& value, double low, double high) {
         double got = 0;

@@ -1,9 +1,10 @@
-// Searches the lines of an octave spectrum (host/fltea/spectrum/ordinates.py) for the most significant
-// peak: a stretch of lines whose mean is too far above the means of the flanks on both sides.
+// Searches the spectral lines of an octave spectrum (host/fltea/spectrum/ordinates.py) for the most
+// significant peak. A peak is a stretch of neighbouring lines whose mean power is higher than the means of
+// the lines on both sides, its flanks, by more than chance.
 //
 // Most lines are averages over blocks of samples under Hann's window. Such a line has more than two degrees
 // of freedom, and neighbouring lines are correlated. A stretch of a few lines therefore has more degrees of
-// freedom per line than a long stretch.
+// freedom per line than a long one.
 #pragma once
 
 #include <algorithm>
@@ -20,33 +21,39 @@ struct Found {
     double level;  // noise level around the stretch
 };
 
-// Constants of the search. host/fltea/spectrum/ordinate_peak.py has the constants that two searches share.
+// Constants of the search. The constants that this search shares with another one are in
+// host/fltea/spectrum/ordinate_peak.py.
 constexpr double kFlank = 48;  // least number of ordinates in a flank
 constexpr double kWidestShare = 0.08;
-// least number of lines in a flank, regardless of the ordinates per line
+// least number of lines in a flank, however many ordinates each of them stands for
 constexpr std::size_t kShortestFlank = 12;
-constexpr std::size_t kLeastFlank = 4;  // lines that a flank must have at the edge of the spectrum
-constexpr double kLeastInFlank = 16;    // ordinates that a flank must have at the edge of the spectrum
-constexpr std::size_t kEndFlank = 4;    // lines in the lower flank of a line near frequency 0
-// widths of stretches at the ends of the band, where only single spectral lines are searched for
+constexpr std::size_t kLeastFlank = 4;  // least number of lines in a flank at the edge of the spectrum
+constexpr double kLeastInFlank = 16;    // least number of ordinates in a flank at the edge of the spectrum
+constexpr std::size_t kEndFlank = 4;    // number of lines in the flank below a line near frequency 0
+// widths of stretches near the ends of the spectrum [lines]; there only peaks as narrow as a single frequency
+// are searched for
 constexpr std::size_t kEndWidths[] = {1, 2};
-// Ratio of the variance of the extrapolated level near²/far to that of `near`, if both are means of equally
-// many ordinates.
+// Near an end of the spectrum, the level is extrapolated from two parts of the only flank, with the means
+// `near` and `far`, as near²/far. This is the ratio of the variance of that level to the variance of `near`,
+// if both parts have equally many ordinates.
 constexpr double kContinued = 5;
-constexpr std::size_t kWidest = 8;  // most averaged lines in a stretch, which are a fifth of an octave
-// a stretch is tested only if its gain is this share of the gain that would be needed if the noise level were
-// known
+// largest number of averaged lines in a stretch; these are a fifth of an octave
+constexpr std::size_t kWidest = 8;
+// a stretch is tested only if its gain in log likelihood is at least this fraction of the gain that would be
+// needed if the noise level were known
 constexpr double kHopeless = 0.6;
-constexpr double kLeastLevel = 1e-12;  // least noise level, relative to the mean of the spectrum
+// least noise level that is assumed, relative to the mean of the spectrum
+constexpr double kLeastLevel = 1e-12;
 
-// (1 - x² + 2x log x) / (1 - x)². Near x = 1, it is (1 - x)/3.
+// Returns Peizer and Pratt's function (1 - x² + 2x log x) / (1 - x)². Near x = 1, it is (1 - x)/3.
 inline double peizer_pratt(double x) {
     const double away = 1 - x;
     return std::fabs(away) < 1e-3 ? away / 3 : (1 - x * x + 2 * x * std::log(x)) / (away * away);
 }
 
-// Standard normal deviate with the same exceedance probability as this F ratio: Peizer and Pratt's
-// approximation (J. Am. Stat. Assoc. 63, 1968), as f_deviate of host/fltea/noise/distributions.py.
+// Returns the standard normal deviate that is exceeded with the same probability as the value `ratio` of an F
+// distribution with `a` and `b` degrees of freedom. This is Peizer and Pratt's approximation (J. Am. Stat.
+// Assoc. 63, 1968), as in f_deviate of host/fltea/noise/distributions.py.
 inline double f_deviate(double ratio, double a, double b) {
     const double s = (b - 1) / 2, t = (a - 1) / 2, n = s + t;
     const double p = std::fmin(std::fmax(b / (a * ratio + b), 1e-300), 1 - 1e-12), q = 1 - p;
@@ -56,8 +63,9 @@ inline double f_deviate(double ratio, double a, double b) {
     return d * std::sqrt(spread);
 }
 
-// Standard normal deviate with the exceedance probability `probability`, which is below 0.5. Newton's method
-// is used from above on the logarithm of the probability, which is concave.
+// Returns the standard normal deviate that is exceeded with the probability `probability`, which is below
+// 0.5. Newton's method is applied to the logarithm of the probability, which is a concave function of the
+// deviate, and begins above the solution.
 inline double critical(double probability) {
     double z = std::sqrt(-2 * std::log(2 * probability));
     for (int step = 0; step < 50; ++step) {
@@ -72,8 +80,8 @@ inline double critical(double probability) {
 
 class Search {
   public:
-    // `power`, `weight`: arrays of `size` lines; `weight` is the number of ordinates that each line stands
-    // for.
+    // `power`, `weight`: arrays with an entry for each of the `size` lines. `weight` is the number of
+    // ordinates that a line stands for.
     Search(const double* power, const double* weight, std::size_t size)
         : size_(size), sums_(size + 1), weights_(size + 1), averaged_(size + 1) {
         for (std::size_t i = 0; i < size; ++i) {
@@ -107,7 +115,8 @@ class Search {
     double mean(Range r) const { return (sums_[r.to] - sums_[r.from]) / std::fmax(weight(r), 1e-300); }
     bool is_averaged(std::size_t i) const { return averaged_[i + 1] != averaged_[i]; }
 
-    // Effective number of ordinates of `width` averaged lines, divided by the sum of their weights.
+    // Returns the effective number of independent ordinates in `width` neighbouring averaged lines, divided
+    // by the sum of the lines' weights.
     static double gathered(std::size_t width) {
         // correlations between the powers of lines under Hann's window
         const double of_next = 4.0 / 9, of_second = 1.0 / 36;
@@ -122,12 +131,13 @@ class Search {
     static double gain_of(double effective, double ratio) {
         return effective * (ratio - 1 - std::log(ratio));
     }
-    // The gain below which a stretch need not be tested exactly. If the noise level were known, the deviate
-    // would be about √(2 gain), so most stretches need no exact test.
+    // Returns the gain in log likelihood below which a stretch cannot reach the normal deviate `deviate`, so
+    // that it needs no exact test. If the noise level were known, a stretch would have a deviate of about √(2
+    // gain). Most stretches need no exact test.
     static double hopeless(double deviate) { return kHopeless * deviate * deviate / 2; }
 
-    // Returns the index at which the shortest range of lines before `end` begins that has at least this many
-    // ordinates and lines.
+    // Returns the index at which a range of lines has to begin that ends before `end` and has at least this
+    // many ordinates and lines.
     std::size_t down(std::size_t end, double ordinates, std::size_t lines) const {
         const auto next = std::upper_bound(weights_.begin(), weights_.end(), weights_[end] - ordinates);
         const std::ptrdiff_t enough = next - weights_.begin() - 1;
@@ -141,7 +151,8 @@ class Search {
     }
 
     std::vector<Try> tries() const {
-        // For each line: where the shortest flank that begins there ends, upwards and downwards.
+        // For each line: where the shortest flank ends that goes upwards from it, and the one that goes
+        // downwards.
         std::vector<std::size_t> to(size_ + 1), from(size_ + 1);
         for (std::size_t i = 0, high = 0, low = 0; i <= size_; ++i) {
             while (high <= size_ && weights_[high] < weights_[i] + kFlank) ++high;
@@ -173,8 +184,8 @@ class Search {
         if (all.empty()) return;
         const double deviate = critical(false_alarm / static_cast<double>(all.size()));
         const double hope = std::fmax(hopeless(deviate), best.gain);
-        // Among the stretches that pass the test, the one with the largest gain is chosen. Choosing by the
-        // deviate would favour wide stretches, because their flanks are longer.
+        // Among the stretches that pass the test, the one with the largest gain in log likelihood is chosen.
+        // Choosing the largest deviate would favour wide stretches, because their flanks are longer.
         for (const Try& one : all) {
             const double low = mean(one.low), high = mean(one.high), level = std::fmax(low, high);
             const double ratio = mean(one.own) / std::fmax(level, least_);
@@ -188,8 +199,8 @@ class Search {
         }
     }
 
-    // A stretch that is too close to an end of the spectrum for complete flanks. It is compared with both
-    // sides (`two_sided`), or with two neighbouring parts of the lower flank.
+    // A stretch that is too close to an end of the spectrum to have complete flanks. It is compared with both
+    // flanks if `two_sided` is true, otherwise with two neighbouring parts of the lower flank.
     struct AtAnEnd {
         Range own, near, other;
         bool two_sided;
@@ -207,8 +218,8 @@ class Search {
                 std::min(filled, index(size_) - index(kLeastFlank)) - 2 * index(width);
             for (std::ptrdiff_t at = index(kEndFlank + width); at < std::min(first, last + 1); ++at)
                 found.push_back(at_an_end(static_cast<std::size_t>(at), width));
-            // Within two averaged lines, the level of steep noise can rise too far to be distinguished from a
-            // peak.
+            // Across two averaged lines, the level of steep noise can rise so far that it cannot be
+            // distinguished from a peak.
             if (width > 1 && is_averaged(size_ - 1)) continue;
             for (std::ptrdiff_t at = std::max(last + 1, first); at <= index(size_) - index(width); ++at)
                 found.push_back(at_an_end(static_cast<std::size_t>(at), width));
@@ -240,7 +251,7 @@ class Search {
             if (!(ratio > 1)) continue;
             const double gain = gain_of(own, ratio);
             if (!(gain > std::fmax(hopeless(deviate), best.gain))) continue;
-            // The stretch is tested against each flank separately, because a short flank is more often low by
+            // The stretch has to pass the test with each flank alone, because a short flank is often low by
             // chance.
             const auto passes = [&](double around, double ordinates) {
                 return f_deviate(mean(one.own) / around, 2 * own, 2 * ordinates) > deviate;

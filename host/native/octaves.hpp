@@ -11,8 +11,9 @@
 
 namespace fltea {
 
-// Passes the accepted samples on to the spectrum and to the Allan sums. Its functions are accept(values, n,
-// number of the first, made_up[n]), cut(), age(now), merge(other, shift, now) and visit(io).
+// Passes the samples that the gate has accepted on to the spectrum and to the Allan sums. The gate calls
+// accept() for samples that follow one another, with the number of the first one, and cut() where the stream
+// breaks.
 template <typename Number>
 struct AcceptedStream {
     explicit AcceptedStream(double memory) : ladder(memory), allan(memory), next_(0) {}
@@ -54,12 +55,13 @@ struct AcceptedStream {
     std::uint64_t next_;  // expected number of the next sample
 };
 
-// Number of samples in motion (`moved`), and number of motions.
+// Number of samples that were left out because of motion (`moved`), and number of motions.
 struct MotionCounts {
     std::uint64_t moved, motions;
 };
 
-// The sums of one axis. `memory`: memory length [samples]; 0: nothing is forgotten.
+// Spectrum and Allan sums of one axis, with the gate before them. `memory`: length of the memory [samples];
+// 0: nothing is forgotten.
 template <typename Number>
 class Octaves {
   public:
@@ -73,9 +75,9 @@ class Octaves {
     const AllanSums& allan() const { return accepted_.allan; }
 
     void add(const double* y, std::size_t n, std::size_t stride) { gate_.add(y, n, stride, accepted_); }
-    // Adds all samples except those in motion. If a motion has lasted for more than `longest` samples without
-    // kRest consecutive samples at rest, further samples count as noise, because the noise may have become
-    // louder for good.
+    // Adds samples, except those in motion. If a motion has lasted for more than `longest` samples without
+    // kRest consecutive samples at rest, the samples after that count as noise, because the noise may have
+    // become louder for good.
     void add(const double* y, const unsigned char* moving, std::size_t n, std::size_t stride,
              std::uint64_t longest) {
         for (std::size_t i = 0, next; i < n; i = next) {
@@ -94,28 +96,29 @@ class Octaves {
     }
     void skip(std::uint64_t count) { gate_.skip(count); }
 
-    // Adds the samples of the incomplete chunk, and drops what is forgotten by now. This makes a break in the
-    // stream.
+    // Adds the samples that wait in the incomplete chunk, and drops what is forgotten by now. The stream has
+    // a break here.
     void finish() {
         gate_.finish(accepted_);
         accepted_.age(now());
     }
 
-    // Returns a copy on which finish() was called, for reading. This instance is not changed.
+    // Returns a copy of this instance on which finish() was called, from which results can be read. This
+    // instance is not changed.
     Octaves finished() const {
         Octaves copy(*this);
         copy.finish();
         return copy;
     }
 
-    // Turns the samples of the level that still keeps them into Welch sums, so that the record of the
+    // Adds the samples that the lowest level still keeps singly to Welch sums, so that the record of the
     // spectrum over time includes them.
     void deepen() {
         if (accepted_.ladder.depth() < accepted_.ladder.kLevels - 1) accepted_.ladder.deepen();
     }
 
-    // Merges the sums of a later part of the stream, which must have the same memory length. After that, this
-    // instance has a break at its end.
+    // Merges the sums of a later part of the stream into these. Both must have the same memory length. After
+    // that, this instance has a break at its end.
     void merge(const Octaves& other) {
         finish();
         const Octaves later = other.finished();
@@ -148,7 +151,7 @@ class Octaves {
     AcceptedStream<Number> accepted_;
     MotionCounts motion_ = MotionCounts();
     std::uint64_t lasts_ = 0;  // samples since the present motion began
-    std::uint64_t rest_ = 0;   // number of the newest samples that are at rest, during the present motion
+    std::uint64_t rest_ = 0;   // during a motion: number of the newest samples that were at rest
 };
 
 }  // namespace fltea

@@ -1,4 +1,5 @@
-// fltea._native.Octaves: the running spectra of several axes, for Python (host/fltea/spectrum/octaves.py).
+// Makes the running spectra of several axes available in Python as fltea._native.Octaves
+// (host/fltea/spectrum/octaves.py).
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
@@ -107,9 +108,9 @@ class Octaves : public fltea::SumsPart {
         return found;
     }
 
-    // Returns for each level that has Welch sums: sums of |FFT|^2, number of blocks, and effective number of
-    // blocks. After them, returns the samples of the level that still keeps them (float32), and the lengths
-    // of its stretches (int32).
+    // Returns three things: a list with the sums of |FFT|^2, the number of blocks and the effective number of
+    // blocks for each level that has Welch sums; the samples that the lowest level still keeps singly
+    // (float32); and the lengths of the stretches of these samples (int32).
     nb::tuple spectrum(size_t lane) const {
         const Lane finished = finished_lane(lane);
         const Ladder& ladder = finished.ladder();
@@ -142,8 +143,8 @@ class Octaves : public fltea::SumsPart {
         return nb::make_tuple(finished.now(), levels);
     }
 
-    // Returns averaging factors, Allan variances, their numbers of terms, and the number of samples that they
-    // describe.
+    // Returns the averaging factors, the Allan variance at each of them, the number of terms in each, and the
+    // number of recent samples that they describe.
     std::tuple<std::vector<double>, std::vector<double>, std::vector<double>, double> allan(
         size_t lane) const {
         const Lane finished = finished_lane(lane);
@@ -215,8 +216,8 @@ class Octaves : public fltea::SumsPart {
 
 using Column = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
-// Returns the indexes at which the most significant peak begins and ends, and the noise level around it, or
-// None if there is no peak.
+// Returns the indexes of the lines at which the most significant peak begins and ends, and the noise level
+// around it, or None if there is no peak.
 nb::object strongest_octave_peak(Column power, Column weight, double false_alarm) {
     if (power.shape(0) != weight.shape(0)) throw nb::value_error("each line has a power and a weight");
     if (!(false_alarm > 0 && false_alarm < 1)) throw nb::value_error("a probability is between 0 and 1");

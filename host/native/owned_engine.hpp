@@ -1,5 +1,5 @@
-// An estimator engine that owns its memory. Its methods call the functions for its instruction set
-// (engine.hpp).
+// An estimator engine that owns its memory. The methods call the functions that were compiled for its
+// instruction set (engine.hpp).
 #pragma once
 
 #include <cstdint>
@@ -33,9 +33,9 @@ class OwnedEngine {
     std::size_t causes() const { return static_cast<std::size_t>(backend_.causes); }
     std::size_t bytes() const { return bytes_; }
 
-    // Applies other settings, one entry per lane, from the next row on.
+    // Applies other settings from the next row on. `settings` has one entry per lane.
     void retune(const engine::LaneSettings* settings) { backend_.retune(storage_, shape_, settings); }
-    // Replaces the estimate of one lane from the next row on.
+    // Replaces the order and the parameter of one lane from the next row on.
     void set_filter_model(std::size_t lane, const engine::FilterModel& filter_model) {
         backend_.set_filter_model(storage_, shape_, lane, filter_model);
     }
@@ -52,7 +52,8 @@ class OwnedEngine {
         return bytes;
     }
 
-    // Returns false, and restarts the engine, if `bytes` cannot come from save() of such an engine.
+    // Loads a snapshot. If `bytes` cannot come from save() of such an engine, restarts the engine and returns
+    // false.
     bool load(const unsigned char* bytes, std::size_t size) {
         if (size != backend_.snapshot(shape_)) return false;
         if (backend_.load(storage_, shape_, bytes)) return true;

@@ -1,6 +1,6 @@
 // The logarithm of positive normal numbers, without libm and without branches, for double and Pack
-// (pack.hpp). A lane's result is the same at any number of lanes. The error is at most 2 units in the last
-// place.
+// (pack.hpp). The result for a number is the same in a Pack of any width. The error is at most 2 units in the
+// last place.
 #pragma once
 
 #include "pack_math.hpp"
@@ -9,7 +9,8 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// Splits x = 2^n m with m between 1/√2 and √2 into the bits of 2^52 + 1023 + n, and m.
+// Splits x = 2^n m, where m is between 1/√2 and √2. Writes n as the bits of the double 2^52 + 1023 + n, and
+// m.
 template <class T>
 struct Binary {
     T shifted, m;
@@ -37,7 +38,8 @@ inline T log(T x) {
     const T f = two.m - T(1.0);
     const T s = f / (two.m + T(1.0));
     const T z = s * s;
-    // Taylor series of 2 artanh(s) = log m, |s| <= 0.1716. The first omitted term is below 1e-17.
+    // log m = 2 artanh(s) for s = (m - 1)/(m + 1), as a Taylor series. |s| is at most 0.1716, so the first
+    // omitted term is below 1e-17.
     T sum = T(2.0 / 21);
     sum = mul_add(sum, z, T(2.0 / 19));
     sum = mul_add(sum, z, T(2.0 / 17));

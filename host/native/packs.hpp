@@ -1,6 +1,6 @@
 // Runs packs of lanes one after another, for one instruction set. A pack is one vector register of lanes, and
-// a lane is one axis. engine.cpp fills its table with these functions. They use no standard library function
-// that has code, because the linker would share such inline functions between the instruction sets.
+// a lane is one axis. engine.cpp fills its table with these functions. They call no inline function of the
+// standard library, because the linker would keep only one of its compiled copies for all instruction sets.
 #pragma once
 
 #include <new>
@@ -25,10 +25,11 @@ inline std::size_t rounded_up(std::size_t bytes) {
 }
 inline std::size_t packs(const EngineShape& shape) { return (shape.lanes + kLanesInPack - 1) / kLanesInPack; }
 
-// Limit for numbers of samples in a snapshot. No sensor delivers more, and counters wrap far beyond it.
+// Largest number of samples that a snapshot may state. No sensor delivers so many, and the counters would
+// wrap only far beyond it.
 const std::uint64_t kMostPushed = std::uint64_t(1) << 52;
 
-// These structs are the kinds of memory: each says how much storage the memory needs, and creates it.
+// The two kinds of memory: each struct says how much storage its memory needs, and creates the memory.
 struct Direct {
     typedef DirectMemory<Number> Memory;
     static std::size_t storage(const EngineShape& shape) { return Memory::storage(shape.window); }
@@ -51,7 +52,8 @@ struct Compressed {
     static bool plausible(const Memory::Position& at, const EngineShape&) { return at.pushed <= kMostPushed; }
 };
 
-// Whether the filters of a lane can have reached this state. All numbers in it are known to be finite.
+// Whether the filters of a lane can have reached this state. The caller has checked that all numbers in it
+// are finite.
 inline bool sound(const StateBelief<Number>& state, int lane) {
     return state.P[lane] >= 0 && state.V[lane] >= 0 && state.reach[lane] >= 0;
 }
@@ -82,8 +84,8 @@ inline void set_filter_model(Joint<Number>& filters, int lane, const FilterModel
     set_lane(filters.P.bb, lane, filter_model.parameter_variance);
 }
 
-// An engine for one variant of the filters and one kind of memory. It stores its packs one after another; a
-// pack is an object of class Lane followed by the storage of its memory.
+// An engine for one variant of the filters and one kind of memory. Its packs are stored one after another; a
+// pack is an object of class Lane, followed by the storage of its memory.
 template <class Variant, class Kind>
 class Packs {
   public:
@@ -158,8 +160,8 @@ class Packs {
         }
     }
 
-    // Returns false if a snapshot of the right size cannot come from this engine. The engine then has to be
-    // discarded.
+    // Loads a snapshot of the right size. Returns false if it cannot come from this engine, which then has to
+    // be discarded.
     bool load(const unsigned char* in) {
         const std::size_t history = Kind::history(shape_), all = Kind::storage(shape_);
         for (std::size_t i = 0; i < packs(shape_); ++i) {
@@ -168,7 +170,8 @@ class Packs {
             in = get(in, &position, sizeof position);
             if (!Kind::plausible(position, shape_)) return false;
             lane(i).memory().set_position(position);
-            // The tables are not loaded: the engine keeps its own, so no snapshot can corrupt them.
+            // The tables in the storage are not loaded: the engine keeps its own, so no snapshot can corrupt
+            // them.
             get(in, memory_storage(i), history * sizeof(Number));
             in += all * sizeof(Number);
             if (!sound_pack(i)) return false;
@@ -192,8 +195,8 @@ class Packs {
         return in + bytes;
     }
 
-    // Number of lanes of pack i that are used. Other lanes of the last pack have the settings of the last
-    // lane, and zeros as input.
+    // Number of lanes of pack i that belong to series of samples. The last pack may have further lanes: these
+    // have the settings of the last lane, and zeros as input.
     std::size_t used(std::size_t i) const {
         const std::size_t rest = shape_.lanes - i * kLanesInPack;
         return rest < kLanesInPack ? rest : kLanesInPack;
@@ -230,7 +233,7 @@ class Packs {
         return values;
     }
 
-    // Reads the sample of row k.
+    // Reads the samples of row k for the lanes of one pack.
     void take(std::size_t i, const Block& block, std::size_t k, Sample<Number>& sample) const {
         const std::size_t row = k * shape_.lanes;
         sample.y = numbers(block.y + row, i);
@@ -313,7 +316,7 @@ class Packs {
         return calm;
     }
 
-    // Whether the state that was loaded into a pack is possible. Lanes that are not used do not matter.
+    // Whether the state that was loaded into a pack is possible. Its unused lanes do not matter.
     bool sound_pack(std::size_t i) const {
         const typename PackOfLanes::State& state = lane(i).state();
         const Number* const numbers = static_cast<const Number*>(static_cast<const void*>(&state));

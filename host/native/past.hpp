@@ -1,6 +1,7 @@
-// The past samples of an axis, for a filter that restarts with another model. The newest samples are kept
-// singly. Older samples are kept as means, and the older they are, the more samples are in a mean. The size
-// in memory is constant. At 100 Hz the record covers half a month, plus the mean of all earlier samples.
+// The past samples of an axis, which a filter processes again when it restarts with another noise model. The
+// newest samples are kept singly. Older samples are kept as means, and the older they are, the more samples
+// are in a mean. The size in memory is constant. At 100 Hz the means reach back half a month; of all samples
+// before that, one mean is kept.
 #pragma once
 
 #include <cmath>
@@ -17,7 +18,7 @@ inline float remembered(double y) {
     return y > kMostKnown ? kMostKnown : y < -kMostKnown ? -kMostKnown : float(y);
 }
 
-// Saves or loads a remembered number, which may be NaN.
+// Saves or loads a remembered number. NaN stands for an unknown one.
 template <typename Io>
 void visit_known(Io& io, float& value) {
     const double most = kMostKnown;
@@ -38,8 +39,8 @@ class Newest {
         values_[(first_ + count_) % size] = value;
         ++count_;
     }
-    // Removes the oldest `group` numbers. Returns the mean of the known numbers among them, or NaN if less
-    // than half are known.
+    // Removes the oldest `group` numbers. Returns the mean of the known ones among them, or NaN if less than
+    // half of them are known.
     float pop(int group) {
         double sum = 0;
         int known = 0;
@@ -54,7 +55,7 @@ class Newest {
         return 2 * known >= group ? float(sum / known) : __builtin_nanf("");
     }
     void clear() { first_ = count_ = 0; }
-    // Whether all numbers equal those of `other` bit by bit, except the newest `but_newest`.
+    // Whether all numbers but the newest `but_newest` equal those of `other` bit by bit.
     bool is(const Newest& other, int but_newest) const {
         if (first_ != other.first_ || count_ != other.count_) return false;
         const int all = count_ - but_newest;
@@ -62,7 +63,7 @@ class Newest {
         return all <= 0 || (same(values_ + first_, other.values_ + first_, to_end) &&
                             same(values_, other.values_, all - to_end));
     }
-    // Marks the newest `newest` numbers as unknown.
+    // Marks the newest numbers as unknown, as many as `newest` says.
     void forget(int newest) {
         for (int i = count_ - newest < 0 ? 0 : count_ - newest; i < count_; ++i) {
             values_[(first_ + i) % size] = __builtin_nanf("");
@@ -98,17 +99,18 @@ class Past {
         single_.clear();
         for (Newest<kMeans>& one : means_) one.clear();
     }
-    // Whether all numbers equal those of `other`, except the newest `but_newest` single samples.
+    // Whether all numbers equal those of `other`, apart from the newest `but_newest` single samples.
     bool is(const Past& other, int but_newest) const {
         for (int i = 0; i < kLevels; ++i) {
             if (!means_[i].is(other.means_[i], 0)) return false;
         }
         return single_.is(other.single_, but_newest);
     }
-    // Marks the newest `newest` samples as unknown, as far as they are kept singly.
+    // Marks the newest samples as unknown, as many as `newest` says. Samples that are not kept singly any
+    // more stay as they are.
     void forget(int newest) { single_.forget(newest); }
     const Newest<kSingle>& single() const { return single_; }
-    // The means over kGroup^(level + 1) samples.
+    // The queue of means over kGroup^(level + 1) samples each.
     const Newest<kMeans>& means(int level) const { return means_[level]; }
 
     template <typename Io>
