@@ -1,7 +1,7 @@
 // The past samples of an axis, which a filter processes again when it restarts with another noise model. The
 // newest samples are kept singly. Older samples are kept as means, and the older they are, the more samples
-// are in a mean. The size in memory is constant. At 100 Hz the means reach back half a month; of all samples
-// before that, one mean is kept.
+// are in a mean. The size in memory is constant. At 100 Hz the means reach back nearly two days; older
+// samples are forgotten.
 #pragma once
 
 #include <cmath>

@@ -1,6 +1,6 @@
 // Parses lines of text that are plain rows of numbers. The numbers are bit-identical to those of Python's
 // float(). Any other line is left to Python (host/fltea/recording/text_numbers.py), so that the rules for
-// such lines exist only once.
+// unusual lines exist only there.
 #pragma once
 
 #include <algorithm>
@@ -16,9 +16,9 @@
 
 namespace fltea {
 
-// The form of a row. `separator`: character between fields; 0 for white space. `least`: a row has at least
-// this number of fields. `most`: fields after this number have to be empty. `places`: indexes, from 0, of the
-// fields to read.
+// The form of a row of numbers. `separator`: character between its fields; 0 stands for white space. `least`:
+// least number of fields. `most`: number of fields after which all others have to be empty. `places`:
+// indexes, counted from zero, of the fields to read.
 struct RowForm {
     char separator;
     std::size_t least, most;
@@ -27,8 +27,8 @@ struct RowForm {
 
 class PlainRows {
   public:
-    // `decimal`: the decimal mark of earlier numbers, '.' or ',', or 0 if none had a decimal mark. A comma is
-    // a decimal mark only if it does not separate fields.
+    // `decimal`: the decimal mark in the numbers of earlier lines, '.' or ',', or 0 if none of them had one.
+    // A comma is a decimal mark only if it does not separate fields.
     PlainRows(RowForm form, char decimal) : form_(std::move(form)), decimal_(decimal) {
         for (std::size_t k = 0; k < form_.places.size(); ++k) {
             const std::size_t place = form_.places[k];
@@ -43,8 +43,8 @@ class PlainRows {
 
     // Reads complete lines (the last line may lack its end) up to the first line that is not plain. Returns
     // the position at which that line begins, or text.size() + 1 if all lines are plain. Blank lines and
-    // comments are skipped. The numbers are written to `values`, row by row, and the index of each row's
-    // line, from 0, to `lines`. Both need room for all lines.
+    // comments are skipped. The numbers are written to `values`, row by row. For each row, the index of its
+    // line, counted from zero, is written to `lines`. Both need room for all lines.
     std::size_t read(std::string_view text, double* values, std::int64_t* lines) {
         const std::size_t width = form_.places.size();
         std::size_t begin = 0;
@@ -121,7 +121,8 @@ class PlainRows {
     // Returns whether a line is plain, and writes its numbers if it is.
     bool row(std::string_view line, double* out) {
         fields_.clear();
-        // for Python, more characters are blanks
+        // a line may not begin with another control character or a character beyond ASCII: Python counts some
+        // of these as blanks
         bool plain = line.front() == '\t' || is_ascii(line.front());
         for (std::size_t begin = 0, end = 0; begin < line.size(); begin = form_.separator ? end + 1 : end) {
             if (form_.separator) {
@@ -157,7 +158,8 @@ class PlainRows {
         return field.find('"') == field.npos;
     }
 
-    // Reads a field. Returns whether it is a number, or empty, or a word that marks a missing value.
+    // Reads a field, and writes its number. Returns whether the field is a number, or empty, or a word that
+    // marks a missing value.
     bool number(std::string_view text, double& value, char& mark) const {
         if (text.empty()) return true;
         if (text.size() >= kLongest) return false;
@@ -189,9 +191,9 @@ class PlainRows {
 
     static bool is_digit(char sign) { return sign >= '0' && sign <= '9'; }
 
-    // Parses a number whose digits are an integer of at most 2^53 and whose power of ten is exact, so that
-    // one division rounds correctly. Returns the position after the number, or null if the text is not such a
-    // number.
+    // Parses a short number. Its digits have to be an integer of at most 2^53, which is divided by an exact
+    // power of ten, so that this one division rounds correctly. Returns the position after the number, or
+    // null if the text is not such a number.
     static const char* digits(const char* at, const char* end, double& value, bool& has_point) {
         static constexpr double kTens[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,  1e8, 1e9,
                                            1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18};
@@ -227,7 +229,8 @@ class PlainRows {
 
     RowForm form_;
     char decimal_;
-    std::vector<std::size_t> slots_;  // for each field, the index at which its number is written
+    // for each field, the index in the row of results to which its number is written
+    std::vector<std::size_t> slots_;
     std::vector<std::string_view> fields_;
 };
 

@@ -1,8 +1,8 @@
 // Decodes what came from one serial port into items, in the order of arrival. Items are samples, other
-// frames, troubles, and ticks, which are given regularly while the port is silent.
+// frames, troubles of the port, and ticks, which come at regular times while the port is silent.
 //
 // The items and the counts depend only on the bytes and their arrival times, never on how many reads are
-// given at once. When its memory has grown to the necessary size, this class allocates no more.
+// passed at once. This class allocates memory only until its buffers have grown to the necessary size.
 #pragma once
 
 #include <algorithm>
@@ -19,19 +19,20 @@
 
 namespace fltea {
 
-// The decoder. Call one of the input functions, and then next() until it returns kDone. Items that were not
-// fetched before the next input are dropped.
+// To use this decoder, call one of the functions that take input, and then next() until it returns an item
+// kDone. Items that were not fetched before the next input are dropped.
 class PortDecoder {
   public:
-    // If the program itself was stalled for this long, the port was not necessarily silent.
+    // If the program itself was stalled for longer than this, the lack of bytes does not mean that the port
+    // was silent.
     static constexpr std::int64_t kStallNs = 2 * kSecondNs;
-    // Largest number of ticks for one silence, which in a recording may last for days.
+    // Largest number of ticks for one silence of the port. In a recording, a silence may last for days.
     static constexpr std::int64_t kMostTicks = 120;
 
     explicit PortDecoder(const PortTimes& times) : times_(times), watch_(times) {}
 
     const PortCounts& counts() const { return counts_; }
-    // Difference between Unix time and host time for the newest input that the caller has received.
+    // Unix time minus host time, as noted with the newest input of which the caller has received an item.
     std::int64_t unix_offset_ns = 0;
 
     // Call this when the port was opened, for the first time or again.
@@ -44,8 +45,8 @@ class PortDecoder {
         set_last(at.host_ns);
     }
 
-    // Call this when the port could not be opened or was lost. Returns whether this has to be reported. It
-    // gives no items.
+    // Call this when the port could not be opened or was lost. Returns whether this has to be reported. There
+    // are no items for it.
     bool failed(const char* kind, const Stamp& at) {
         drop();
         unix_offset_ns = at.unix_offset_ns;
@@ -54,20 +55,20 @@ class PortDecoder {
         return watch_.is_news(kind, at.host_ns);
     }
 
-    // Input: the bytes of `n` consecutive reads; the last read ends where the bytes end. Silences between the
-    // reads give ticks.
+    // Input: the bytes of `n` consecutive reads; the last read ends where the bytes end. For silences between
+    // the reads, there are ticks among the items.
     void feed(const std::uint8_t* data, const PortRead* reads, std::size_t n, std::int64_t now_ns) {
         begin(data, reads, n, now_ns);
         tells_time_ = true;
     }
 
-    // Input: the bytes of one read. The caller has to handle ticks before it.
+    // Input: the bytes of one read. There are no ticks for a silence before it; the caller handles them.
     void feed_one(const std::uint8_t* data, const PortRead& read, std::int64_t now_ns) {
         begin(data, &read, 1, now_ns);
         tells_time_ = false;
     }
 
-    // Input: no bytes have come for a while, until `now_ns`.
+    // Input: no bytes have come for a while, up to the time `now_ns`.
     void silent(std::int64_t now_ns) {
         drop();
         forgive_stall(now_ns);
@@ -79,13 +80,14 @@ class PortDecoder {
         }
     }
 
-    // Input: no bytes will come before `until_ns`.
+    // Input: no bytes will come before the time `until_ns`. There are ticks for this silence.
     void pass_time(std::int64_t until_ns) {
         drop();
         begin_ticks_before(until_ns);
     }
 
-    // Restarts all waiting times. Call this if the program could not read until now.
+    // Restarts all times after which a trouble is reported. Call this if the program could not read the port
+    // until now.
     void forgive(std::int64_t now_ns) {
         watch_.forgive(now_ns);
         has_last_ = false;
@@ -127,7 +129,8 @@ class PortDecoder {
     }
 
   private:
-    // What the caller received with the last item. It is counted at the next call of next().
+    // What the caller received with the last item: where it ended, and how many frames it had. It is counted
+    // at the next call of next().
     struct Handed {
         bool is_any = false;
         std::int64_t end = 0, frames = 0;
@@ -158,7 +161,7 @@ class PortDecoder {
         reads_.assign(reads, reads + n);
     }
 
-    // Begins to give the ticks from the last event until `now_ns`.
+    // Begins to return ticks for the time from the last event until `now_ns`.
     void begin_ticks(std::int64_t now_ns) {
         if (!has_last_ || time_between(last_ns_, now_ns) < times_.tick_ns) return;
         ticks_left_ = std::min(kMostTicks, time_between(last_ns_, now_ns) / times_.tick_ns);
@@ -190,9 +193,9 @@ class PortDecoder {
 
     std::int64_t end_before(std::size_t read) const { return read == 0 ? 0 : reads_[read - 1].end; }
 
-    // Continues with the next part, which means the reads that are processed together: all reads of one
-    // second that came close to each other. If a trouble may be due between reads, a part is a single read.
-    // Ticks are given first.
+    // Continues with the next part of the input. A part is the reads that are decoded together: all reads
+    // within one second that came close to each other, or a single read if a trouble may become due between
+    // the reads. Ticks for the silence before come first.
     void next_part() {
         if (at_ == group_end_) {
             group_end_ = end_of_group();
@@ -241,13 +244,14 @@ class PortDecoder {
         check_is_due_ = true;
     }
 
-    // Returns the read of the present part in which the frame that ends at `end` ended.
+    // Returns the read, among those of the present part, that contained the byte before `end`, with which a
+    // frame ended.
     const PortRead* read_of(std::int64_t end) const {
         return std::lower_bound(reads_.data() + part_begin_, reads_.data() + at_, base_ + end,
                                 [](const PortRead& read, std::int64_t at) { return read.end < at; });
     }
 
-    // Gets the next item of the present part. Returns false at the end of the part.
+    // Writes the next item of the present part to `item`. Returns false at the end of the part.
     bool next_of_part(PortItem& item) {
         for (;;) {
             const bool is_last = other_ == found_.others.size();
@@ -267,8 +271,8 @@ class PortDecoder {
         }
     }
 
-    // Gives samples up to the first one whose sequence does not follow the previous one, because an epoch may
-    // begin with it.
+    // Makes an item of the next samples, up to the first one whose sequence number does not follow the
+    // previous one, because an epoch may begin with it.
     void give_samples(std::size_t stop, PortItem& item) {
         const std::size_t from = row_;
         row_ = samples_.end_of_sequence(from, stop);
@@ -279,14 +283,14 @@ class PortDecoder {
         if (row_ == stop) hand_run(stop);
     }
 
-    // Notes that the caller has received all samples before `stop` that came after the last other frame.
+    // Notes that the caller has received all samples between the last other frame and the index `stop`.
     void hand_run(std::size_t stop) {
         const std::size_t begin = other_ == 0 ? 0 : found_.others[other_ - 1].row;
         handed_ = {true, found_.samples[stop - 1].end, static_cast<std::int64_t>(stop - begin), Reason::none};
     }
 
-    // Gives a frame that is no sample, or a bad block. Returns false if there is no item, because the frame
-    // comes from a refused device.
+    // Makes an item of a frame that is no sample, or of a bad block. Returns false if there is no item,
+    // because the frame comes from a device that was refused.
     bool give_other(const OtherRow& other, PortItem& item) {
         const PortRead& read = *read_of(other.end);
         unix_offset_ns = read.stamp.unix_offset_ns;
@@ -330,8 +334,8 @@ class PortDecoder {
         }
     }
 
-    // Counts what the caller received with the last item, and nothing else, so that the counts do not depend
-    // on how the bytes were read.
+    // Counts what the caller received with the last item. Later bytes are not counted yet, although they may
+    // be decoded already, so the counts do not depend on how the bytes were read.
     void count_handed() {
         hello_size_ = 0;
         if (!handed_.is_any) return;
@@ -356,18 +360,20 @@ class PortDecoder {
     PortCounts counts_;
     Handed handed_;
     bool has_before_ = false, has_last_ = false;
-    std::int64_t before_ns_ = 0;  // time at which the program continued
+    std::int64_t before_ns_ = 0;  // time at which the program last finished an input
     std::int64_t last_ns_ = 0;    // time of the last event or tick
     std::int64_t ticks_left_ = 0, next_tick_ns_ = 0;
     bool check_is_due_ = false;  // whether a check for troubles is due at last_ns_
 
-    // The input. Reads before `at_` are in progress or done. The present group of reads ends at `group_end_`.
+    // The input. Reads before the index `at_` are being processed or done. The present group of reads, which
+    // came close to each other, ends at the index `group_end_`.
     std::vector<std::uint8_t> bytes_;
     std::vector<PortRead> reads_;
     std::size_t at_ = 0, group_end_ = 0;
     bool tells_time_ = false, is_judged_ = false, is_settled_ = false;
 
-    // The part in progress: the reads from `part_begin_` to `at_`, whose bytes begin at `base_`.
+    // The part in progress: the reads from index `part_begin_` to before `at_`. Their bytes begin at the
+    // offset `base_`.
     bool in_part_ = false;
     std::size_t part_begin_ = 0, row_ = 0, other_ = 0;
     std::int64_t base_ = 0, bytes_in_ = 0, bytes_before_ = 0;

@@ -1,5 +1,5 @@
-// fltea._native.PortDecoder: the class that decodes what came from a serial port into items, for Python
-// (host/fltea/sources/wire_events.py).
+// Makes the C++ class PortDecoder, which decodes what came from a serial port into items, available in Python
+// as fltea._native.PortDecoder (host/fltea/sources/wire_events.py).
 #include "port_decoder_binding.hpp"
 
 #include "decoder_binding.hpp"

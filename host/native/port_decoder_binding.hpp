@@ -48,7 +48,8 @@ inline nb::tuple columns(const fltea::SampleColumns& samples) {
                           table.array(flags, wide));
 }
 
-// Returns an item as a tuple, as host/fltea/sources/wire_events.py expects it, or None for kDone.
+// Returns an item as a tuple in the form that host/fltea/sources/wire_events.py expects, or None for an item
+// kDone, which has no content.
 inline nb::object as_tuple(const PortItem& item) {
     switch (item.kind) {
         case PortItem::kDone:

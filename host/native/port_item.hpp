@@ -1,5 +1,5 @@
-// The items that come from a serial port (port_decoder.hpp), such as samples, other frames and troubles; and
-// their counts.
+// The items into which port_decoder.hpp decodes what comes from a serial port, such as samples, other frames
+// and troubles of the port, and the counts of them.
 #pragma once
 
 #include <cstddef>
@@ -18,32 +18,32 @@ struct PortItem {
     enum Kind : std::uint8_t {
         kDone,            // the given bytes contain no more items
         kSamples,         // consecutive samples, with no other item between them
-        kFrame,           // any other valid frame
+        kFrame,           // a valid frame of another type
         kSameHello,       // a HELLO identical, byte for byte, to the HELLO that was accepted last
         kRefusedVersion,  // a HELLO of another protocol version: nothing after it may be interpreted
         kBad,             // a block that is not a valid frame
-        kTick,            // no bytes came for a while
+        kTick,            // no bytes came from the port for a while
         kTrouble,         // a trouble of the port: it is silent, unreadable or without a HELLO
     };
     Kind kind = kDone;
-    // arrival of the bytes in which a frame ended; samples have their own times
+    // arrival time of the read in which the frame ended; samples have their own times
     std::int64_t host_ns = 0;
     SampleColumns samples = {};    // raw counts; gyro and accel are (n, 3)
-    Reason reason = Reason::none;  // of a bad block
-    std::uint8_t type = 0;         // of a frame, as are the next fields down to `size`
+    Reason reason = Reason::none;  // why a bad block is bad
+    std::uint8_t type = 0;         // of a frame, as are the fields from `sequence` to `size`
     std::uint16_t sequence = 0;
     std::uint32_t device_us = 0;
     const std::uint8_t* bytes = nullptr;  // payload of a frame, or a bad block as received
     std::size_t size = 0;
     PortTrouble trouble = PortTrouble::none;
-    std::int64_t unread_bytes = 0;  // of the trouble no_valid_frame
-    bool is_news = false;           // of kRefusedVersion: whether it has to be reported
+    std::int64_t unread_bytes = 0;  // only for the trouble no_valid_frame
+    bool is_news = false;           // only for kRefusedVersion: whether the refusal has to be reported
 };
 
 // Counts of what the caller received from a port, and of what was lost.
 struct PortCounts {
     std::int64_t bytes = 0, frames = 0, connections = 0;
-    // frames that were not interpreted: HELLOs of another version, and what followed them
+    // frames that were not interpreted: HELLOs of another protocol version, and the frames after them
     std::int64_t refused = 0;
     struct Bad {
         Reason reason;

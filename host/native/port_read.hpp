@@ -10,8 +10,9 @@ struct Stamp {
     std::int64_t unix_offset_ns;  // Unix time minus host_ns; 0 if Unix time is not known
 };
 
-// One successful read of a port. `end`: offset of the read's end in the bytes that were fetched together.
-// `stamp`: arrival time.
+// One successful read of a port. The bytes of several reads may be fetched together; `end` is the offset in
+// them at which this read ends.
+// `stamp`: arrival time of the bytes.
 struct PortRead {
     std::int64_t end;
     Stamp stamp;

@@ -1,4 +1,4 @@
-// Converts reads of a port (PortRead) to columns for Python.
+// Converts a list of reads of a port (PortRead) to numpy columns.
 #pragma once
 
 #include <vector>

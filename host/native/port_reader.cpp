@@ -19,14 +19,14 @@ namespace {
 std::atomic<std::int64_t> unix_shift_ns{0};
 
 constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
-// the same limit as in fltea.records.clock
+// end of the dates that are taken for real Unix times, the same as in fltea.records.clock
 constexpr std::int64_t kEndOfDatesNs = 4'102'444'800 * 1'000'000'000;
 constexpr std::size_t kMostBytes = 1 << 16;  // largest number of bytes in one read
-// largest number of ports for which one wait returns
+// largest number of ports that one call of epoll_wait() reports as ready
 constexpr int kMostPorts = 64;
 constexpr std::uint64_t kClose = ~std::uint64_t{0};
 
-// This clock also runs while the machine sleeps, if the system has such a clock.
+// The clock for host times. It also runs while the machine sleeps, if the system has such a clock.
 #ifdef CLOCK_BOOTTIME
 constexpr clockid_t kClock = CLOCK_BOOTTIME;
 #else
@@ -41,7 +41,8 @@ std::int64_t now_ns(clockid_t clock) {
 
 std::system_error system_error(const char* what) { return {errno, std::generic_category(), what}; }
 
-// Blocks signals in this thread, because Python handles signals in its own threads.
+// Blocks all signals in this thread as long as the object exists. A thread that is started meanwhile inherits
+// this, so that Python's own threads handle the signals.
 class SignalsBlocked {
   public:
     SignalsBlocked() {
@@ -107,7 +108,8 @@ std::int64_t PortReader::take(double timeout_s, std::vector<PortNews>& news) {
         news.back().port = static_cast<int>(at);
         one.news = PortNews();
     }
-    // The time is read under the lock, so that all later reads of ports have a later time stamp.
+    // The time is read while the mutex is locked, so that all reads of ports after this call have a later
+    // time stamp.
     return now_ns(kClock);
 }
 
@@ -149,7 +151,8 @@ void PortReader::run() {
             any |= read_port(static_cast<std::size_t>(at), hung_up, buffer.get());
         }
         tell_if_due();
-        // The descriptor was ready but empty, for example because another program reads it too.
+        // If no ready descriptor had any bytes, wait a little. This can happen if another program reads the
+        // same port.
         if (!any) std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
 }

@@ -1,8 +1,8 @@
 // Reads many serial ports in a separate thread. Each read gets its time stamp on arrival, whatever the rest
 // of the program does.
 //
-// Received bytes wait here until take() fetches them. take() returns when the oldest byte of a port has
-// waited for the latency of that port. Waiting does not affect the time stamps.
+// Received bytes wait in the reader until take() fetches them. take() returns when the oldest waiting byte of
+// a port has waited for the latency that was set for that port. Waiting does not affect the time stamps.
 #pragma once
 
 #include <condition_variable>
@@ -29,34 +29,35 @@ struct PortNews {
     int port = 0;
     std::vector<std::uint8_t> bytes;
     std::vector<PortRead> reads;
-    // bytes that were discarded after reading, because too many were waiting
+    // number of bytes that were read but discarded, because too many were waiting
     std::int64_t overflow_bytes = 0;
-    int error = 0;  // if not 0, the port was lost after these bytes with this errno
+    int error = 0;  // errno with which the port was lost after these bytes; 0 if it was not lost
     Stamp lost = {};
 };
 
 // All methods may be called from any thread, but take() from only one thread at a time.
 class PortReader {
   public:
-    // `capacity`: number of bytes that may wait per port. The memory for the time stamps of the reads counts,
-    // too.
+    // `capacity`: number of bytes that may wait for each port, including the memory for the time stamps of
+    // the reads.
     explicit PortReader(std::size_t capacity);
     ~PortReader();
     PortReader(const PortReader&) = delete;
     PortReader& operator=(const PortReader&) = delete;
 
-    // Begins to read a non-blocking descriptor. The caller keeps the descriptor, and closes it after the port
-    // is lost or this reader is closed. `port`: index of the port, from 0, which no other port uses.
+    // Begins to read a port through its descriptor, which must be non-blocking. The caller owns the
+    // descriptor, and closes it after the port is lost or this reader is closed. `port`: index of the port,
+    // from 0, which no other port uses.
     // `closes`: whether an empty read means that the other side was closed, as for a socket. Throws
     // std::system_error if epoll does not accept the descriptor.
     void add(int port, int descriptor, bool closes, std::int64_t latency_ns);
 
-    // Waits until bytes of a port have waited for its latency, wake() is called or the timeout passes.
-    // Returns the time, and writes everything that has arrived until then to `news`. A port that is lost ends
-    // the wait at once, and is no longer read.
+    // Waits until the oldest waiting byte of a port has waited for the port's latency, until wake() is
+    // called, or until the timeout passes. Returns the time at the end of the wait, and writes everything
+    // that has arrived by then to `news`. A port that is lost ends the wait at once, and is no longer read.
     std::int64_t take(double timeout_s, std::vector<PortNews>& news);
 
-    // Ends the call of take() that is waiting. If none is waiting, ends the next one.
+    // Ends the call of take() that is waiting. If none is waiting, the next call returns at once.
     void wake();
 
     // Stops reading. After this, nothing arrives any more.
@@ -78,7 +79,8 @@ class PortReader {
     void tell_if_due();
 
     const std::size_t capacity_;
-    const int owner_;  // process that created the reader; a forked process has no thread to wait for
+    // process that created the reader; a process that was forked from it does not have the reading thread
+    const int owner_;
     const Descriptor epoll_;
     const WakeUp close_;
     std::mutex mutex_;

@@ -1,5 +1,5 @@
-// fltea._native.PortReader: reads many serial ports, with time stamps that do not wait for Python's GIL.
-// Python code should use fltea.wire.ports instead.
+// Makes the reader of many serial ports available in Python as fltea._native.PortReader. Its time stamps do
+// not wait for Python's GIL. Python code should use fltea.wire.ports instead.
 #include <nanobind/stl/vector.h>
 
 #include <cerrno>
@@ -25,9 +25,9 @@ class PortReader {
         reader_.add(port, descriptor, closes, latency_ns);
     }
 
-    // Returns the time, and a tuple for each port with new data: its number, the bytes, the columns of its
-    // reads (end, host_ns, unix_offset_ns), the number of discarded bytes, and (errno, time) if the port was
-    // lost or else None.
+    // Returns the time, and a tuple for each port from which something came: its number; the bytes; the
+    // columns of its reads (end, host_ns, unix_offset_ns); the number of discarded bytes; and, if the port
+    // was lost, errno and the time of the loss, otherwise None.
     nb::tuple take(double timeout_s) {
         std::int64_t now_ns = 0;
         std::vector<PortNews> news;

@@ -1,6 +1,6 @@
 // Processes what comes from one device on a serial port: passes its bytes through the wire decoder and the
-// device, and collects printed lines of text and rows of samples. It works without the caller until the
-// caller has to do something (PortStop).
+// device, and collects printed lines of text and rows of samples. It works on its own until the caller has to
+// do something (PortStop).
 #pragma once
 
 #include <cstddef>
@@ -17,15 +17,16 @@
 
 namespace fltea {
 
-// Why `run` returned. The caller acts, then calls `run` again.
+// Why run() returned. The caller does what is necessary, then calls run() again.
 enum class PortStop : int {
     kNothing,  // all received bytes are processed
-    kItem,     // an item came from the wire (item())
+    kItem,     // a decoded item came that the caller has to handle (item())
     kStop,     // the device has stopped at a sample (advanced(), samples())
     kRows,     // rows of samples wait (rows()); the caller has to clear them
     kReads,    // raw bytes wait (reads()); the caller has to clear them
-    kLost,     // the port was lost after all received bytes (news().error, news().lost)
-    kFault,    // the bytes cannot be processed (Round::fault); the stream has ended
+    // all received bytes are processed, and after them the port was lost (news().error, news().lost)
+    kLost,
+    kFault,  // the bytes cannot be processed (Round::fault); the stream has ended
 };
 
 class PortStream {
@@ -35,13 +36,14 @@ class PortStream {
 
     // Whether the caller wants rows of samples, printed lines, or the raw bytes.
     bool wants_rows = false, wants_text = false, wants_reads = false;
-    // How long rows and bytes may wait for more of them, to be fetched together.
+    // How long rows of samples and raw bytes may wait here, so that the caller can fetch many together.
     std::int64_t patience_ns = 0;
     std::int64_t overflow_bytes = 0;
 
-    // Whether rows or bytes wait, or there are events that the caller does not know yet.
+    // Whether rows of samples or raw bytes wait for the caller, or received bytes or a loss of the port are
+    // not processed yet.
     bool is_waiting() const { return is_busy_ || is_lost_ || rows_.rows() > 0 || !reads_.reads.empty(); }
-    // Whether bytes have come since the port was last lost.
+    // After a loss of the port: whether any bytes had come from it since the loss before.
     bool has_worked() const { return has_worked_; }
     const PortItem& item() const { return item_; }
     const Advanced& advanced() const { return advanced_; }
@@ -56,7 +58,7 @@ class PortStream {
     const PortNews& news() const { return news_; }
     // Whether the waiting rows were not printed as text, so that the caller has to print them.
     bool is_unprinted() const { return is_unprinted_; }
-    // Time of the newest sample or event that was processed.
+    // Arrival time of the newest sample or other item that was processed.
     std::int64_t now_ns() const { return now_ns_; }
 
     // Time at which the waiting rows or bytes have to be fetched.
@@ -85,7 +87,7 @@ class PortStream {
         }
     }
 
-    // Call this if no bytes came for a while.
+    // Call this if no bytes came from the port for a while.
     void tick(std::int64_t now_ns) {
         is_busy_ = true;
         taken_ns_ = now_ns;
@@ -95,7 +97,8 @@ class PortStream {
     PortStop run(std::int64_t now_ns) {
         while (is_busy_) {
             if (held_ != PortStop::kNothing && !has_new_rows_) {
-                if (rows_.rows() > 0) return PortStop::kRows;  // the caller gets samples before later items
+                // the caller gets the rows of earlier samples before this stop
+                if (rows_.rows() > 0) return PortStop::kRows;
                 if (held_ == PortStop::kItem && says_hello() && !reads_.reads.empty())
                     return PortStop::kReads;
                 return std::exchange(held_, PortStop::kNothing);
@@ -206,11 +209,11 @@ class PortStream {
     std::int64_t now_ns_ = 0, taken_ns_ = 0;
     bool worked_ = false, has_worked_ = false;
     bool is_busy_ = false, has_samples_ = false, is_lost_ = false;
-    // what walk() returns as soon as the caller has all earlier samples
+    // what run() will return as soon as the caller has all earlier samples
     PortStop held_ = PortStop::kNothing;
-    // about the newest run: whether its rows were not collected yet, and whether they were not printed
+    // whether the rows of the newest run have to be collected still, and whether they could not be printed
     bool has_new_rows_ = false, is_text_missing_ = false;
-    bool is_unprinted_ = false;  // whether the waiting rows were not printed
+    bool is_unprinted_ = false;  // whether the rows that wait for the caller were not printed as text
 };
 
 }  // namespace fltea
