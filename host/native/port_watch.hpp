@@ -1,5 +1,5 @@
-// Watches one serial port: detects that it is silent, unreadable or without a HELLO, and decides when such a
-// trouble has to be reported.
+// Watches one serial port: detects that no bytes, no readable frames or no HELLO come from it, and decides
+// when such a trouble has to be reported.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,7 @@ constexpr std::int64_t kSecondNs = 1'000'000'000;
 
 // Times after which a trouble is reported [ns].
 struct PortTimes {
-    std::int64_t silence_ns;  // how long a device may send nothing, or nothing readable
+    std::int64_t silence_ns;  // how long a device may send nothing, or nothing readable, or no HELLO
     std::int64_t tick_ns;     // silence of a port after which an item kTick is returned
     std::int64_t repeat_ns;   // time until the same trouble is reported again
 };
@@ -20,7 +20,7 @@ struct PortTimes {
 // Trouble of an open port. trouble_name() gives the names.
 enum class PortTrouble : std::uint8_t { none, silent, no_valid_frame, no_hello };
 
-// The name of a trouble in host/docs/reference/errors.md, or nullptr for LineTrouble::none.
+// Returns the name of a trouble, as in host/docs/reference/errors.md, or nullptr for PortTrouble::none.
 inline const char* trouble_name(PortTrouble trouble) {
     switch (trouble) {
         case PortTrouble::none:
@@ -35,8 +35,8 @@ inline const char* trouble_name(PortTrouble trouble) {
     return nullptr;
 }
 
-// Time from one moment to another. A recording may contain any times, so a difference that would overflow is
-// limited to the range of int64.
+// Returns the time from one moment to another. A recording may contain any times, so a difference that would
+// overflow is limited to the range of int64.
 inline std::int64_t time_between(std::int64_t from_ns, std::int64_t to_ns) {
     std::int64_t found = 0;
     if (!__builtin_sub_overflow(to_ns, from_ns, &found)) return found;
@@ -49,7 +49,7 @@ class PortWatch {
     explicit PortWatch(const PortTimes& times) : times_(times) {}
 
     bool is_refused() const { return is_refused_; }
-    // Number of bytes since the last readable frame, or since the last silence.
+    // Number of bytes that came since the last readable frame, or since the last silence of the port.
     std::int64_t unread_bytes() const { return unread_bytes_; }
 
     void on_opened(std::int64_t host_ns) {
@@ -59,7 +59,7 @@ class PortWatch {
     }
     void on_failed() { is_connected_ = false; }
 
-    // Restarts all waiting times.
+    // Restarts all times after which a trouble is reported.
     void forgive(std::int64_t now_ns) {
         opened_ns_ = byte_ns_ = now_ns;
         has_unread_ = false;
@@ -106,7 +106,7 @@ class PortWatch {
     }
 
     // Whether a trouble has to be reported, because it differs from the last reported one or because that
-    // report is long ago. If so, it counts as reported from now on.
+    // report is long ago. If so, the trouble counts as reported from now on.
     bool is_news(const char* kind, std::int64_t now_ns) {
         if (reported_ == kind && time_between(reported_ns_, now_ns) <= times_.repeat_ns) return false;
         reported_ = kind;
@@ -130,7 +130,8 @@ class PortWatch {
     bool is_connected_ = false, is_refused_ = false, heard_hello_ = false;
     bool has_unread_ = false;  // whether bytes have come after the last readable frame
     std::int64_t opened_ns_ = 0, byte_ns_ = 0, unread_since_ns_ = 0, unread_bytes_ = 0;
-    std::string reported_;  // kind of the last reported trouble; empty: report any trouble
+    // kind of the last reported trouble; if it is empty, the next trouble of any kind is reported
+    std::string reported_;
     std::int64_t reported_ns_ = 0;
 };
 

@@ -1,5 +1,5 @@
-// The number types of the host's running spectrum, which is that of firmware/core/engine (octave_ladder.hpp)
-// in floating point.
+// The number types with which the host computes its running spectrum in floating point. The algorithm is the
+// template in firmware/core/engine/octave_ladder.hpp.
 #pragma once
 
 #include <cmath>
@@ -28,7 +28,7 @@ class RealTables {
             sine_[i] = Number(std::sin(turn * i));
         }
     }
-    // Hann's window at even and odd indexes; cosine and sine of the angle 2π i/256.
+    // Hann's window at the even and at the odd indexes of a block; cosine and sine of the angle 2π i/256.
     Number even(int i) const { return even_[i]; }
     Number odd(int i) const { return odd_[i]; }
     Number cosine(int i) const { return cosine_[i]; }
@@ -38,7 +38,8 @@ class RealTables {
     Number even_[kHalf], odd_[kHalf], cosine_[kHalf], sine_[kHalf];
 };
 
-// The types for Number = float or double. 20 levels (kMostLevels) cover half a year at 100 Hz.
+// The types for spectra that are computed in Number, which is float or double. 20 levels (kMostLevels) cover
+// half a year of samples at 100 Hz.
 template <typename Number, int kMostLevels = 20, int kMostKept = 3072>
 struct RealSpectrum {
     typedef double Input;  // finite, within ±1e100
@@ -54,7 +55,7 @@ struct RealSpectrum {
     template <int kLines>
     using Sums = FadingSums<kLines>;
     enum { kLevels = kMostLevels, kCapacity = kMostKept, kMostMadeUp = 64 };
-    static constexpr double kLargest = 1e19;  // largest magnitude of the values
+    static constexpr double kLargest = 1e19;  // largest magnitude of a sample minus the origin
 
     static double input(double y) { return y; }
     static double root(double x) { return std::sqrt(x); }
@@ -67,8 +68,8 @@ struct RealSpectrum {
         return one;
     }
 
-    // Of n samples: the mean, the power about the mean, and the squared distance of the sample that is
-    // farthest from the mean.
+    // Three figures of n samples: their mean, the sum of their squared distances from it, and the largest of
+    // these squared distances.
     class Moments {
       public:
         Moments(const double* x, int n) {
@@ -102,8 +103,8 @@ struct RealSpectrum {
         return std::isinf(least) ? 0 : least;
     }
 
-    // A sample minus the origin. Values beyond those of any sensor are clipped, so that they do not become
-    // infinite.
+    // Returns a sample minus the origin. Values beyond those of any sensor are clipped, so that they do not
+    // become infinite in a float.
     static Number value(double y, double origin) {
         const double apart = y - origin, most = kLargest;
         return Number(apart > most ? most : apart < -most ? -most : apart);
@@ -118,7 +119,7 @@ struct RealSpectrum {
         void renew(float*, int) {}
     };
 
-    // A block of values minus their mean.
+    // A block of values, from each of which the mean of the block is subtracted.
     template <typename Stored>
     class Centred {
       public:
@@ -137,9 +138,9 @@ struct RealSpectrum {
         Number mean_;
     };
 
-    // Records the logarithm of the power of the blocks over time. The first octave has the shortest blocks,
-    // so it shows changes at all time scales. Lower octaves are recorded only at their shortest time scales,
-    // for changes that the first octave does not show.
+    // Records the logarithm of the power of the blocks of an octave over time. The first octave has the
+    // shortest blocks, so it shows changes at all time scales. Lower octaves are recorded only at their
+    // shortest time scales, because the first octave does not show changes of their noise.
     template <int kLines>
     class Cells : public TimeCells {
       public:
@@ -170,8 +171,8 @@ struct RealSpectrum {
         }
 
       private:
-        // Number of values in each part if two memory lengths are divided into `parts` parts; 0 if nothing is
-        // forgotten.
+        // Returns the number of blocks in each part if a time of two memory lengths is divided into `parts`
+        // parts; 0 if nothing is forgotten.
         static std::uint32_t span(FadingMemory memory, std::uint64_t hop, int parts) {
             if (!memory.fades()) return 0;
             const double span = std::ceil(2 * memory.samples() / (double(hop) * parts));
@@ -185,8 +186,8 @@ struct RealSpectrum {
 template <typename Number, int kMostLevels, int kMostKept>
 constexpr double RealSpectrum<Number, kMostLevels, kMostKept>::kLargest;
 
-// The gain of the half-band filter at an angle per sample. It is computed from the taps in double, whatever
-// type the filter itself uses.
+// Returns the gain of the half-band filter at a frequency, given as an angle per sample. It is computed from
+// the taps in double, whatever type the filter itself uses.
 inline double half_band_gain(double angle) {
     typedef engine::HalfBand<RealSpectrum<double>> Filter;
     double sum = Filter::middle();

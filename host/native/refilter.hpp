@@ -1,5 +1,5 @@
-// Filters means of samples with a linear system, and gives statistics of the innovations and the likelihood
-// of the samples.
+// Filters remembered means of samples with the linear system of a new noise model. Computes statistics of the
+// innovations and the likelihood of the samples.
 #pragma once
 
 #include <algorithm>
@@ -16,15 +16,15 @@ namespace track {
 
 namespace refilter {
 
-// A state with a relaxation time shorter than 1 / kSlow of the duration of a mean counts as fast: in the
-// means it is white noise.
+// A state counts as fast if its relaxation time is shorter than 1 / kSlow of the time over which a mean is
+// taken. In the means, a fast state is white noise.
 constexpr double kSlow = 6;
-// Relative rounding error of the elements of a covariance. Smaller values count as 0.
+// Relative rounding error of the elements of a covariance. Relatively smaller elements count as 0.
 constexpr double kRounding = 1e-9;
 
-// The slow part of a system, in which one step is a mean of m samples. `of`: indexes of the n slow states in
-// the whole system. The mean differs from the states at the end of its m samples. This difference is the last
-// state of the slow part, and has no memory from step to step.
+// The slow part of a system, in which one step is the time of m samples, and what is measured is their mean.
+// `of`: indexes of the n slow states in the whole system. The mean differs from the states at the end of its
+// m samples. This difference is the last state of the slow part, and has no memory from step to step.
 struct Coarse {
     System<kMost> system;
     int n, of[kMost];
@@ -34,8 +34,8 @@ inline bool is_slow(const System<kMost>& s, int i, double m) {
     return i >= 2 * s.pairs && s.c[i] != 0 && s.a[i] > 0 && (1 - s.a[i]) * m < kSlow;
 }
 
-// Sums of m samples, computed by doubling m. They say how each state before the first sample contributes to
-// the sum of the samples, and with which covariances noise adds to the states and to the sum.
+// Describes the sum of m samples, and is computed by doubling m: how each state before the first sample
+// contributes to the sum, and which covariances the noise adds to the states and to the sum.
 struct Sums {
     explicit Sums(const System<kMost>& s) : step(s) {
         const int n = s.n;
@@ -71,7 +71,7 @@ struct Sums {
         samples *= 2;
     }
 
-    // The matrices A and Q for a step of `samples` samples.
+    // The system for a step of `samples` samples, of which only the matrices A and Q are used.
     System<kMost> step;
     double samples = 1, row[kMost], both[kMost], variance;
 
@@ -114,7 +114,8 @@ inline void coarsen(const System<kMost>& s, double m, Coarse& to) {
         if (is_slow(s, i, m)) to.of[n++] = i;
     }
     to.n = n;
-    // If there is no room for the last state, its noise is treated as white.
+    // If there is no room for the last state of the slow part, its noise is treated as white and independent
+    // of the other states.
     const bool room = n < kMost;
     q.n = n + (room ? 1 : 0);
     q.pairs = 0;
@@ -149,11 +150,11 @@ inline void coarsen(const System<kMost>& s, double m, Coarse& to) {
     }
 }
 
-// Determines the usual size of the innovations at rest. As it is the median over chunks, undetected motion
-// does not change it.
+// Determines the usual power of the innovations at rest, and that of their mean. As these are medians over
+// chunks, undetected motion hardly changes them.
 class Innovations {
   public:
-    // `z`: innovation divided by its standard deviation, or NaN without a sample.
+    // `z`: innovation divided by its standard deviation, or NaN where a sample is missing.
     void add(double z) {
         if (std::isnan(z)) {
             known_ = false;
@@ -171,7 +172,7 @@ class Innovations {
         known_ = true;
         sum_ = powers_ = largest_ = 0;
     }
-    // Returns the usual size, or `before` if there are too few chunks.
+    // Returns the usual powers, or `before` if there were too few chunks.
     Usual usual(const Usual& before) {
         if (count_ < kFewestChunks) return before;
         Usual found;
@@ -203,8 +204,8 @@ class Likelihood {
     HeldLog log_S_;
 };
 
-// The newest steps of the bias. `at`: number of the first sample after the step. `variance`: variance of the
-// step's possible size.
+// The newest steps of the bias. `at`: number of the first sample after the step. `variance`: variance of what
+// the size of the step may be.
 class Steps {
   public:
     enum { kMostSteps = 16 };
@@ -236,8 +237,8 @@ class Steps {
         }
         return count_ == other.count_;
     }
-    // Sum of the variances of all steps at the sample numbers from `begin` to before `end`. It is 0 if there
-    // is no step.
+    // Returns the sum of the variances of all steps at the sample numbers from `begin` to before `end`, or 0
+    // if there is no step.
     double within(std::int64_t begin, std::int64_t end) const {
         double sum = 0;
         for (int i = 0; i < count_; ++i) {
@@ -267,7 +268,8 @@ inline bool is_finite(const double* x, int n) {
     return true;
 }
 
-// Whether a symmetric matrix has no negative eigenvalue, apart from rounding. This is tested by elimination.
+// Whether a symmetric matrix can be a covariance: it has no negative eigenvalue, apart from rounding. This is
+// tested by elimination.
 inline bool is_covariance(const double* P, int n) {
     double left[kMost * kMost];
     std::memcpy(left, P, sizeof(double) * std::size_t(n * n));
@@ -283,9 +285,9 @@ inline bool is_covariance(const double* P, int n) {
     return true;
 }
 
-// Filters means of m samples with the slow part of the system. x and P are mean and covariance of the whole
-// system's state, before and after. `first`: number of the first sample in the means. A mean that contains a
-// step of the bias is ignored.
+// Filters means of m samples each with the slow part of the system. x and P are the estimate and covariance
+// of the whole system's state before the means, and are replaced by those after them. `first`: number of the
+// first sample in the means. A mean that contains a step of the bias is ignored.
 template <int size>
 void through(const System<kMost>& s, const Newest<size>& means, std::int64_t m, std::int64_t first,
              const Steps& steps, double* x, double* P, Likelihood& fits) {
@@ -319,7 +321,8 @@ void through(const System<kMost>& s, const Newest<size>& means, std::int64_t m, 
         x_then[part.of[k]] = filter.x[k];
         for (int l = 0; l < n; ++l) P_then[part.of[k] * s.n + part.of[l]] = filter.P[k * all + l];
     }
-    // If a slow pair of poles counts as fast, precision may be lost. In that case, these means are ignored.
+    // A pair of poles counts as fast even if it is slow, and then precision may be lost. In that case, these
+    // means are ignored.
     if (!is_finite(x_then, s.n) || !is_covariance(P_then, s.n)) return;
     std::memcpy(x, x_then, sizeof x_then);
     std::memcpy(P, P_then, sizeof(double) * std::size_t(s.n * s.n));

@@ -1,4 +1,4 @@
-// The remembered samples of an axis, and how a filter processes them.
+// The samples of an axis that the tracker remembers, and how a filter processes them.
 #pragma once
 
 #include <cstdint>
@@ -16,7 +16,8 @@ namespace track {
 struct Remembered {
     enum { kRecent = 2 * RestGate::kChunk };
 
-    // Starts `filter` again and lets it process all samples. Returns log L up to a constant.
+    // Starts `filter` again and lets it process all remembered samples. Returns their log likelihood up to a
+    // constant.
     double filter_again(const System<kMost>& s, const RiccatiMap<kMost>& map, Kalman<kMost>& filter) const {
         refilter::Likelihood fits;
         filter_means(s, map, filter, fits);
@@ -24,8 +25,8 @@ struct Remembered {
         return fits.value();
     }
 
-    // Starts `filter` again and lets it process the means of older samples. After that, it has to process the
-    // single samples.
+    // Starts `filter` again and lets it process the means of older samples. After that, filter_single() has
+    // to be called for the samples that are kept singly.
     void filter_means(const System<kMost>& s, const RiccatiMap<kMost>& map, Kalman<kMost>& filter,
                       refilter::Likelihood& fits) const {
         double x[kMost] = {0}, P[kMost * kMost];
@@ -62,10 +63,10 @@ struct Remembered {
         }
     }
 
-    // Number of samples that are kept singly, in the past and as recent samples.
+    // Number of samples that are kept singly: those in `past` and the recent ones.
     int singles() const { return past.single().count() + kept; }
 
-    // Adds a sample, or NaN if it is unknown. If the sample ends a chunk, call roll() next.
+    // Adds a sample; NaN stands for an unknown one. If the sample ends a chunk, call roll() next.
     void add(float y) {
         recent[kept++] = y;
         ++total;
@@ -82,7 +83,8 @@ struct Remembered {
         add(__builtin_nanf(""));
         if (kept == kRecent) roll();
     }
-    // Whether everything here equals `other`, except the values of the newest `but_newest` samples.
+    // Whether all remembered samples and steps equal those of `other`, apart from the values of the newest
+    // `but_newest` samples.
     bool is(const Remembered& other, int but_newest) const {
         if (total != other.total || kept != other.kept || !steps.is(other.steps)) return false;
         const int recently = kept - but_newest;
@@ -137,7 +139,7 @@ struct Remembered {
     refilter::Steps steps;
     float recent[kRecent];
     int kept = 0;
-    std::int64_t total = 0;  // number of samples so far, including lost samples
+    std::int64_t total = 0;  // number of all samples so far, including lost samples
 };
 
 }  // namespace track

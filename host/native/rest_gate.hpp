@@ -1,6 +1,6 @@
-// Decides from the innovations of an axis's filter whether the axis is at rest, in chunks of 32 samples. The
-// rules are those of the live fit's gate (firmware/core/engine/gate.hpp), with shorter chunks and with the
-// filter's knowledge of the noise.
+// Decides from the innovations of an axis's filter, in chunks of 32 samples, whether the axis is at rest. The
+// rules are those by which the live fit leaves samples out (firmware/core/engine/gate.hpp), but chunks are
+// shorter, and the size of the noise is known from the filter.
 //
 // A chunk is a knock, which means motion, in any of three cases: the power of its innovations, without the
 // largest one, exceeds sixteen times that of the noise; one innovation exceeds a hundred standard deviations;
@@ -17,17 +17,18 @@
 namespace fltea {
 namespace track {
 
-// Usual power of a chunk's innovations, and of their mean, as ratios to those of the noise. They are never
-// less than 1.
+// Usual power of a chunk's innovations, and usual square of their mean, as ratios to the values that follow
+// from the filter's noise model. They are never less than 1.
 struct Usual {
     double power = 1, mean = 1;
 };
 
-// What is said of a chunk of one axis.
+// What the gate says of a chunk of one axis.
 struct ChunkVerdict {
     bool knock;
-    bool same_place;  // whether it scatters no more than usual and its mean is that of the previous chunk
-    double place;     // mean of its samples, or NaN if it has none
+    // whether the chunk scatters no more than usual, and its mean is about that of the previous chunk
+    bool same_place;
+    double place;  // mean of the chunk's samples, or NaN if it has fewer than two
 };
 
 class RestGate {
@@ -56,7 +57,7 @@ class RestGate {
         return power > kSpike * kSpike * usual_.power;
     }
 
-    // Forgets the samples of the present chunk. Call this when the bias changes.
+    // Forgets the samples of the present chunk. Call this when the bias has changed.
     void forget_chunk() {
         known_ = 0;
         sum_ = powers_ = largest_ = own_ = own_powers_ = 0;
@@ -84,8 +85,8 @@ class RestGate {
             found.same_place = still && has_place_ && std::fabs(step) < kMean * std::sqrt(usual_step_);
             found.knock = powers_ - largest_ > most * (n - 1) || largest_ > spike ||
                           std::fabs(sum_) > apart * std::sqrt(double(n));
-            // During motion, the mean also has to be that of the previous chunk, so that rest does not begin
-            // while the samples are still changing.
+            // During motion, the mean also has to be about that of the previous chunk, so that rest does not
+            // begin while the samples are still changing.
             const bool lies = moving ? found.same_place : still;
             if (lies && !(std::fabs(found.place - bias) > largest_step)) found.knock = false;
             if (!moving && !found.knock) {
@@ -133,7 +134,8 @@ class RestGate {
     int known_ = 0;
     bool has_place_ = false;
     double sum_ = 0, powers_ = 0, largest_ = 0, first_ = 0, place_ = 0;
-    // relative to the first sample, in standard deviations
+    // statistics of the samples of the present chunk, relative to the first one, in standard deviations of
+    // the noise
     double own_ = 0, own_powers_ = 0, low_ = 0, high_ = 0;
     double usual_own_ = 1, usual_step_ = 2.0 / kChunk;
 };

@@ -1,5 +1,5 @@
-// All devices on serial ports. A round processes what has come from each port, until the caller has to do
-// something.
+// Processes all devices on serial ports in rounds. A round processes what has come from each port, as far as
+// that is possible before the caller has to do something.
 #pragma once
 
 #include <algorithm>
@@ -22,8 +22,8 @@ struct Happened {
     PortStop stop;
 };
 
-// A part of a text with the printed records of one device: their number, and the arrival time of the newest
-// bytes.
+// A part of a text, which has the printed records of one device: how many records these are, and the arrival
+// time of the newest bytes that were processed.
 struct PrintedPart {
     std::int64_t arrived_ns;
     std::size_t records;
@@ -37,8 +37,9 @@ struct Text {
 
 class Round {
   public:
-    // `capacity`: number of bytes that may wait per port (PortReader). `texts`: number of texts, one for each
-    // format. A device has one printer for each text, or no printers.
+    // `capacity`: number of bytes that may wait for each port (PortReader). `tick_ns`: time without bytes
+    // after which a port gets a tick. `texts`: number of texts, one for each format in which records are
+    // printed. A device has one printer for each text, or no printers.
     Round(std::size_t capacity, std::int64_t tick_ns, std::size_t texts)
         : reader_(capacity), tick_ns_(tick_ns), texts_(texts) {}
 
@@ -51,15 +52,15 @@ class Round {
         ports_.push_back({std::move(stream), printers, latency_ns, stamp_now().host_ns + tick_ns_});
     }
 
-    // Call this when the port was opened or failed. The time during which the port is silent is counted from
-    // now on.
+    // Call this when the port was opened or failed. The time until the port's next tick is counted from now
+    // on.
     void touch(std::size_t port, std::int64_t now_ns) { ports_[port].tick_ns = now_ns + tick_ns_; }
     // Call this when the port is not needed any more.
     void end(std::size_t port) { ports_[port].has_ended = true; }
 
-    // Continues with the ports for which the caller has just done something. If there are none, waits for
-    // bytes, a tick, rows that are due, a wake-up or the timeout. Writes one entry at most to `happened` for
-    // each port for which the caller has to do something.
+    // First continues with the ports for which the caller has just done something. If nothing comes of that,
+    // waits for bytes, a tick, rows that are due, a wake-up or the timeout, and processes what has come.
+    // Writes to `happened` for which ports the caller has to do something, with one entry for each.
     void run(double timeout_s, std::vector<Happened>& happened) {
         std::int64_t now_ns = stamp_now().host_ns;
         for (std::size_t port = 0; port < ports_.size(); ++port) {
@@ -83,7 +84,7 @@ class Round {
         }
     }
 
-    // Why a port's stream ended (kFault).
+    // The error with which the stream of a port has ended (kFault).
     const std::string& fault(std::size_t port) const { return ports_[port].fault; }
     std::vector<Text>& texts() { return texts_; }
     // Longest time that bytes have waited in addition to the latency of their port.
@@ -97,7 +98,8 @@ class Round {
         std::int64_t latency_ns, tick_ns;  // `tick_ns`: time at which the port gets a tick if it stays silent
         bool has_ended = false;
         std::string fault = {};
-        bool is_left = false;  // the caller has done something for it, and more data may wait
+        // the caller was asked to do something for the port, and bytes may still wait after that
+        bool is_left = false;
     };
 
     void take(PortNews& news, std::int64_t now_ns, std::vector<Happened>& happened) {

@@ -1,5 +1,5 @@
-// fltea._native.Round: the class that processes all devices on serial ports without Python's GIL
-// (host/fltea/service/port_loop.py).
+// Makes the C++ class Round, which processes all devices on serial ports without Python's GIL, available in
+// Python as fltea._native.Round (host/fltea/service/port_loop.py).
 #include <nanobind/nanobind.h>
 
 #include <cstring>
@@ -20,7 +20,7 @@ using fltea::PortStop;
 using fltea::PortStream;
 using fltea::RunRows;
 
-// Converts the columns of the waiting rows to arrays, in the order of RunRows.
+// Converts the columns of the rows of samples that wait for Python to arrays, in the order of RunRows.
 class Columns {
   public:
     explicit Columns(const RunRows& rows) : rows_(rows), table_(bytes_of(rows)) {}
@@ -35,7 +35,7 @@ class Columns {
     }
 
   private:
-    // Total size of the columns. Each column begins at a multiple of 8 bytes.
+    // Returns the total size of the columns. Each column begins at a multiple of 8 bytes.
     static std::size_t bytes_of(const RunRows& rows) {
         std::size_t bytes = 0;
         for (std::size_t i = 0; i < rows.columns(); ++i) bytes += (rows.column(i).size() + 7) / 8 * 8;
@@ -85,7 +85,7 @@ class Round {
   public:
     Round(std::size_t capacity, std::int64_t tick_ns, std::size_t texts) : round_(capacity, tick_ns, texts) {}
 
-    // Adds the next port. Ports are numbered in the order in which they are added.
+    // Adds a port. Ports are numbered in the order in which they are added.
     void add(nb::object wire, nb::object device, std::int64_t latency_ns) {
         auto& of_device = nb::cast<device_binding::Device&>(device);
         auto& of_wire = nb::cast<port_decoder_binding::PortDecoder&>(wire);
@@ -173,7 +173,8 @@ class Round {
                 const fltea::PortNews& news = line.reads();
                 const nb::tuple columns = columns_of(news.reads);
                 const nb::tuple reads = nb::make_tuple(nb::bytes(news.bytes.data(), news.bytes.size()),
-                                                       // the fields of the Python class Reads
+                                                       // the bytes and their times, in the order of the
+                                                       // fields of the Python class Reads
                                                        columns[0], columns[1], columns[2]);
                 line.reads() = fltea::PortNews();
                 return reads;
@@ -192,7 +193,7 @@ class Round {
 
     fltea::Round round_;
     std::vector<fltea::Happened> happened_;
-    nb::list kept_;  // keeps alive the objects that the ports point to
+    nb::list kept_;  // keeps the Python objects alive to which the ports point
 };
 
 }  // namespace

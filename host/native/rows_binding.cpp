@@ -1,4 +1,5 @@
-// fltea._native.plain_rows: parses lines of text as rows of numbers (host/fltea/recording/text_numbers.py).
+// Makes the parser of rows of numbers in text available in Python as fltea._native.plain_rows
+// (host/fltea/recording/text_numbers.py).
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/vector.h>
 

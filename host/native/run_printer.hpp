@@ -1,5 +1,5 @@
 // Prints the samples of a device's runs as JSON lines; a run is a series of samples that Device processed
-// together. Columns are numbered as in host/fltea/sinks/json_lines.py.
+// together. The columns of a run are numbered as in host/fltea/sinks/json_lines.py.
 #pragma once
 
 #include <cstddef>
@@ -16,9 +16,9 @@ namespace fltea {
 
 class RunPrinter {
   public:
-    // `every`: samples are printed if their number is a multiple of this. `weight`: number of records that
-    // each printed sample counts as. `shape`: the columns of the rows that are printed (RunShape, with
-    // Absent::kLeftOut); other rows are not. Throws std::invalid_argument for other arguments.
+    // `every`: only samples whose number is a multiple of this are printed. `weight`: number of records for
+    // which each printed sample counts. `shape`: the columns that rows need in order to be printed (RunShape,
+    // with Absent::kLeftOut). Throws std::invalid_argument for impossible arguments.
     RunPrinter(std::shared_ptr<const LinePrinter> lines, std::int64_t every, std::size_t weight,
                RunShape shape)
         : lines_(std::move(lines)), every_(every), weight_(weight), shape_(std::move(shape)) {
@@ -38,8 +38,8 @@ class RunPrinter {
         return missed_ == 0 && shape_of(device, Absent::kLeftOut) == shape_;
     }
 
-    // Prints rows of the newest run. If their shape differs, these rows and all later ones until clear() are
-    // only counted.
+    // Prints rows of the newest run. If they have other columns than `shape` says, these rows and all later
+    // ones until clear() are only counted.
     void append(const Device& device, std::size_t begin, std::size_t end) {
         if (begin >= end) return;
         if (missed_ > 0 || shape_of(device, Absent::kLeftOut) != shape_) {
@@ -72,16 +72,16 @@ class RunPrinter {
 
   private:
     enum : std::size_t { kCorrected = 7, kOfSensors = 4, kOfSensor = 3 };
-    // Number of a bank's columns that are printed before its flags; index of the bias among a tracker's
-    // columns.
+    // kNumbers: number of columns with numbers that a bank prints before its flags. kBias: index of the bias
+    // among a tracker's columns.
     enum : std::size_t { kNumbers = kLaneInnovationStd, kBias = 2 };
-    // If only a little of more memory than this is used, the memory is released. There may be many devices,
-    // and much text of one device may come at once after a wait.
+    // Memory for text that exceeds this is released if only a little of it is used. There may be many
+    // devices, and after a wait much text of one device may come at once.
     static constexpr std::size_t kKept = 1 << 16;
 
     static bool has_samples(const SensorColumns& one) { return one.tracked != nullptr; }
 
-    // Number of values per row in each column; 0 if the column does not exist.
+    // Returns for each column the number of values in a row, which is 0 if the column does not exist.
     static std::vector<std::size_t> widths_of(const RunShape& shape) {
         std::vector<std::size_t> widths = {1, 1, 1, shape[0], shape[1], shape[2], shape[3], 0};
         for (std::size_t i = kOfSensors; i < shape.size(); i += kOfSensor) {

@@ -1,4 +1,5 @@
-// Collects rows of a device's runs, for a caller that fetches many of them at once.
+// Collects rows of samples from the runs of a device, for a caller that fetches many rows at once. A run is a
+// series of samples that were processed together.
 #pragma once
 
 #include <cstddef>
@@ -47,7 +48,7 @@ class RunRows {
 
     std::size_t rows() const { return rows_; }
     const RunShape& shape() const { return shape_; }
-    // Arrival time of the first of the waiting rows.
+    // Arrival time of the first row that waits to be fetched.
     std::int64_t first_ns() const { return first_ns_; }
     // Number of columns. The arrival times come first, then the columns of the samples, then for each sensor
     // the columns of its tracker and of its bank.

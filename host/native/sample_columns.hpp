@@ -1,4 +1,4 @@
-// Consecutive samples of a source as columns. The memory belongs to the source.
+// Consecutive samples of a source as columns of numbers. The memory belongs to the source.
 #pragma once
 
 #include <cstddef>
@@ -9,7 +9,7 @@ namespace fltea {
 // A column of n rows, which are raw counts from the wire or numbers from a file.
 class NumberColumn {
   public:
-    enum Type { kNone, kCounts, kWhole, kReal };  // none; int16; int64; double
+    enum Type { kNone, kCounts, kWhole, kReal };  // types of the numbers: none; int16; int64; double
 
     NumberColumn() = default;
     NumberColumn(const void* data, Type type, std::size_t width) : data_(data), type_(type), width_(width) {}
@@ -18,7 +18,7 @@ class NumberColumn {
     std::size_t width() const { return width_; }
     // The raw counts. Call this only for columns of the type kCounts.
     const std::int16_t* counts() const { return static_cast<const std::int16_t*>(data_); }
-    // The number at index `i`, counted over all rows.
+    // Returns the number at index `i`, where the numbers of all rows are counted one after another.
     double operator[](std::size_t i) const {
         if (type_ == kCounts) return static_cast<const std::int16_t*>(data_)[i];
         if (type_ == kReal) return static_cast<const double*>(data_)[i];
@@ -40,10 +40,10 @@ struct SampleColumns {
     const std::int64_t* flags;  // null if the source has no flags
 };
 
-// Factors that convert counts to units.
+// Scales by which the raw counts of samples are converted to physical units.
 struct Scales {
     double gyro_lsb_per_dps;
-    bool has_accel;  // whether the scale of the accelerometer is known
+    bool has_accel;  // whether the accelerometer's scale is known; if not, its samples are not used
     double accel_ms2_per_lsb;
     double temperature_lsb_per_c, temperature_zero_c;
 };

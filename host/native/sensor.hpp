@@ -11,12 +11,13 @@
 
 namespace fltea {
 
-// Largest magnitude of a sample. It is half of the engine's limit, so that a sample minus its bias stays
-// within that limit.
+// Largest magnitude of a sample. It is half of the estimator engine's limit, so that a sample minus its bias
+// stays within that limit.
 constexpr double kLargestSample = kLargestInput / 2;
 enum { kTrackedColumns = 5 };
 
-// Interfaces of the three parts of a sensor. Each part processes samples y of shape (rows, axes).
+// Interfaces of the three parts of a sensor: tracker, sums and filters. Each processes samples y of shape
+// (rows, axes).
 struct TrackerPart {
     virtual ~TrackerPart() = default;
     // `accel` has the shape (rows, accel_axes) or is null; `out` has the shape (kTrackedColumns, rows, axes),
@@ -41,10 +42,11 @@ struct BankPart {
 
 // Results for a block of rows. Each column has the shape (rows, axes).
 struct SensorColumns {
-    double* tracked = nullptr;  // kTrackedColumns columns, or null
+    // kTrackedColumns columns of the tracker, or null if the sensor has no samples
+    double* tracked = nullptr;
     std::uint8_t* moving = nullptr;
     BankBlock bank = {};
-    bool has_estimates = false;  // false while the start-up window fills
+    bool has_estimates = false;  // false while the start-up window is not full
 };
 
 struct Sensor {
@@ -58,7 +60,8 @@ struct Sensor {
     std::vector<bool> waits;
     std::size_t window_left = 0;  // number of rows until the bank's start-up window is full
 
-    // Copies the axes in `places` of n rows to `y`. Returns false if a value exceeds kLargestSample.
+    // Copies the values of this sensor's axes (`places`) from n rows of samples to `y`. Returns false if a
+    // value exceeds kLargestSample or an axis does not exist.
     bool choose(const double* from, std::size_t n, std::size_t width, std::vector<double>& y) const {
         y.clear();
         for (std::size_t i = 0; i < n; ++i) {
@@ -92,8 +95,8 @@ struct Sensor {
     }
 
   private:
-    // Adds the samples at rest to the sums. The sample at a step of the bias is omitted, which makes a break,
-    // so that no spectrum extends over the step.
+    // Adds the samples at rest to the sums. The sample at which a step of the bias was noticed is omitted.
+    // This makes a break in the stream, so that no spectrum extends over the step.
     void add_at_rest(const std::vector<double>& y, std::size_t n, const SensorColumns& from,
                      const std::vector<track::TrackerEvent>& events) {
         const std::size_t axes = places.size();

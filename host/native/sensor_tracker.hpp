@@ -18,13 +18,13 @@ struct TrackerEvent {
     // The axis that has stepped or that showed the motion. Motion may also have been shown by the
     // accelerometer (kByAccel) or announced by the caller (kByCaller).
     int axis;
-    std::int64_t ago;       // number of samples since the event began, including the newest one
+    std::int64_t ago;       // number of samples since the step or the motion began, including the newest one
     double size, size_std;  // size of a step; at the end of a motion, `size` is its largest sample
-    std::int64_t samples;   // duration of the motion, in samples
+    std::int64_t samples;   // at the end of a motion: how long it lasted [samples]
     enum { kByAccel = -1, kByCaller = -2 };
 };
 
-// What the caller knows about motion during the samples of a call.
+// What the caller knows about motion of the sensor during the samples of one call.
 enum Rest { kUnknown = 0, kAtRest = 1, kMoving = 2 };
 
 class SensorTracker {
@@ -37,8 +37,8 @@ class SensorTracker {
     const std::vector<AxisTracker>& axes() const { return axes_; }
     bool moving() const { return moving_; }
 
-    // Processes a sample. `y`: its value on each axis. `accel`: the values of `accel_axes` axes of the
-    // accelerometer, or null. The results of all axes are written to `to`.
+    // Processes a sample. `y`: the sample's value on each axis. `accel`: the values of `accel_axes` axes of
+    // the accelerometer, or null. The results of all axes are written to `to`.
     void next(const double* y, const double* accel, int accel_axes, Rest rest, std::size_t row, Tracked* to,
               std::vector<TrackerEvent>& events) {
         const std::size_t n = axes_.size();
@@ -110,7 +110,8 @@ class SensorTracker {
         }
     }
 
-    // Handles a motion that began some samples ago: undoes the effect of these samples on all axes.
+    // Handles a motion that began some samples ago: undoes the effect of these samples on the trackers of all
+    // axes.
     void go_back(int by, std::size_t row, std::vector<TrackerEvent>& events) {
         std::int64_t undone = 0;
         for (AxisTracker& one : axes_) {

@@ -1,9 +1,10 @@
 // Computes for each sample its number and its device time within the epoch, without the wraps of the wire
 // protocol, and the number of samples that are missing before it. The rules are those of protocol/README.md.
-// The sequence of SAMPLE numbers the sampling instants, so within a boot delivered + lost = due, even where
-// the sensor was set up again. If sequence and time disagree, the device was restarted or exchanged, and
-// samples are ignored until its next HELLO. If they keep disagreeing in the same way, the device contradicts
-// itself, and samples are ignored until the two agree.
+// The field `sequence` of SAMPLE numbers the sampling instants. Within a boot, the numbers of delivered and
+// of lost samples therefore add up to the number of sampling instants, even where the sensor was set up
+// again. If sequence and device time disagree, the device was restarted or exchanged, and samples are ignored
+// until its next HELLO. If they go on disagreeing in the same way, the device contradicts the rate in its
+// HELLO, and samples are ignored until its times agree with that rate.
 #pragma once
 
 #include <cmath>
@@ -15,8 +16,8 @@
 
 namespace fltea {
 
-// Why an epoch begins; kNone means that none begins. kEpochReasons has the names, which the record `epoch`
-// uses.
+// Why a new epoch begins with a sample; kNone means that none begins. kEpochReasons has the names of the
+// reasons, as in the record `epoch`.
 enum class EpochReason : int { kNone, kStart, kRestart, kSensorRestart, kDiscontinuity, kGap, kSilence };
 constexpr const char* kEpochReasons[] = {"",    "start",  "restart", "sensor_restart", "discontinuity",
                                          "gap", "silence"};
@@ -45,16 +46,17 @@ class SequenceTracker {
     // After half an hour without a sample, it is unknown how often the device time has wrapped; it wraps
     // every 71.6 minutes.
     static constexpr std::int64_t kMaxSilenceNs = std::int64_t(30) * 60 * 1'000'000'000;
-    // Largest difference between device time and host time over a gap. After a reset, sequence and device
-    // time can look like a gap of up to 71 minutes, but the host's clock shows the difference, even if
-    // samples arrive late.
+    // Largest difference between the lengths of a gap by device time and by host time. After a reset of the
+    // device, sequence and device time can look like a gap of up to 71 minutes. The host's clock shows that
+    // it was none, even if samples arrive late.
     static constexpr std::int64_t kMaxHostDisagreementUs = std::int64_t(5) * 60 * 1'000'000;
-    // The time that follows from the sequence may differ from the device time by twice the ±1 % of the
-    // sensor's own clock, plus one period.
+    // Over a gap, the time that follows from the sequence numbers may differ from the device time by twice
+    // the tolerance of the sensor's own clock, which is accurate to 1 %, plus one period.
     static constexpr double kClockTolerance = 0.02;
     static constexpr std::int64_t kSequenceWrap = 1 << 16, kTimeWrapUs = std::int64_t(1) << 32;
 
-    // Notes a received HELLO. `longest_gap`: number of samples that may be missing within an epoch.
+    // Notes a received HELLO. `longest_gap`: largest number of consecutive samples that may be missing within
+    // an epoch.
     void on_hello(double rate_hz, std::int64_t longest_gap, bool is_another_boot, bool is_another_sensor) {
         if (is_another_boot && has_boot_) {
             pending_ = EpochReason::kRestart;
@@ -84,8 +86,8 @@ class SequenceTracker {
         if (pending_ == EpochReason::kNone || pending_ == EpochReason::kSensorRestart) pending_ = reason;
     }
 
-    // Whether a sample directly follows the newest one, by its number, the device's clock and the host's
-    // clock. Most samples do.
+    // Whether a sample directly follows the newest one, as its number, the device's clock and the host's
+    // clock say. Most samples do.
     bool follows(std::int64_t sequence, std::int64_t device_us, std::int64_t host_ns) const {
         const std::int64_t step_us = time_step_us(device_us), step_ns = host_ns - newest_.host_ns;
         return sequence_step(sequence) == 1 &&
@@ -94,8 +96,8 @@ class SequenceTracker {
                step_ns <= kMaxSilenceNs;
     }
 
-    // Judges a sample. Call this only if a HELLO is known. A rejected sample is counted here, so that the
-    // caller has nothing to do.
+    // Judges a sample. Call this only if a HELLO is known. A sample that cannot be used is counted here, so
+    // that the caller need not do anything about it.
     Judged judge(std::int64_t sequence, std::int64_t device_us, std::int64_t host_ns) {
         const bool must_begin =
             !any_ || !(pending_ == EpochReason::kNone || pending_ == EpochReason::kSensorRestart);
@@ -156,28 +158,29 @@ class SequenceTracker {
         counts_.lost += count;
         counts_.gaps += count > 0;
     }
-    // Rejects a sample that came without a HELLO. If its number and time disagree with earlier samples, all
-    // following samples may disagree in the same way.
+    // Rejects a sample for which a HELLO is missing. If it is missing because number and time of a sample
+    // disagreed, checks whether those of later samples disagree in the same way.
     void note_before_hello(std::int64_t sequence, std::int64_t device_us) {
         ++counts_.before_hello;
         if (disagreed_) watch(sequence, device_us);
     }
 
-    // Whether the device contradicts itself, so that all its samples are rejected. note_rate_differs() counts
-    // such a sample.
+    // Whether the device's clock contradicts the rate in its HELLO, so that all samples are rejected.
+    // note_rate_differs() counts a rejected sample.
     bool rate_differs() const { return rate_differs_; }
     void note_rate_differs(std::int64_t sequence, std::int64_t device_us) {
         ++counts_.rate_differs;
         if (watch(sequence, device_us) == RateWatch::kAgrees) accept_again();
     }
-    // Whether the last sample has shown that the device contradicts itself, and the caller does not know that
-    // yet. After this come the two rates: the one that HELLO states, and the one by the device's clock.
+    // Whether the last sample has shown that the device's clock contradicts its HELLO, and the caller does
+    // not know that yet. stated_hz() is the rate in HELLO, and measured_hz() the rate by the device's clock.
     bool has_news() const { return has_news_; }
     void told_news() { has_news_ = false; }
     double stated_hz() const { return 1e6 / period_us_; }
     double measured_hz() const { return watch_.rate_hz(); }
 
-    // Whether the next sample may directly follow the newest one.
+    // Whether the next sample may directly follow the newest one, because no new epoch has to begin and a
+    // HELLO is known.
     bool goes_on() const { return any_ && knows_hello_ && pending_ == EpochReason::kNone; }
     const Newest& newest() const { return newest_; }
     const PlaceCounts& counts() const { return counts_; }
@@ -200,8 +203,8 @@ class SequenceTracker {
         watch(sequence, device_us);
     }
 
-    // Compares the numbers and times of all samples since a HELLO, accepted or not. While the next HELLO is
-    // awaited, there is no verdict, because the samples may come from another device.
+    // Compares the numbers and times of all samples since a HELLO, accepted or not. While a HELLO is missing,
+    // the device is not found to contradict it, because the samples may come from another device.
     RateWatch::Verdict watch(std::int64_t sequence, std::int64_t device_us) {
         if (!seen_.any) watch_.begin();
         const std::int64_t step = (sequence - seen_.sequence) & (kSequenceWrap - 1);
@@ -213,8 +216,8 @@ class SequenceTracker {
         return found;
     }
 
-    // Accepts samples again. Rejected samples are counted separately and are not missing, so a new epoch
-    // begins.
+    // Accepts samples again. The samples that were rejected are counted separately, not as lost, so a new
+    // epoch begins.
     void accept_again() {
         if (rate_differs_ && pending_ == EpochReason::kNone) pending_ = EpochReason::kDiscontinuity;
         rate_differs_ = has_news_ = false;
@@ -223,7 +226,7 @@ class SequenceTracker {
     struct Seen {
         bool any;
         std::int64_t sequence, device_us;
-        RateWatch::Verdict verdict;  // last verdict on the rate
+        RateWatch::Verdict verdict;  // last verdict of the check of the rate
     };
 
     Newest newest_ = {};
@@ -234,7 +237,8 @@ class SequenceTracker {
     bool any_ = false, has_boot_ = false, knows_hello_ = false;
     RateWatch watch_;
     Seen seen_ = {};
-    bool disagreed_ = false;  // whether number and time have disagreed, and no HELLO has come since then
+    // whether number and time of a sample have disagreed, and no HELLO has come since then
+    bool disagreed_ = false;
     bool rate_differs_ = false, has_news_ = false;
 };
 

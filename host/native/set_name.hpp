@@ -1,5 +1,5 @@
-// Macros that give FLTEA_INSTRUCTION_SET as a string and as a part of names. Such names distinguish code that
-// is compiled once for each instruction set.
+// Macros that make a string and parts of names from FLTEA_INSTRUCTION_SET, the name of the instruction set.
+// Such names distinguish the copies of code that is compiled once for each instruction set.
 #pragma once
 
 #include "instruction_set.hpp"

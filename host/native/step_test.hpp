@@ -1,11 +1,11 @@
 // Tests whether the bias of an axis has stepped, by a generalised likelihood ratio of its filter's
 // innovations over windows of 16 to 16,384 samples (Basseville & Nikiforov, Detection of Abrupt Changes,
 // 1993, section 2.4). The innovations of a correct filter are white, so a step by δ standard deviations
-// raises log L by n δ² / 2 after n samples. With one false alarm a week, every test needs at least about 30 /
-// δ² samples (Lorden, Ann. Math. Statist. 42, 1971).
+// raises log L by n δ² / 2 after n samples. If one false alarm a week is allowed, no test can detect such a
+// step with fewer than about 30 / δ² samples (Lorden, Ann. Math. Statist. 42, 1971).
 //
-// Filters are never exactly correct. The sums of innovations are therefore compared with the usual sums over
-// windows of the same length.
+// Filters are never exactly correct. The sum of the innovations in a window is therefore compared with the
+// usual size of such sums in windows of the same length.
 #pragma once
 
 #include <cmath>
@@ -16,27 +16,29 @@ namespace track {
 struct StepSeen {
     enum Kind { kNothing, kStep, kDrift };
     Kind kind;
-    int ago;      // number of samples since the change, including the newest
-    double size;  // change of the mean [standard deviations]; for a drift, the change so far
+    int ago;  // number of samples since the change of the mean, including the newest one
+    // change of the mean of the innovations, in standard deviations; for a drift, the change so far
+    double size;
 };
 
-// A possible step: its probability, its size [standard deviations] and the variance of the size.
+// A possible step: its probability, its size in standard deviations of an innovation, and the variance of
+// that size.
 struct StepSuspected {
     double likely, size, variance;
 };
 
 class StepTest {
   public:
-    // kSure: increase of log L at which a step is reported; this gives less than one false report a week.
-    // kEven: increase of log L at which a step has the probability 1/2; without a step, this happens once in
+    // kSure: if a step raises log L by this, it is reported. This gives less than one false report a week.
+    // kEven: if a step raises log L by this, it has the probability 1/2. Without a step, this happens once in
     // some hours.
     static constexpr double kSure = 18, kEven = 13;
 
-    // Likeliest step that is not reported yet.
+    // The likeliest step among those that are not certain enough to be reported.
     const StepSuspected& suspected() const { return suspected_; }
 
-    // Adds an innovation, divided by its standard deviation. Returns the step that is detected with this
-    // sample, if any. In that case, call clear() next.
+    // Adds an innovation that was divided by its standard deviation. Returns the step or drift that is
+    // detected with this sample, or kNothing. If something is detected, call clear() next.
     StepSeen add(double z) {
         const double used = louder(z);
         total_ += used;
@@ -52,7 +54,7 @@ class StepTest {
         return nothing();
     }
 
-    // Restarts the sums, and keeps what is known of the usual sums.
+    // Restarts the sums of innovations, and keeps what is known of their usual size.
     void clear() {
         total_ = 0;
         samples_ = 0;
@@ -60,8 +62,8 @@ class StepTest {
         suspected_ = StepSuspected{0, 0, 0};
     }
 
-    // Updates the usual sums by a past innovation of a new filter of the same samples, without testing for
-    // steps. The sums continue.
+    // Adds an innovation to the statistics of usual sums, without testing for steps. A new filter calls this
+    // for the remembered samples. The sums go on from one call to the next.
     void take(double z) {
         const double used = louder(z);
         total_ += used;
@@ -75,7 +77,8 @@ class StepTest {
         }
     }
 
-    // Reduces the weight of the usual sums so far. Call this when the filter has changed.
+    // Reduces the weight that earlier windows have in the statistics of usual sums. Call this when the filter
+    // has changed.
     void relearn() {
         for (Level& level : levels_) {
             for (Window& one : level.windows) {
@@ -100,30 +103,31 @@ class StepTest {
     // step.
     static constexpr double kClip = 4;
     static constexpr double kPower = 1 / 64.0;
-    // A square counts as at most this multiple of the usual square.
+    // The square of a sum counts at most as this multiple of the usual square.
     static constexpr double kOutlier = 9, kAnything = 100;
 
-    // Statistics of windows of one length. `usual`: mean square of their sums, as a ratio to that of white
-    // innovations. It is computed from differences of neighbouring windows, so steps and drifts do not raise
-    // it.
+    // Statistics of the sums of innovations in windows of one length. `usual`: mean square of such sums, as a
+    // ratio to that of white innovations. It is computed from differences between neighbouring windows, so
+    // steps and drifts do not raise it.
     struct Window {
         double usual;
         int count, since;
         bool has_last;
-        double last;  // sum of the window that last updated `usual`
+        double last;  // sum of the innovations in the window that last updated `usual`
     };
 
     struct Suspect {
         double gain, size, length;
     };
 
-    // Cumulative sums at the ends of the newest blocks, in a ring buffer.
+    // A ring buffer with the sum of all innovations so far, as it was at the end of each of the newest
+    // blocks.
     struct Level {
         double ends[kKept + 1] = {};
         int at = 0, count = 0;
         Window windows[kWindows];
         Suspect suspect = {0, 0, 1};
-        // mean square of the sums of these windows or of shorter ones, whichever is larger
+        // usual square of the sums in these windows or in shorter ones, whichever is larger
         double absolute = 0;
 
         Level() {
@@ -144,7 +148,7 @@ class StepTest {
             ends[at] = sum;
             if (count < kKept) ++count;
         }
-        // Sum of the newest `blocks` blocks.
+        // Returns the sum of the innovations in the newest `blocks` blocks.
         double newest(int blocks) const {
             const int then = at - blocks;
             return ends[at] - ends[then < 0 ? then + kKept + 1 : then];
@@ -168,12 +172,13 @@ class StepTest {
         }
     };
 
-    // Divides an innovation by the present noise if the noise has grown. The noise is computed from
-    // differences of neighbours, in which a step hardly shows.
+    // Divides an innovation by the present size of the noise if the noise has grown, and clips it. The size
+    // is computed from differences of neighbouring innovations, in which a step hardly shows.
     double louder(double z) {
         const double apart = z - last_, square = apart * apart / 2;
         last_ = z;
-        const double most = kOutlier * (power_ > 1 ? power_ : 1);  // a step causes one large difference
+        // a step causes one large difference, which counts only as much as this
+        const double most = kOutlier * (power_ > 1 ? power_ : 1);
         power_ += kPower * ((square < most ? square : most) - power_);
         const double used = power_ > 1 ? z / std::sqrt(power_) : z;
         return used > kClip ? kClip : used < -kClip ? -kClip : used;
@@ -199,10 +204,11 @@ class StepTest {
     StepSeen judge(int l, int size) {
         Level& level = levels_[l];
         level.suspect = Suspect{0, 0, 1};
-        // The usual sum of a longer window is taken to be at least that of a shorter window, because a
-        // spectral line whose period fits the longer window cancels in it.
+        // The usual sum in a longer window is taken to be at least that in a shorter window: a spectral line
+        // cancels in windows that are as long as its period, but not in shorter ones.
         double absolute = l == 0 ? 0 : levels_[l - 1].absolute;
-        // Windows that the level with shorter blocks has already tested are skipped.
+        // Windows that were already tested as blocks of the level below, which has shorter blocks, are
+        // skipped.
         for (int w = l == 0 ? 0 : 1; w < kWindows; ++w) {
             const int blocks = blocks_of(w);
             if (blocks > level.count || blocks * size > kLongest) break;
@@ -210,7 +216,7 @@ class StepTest {
             const double length = double(blocks) * size, sum = level.newest(blocks);
             const double square = sum * sum, beside = std::fmax(usual(l, w) * length, absolute);
             if (window.count >= kWeight) absolute = std::fmax(absolute, window.usual * length);
-            if (square > kEven * beside) {  // which means a gain above kEven / 2
+            if (square > kEven * beside) {  // the gain is above kEven / 2
                 const double gain = square / (2 * beside);
                 if (gain > kSure) return found(level, size, blocks);
                 if (gain > level.suspect.gain && length >= kSuspected) {
@@ -223,7 +229,7 @@ class StepTest {
         return nothing();
     }
 
-    // Updates the usual sum of a window. Only windows that do not overlap are used.
+    // Updates the usual sum in windows of one length. Only windows that do not overlap are used.
     static void learn(Window& window, int blocks, int size, double sum, double outlier) {
         if (++window.since < blocks) return;
         window.since = 0;
@@ -238,8 +244,8 @@ class StepTest {
         window.usual += (used - window.usual) / (window.count + kWeight);
     }
 
-    // The usual mean square for windows of one length. If few such windows were seen, it is the largest one
-    // of all shorter windows.
+    // Returns the usual mean square of the sums in windows of one length, as a ratio to that of white
+    // innovations. If few such windows were seen, it is at least the largest ratio of all shorter windows.
     double usual(int l, int w) const {
         const Window& own = levels_[l].windows[w];
         double most = std::fmax(own.usual, 1);
@@ -253,8 +259,8 @@ class StepTest {
         return most;
     }
 
-    // Finds when the change began and how large it is: tries all block ends as the beginning, and tests
-    // whether a steadily growing mean (a drift) fits better.
+    // Finds when a detected change began and how large it is. Tries the ends of all blocks as the beginning,
+    // and tests whether a steadily growing mean (a drift) fits better than a step.
     StepSeen found(const Level& level, int size, int blocks) const {
         const StepSeen step = likeliest_step(size), drift = likeliest_drift(level, size);
         const double of_step = step.size * step.size * step.ago / 2,
@@ -282,7 +288,8 @@ class StepTest {
     // The likeliest drift: a mean that has grown linearly from 0 to `size`. It raises log L by size² ago / 6.
     StepSeen likeliest_drift(const Level& level, int size) const {
         StepSeen best = {StepSeen::kDrift, 0, 0};
-        double most = 0, moment = 0, later = 0;  // `later`: sum of the blocks after this one
+        // `later`: sum of the innovations in the blocks after this one
+        double most = 0, moment = 0, later = 0;
         for (int k = 1; k <= level.count; ++k) {
             const double all = level.newest(k);
             moment += size * (later + (all - later) / 2);

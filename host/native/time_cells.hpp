@@ -1,5 +1,5 @@
-// Records how a value changes over time, in at most 16 cells, however long the time is. A cell is the mean of
-// consecutive values.
+// Records how a value changes over time, in at most 16 cells, however long the time is. A cell has the mean
+// of consecutive values.
 #pragma once
 
 #include <cmath>
@@ -8,7 +8,7 @@
 namespace fltea {
 
 struct TimeCell {
-    std::uint64_t first;  // number of the first sample
+    std::uint64_t first;  // number of the sample with which the cell begins
     std::uint32_t count;
     float mean, squares;  // mean of the values, and sum of their squared deviations from the mean
 };
@@ -17,8 +17,8 @@ class TimeCells {
   public:
     enum { kMost = 16 };
 
-    // `span`: number of values per cell, if the oldest cell has to be dropped when all cells are full. 0:
-    // neighbouring cells are joined instead, so that cells become wider.
+    // `span`: fixed number of values in a cell; when all cells are full, the oldest one is dropped. 0: when
+    // all cells are full, neighbouring cells are joined instead, so that cells become wider.
     explicit TimeCells(std::uint32_t span = 0) : each_(span > 0 ? span : 1), forgets_(span > 0), size_(0) {}
 
     int size() const { return size_; }
@@ -49,7 +49,8 @@ class TimeCells {
         put(size_++, cell);
     }
 
-    // Merges the cells of a later part of the record. Its sample 0 is our sample `shift`.
+    // Merges the cells of a later part of the record into these. Sample 0 of that part is sample `shift` of
+    // this record.
     void merge(const TimeCells& other, std::uint64_t shift) {
         while (!forgets_ && each_ < other.each_ && each_ < kWidest) join_neighbours();
         for (int i = 0; i < other.size_; ++i) {

@@ -1,5 +1,5 @@
-// How much a value changes over times of 1, 2, 4 … values: its Haar wavelet variances, computed in constant
-// memory.
+// Computes in constant memory how much a value changes over 1, 2, 4 … of its samples: its Haar wavelet
+// variances.
 #pragma once
 
 #include <cstdint>
@@ -9,13 +9,13 @@ namespace fltea {
 // At scale s, the means of two neighbouring groups of 2^s values are compared; the pairs of groups do not
 // overlap. A pair contributes 2^s d²/2, where d is the difference of the two means. For independent values,
 // the mean of these contributions is the variance of the values at every scale (Percival and Walden, Wavelet
-// Methods for Time Series Analysis, 2000). More values therefore give more precision at every scale, whereas
-// the cells of time_cells.hpp become wider.
+// Methods for Time Series Analysis, 2000). With more values, the precision grows at every scale, whereas the
+// cells of time_cells.hpp become wider.
 template <int kScales>
 class TimeScales {
   public:
-    // `span`: after this number of values, the pairs so far become old pairs, and after as many values again,
-    // these are forgotten. 0: nothing is forgotten.
+    // `span`: number of values after which the pairs so far become old ones. After as many values again, the
+    // old pairs are forgotten. 0: nothing is forgotten.
     explicit TimeScales(std::uint32_t span = 0) : span_(span), waiting_(0) { clear(); }
 
     static int size() { return kScales; }
@@ -39,7 +39,7 @@ class TimeScales {
         add(0, figure);
     }
 
-    // Merges the sums of a later part of the record.
+    // Merges the sums of a later part of the record into these.
     void merge(const TimeScales& other) {
         for (int s = 0; s < kScales; ++s) {
             sum_[s] += other.sum_[s];
@@ -47,14 +47,14 @@ class TimeScales {
             old_sum_[s] += other.old_sum_[s];
             old_pairs_[s] += other.old_pairs_[s];
         }
-        // Means that wait for their second one are added from the longest group to the shortest, because the
-        // longest is the earliest.
+        // Where the first mean of a pair waits for the second one, it is added here. The longest group of
+        // values comes first, because it is the earliest.
         for (int s = kScales - 1; s >= 0; --s) {
             if (other.waits(s)) add(s, other.first_[s]);
         }
     }
 
-    // Saves or loads all numbers (TimeCells::visit).
+    // Saves or loads all numbers, as TimeCells::visit does.
     template <typename Io>
     void visit(Io& io) {
         io.number(waiting_, 0, (1u << kScales) - 1);
@@ -95,9 +95,9 @@ class TimeScales {
     }
 
     double sum_[kScales];   // sum of the contributions of the pairs
-    float first_[kScales];  // first mean of the pair that waits for its second mean
+    float first_[kScales];  // first mean of a pair whose second mean is not complete yet
     std::uint32_t pairs_[kScales];
-    float old_sum_[kScales];  // the same sums for the previous span
+    float old_sum_[kScales];  // the same sums over the previous `span` values
     std::uint32_t old_pairs_[kScales];
     std::uint32_t span_;
     std::uint32_t waiting_;  // one bit per scale: whether a first mean waits

@@ -14,12 +14,13 @@ namespace fltea {
 
 class Timebase {
   public:
-    // `offset_ns` is added to the host's monotonic clock, which gives Unix time. It stays fixed for the
+    // `offset_ns`: Unix time minus the time of the host's monotonic clock. This offset stays fixed for the
     // epoch, so that a step of the system's clock causes no jump in the time stamps.
     explicit Timebase(std::int64_t offset_ns = 0) : offset_ns_(offset_ns) {}
 
-    // Adds an arrival, and returns the sample's Unix time [ns]. This time never runs backwards: where a new
-    // line would give an earlier time, it advances by one nanosecond.
+    // Adds the arrival of a sample, and returns the sample's Unix time [ns]. This time never runs backwards:
+    // where the newest fit of the clocks would give a time before that of the previous sample, it advances by
+    // one nanosecond.
     std::int64_t add(std::int64_t seq, std::int64_t device_us, std::int64_t host_ns) {
         if (!begun_) begin(seq, device_us, host_ns);
         if (device_us >= second_end_us_) {
@@ -32,8 +33,8 @@ class Timebase {
         const double delay_s = double(host_ns - origin_ns_) * 1e-9 - device_s;
         if (!any_ || delay_s < earliest_.delay) earliest_ = {device_s, delay_s};
         any_ = true;
-        // In the first second there is no line yet. Each arrival with a shorter delay than all before shifts
-        // the times that follow.
+        // In the first second there is no fit of the clocks yet. Each arrival with a shorter delay than all
+        // before shifts the times that follow.
         const double estimate_s =
             seconds_.empty() ? device_s + earliest_.delay
                              : device_s + fit_.centre.delay + fit_.slope * (device_s - fit_.centre.device);
@@ -43,16 +44,16 @@ class Timebase {
         return last_ns_;
     }
 
-    // Returns how much faster the device's clock runs than the host's [1e-6]. It is NaN in the first ten
-    // seconds. It is also NaN if all delays are exactly 0, because such arrival times were computed from
-    // device times.
+    // Returns how much faster the device's clock runs than the host's, in millionths. The result is NaN in
+    // the first ten seconds. It is also NaN if all delays are exactly 0, because then the arrival times were
+    // computed from the device times.
     double clock_ppm() const {
         bool any = false;
         for (const Arrival& one : seconds_) any |= one.delay != 0;
         return seconds_.size() >= kSecondsForPpm && any ? (1.0 / (1.0 + fit_.slope) - 1.0) * 1e6 : kUnknown;
     }
 
-    // Number of samples per second of host time. NaN before the second sample.
+    // Returns the number of samples per second of host time, or NaN before the second sample.
     double rate_hz() const {
         if (!begun_ || latest_us_ == origin_us_) return kUnknown;
         return double(latest_seq_ - first_seq_) / (double(latest_us_ - origin_us_) * 1e-6) /
@@ -63,8 +64,8 @@ class Timebase {
     static constexpr std::int64_t kSecondUs = 1'000'000;
     static constexpr std::size_t kSecondsKept = 600, kSecondsForPpm = 10;
     static constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
-    // Prior standard deviations of a delay and of the ratio of the clocks. A sensor's own oscillator is
-    // accurate to 1 %.
+    // Standard deviations, assumed before any measurement, of a delay and of the ratio of the two clocks'
+    // rates. A sensor's own oscillator is accurate to 1 %.
     static constexpr double kDelayStdS = 1e-3, kClockStd = 1e-2;
 
     void begin(std::int64_t seq, std::int64_t device_us, std::int64_t host_ns) {
