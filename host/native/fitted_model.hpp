@@ -1,5 +1,5 @@
-// A noise model that was fitted to a spectrum: its noise parts, white noise first, with their free
-// parameters.
+// A noise model that was fitted to a spectrum: its noise parts, white noise first, and the values of their
+// free parameters.
 #pragma once
 
 #include <algorithm>
@@ -36,7 +36,7 @@ struct FittedModel {
             if (terms[i].part != other.terms[i].part || terms[i].size != other.terms[i].size) return false;
         return true;
     }
-    // Number of parameters that the criterion BIC counts.
+    // Number of parameters for which the criterion BIC charges a price.
     int parameters() const {
         int found = free_of(terms);
         for (const Term& term : terms) found += row_of(term.part).sought;

@@ -1,4 +1,4 @@
-// fltea._native.Tracker: the class that tracks the biases of all axes of a sensor, for Python
+// Makes the tracker of the biases of all axes of a sensor available in Python as fltea._native.Tracker
 // (host/fltea/estimator/tracker.py).
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
@@ -25,8 +25,8 @@ namespace {
 using Lane = fltea::track::AxisTracker;
 using Event = fltea::track::TrackerEvent;
 
-// Fields of TrackerEvent: kind, row, axis, number of samples since the event began, size and its standard
-// deviation, duration of the motion.
+// The fields of TrackerEvent, in order: kind, row, axis, number of samples since the event began, size and
+// its standard deviation, duration of the motion.
 using EventTuple = std::tuple<int, size_t, int, std::int64_t, double, double, std::int64_t>;
 
 class Tracker : public fltea::TrackerPart {
@@ -118,10 +118,11 @@ class Tracker : public fltea::TrackerPart {
         return {one.origin(), std::move(found)};
     }
 
-    // Figures of each lane (axis): samples in motion, restarts, steps; of the innovations the correlation of
-    // neighbours, NIS, the Ljung-Box statistic and the number of innovations that it uses; number of pieces
-    // and RMS for each length over which the bias is checked; bias and its standard deviation after the
-    // newest sample, which are NaN before the first sample.
+    // Figures of each lane (axis), in order. Numbers of samples in motion, of restarts and of steps. Of the
+    // innovations: the correlation of neighbours, NIS, the Ljung-Box statistic, and the number of innovations
+    // from which it is computed. For each length over which the bias is checked: the number of checks, and
+    // the root mean square of the errors divided by their expected standard deviations. The bias and its
+    // standard deviation after the newest sample, which are NaN before the first sample.
     using Check = std::tuple<uint64_t, double>;
     using Stats = std::tuple<uint64_t, uint64_t, uint64_t, double, double, double, int, std::vector<Check>,
                              double, double>;
@@ -208,7 +209,7 @@ class Tracker : public fltea::TrackerPart {
     double largest_gravity_step_;
     fltea::track::TrackerRules rules_;
     std::unique_ptr<Sensor> sensor_;
-    std::vector<fltea::track::Tracked> newest_;  // results of all lanes after the newest sample
+    std::vector<fltea::track::Tracked> newest_;  // the estimates of all lanes after the newest sample
     mutable std::mutex mutex_;
 };
 

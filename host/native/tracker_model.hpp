@@ -1,7 +1,7 @@
 // The noise model that an axis's tracker uses: one system, or two candidate systems with the same noise parts
-// but different behaviour of the offset. This class has everything that follows from the systems alone: the
-// maps of their covariances, and their forecasts of the bias. It is immutable, so any thread may create it,
-// and all filters may share it.
+// but different behaviour of the offset. This class has everything that follows from the systems alone,
+// without samples: how the covariances of their filters advance, and how the bias is forecast. An object
+// never changes once it is made, so any thread may make it, and all filters may share it.
 #pragma once
 
 #include <cmath>
@@ -15,8 +15,9 @@
 namespace fltea {
 namespace track {
 
-// Lengths in samples. `ahead`: the bias is the mean over this number of future samples; 0: it is the bias of
-// the newest sample. `checked`: lengths over which the bias is checked (bias_check.hpp); 0: no check.
+// Numbers of samples over which the bias is meant and checked. `ahead`: the bias is the expected mean over
+// this number of future samples; 0: it is the bias of the newest sample. `checked`: lengths over which the
+// bias is checked (bias_check.hpp); 0: no check.
 struct BiasLengths {
     enum { kChecks = 3 };
     std::int64_t ahead = 0;
@@ -29,19 +30,21 @@ class TrackerModel {
     enum { kRivals = 2 };
 
     struct Rival {
-        Noise system = Noise();  // the bias in it is the forecast over `ahead` samples
+        Noise system = Noise();  // its bias is the forecast over `ahead` samples
         double now[kMost] = {};  // weight of each state in the bias of the newest sample
         RiccatiMap<kMost> map;
-        double unlikely = 0;                                  // negative logarithm of its probability
-        MeanAhead<kMost> checked[BiasLengths::kChecks] = {};  // forecasts for the bias check
+        // negative logarithm of the system's probability
+        double unlikely = 0;
+        // forecasts of the means with which the bias is checked
+        MeanAhead<kMost> checked[BiasLengths::kChecks] = {};
     };
 
-    // `absolute`: the published state includes the offset, because the state of this model has no mean of its
-    // own.
+    // `absolute`: whether the published state includes the origin of the samples, as it has to if the state
+    // of this model has no mean of its own.
     explicit TrackerModel(bool absolute = false) : absolute_(absolute) {}
 
-    // Creates the model of these systems, which must have the same number of states. Returns null if no
-    // filter can work with them. `weights`: the probability of each system.
+    // Makes the model from `systems`, which must have the same number of states. Returns null if no filter
+    // can work with them. `weights`: the probabilities of the systems.
     static std::shared_ptr<TrackerModel> made(const std::vector<Noise>& systems,
                                               const std::vector<double>& weights, bool absolute,
                                               const BiasLengths& lengths) {
@@ -58,8 +61,8 @@ class TrackerModel {
     std::size_t count() const { return rivals_.size(); }
     const Rival& rival(std::size_t i) const { return rivals_[i]; }
     const BiasLengths& lengths() const { return lengths_; }
-    // Spectral density at frequency 0 of the noise in the samples that is not part of the bias. It gives the
-    // noise of a mean over many samples.
+    // Spectral density at frequency 0 of the noise in the samples that does not belong to the bias. Divided
+    // by a number of samples, it is the variance of this noise in their mean.
     double density() const { return density_; }
     std::size_t likeliest() const {
         std::size_t best = 0;
@@ -71,7 +74,8 @@ class TrackerModel {
 
     static double unlikely(double weight) { return -std::log(std::fmax(weight, kLeast)); }
 
-    // Loads or saves the model without the bias checks, which are loaded together with their results.
+    // Loads or saves what precedes the systems of the model. visit_rival() does the same for one system. The
+    // forecasts for the bias checks are saved elsewhere, together with the results of these checks.
     template <typename Io>
     void visit_beginning(Io& io) {
         std::size_t count = rivals_.size();

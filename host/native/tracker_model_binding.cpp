@@ -1,5 +1,6 @@
-// The Python classes fltea._native.TrackerModel and fltea._native.Remembered
-// (host/fltea/estimator/tracker.py), and functions of a single noise system (host/fltea/noise/heading.py).
+// For Python: the classes fltea._native.TrackerModel and fltea._native.Remembered
+// (host/fltea/estimator/tracker.py), and functions for the linear system of one noise model
+// (host/fltea/noise/heading.py).
 #include "tracker_model_binding.hpp"
 
 #include <nanobind/ndarray.h>
@@ -38,7 +39,8 @@ void copy(const Matrix& from, double* to, size_t n) {
     for (size_t i = 0; i < n * n; ++i) to[i] = from.data()[i];
 }
 
-// Rejects a system that could not be loaded from a snapshot.
+// Raises ValueError if `s` has numbers with which no filter can work. These are the numbers that would be
+// rejected in a snapshot, too.
 void check(Noise& s) {
     std::vector<double> numbers;
     fltea::NumberSaver saver(numbers);
@@ -99,7 +101,7 @@ void make(LaneModel* self, std::int64_t ahead, const std::vector<std::int64_t>& 
     new (self) LaneModel(std::move(made));
 }
 
-// The fields of Coordinate (noise_system.hpp).
+// A state to append to a system: the fields of Coordinate (noise_system.hpp), in order.
 using Row = std::tuple<double, double, double, double, double>;
 
 Noise grown(Noise s, const std::vector<Row>& rows) {
@@ -111,7 +113,8 @@ Noise grown(Noise s, const std::vector<Row>& rows) {
     return s;
 }
 
-// Returns the likelihood of the remembered samples for each set of states by which the system is extended.
+// Extends a system by each set of states in `rows`, and returns the likelihood of the remembered samples for
+// each of these systems.
 std::vector<double> likelihoods(const RememberedLane& self, const Numbers& numbers,
                                 const std::vector<std::vector<Row>>& rows) {
     const Noise bare = std::apply(system_of, numbers);

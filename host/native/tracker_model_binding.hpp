@@ -17,7 +17,8 @@ class RememberedLane {
 
     const fltea::track::Remembered& memory() const { return memory_; }
     const fltea::track::StepTest& steps() const { return steps_; }
-    // 2 log L of the samples according to the bank of filters (walk_bank.hpp).
+    // 2 log L of the samples according to the tracker's bank of filters (walk_bank.hpp), or NaN without a
+    // bank.
     double of_walks() const { return of_walks_; }
 
   private:
@@ -26,14 +27,15 @@ class RememberedLane {
     double of_walks_;
 };
 
-// A noise model, and the filters that were prepared for the tracker that will use it.
+// A noise model, and filters that have already processed the remembered samples with it, for the tracker that
+// will use the model.
 class LaneModel {
   public:
     explicit LaneModel(std::shared_ptr<fltea::track::TrackerModel> model) : model_(std::move(model)) {}
 
     const std::shared_ptr<fltea::track::TrackerModel>& model() const { return model_; }
     void refilter(const RememberedLane& remembered, int to_come);
-    // Returns the prepared filters. Only the first call returns them.
+    // Returns the prepared filters and gives them away, so only the first call returns them.
     std::unique_ptr<fltea::track::Refiltered> take_refiltered() {
         const std::lock_guard<std::mutex> alone(mutex_);
         return std::move(refiltered_);

@@ -1,8 +1,8 @@
-// Wakes a thread that waits in poll(2). The waking thread does not need Python's GIL.
+// Wakes a thread that waits in poll(2). The thread that wakes it does not need Python's GIL for that.
 //
-// If the waking thread still holds the GIL, the woken thread has to wait for the GIL, and so is scheduled
-// twice. The object is a file descriptor, so that Python itself can wait for it; when Python exits, it ends
-// threads that wait in this way.
+// Otherwise the thread that is woken would have to wait for the GIL, and so would be scheduled twice. A
+// WakeUp is a file descriptor, so that Python itself can wait for it; when Python exits, it ends threads that
+// wait in this way.
 #pragma once
 
 #include <sys/eventfd.h>
@@ -29,7 +29,7 @@ class WakeUp {
         if (::write(number(), &one, sizeof one) < 0) errno = 0;
     }
 
-    // Resets the wake-up, so that the next wait waits again.
+    // Resets the wake-up, so that the next wait does not return at once.
     void clear() const {
         std::uint64_t times = 0;
         if (::read(number(), &times, sizeof times) < 0) errno = 0;

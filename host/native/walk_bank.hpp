@@ -1,6 +1,6 @@
 // Estimates a bias while the noise is not known yet, with a bank of filters for many noise models
-// (bank_members.hpp). Each filter is weighted by the likelihood of the samples. The scale of the noise is
-// estimated from the samples.
+// (bank_members.hpp). Each filter is weighted by the likelihood that its model gives to the samples. The
+// models state only ratios of variances; the scale of the noise is estimated from the samples.
 #pragma once
 
 #include <algorithm>
@@ -15,8 +15,8 @@ class WalkBank {
   public:
     enum { kFewest = 16 };
 
-    // `ahead`: the bias is the mean over this number of future samples; 0: it is the bias of the newest
-    // sample.
+    // `ahead`: the bias is the expected mean over this number of future samples; 0: it is the bias of the
+    // newest sample.
     explicit WalkBank(std::int64_t ahead) : all_(&BankMembers::of(ahead)) {
         for (int i = 0; i < all_->count(); ++i) {
             members_.emplace_back(i);
@@ -52,8 +52,8 @@ class WalkBank {
         weigh();
     }
 
-    // Returns the estimates in units of the samples. The bank does not distinguish state and bias, so it
-    // returns the bias for both.
+    // Returns the weighted estimates of all filters, in the unit of the samples. The bank does not
+    // distinguish state and bias, so it returns the bias for both.
     Known known() const {
         Known all = Known{0, 0, 0, 0, innovation(), variance()};
         double weights = 0, squares = 0;
@@ -67,7 +67,8 @@ class WalkBank {
         }
         all.bias /= weights;
         const double variance = squares / weights - all.bias * all.bias;
-        // If all samples are equal, the scale is 0.
+        // If all samples are equal, the scale of the noise, and with it this variance, is 0 apart from
+        // rounding.
         all.bias_variance = variance > kNothing ? variance : 0;
         all.state = all.bias;
         all.state_variance = all.bias_variance;
@@ -109,9 +110,11 @@ class WalkBank {
     struct Member {
         explicit Member(int which = 0) : index(which) {}
         int index;
-        double logs = 0, squares = 0;  // sums over the innovations: log S, and squares divided by S
-        double e = 0, unlikely = 0;    // `unlikely`: -log L
-        double weight = 1;             // relative to the best filter
+        // sums over the innovations: of log S, and of the squares divided by S, where S is the predicted
+        // variance
+        double logs = 0, squares = 0;
+        double e = 0, unlikely = 0;  // innovation of the newest sample; `unlikely`: -log L of all samples
+        double weight = 1;           // likelihood relative to that of the best filter
         HeldLog log_S;
         Kalman<BankMembers::kMost> filter;
 

@@ -10,12 +10,12 @@
 
 namespace fltea {
 
-// All statistics use the last 1,000 innovations or up to a hundred more. They are NaN before the first 200
-// innovations.
+// All statistics are computed from the newest innovations, up to 1,000 of them. They are NaN before the first
+// 200 innovations.
 class Whiteness {
   public:
     void add(double innovation, double std) {
-        const double* const last = window_ + at_;  // the last innovations, newest first
+        const double* const last = window_ + at_;  // the newest innovations, in reverse order of time
         if (before_ == kLags) {
             for (int lag = 0; lag < kLags; ++lag) now_.products[lag] += innovation * last[lag];
         } else {
@@ -46,7 +46,8 @@ class Whiteness {
     // Call this if an innovation is missing, so that the next one has no neighbour.
     void skip() { before_ = 0; }
 
-    // Correlation of neighbouring innovations. For white innovations it is 0 ± 1/sqrt(n).
+    // Correlation of neighbouring innovations. For n white innovations it has the mean 0 and the standard
+    // deviation 1/sqrt(n).
     double lag1() const {
         const Sums all = sum();
         return all.n >= kFewest && all.squares > 0 ? all.products[0] / all.squares : __builtin_nan("");
@@ -59,8 +60,8 @@ class Whiteness {
         return all.n >= kFewest ? all.normalised / all.n : __builtin_nan("");
     }
 
-    // The Ljung-Box statistic over `n` innovations. For white innovations it has the distribution χ² with
-    // kLags degrees of freedom.
+    // The Ljung-Box statistic of the newest `n` innovations. For white innovations it has the distribution χ²
+    // with kLags degrees of freedom.
     struct LjungBox {
         double value;
         int n;
@@ -106,8 +107,8 @@ class Whiteness {
         }
     };
     static const int kBlock = 100, kBlocks = 9, kFewest = 200;
-    // Limit of the Ljung-Box statistic, which white innovations exceed once in a thousand cases.
-    // innovation_whiteness.py has a second limit, which 1,000 innovations cannot reach.
+    // Limit of the Ljung-Box statistic for white innovations, which exceed it once in a thousand cases. The
+    // second limit of innovation_whiteness.py is not needed here, because 1,000 innovations cannot reach it.
     static constexpr double kColoured = 45.314746618125859;
 
     Sums sum() const {
@@ -123,12 +124,12 @@ class Whiteness {
         to.normalised += from.normalised;
     }
 
-    Sums blocks_[kBlocks];  // blocks of a hundred, oldest first
+    Sums blocks_[kBlocks];  // sums over complete blocks of a hundred innovations, oldest first
     Sums now_;
     int kept_ = 0;
     bool white_ = false;
     double window_[kBlock + kLags] = {};  // the newest kLags innovations begin at index at_
-    int at_ = kBlock, before_ = 0;        // before_: number of newest innovations without a gap
+    int at_ = kBlock, before_ = 0;        // before_: number of innovations since the last gap, at most kLags
 };
 
 }  // namespace fltea

@@ -29,7 +29,8 @@ using OutColumn = nb::ndarray<double, nb::ndim<1>, nb::c_contig, nb::device::cpu
 using OutRows = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 
 constexpr double kLargestPower = 1e100;
-constexpr int kMeanFrom = 100;  // the code kMeanFrom + m stands for the part "mean of m samples"
+// for Python, the number kMeanFrom + m stands for the noise part "mean of m samples"
+constexpr int kMeanFrom = 100;
 
 const Kernel& fastest() {
 #if defined(FLTEA_X86)
@@ -57,7 +58,8 @@ Terms terms_of(const std::vector<int>& codes) {
     return terms;
 }
 
-// A model for Python: codes of its parts, parameters, -log L. If there are no codes, there is no model.
+// A noise model for Python: the numbers of its parts, the values of their parameters, and -log L. An empty
+// list of parts means that there is no model.
 using Raw = std::tuple<std::vector<int>, std::vector<double>, double>;
 
 Raw raw_of(const FittedModel& s) {
@@ -116,8 +118,8 @@ class Fitted {
         return {std::move(eta), nll};
     }
 
-    // Returns the models white, null, plain, rich, pure, ordered and missing (Frontier). `last`: the models
-    // of an earlier search, which are fitted again; empty for a new search.
+    // Returns the models white, null, plain, rich, pure, ordered and missing (Frontier). `last`: these models
+    // from an earlier search, which are only fitted again to the present bins; empty for a new search.
     std::vector<Raw> search(const std::vector<Raw>& last) {
         std::vector<FittedModel> before;
         for (const Raw& one : last) {
@@ -139,9 +141,9 @@ class Fitted {
                 raw_of(f.pure),  raw_of(f.ordered), raw_of(f.missing)};
     }
 
-    // Returns by how much 2 log L of the two alternatives of the null test (an order, and a high-pass)
-    // exceeds that of white noise, and the free parameters of both. `last`: the free parameters from an
-    // earlier test, or empty.
+    // The null test compares white noise with an order and with a high-pass. Returns for both by how much
+    // their 2 log L exceeds that of white noise, and then the free parameters of both. `last`: these free
+    // parameters from an earlier test, or empty.
     std::tuple<double, double, std::vector<double>> null_test(const std::vector<double>& last) {
         if (!last.empty() && last.size() != NullFits::kOrderFree + 3)
             refuse("a null test has seven coordinates, of an order and of a high-pass in white noise");
@@ -154,9 +156,9 @@ class Fitted {
         return {2 * (found.white.nll - found.order.nll), 2 * (found.white.nll - found.missing.nll), eta};
     }
 
-    // Returns the end of an interval as interval_end() does, or NaN if there is none, and the differences
-    // between the parameters at that end and the best parameters. `last`: these differences from an earlier
-    // fit, or empty.
+    // Returns the end of a parameter's interval as interval_end() finds it, or NaN if there is none. Also
+    // returns the differences between all parameters at that end and the best parameters. `last`: these
+    // differences from an earlier fit, or empty.
     std::pair<double, std::vector<double>> end(const std::vector<int>& codes, const std::vector<double>& eta,
                                                double nll, int index, int side, double limit, double step,
                                                double usual, double at_bound, std::vector<double> last) {
@@ -174,8 +176,8 @@ class Fitted {
         return {found, std::move(last)};
     }
 
-    // Writes the spectrum to `total`, and the derivatives of its logarithm by the parameters to `rows`, one
-    // row per parameter.
+    // Writes the spectrum of a model to `total`, and the derivatives of its logarithm by the parameters to
+    // `rows`, one row per parameter.
     void slopes(const std::vector<int>& codes, const std::vector<double>& eta, OutColumn total,
                 OutRows rows) {
         const Terms terms = terms_of(codes);
@@ -193,7 +195,7 @@ class Fitted {
     }
 
   private:
-    // ratio of the longest correlation time that is tried to the longest one in the data
+    // ratio of the longest correlation time that is tried to the longest one that the spectrum can show
     static constexpr double kSlowest = 300;
 
     void set_orders(double lowest, double highest) {
@@ -203,9 +205,9 @@ class Fitted {
     Bins bins_;
 };
 
-// Returns the table of noise parts for Python, in the order of the parts' numbers. A row has the name, the
-// parameters (each with kind of value, lowest and highest value), the traits, the question of the verdict
-// that the part answers, and the number of parameters that a search has tried in addition to the free ones.
+// Returns the table of noise parts for Python, in the order of the parts' numbers. A row has the part's name;
+// its free parameters, each with kind of value, lowest and highest value; its traits; the question of the
+// verdict that the part answers; and the number of further parameters of which a search tries many values.
 using RawCoordinate = std::tuple<std::string, double, double>;
 using RawRow =
     std::tuple<std::string, std::vector<RawCoordinate>, std::vector<std::string>, std::string, int>;
@@ -226,7 +228,7 @@ std::vector<RawRow> noise_parts() {
     return found;
 }
 
-// Writes the spectrum of a model at the frequencies `lam`.
+// Writes the spectrum of a model at the frequencies `lam` [rad per sample] to `total`.
 void spectrum(const std::vector<int>& codes, const std::vector<double>& eta, Column lam, double h,
               OutColumn total) {
     const Terms terms = terms_of(codes);

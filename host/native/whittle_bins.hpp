@@ -15,9 +15,9 @@
 namespace fltea {
 namespace noise_models {
 
-// Allocates memory that begins at a cache line, because writing a pack that extends over two cache lines
-// takes twice as long. C++11 has no allocation with such an alignment, so the original pointer is stored in
-// front of the memory.
+// Allocates memory that begins at a cache line. A pack of numbers that extends over two cache lines takes
+// twice as long to write. C++11 cannot allocate memory with such an alignment. A larger piece is therefore
+// allocated, and its address is stored in front of the memory that is used.
 template <class T>
 struct OnLines {
     typedef T value_type;
@@ -39,8 +39,8 @@ struct OnLines {
 };
 typedef std::vector<double, OnLines<double>> Numbers;
 
-// Distance between the beginnings of rows of `size` numbers, counted in numbers. It is a whole number of
-// cache lines.
+// Distance between the beginnings of consecutive rows that have `size` numbers each, counted in numbers. It
+// is a whole number of cache lines.
 inline std::size_t stride_of(std::size_t size) {
     constexpr std::size_t kStep = OnLines<double>::kLine / sizeof(double);
     return (size + kStep - 1) / kStep * kStep;
@@ -53,8 +53,9 @@ struct Bins {
     double lowest_order = 0, highest_order = kHighestOrder;
 
     Bins() = default;
-    // `frequencies` are above 0 and rise up to π. `walks`: spectrum of a random walk with steps of variance
-    // 1. `windows`: mean square of the frequency distance over which a spectral line averages.
+    // `frequencies` are above 0 and rise up to π. `walks`: spectrum of a random walk whose steps have unit
+    // variance. `windows`: for each bin, the mean square of the frequency distance over which the window of
+    // the spectrum averages [rad²].
     Bins(const Kernel& used, Numbers frequencies, Numbers ordinates_of, Numbers powers, Numbers walks,
          const Numbers& windows, double h)
         : kernel(&used),
@@ -95,7 +96,7 @@ struct Bins {
     void fill(unsigned read) {
         for (std::size_t i = 0; i < size(); ++i) {
             quarter.push_back((kPi - lam[i]) / 2);
-            // Each spectral line is assumed to fill half of the distances to its neighbours.
+            // Each bin is assumed to extend half of the way to its neighbours.
             const double reach = (lam[i + 1 < size() ? i + 1 : i] - lam[i ? i - 1 : 0]) / 4;
             spread.push_back(reach * reach / 3);
         }

@@ -1,6 +1,6 @@
-// Whittle's likelihood of a noise model (whittle_kernel.hpp), its maximum within bounds by Fisher scoring
-// with Levenberg's damping, and what adding a part to the model would gain (Rao's score). For profile
-// likelihoods, any parameter may be held fixed.
+// Finds the parameters of a noise model that maximise Whittle's likelihood (whittle_kernel.hpp) within
+// bounds, by Fisher scoring with Levenberg's damping. For profile likelihoods, one parameter may be held
+// fixed.
 #pragma once
 
 #include <algorithm>
@@ -30,7 +30,8 @@ inline std::vector<Part> parts_with(unsigned traits, unsigned without = 0) {
     return found;
 }
 
-// Writes the lowest and highest value of each parameter of a noise part.
+// Writes the lowest and highest values of the parameters of a noise part to `low` and `high`. `slowest`:
+// factor by which correlation times may exceed the longest one that the spectrum can show.
 inline void bounds_of(const Term& term, const Bins& bins, double slowest, double* low, double* high) {
     const double power = std::log(bins.mean), least = power - kSmallest, most = power + kLargest;
     const double slow = std::log(bins.lowest / slowest), top = std::log(kPi);
@@ -76,7 +77,8 @@ inline void bounds_of(const Term& term, const Bins& bins, double slowest, double
     }
 }
 
-// Computes the spectrum of a model for given parameters, and the derivatives of its logarithm.
+// Computes the spectrum of a model for given parameters, and the derivatives of the logarithm of the
+// spectrum.
 class Spectrum {
   public:
     explicit Spectrum(const Bins& bins)
@@ -124,13 +126,13 @@ class Spectrum {
 
     const Numbers& total() const { return total_; }
     const Numbers& gain() const { return gain_; }
-    // Returns the derivative of the logarithm of the whole spectrum by parameter i.
+    // Returns the derivative of the logarithm of the whole spectrum by parameter i, as one number per bin.
     const double* slope(int i) {
         scale();
         return row(i);
     }
 
-    // Writes the derivatives of -log L by the parameters, and the expected curvature.
+    // Writes the first derivatives of -log L by the parameters, and its expected second derivatives.
     void derivatives(int free, double* gradient, double (*information)[kMostFree]) {
         const double* rows[kMostFree];
         for (int i = 0; i < free; ++i) rows[i] = slope(i);
@@ -141,8 +143,8 @@ class Spectrum {
   private:
     double* row(int i) { return rows_.data() + static_cast<std::size_t>(i) * stride_; }
 
-    // Converts the derivatives of parts and gains into those of the whole spectrum. This is done when they
-    // are first needed.
+    // Converts the derivatives of single parts and gains into those of the logarithm of the whole spectrum.
+    // This is done when such a derivative is first needed.
     void scale() {
         for (int k = 0; k < free_ && !scaled_; ++k) bins_->kernel->times(size_, row(k), by_[k], row(k));
         scaled_ = true;
@@ -174,7 +176,8 @@ inline bool factor(int n, double (*a)[kMostFree]) {
     return true;
 }
 
-// Solves L b' = b in place. With `both`, also solves L' b'' = b' after that.
+// Solves L x = b, where L is the Cholesky factor in `a`, and writes x to `b`. With `both`, solves L L' x = b
+// instead.
 inline void substitute(int n, const double (*a)[kMostFree], double* b, bool both) {
     for (int i = 0; i < n; ++i) {
         for (int k = 0; k < i; ++k) b[i] -= a[i][k] * b[k];
@@ -186,15 +189,16 @@ inline void substitute(int n, const double (*a)[kMostFree], double* b, bool both
     }
 }
 
-constexpr double kLongest = 3;  // largest step of a parameter
+constexpr double kLongest = 3;  // largest change of a parameter in one step of a fit
 
 struct Patience {
     int steps = 60;
     double converged = 1e-5;  // a step that lowers -log L by less than this counts as small
-    double slowest = 1;       // factor by which correlation times may exceed the longest one in the data
-    // A parameter about which the data have less information than this is ignored when the length of a step
-    // is limited, because its own step would be endless. A model search does not use this rule, so that it
-    // does not hastily turn a relaxation into a filter of one pole.
+    // factor by which correlation times may exceed the longest one that the spectrum can show
+    double slowest = 1;
+    // A parameter about which the data say less than this (Fisher information) is ignored when the length of
+    // a step is limited, because its own change would be endless. A model search does not use this rule: with
+    // it, a relaxation would hastily turn into a filter of one pole.
     double nothing = 0;
 
     Patience() = default;
@@ -202,8 +206,8 @@ struct Patience {
         : steps(most), converged(gain), slowest(slower), nothing(1e-4) {}
 };
 
-// The spectra at the best parameters so far (`here`) and at the next ones (`there`). Consecutive fits use the
-// same memory for them.
+// The spectra at the best parameters so far (`here`) and at the parameters that are tried next (`there`).
+// Consecutive fits use the same memory for both.
 struct Room {
     const Bins& bins;
     Spectrum here, there;
@@ -211,8 +215,8 @@ struct Room {
     explicit Room(const Bins& of) : bins(of), here(of), there(of) {}
 };
 
-// Searches for the best parameters from `eta` on, writes them to `eta`, and returns their -log L. The
-// parameter with index `held` keeps its value; with -1, no parameter is held.
+// Fits a model: searches for the best parameters, starting from `eta`, writes them to `eta`, and returns
+// their -log L. The parameter with index `held` keeps its value; if `held` is -1, all parameters are free.
 inline double score(Room& room, const Terms& terms, double* eta, int held, const Patience& patience) {
     const int free = free_of(terms);
     double low[kMostFree], high[kMostFree], gradient[kMostFree];
@@ -248,8 +252,8 @@ inline double score(Room& room, const Terms& terms, double* eta, int held, const
             }
             if (!factor(count, damped)) continue;
             substitute(count, damped, move, true);
-            // The step is shortened so that no parameter, which is a logarithm, changes by more than 3:
-            // beyond that, the derivatives say nothing.
+            // The step is shortened so that no parameter changes by more than 3. Parameters are logarithms
+            // and the like, and beyond such a change the derivatives say nothing.
             double longest = kLongest;
             for (int a = 0; a < count; ++a)
                 if (information[index[a]][index[a]] > patience.nothing)

@@ -1,4 +1,5 @@
-// Candidates for a part that is added to a noise model, and what each would gain (Rao's score).
+// The parts that a search may add to a noise model, and how much the likelihood would gain by each (Rao's
+// score).
 #pragma once
 
 #include <algorithm>
@@ -19,7 +20,7 @@ namespace noise_models {
 struct Candidate {
     Term term;
     double eta[3];
-    Numbers shape, inverse;  // inverse: 1 / gain, for a filter
+    Numbers shape, inverse;  // inverse: 1 / gain of a filter, empty for other parts
     bool leaks;              // whether white noise is added behind the filter
 };
 
@@ -36,8 +37,8 @@ inline Candidate candidate(const Bins& bins, const Term& term, double a, double 
     return found;
 }
 
-// Returns the same filter with white noise added behind it, so that there is power in its stop band. A random
-// walk with white noise has such a spectrum behind this filter.
+// Returns the candidate for the same filter with white noise added behind it, so that some power remains
+// where the filter blocks. A random walk in white noise has such a spectrum if it passes this filter.
 inline Candidate leaking(const Bins& bins, Candidate filter) {
     constexpr double kLeak = 0.2;
     for (std::size_t i = 0; i < bins.size(); ++i) {
@@ -49,9 +50,11 @@ inline Candidate leaking(const Bins& bins, Candidate filter) {
     return filter;
 }
 
-// What adding a candidate gains in 2 log L, by Rao's score with all parameters of the model free.
-// `log_power`: logarithm of the best power of the added part, relative to that of the candidate. For a
-// filter, the gain is that of the complete filter, or follows from a small exponent of its gain.
+// How much adding a candidate to a model raises 2 log L, by Rao's score with all parameters of the model
+// free.
+// `log_power`: logarithm of the ratio of the added part's best power to the candidate's power. For a filter,
+// two figures are computed, and the larger one counts: the gain by the complete filter, and Rao's score for a
+// small exponent of the filter's gain.
 struct Gain {
     double gain, log_power;
 };
@@ -75,8 +78,8 @@ class Gains {
         sound_ = factor(free_, information);
         if (!sound_) return;
         substitute(free_, information, slope_, false);
-        // The derivatives by the model's parameters, made orthogonal to each other and multiplied by the
-        // numbers of ordinates.
+        // The derivatives of the logarithm of the spectrum by the model's parameters, made orthogonal to each
+        // other and multiplied by the numbers of ordinates.
         normal_.resize(static_cast<std::size_t>(free_) * stride_);
         for (std::size_t i = 0; i < size_; ++i) {
             double column[kMostFree];
@@ -121,12 +124,12 @@ class Gains {
 
   private:
     static constexpr double kLocal =
-        // upper limit of a filter's score, which is only approximate because adding a filter is a large
+        // upper limit of Rao's score for a filter, which is inaccurate because adding a filter is a large
         // change
         30;
 
-    // Returns the gain of the complete filter, with the best scale of the spectrum. All other parameters stay
-    // unchanged.
+    // Returns how much 2 log L rises if the complete filter is added and the whole spectrum is scaled to fit
+    // best. All other parameters stay unchanged.
     double of_filter(const Candidate& one) const {
         const double* const shape = one.shape.data();
         const double* const inverse = one.inverse.data();
@@ -146,13 +149,13 @@ class Gains {
     double slope_[kMostFree];
 };
 
-// free parameter of the number of poles, for a filter with about one pole
+// value of the free parameter for the number of poles that gives a filter with little more than one pole
 constexpr double kNearlyOnePole = -4.0;
 
-// The candidates with a power of 1.
+// The candidates for noise parts; each has the power 1.
 typedef std::vector<Candidate> Candidates;
 
-// Makes all candidates for one noise part, as its row of the table says.
+// Makes all candidates for one noise part, at the parameters that its row of the table states (Starts).
 class Trials {
   public:
     Trials(const Bins& bins, Candidates& into)
@@ -253,9 +256,9 @@ inline Candidates orders_to_add(const Bins& of) {
     return trials(bins, parts_with(kOrdered));
 }
 
-// Returns the candidates that `make` gives. They depend on the frequencies of the bins, not on the power in
-// them, so the axes of a sensor share them. The newest two sets are kept, because fits of the whole spectrum
-// alternate with fits of its part without disturbances.
+// Returns the candidates that the function `make` makes for these bins. Candidates depend on the frequencies
+// of the bins, not on the power in them, so the axes of a sensor share them. The newest two sets are kept,
+// because fits of the whole spectrum alternate with fits of the spectrum without its disturbed bins.
 template <Candidates (*make)(const Bins&)>
 std::shared_ptr<const Candidates> shared(const Bins& bins) {
     struct Made {

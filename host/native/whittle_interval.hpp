@@ -1,4 +1,5 @@
-// Ends of the intervals of a model's parameters by profile likelihood (host/fltea/spectrum/intervals.py).
+// Finds the ends of the confidence intervals of a model's parameters by profile likelihood
+// (host/fltea/spectrum/intervals.py).
 #pragma once
 
 #include <cmath>
@@ -18,20 +19,21 @@ inline double without_white(Room& room, const Terms& terms, std::vector<double> 
     return room.here.at(terms, eta.data());
 }
 
-// The loss of 2 log L at which an interval ends: `usual` if the best fit with the parameter at the end has
-// white noise, `at_bound` if that fit has none.
+// The interval of a parameter ends where 2 log L of the best fit with this value of the parameter is lower by
+// `usual` than that of the best fit of all. If the fit at the end has no white noise, the loss there is
+// `at_bound`.
 struct Critical {
-    double usual, at_bound;  // if both are equal, white noise does not matter
+    double usual, at_bound;  // if both are equal, it does not matter whether there is white noise
 };
 
 // A value of the parameter that was tried, and all parameters of the best fit with this value.
 struct Tried {
-    double value, excess;  // `excess`: loss of 2 log L against the best fit
+    double value, excess;  // `excess`: by how much 2 log L is lower than that of the best fit of all
     std::vector<double> eta;
 };
 
-// Returns the distance of the end from the best value if log L were a parabola. Writes to `by` how much the
-// other parameters change per unit of parameter i.
+// Returns the standard deviation of parameter i, as it would be if log L were a parabola. Writes to `by` how
+// much the best values of the other parameters change when parameter i changes by 1.
 inline double direction(const Bins& bins, const Terms& terms, const std::vector<double>& best, int i,
                         std::vector<double>& by) {
     const int free = free_of(terms);
@@ -50,16 +52,17 @@ inline double direction(const Bins& bins, const Terms& terms, const std::vector<
 
 constexpr double kNear = 3e-3;  // accuracy of an end, as a fraction of its distance from the best value
 
-// Logarithm of the ratio of the power at the highest frequencies to the power of a small amount of white
-// noise.
+// A fit begins with white noise that is smaller than the power at the highest frequencies. This is the
+// logarithm of the ratio.
 constexpr double kLittle = 4;
 
-// Limits a step of a parameter to the range in which the derivatives are valid.
+// Limits a change of a parameter to the range in which the derivatives are about right.
 inline double near(double step) { return std::fmin(std::fmax(step, -1.0), 1.0); }
 
-// Returns the end of the interval of parameter i on the side -1 or 1, or NaN if the profile likelihood does
-// not fall far enough before `limit`. `end`: differences between the parameters at the end that an earlier
-// fit has found and the best parameters, or empty. If there is an end, the new differences are written to it.
+// Returns the end of the interval of parameter i on the side `side`, which is -1 or 1, or NaN if the profile
+// likelihood does not fall far enough before the value `limit`. `end`: differences between all parameters at
+// the end that an earlier call has found and the best parameters, or empty. If there is an end, the new
+// differences are written to `end`.
 inline double interval_end(const Bins& bins, const Terms& terms, const std::vector<double>& best, double nll,
                            int i, int side, double limit, double step, const Critical& critical,
                            const Patience& patience, std::vector<double>& end) {
@@ -80,8 +83,9 @@ inline double interval_end(const Bins& bins, const Terms& terms, const std::vect
         for (std::size_t k = 0; k < eta.size(); ++k) eta[k] += near(by[k] * (trial - middle));
     }
     end.clear();
-    // The fit begins with a small amount of white noise. With negligible white noise the likelihood has no
-    // slope in log R, so the fit could not find out that another value of the parameter needs white noise.
+    // Each fit begins with a small amount of white noise. If its variance R were negligible, the likelihood
+    // would have no slope in log R, so the fit could not find out that another value of the parameter needs
+    // white noise.
     const double some_white = std::log(std::fmax(end_power(bins, true), 1e-9 * bins.mean)) - kLittle;
     for (int look = 0; look < 40; ++look) {
         if (i != 0) eta[0] = std::fmax(eta[0], some_white);
@@ -100,7 +104,8 @@ inline double interval_end(const Bins& bins, const Terms& terms, const std::vect
         if (close || (!outside.eta.empty() &&
                       std::fabs(outside.value - inside.value) < kNear * std::fabs(outside.value - middle)))
             break;
-        // The excess is nearly a quadratic function of the value, so its square root is nearly linear.
+        // The excess is nearly a quadratic function of the parameter's value, so its square root is nearly
+        // linear.
         const double a = std::sqrt(std::fmax(inside.excess, 0.0));
         if (outside.eta.empty()) {
             const double wider = std::fmin(std::fmax(1.05 * root / std::fmax(a, 1e-3), 1.1), 2.6);

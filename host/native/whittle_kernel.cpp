@@ -1,6 +1,7 @@
-// The spectra of all noise parts and the sums over bins, for one instruction set (whittle_kernel.hpp).
-// CMakeLists.txt compiles this file once for each instruction set. It uses no inline functions of the
-// library, because the linker would share their compiled code between the instruction sets.
+// Computes the spectra of all noise parts and the sums over bins, for one instruction set
+// (whittle_kernel.hpp). CMakeLists.txt compiles this file once for each instruction set. It calls no inline
+// function of the standard library, because the linker would keep only one of its compiled copies for all
+// instruction sets.
 #include "whittle_kernel.hpp"
 
 #include <math.h>
@@ -34,9 +35,9 @@ void to(double* at, T value) {
     __builtin_memcpy(at, &value, sizeof value);
 }
 
-// Calls op(T(), i) for all bins: first with a pack as T for the bins from i on, then with double as T for
-// single bins. The result for a bin does not depend on T (pack_math.hpp). Packs are used explicitly, because
-// compilers do not vectorise exp automatically.
+// Calls op(T(), i) for all bins. T is first a pack, with which one call handles as many bins from i on as the
+// pack has numbers, and then double, for the remaining single bins. The result for a bin does not depend on T
+// (pack_math.hpp). Packs are used explicitly, because compilers do not vectorise exp automatically.
 template <class Op>
 __attribute__((always_inline)) inline void each(std::size_t size, Op op) {
     std::size_t i = 0;
@@ -44,8 +45,8 @@ __attribute__((always_inline)) inline void each(std::size_t size, Op op) {
     for (; i < size; ++i) op(double(), i);
 }
 
-// Sums the kSums values that `term` returns over all bins. Eight partial sums are used, whatever the width of
-// a pack, so that the result is always the same.
+// Computes kSums sums over all bins, whose terms for a bin come from `term`. Eight partial sums are used,
+// whatever the width of a pack, so that the result is always the same.
 template <int kSums, class Term>
 __attribute__((always_inline)) inline void sums_of(std::size_t size, Term term, double* found) {
     constexpr std::size_t kPacks = 8 / engine::kWidth;
@@ -75,7 +76,8 @@ __attribute__((always_inline)) inline void sums_of(std::size_t size, Term term, 
 
 double share_of(double logit) { return 1 / (1 + exp(-logit)); }
 
-// The spectrum of a relaxation. `mirrored`: the spectrum is reflected about a quarter of the sample rate.
+// Writes the spectrum of a relaxation. `mirrored`: whether the spectrum is reflected about a quarter of the
+// sample rate.
 void relaxation(const Columns& b, bool mirrored, const double* eta, double* part, double* const* slope) {
     const double rate = exp(eta[1]), phi = exp(-rate), left = -::expm1(-rate);
     const double gap = -::expm1(-2 * rate), level = exp(eta[0]) * gap, own = 2 * phi / gap;
@@ -90,7 +92,7 @@ void relaxation(const Columns& b, bool mirrored, const double* eta, double* part
     });
 }
 
-// The figures α and g of an order, and their derivatives by the first two parameters.
+// The figures α and g of a part with an order, and their derivatives by the part's first two free parameters.
 struct Order {
     double alpha, g, by[2][2];
 };
@@ -172,8 +174,8 @@ void resonance(const Columns& b, const double* eta, double* part, double* const*
     });
 }
 
-// The gain of a low-pass: the sum of its analog gain at the three frequencies that aliasing folds onto each
-// other.
+// Writes the power gain of a low-pass: the sum of its analog gains at a frequency and at the two nearest ones
+// that aliasing folds onto it.
 void low_pass(const Columns& b, const double* eta, double* gain, double* const* slope) {
     const double share = share_of(eta[1]), n = 1 + (kMostPoles - 1) * share;
     const double by_n = (kMostPoles - 1) * share * (1 - share);
@@ -193,8 +195,9 @@ void low_pass(const Columns& b, const double* eta, double* gain, double* const* 
     });
 }
 
-// The gain of a high-pass. With one pole it is the digital filter (1 - z) / (1 - a z), which subtracts an
-// exponentially weighted mean from the samples.
+// Writes the power gain of a high-pass. With one pole it is that of the digital filter (1 - z) / (1 - a z),
+// where z is the delay by one sample: a filter that subtracts an exponentially weighted mean from the
+// samples.
 void high_pass(const Columns& b, const double* eta, double* gain, double* const* slope) {
     const double share = share_of(eta[1]), n = 1 + (kMostPoles - 1) * share;
     const double by_n = (kMostPoles - 1) * share * (1 - share);
@@ -209,7 +212,8 @@ void high_pass(const Columns& b, const double* eta, double* gain, double* const*
     });
 }
 
-// The gain of a notch: the bilinear transform of an analog notch, averaged over each bin.
+// Writes the power gain of a notch: that of the bilinear transform of an analog notch, averaged over each
+// bin.
 void notch(const Columns& b, const double* eta, double* gain, double* const* slope) {
     const double at = exp(eta[0]), centre = ::tan(at / 2), square = centre * centre;
     const double width = centre * exp(eta[1]);
@@ -217,8 +221,8 @@ void notch(const Columns& b, const double* eta, double* gain, double* const* slo
         typedef decltype(one) T;
         const T sine = from<T>(b.square + i) / T(4.0), cosine = T(1.0) - sine, step = from<T>(b.spread + i);
         const T away = sine - T(square) * cosine, flat = sine * cosine;
-        // The gain is A / (A + K). It is averaged over the frequencies of the bin, whose mean square distance
-        // from the bin's centre increases A by B.
+        // At a single frequency, the gain is A / (A + K). It is averaged over the frequencies of the bin:
+        // their mean square distance from the bin's centre increases the mean of A by B.
         const T A = away * away, B = flat * T(1 + square) * T(1 + square) * step;
         const T K = T(width * width) * flat, W = A + B + K;
         const T both = T(4.0) * A * B * K / (W * W * W), value = (A + B) / W - both, more = T(3.0) * both / W;
@@ -234,8 +238,8 @@ void notch(const Columns& b, const double* eta, double* gain, double* const* slo
     });
 }
 
-// The gain of a mean of m samples, averaged over a bin with the mean square width `step`, so that it is not 0
-// at the zeros of the filter.
+// Returns the power gain of a mean of m samples at the frequency `lam`. It is averaged over a bin of the mean
+// square width `step`, so that it is not 0 at the zeros of this filter.
 double mean_gain(double lam, double step, int m) {
     const double sine = ::sin(lam / 2), cosine = ::cos(lam / 2);
     const double above = ::sin(m * lam / 2), ratio = above / (m * sine);
@@ -336,8 +340,8 @@ double nll(const Columns& b, const double* total) {
     return found;
 }
 
-// Computes up to four sums together, because in a single sum each addition would have to wait for the
-// previous one.
+// Computes up to four sums of products together, because in a single sum each addition would have to wait for
+// the previous one.
 template <int kSums>
 void some_dots(std::size_t size, const double* a, const double* const* rows, double* found) {
     sums_of<kSums>(

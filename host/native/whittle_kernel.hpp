@@ -1,9 +1,9 @@
-// The functions that the fits of noise models need for each instruction set, as one table of functions over
-// plain data. whittle_kernel.cpp is compiled once for each instruction set, as engine.hpp explains for the
-// engine. This file has declarations only. The caller owns all memory.
+// The functions with which noise models are fitted: one table of functions for each instruction set, which
+// use plain data only. whittle_kernel.cpp is compiled once for each instruction set, for the reasons in
+// engine.hpp. This file has declarations only. The caller owns all memory.
 //
-// A noise model is a list of noise parts ("terms") with the spectrum S(λ) = L(λ) (Σ of parts) + floor, where
-// L is the gain of a chain of filters, and floor is white noise behind these filters. The parameters are
+// A noise model is a list of noise parts ("terms"). Its spectrum is S(λ) = L(λ) (Σ of parts) + floor, where L
+// is the gain of a chain of filters, and floor is white noise behind these filters. The parameters are
 // logarithms of powers and rates, so that a random walk of 1e-8 of the white noise has the same weight in a
 // search as the white noise itself.
 #pragma once
@@ -19,17 +19,18 @@ constexpr double kPi = 3.14159265358979323846;
 
 constexpr int kMostFree = 24;
 constexpr double kMostPoles = 24;
-// limits of a power: logarithms of its ratio to the mean power
+// limits of a part's power, as logarithms: it may be smaller or larger than the mean power of the data by
+// these
 constexpr double kSmallest = 30, kLargest = 30;
-constexpr double kNoPole = 2.5;  // logarithm of the rate at which φ is 5e-6
+constexpr double kNoPole = 2.5;  // highest logarithm of the rate of ARFIMA's φ = e^-rate, at which φ is 5e-6
 
-// One part of a model. `size` is the m of the part kMean.
+// One part of a noise model. `size` is only used for the part kMean, the mean of m samples: it is m.
 struct Term {
     Part part;
     int size;
 };
 
-// The columns of the bins: values that do not depend on the parameters.
+// The columns of the bins, with a number for each bin. They do not depend on the parameters of a model.
 struct Columns {
     std::size_t size;
     const double* counts;  // number of ordinates
@@ -40,30 +41,31 @@ struct Columns {
     const double* sin1;
     const double* ln_size;  // log |1 - e^{-iλ}|
     const double* quarter;  // (π - λ) / 2
-    const double* walk;     // spectrum of a random walk with unit steps, with its leakage
-    const double* spread;   // mean square distance of a bin's lines from its centre
+    const double* walk;     // spectrum of a random walk with steps of variance 1, including leakage
+    const double* spread;   // mean square distance of the frequencies in a bin from its centre
     const double* branch;   // three rows: log λ², log (2π - λ)², log (2π + λ)²
     double log_h, lowest_order, highest_order;
 };
 
 struct Kernel {
     const char* name;
-    // Writes the spectrum of a part and its derivatives by the part's parameters. For a filter, writes the
-    // gain and the derivatives of the gain's logarithm. Returns false if there is no such spectrum.
+    // Writes the spectrum of a part and its derivatives by the part's parameters `eta`. For a filter, writes
+    // the gain and the derivatives of the gain's logarithm. Returns false if there is no spectrum for these
+    // parameters.
     bool (*term)(const Columns& bins, Term term, const double* eta, double* part, double* const* slope);
-    // Returns -log L = Σ c (log S + I/S), for the spectrum S in `total`, the powers I of the bins and their
-    // numbers of ordinates c.
+    // Returns -log L = Σ c (log S + I/S). S is the spectrum of the model in `total`, I is the measured power
+    // of a bin, and c is its number of ordinates.
     double (*nll)(const Columns& bins, const double* total);
-    // Turns `total`, the sum of the parts, into the whole spectrum total · gain + floor. Also writes
-    // `inverse` = 1 / total and `over` = gain / total, and replaces `floor` by the share of the power that
-    // has passed the filters. All arrays have the shape (size,).
+    // Replaces `total`, which is the sum of the parts, by the whole spectrum S = total · gain + floor. Writes
+    // 1 / S to `inverse` and gain / S to `over`. Replaces `floor` by the proportion of the power that has
+    // passed the filters. All arrays have the shape (size,).
     void (*whole)(std::size_t size, const double* gain, double* total, double* floor, double* inverse,
                   double* over);
     // Writes the gradient of -log L, of shape (free,), and its expected curvature, of shape (free,
     // kMostFree). `slopes`: derivatives of log S by the parameters. `over`: work space of shape (size,).
     void (*derivatives)(const Columns& bins, const double* total, int free, const double* const* slopes,
                         double* over, double* gradient, double* information);
-    // Writes the sum Σ a b for each of the `count` rows b.
+    // Writes the sum of products Σ a b over all bins for each of the `count` rows b.
     void (*dots)(std::size_t size, const double* a, int count, const double* const* rows, double* found);
     // Writes the products a b to `into`, which may be a or b.
     void (*times)(std::size_t size, const double* a, const double* b, double* into);

@@ -1,6 +1,6 @@
-// The null test: white noise against an order in white noise, and against white noise through a high-pass of
-// one pole, which has less power at low frequencies. tools/gen_null_constants.py simulates the distribution
-// of the likelihood ratios.
+// The null test asks whether white noise describes the samples as well as two other models: an order in white
+// noise, and white noise that has passed a high-pass of one pole and so lacks power at low frequencies.
+// tools/gen_null_constants.py simulates the distribution of the likelihood ratios.
 #pragma once
 
 #include <algorithm>
@@ -14,7 +14,8 @@
 namespace fltea {
 namespace noise_models {
 
-// The models that the null test compares.
+// The fitted models that the null test compares: white noise, an order in white noise, and white noise that
+// has passed a high-pass (`missing`).
 struct NullTest {
     FittedModel white, order, missing;
 };
@@ -33,8 +34,8 @@ class NullFits {
         return {w, best_order(w, gains, orders), best_high_pass(w, gains, filters)};
     }
 
-    // Repeats an earlier test, starting from its parameters `last`: those of the order, followed by those of
-    // the high-pass.
+    // Repeats an earlier test, starting from its parameters `last`: those of the model with an order,
+    // followed by those of the model with a high-pass.
     NullTest again(const std::vector<double>& last) {
         const auto second = last.begin() + kOrderFree;
         return {white(), order({last.begin(), second}), missing({second, last.end()})};
@@ -51,7 +52,7 @@ class NullFits {
     }
 
   private:
-    static constexpr double kConverged = 1e-3;  // least gain of -log L in a step
+    static constexpr double kConverged = 1e-3;  // a fit ends when a step lowers -log L by less than this
     static constexpr std::size_t kOrders = 5;   // number of starting points for the fit of the order
 
     FittedModel fitted(Terms terms, std::vector<double> eta, int held) {
@@ -86,8 +87,8 @@ class NullFits {
         return found;
     }
 
-    // Fits the high-pass from the best starting point only. As a function of the corner frequency, the
-    // likelihood has a single maximum, apart from chance.
+    // Fits white noise that has passed a high-pass, from the best starting point only. As a function of the
+    // corner frequency, the likelihood has a single maximum, apart from chance.
     FittedModel best_high_pass(const FittedModel& white, Gains& gains, const Candidates& filters) {
         double corner = lowest_, gained = 0;
         for (const Candidate& one : filters) {

@@ -14,54 +14,71 @@ constexpr double kLn2 = 0.69314718055994530942;
 constexpr double kHighestOrder = 1.999;
 constexpr double kLogitEnd = 16;
 constexpr double kHighestHighPass =
-    // log c of a corner at a tenth of the sample rate; a filter with a higher corner looks like a kRise
+    // logarithm of the squared frequency (rad per sample) of a corner at a tenth of the sample rate; a
+    // high-pass with a higher corner looks like the noise part kRise
     -0.96;
-// log of the ratio of width to frequency; a wider peak has no visible maximum
+// largest logarithm of the ratio of a resonance's width to its frequency; a wider one has no visible maximum
 constexpr double kWidestPeak = -1.0;
 
-// The noise parts. The comments name the free parameters of each part, in the order in which a fit has them.
-// If candidates have equal gains, a search prefers the part that stands first here.
+// The noise parts. The comments name the free parameters of each part, in the order in which a fit has them;
+// h is the sampling period, and logit p = log(p / (1 - p)). If candidates for a model have equal gains, a
+// search prefers the part that stands first here.
 enum Part : int {
-    kWhite,       // log R
-    kRelaxation,  // log σ², log h/τ
-    kWalk,        // log of the variance of a step of a random walk
-    kOrder,       // α, logit(-g / 2^α), log s2
-    // log of the height, log of the frequency in rad per sample, log of the ratio of width to frequency
+    kWhite,  // white noise: log of its variance R
+    // relaxation: log of its variance σ², log of the ratio of h to its correlation time τ
+    kRelaxation,
+    kWalk,  // random walk: log of the variance of a step
+    // fractional state of the order α, with g = h^α f: α, logit(-g / 2^α), log of the variance s2 of a step
+    kOrder,
+    // resonance: log of the height of its peak, log of its frequency [rad per sample], log of the ratio of
+    // its width to its frequency
     kResonance,
-    kQuantised,    // log of the variance of white noise, of whose differences this noise consists
-    kRise,         // log of the power at λ = π, δ: the power is proportional to |1 - e^{-iλ}|^2δ
-    kLowPass,      // log c, logit of the number of poles n: 1 / (1 + (λ² / c)^n), sampled
-    kHighPass,     // log c, logit of the number of poles n: 1 / (1 + (c / |1 - e^{-iλ}|²)^n)
-    kSharp,        // s: the filter with the taps -s, 1 + 2 s, -s; it sharpens, or smooths if s < 0
-    kNotch,        // log of the frequency, log of the ratio of width to frequency
-    kMean,         // no parameter: the mean of m samples with a fixed m
-    kAlternating,  // log σ², log h/τ: a relaxation in which every second sample has the opposite sign
-    // log of the variance of white noise that is added behind all filters, for example by rounding
-    kFloor,
-    kArfima,    // d, log rate, log s2: an order without f, ARFIMA(1, d, 0), φ = e^-rate
-    kOrderByF,  // F = g + α, log -g, log s2: kOrder with other parameters, so that a fit can hold F
-    kOrderByf,  // α, log -f, log s2: kOrder with other parameters, so that a fit can hold f (with h = 1: g)
-    kOrderByQ,  // α, logit(-g / 2^α), log Q: kOrder with another parameter, so that a fit can hold Q
-    // d, log rate, log of the variance of a step: kArfima with another parameter, so that a fit can hold that
-    // variance
+    kQuantised,  // differences of white noise, as from rounding: log of the variance of that white noise
+    // noise whose power rises as |1 - e^{-iλ}|^2δ with the frequency λ: log of the power at λ = π, δ
+    kRise,
+    // low-pass with n poles and the gain 1 / (1 + (λ² / c)^n), sampled: log c, n as a logit between its
+    // limits
+    kLowPass,
+    // high-pass with n poles and the gain 1 / (1 + (c / |1 - e^{-iλ}|²)^n): log c, n as a logit between its
+    // limits
+    kHighPass,
+    kSharp,  // filter with the taps -s, 1 + 2 s, -s, which sharpens, or smooths if s < 0: s
+    // notch: log of the frequency that it removes, log of the ratio of its width to this frequency
+    kNotch,
+    kMean,  // filter that takes the mean of m samples, with a fixed m: no parameter
+    // relaxation in which every second sample has the opposite sign: parameters as for kRelaxation
+    kAlternating,
+    kFloor,  // white noise that is added behind all filters, for example by rounding: log of its variance
+    // noise with an order d but no f, ARFIMA(1, d, 0) with φ = e^-rate and steps of variance s2: d, log of
+    // the rate, log of s2 / (1 - φ)²
+    kArfima,
+    // the noise of kOrder with other parameters, so that a fit can hold F = g + α fixed: F, log(-g), log s2
+    kOrderByF,
+    // the noise of kOrder with other parameters, so that a fit can hold f = g / h^α fixed: α, log(-f), log s2
+    kOrderByf,
+    // the noise of kOrder with another parameter, so that a fit can hold Q = s2 / h^2α fixed: α,
+    // logit(-g / 2^α), log Q
+    kOrderByQ,
+    // the noise of kArfima with another parameter, so that a fit can hold the variance s2 of a step fixed: d,
+    // log of the rate, log s2
     kArfimaByStep,
 };
 constexpr int kParts = kArfimaByStep + 1;
 
-// Kinds of free parameters, which determine the bounds (bounds_of). The bounds are `low` and `high` in the
-// part's row of the table, unless a comment says otherwise.
+// Kinds of free parameters, which determine the bounds of a parameter (bounds_of). Where a comment does not
+// say otherwise, the bounds follow from the data or are `low` and `high` in the part's row of the table.
 enum Value : int {
     kLevel,      // log of the variance of white noise
     kPower,      // log of a power
-    kRate,       // log of h/τ
-    kPole,       // log of the rate with which φ of ARFIMA is e^-rate
+    kRate,       // log of h / correlation time τ
+    kPole,       // log of the rate of an ARFIMA, whose φ is e^-rate
     kAlpha,      // an order; its bounds are those of the fit
     kNumber,     // the parameter without a transformation
-    kShape,      // a function of the number; beyond the bounds the spectrum hardly changes
-    kFrequency,  // log of a frequency λ; `high` is the largest excess over log π
-    kCorner,     // log of the square of a frequency λ; from the lowest frequency to `high`
+    kShape,      // a logit or a logarithm of a number; beyond the bounds the spectrum hardly changes
+    kFrequency,  // log of a frequency λ, at most log π + `high`
+    kCorner,     // log of the square of a frequency λ, from the lowest frequency of the data to `high`
     kMinusF,     // log of -f
-    kNoise,      // log of Q of an order
+    kNoise,      // log of the variance Q of an order (kOrderByQ)
 };
 constexpr const char* kValueNames[] = {"level", "power",     "rate",   "pole",    "alpha", "number",
                                        "shape", "frequency", "corner", "minus f", "noise"};
@@ -81,35 +98,38 @@ struct Coordinates {
     constexpr Coordinates(Coordinate a, Coordinate b, Coordinate c) : count(3), at{a, b, c} {}
 };
 
-// Columns of the bins that only some parts need (whittle_kernel.hpp).
+// Columns of the bins that only some noise parts need in order to compute their spectra (Columns in
+// whittle_kernel.hpp).
 enum Read : unsigned { kNoColumn = 0, kSquare = 1, kTurn = 2, kLogSize = 4, kBranch = 8, kAllColumns = 15 };
 
 enum Trait : unsigned {
     kFilter = 1,  // a filter, which multiplies the spectrum of the parts before it
     kBehind = 2,  // noise that is added behind all filters
-    // noise with a memory: it is a state of the tracker's filter, and is not part of the figure N
+    // noise with a memory: in the tracker's filter it is a state, and it does not count for the white noise N
     kSlow = 4,
-    kOrdered = 8,    // an order, which replaces all other slow parts of its model
+    kOrdered = 8,    // noise with an order: in a model it takes the place of all other slow noise
     kEndless = 16,   // a random walk, whose power grows without limit towards low frequencies
     kRising = 32,    // noise whose power may rise with the frequency
     kFastOnly = 64,  // noise without power at low frequencies
-    // a navigation file has an entry of its own for this part; other parts are listed with their parameters
+    // files for navigation programs have an entry of their own for this part; other parts are listed with
+    // their parameters
     kEntry = 128,
-    kOther = 256,  // another part with other free parameters; no search adds it
+    kOther = 256,  // the same noise as another part, but with other free parameters; no search adds it
 };
 constexpr const char* kTraitNames[] = {"filter", "behind",    "slow",  "ordered", "endless",
                                        "rising", "fast only", "entry", "other"};
 
-// Which question of the verdict a part answers if there is no order (host/fltea/spectrum/reading.py).
+// Which question of the verdict a part answers in a model without an order (host/fltea/spectrum/reading.py).
 enum Says : int { kNothing, kRelaxations, kDrift, kAnOrder, kAResonance, kAColour, kANotch, kAHighPass };
 constexpr const char* kSaysNames[] = {"nothing",   "relaxations", "drift", "order",
                                       "resonance", "colour",      "notch", "high-pass"};
 
-// At which parameters a search tries a part (whittle_gains.hpp).
+// At which values of its parameters a search tries a noise part (whittle_gains.hpp).
 enum Start : int {
     kNever,
-    kOnce,    // once, because its power is its only parameter
-    kListed,  // at a list of values of the parameter after the power, or of the first parameter of a filter
+    kOnce,  // once, because the power is the only parameter of the part
+    // at a list of values: of the parameter that follows the power, or of the first parameter of a filter
+    kListed,
     kCorners,
     kPeaks,
     kLowPasses,
@@ -132,13 +152,13 @@ struct Starts {
 
 struct Row {
     Part part;
-    const char* name;  // name in Python and in files
+    const char* name;  // name of the part in Python and in files
     unsigned traits;
     Says says;
     unsigned columns;
     int most;  // largest number of such parts in a model
-    // number of parameters of which a search tries many values; the criterion BIC counts them as free
-    // parameters, too
+    // number of further parameters of which a search tries many values, such as m of a mean; the criterion
+    // BIC counts them as free parameters, too
     int sought;
     Coordinates coordinates;
     Starts starts;

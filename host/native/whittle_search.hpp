@@ -1,8 +1,9 @@
-// The search for the noise models of a spectrum. Noise parts are added to a model as long as they gain more
-// in 2 log L than the price of their parameters. After that, parts that no longer gain as much are removed.
-// The search treats three models equally: the best one without an order at the price of the criterion BIC;
-// the best one without an order at a lower price, which is what a parameter gains by chance; and the best one
-// with an order. Which of them holds is decided elsewhere (host/fltea/spectrum/verdict.py).
+// Searches for the noise models that describe a spectrum best. Noise parts are added to a model as long as
+// they raise 2 log L by more than the price of their parameters. After that, parts that no longer raise it as
+// much are removed. Three models are searched for in the same way: the best one without an order at the price
+// of the criterion BIC; the best one without an order at a lower price, which is what a parameter gains by
+// chance; and the best one with an order. Which of these models is believed is decided elsewhere
+// (host/fltea/spectrum/verdict.py).
 #pragma once
 
 #include <algorithm>
@@ -17,9 +18,10 @@ namespace noise_models {
 
 struct Frontier {
     FittedModel white, null, plain, rich, pure,
-        ordered;  // null: the first alternative of the null test, an order up to 1
+        ordered;  // null: an order up to 1 in white noise, which is one alternative of the null test
     FittedModel
-        // the second alternative of the null test: white noise that has passed a high-pass of one pole
+        // white noise that has passed a high-pass of one pole, which is the other alternative of the null
+        // test
         missing;
 };
 
@@ -40,8 +42,9 @@ class Search {
         f.plain = grown(f.white, bic_, Allowed());
         find_orders(f);
         if (f.ordered.known()) {
-            // The parts beside the order may fit better if another part replaces the order. If the order were
-            // only removed, a filter among them could move to where the order was.
+            // A model without an order may be better if it has the other parts of the model with an order,
+            // and another part in place of the order. Just removing the order would not find it: a filter
+            // among the other parts could move to where the order was.
             const FittedModel rest = removed(f.ordered, orders());
             Gains gains(bins_, rest.terms, rest.eta.data());
             FittedModel other;
@@ -54,7 +57,7 @@ class Search {
         return f;
     }
 
-    // Fits the models of an earlier search, `last`, to the present bins.
+    // Fits the models of an earlier search, `last`, again to the present bins.
     Frontier again(const Frontier& last) {
         Frontier f;
         f.white = null_.white();
@@ -82,20 +85,22 @@ class Search {
     }
 
   private:
-    static constexpr double kByChance = 3.0;  // gain in 2 log L of a parameter by chance
-    static constexpr double kRough = 1e-3;    // least gain of -log L in a step of a rough fit
-    static constexpr double kTrial = 0.1;     // least gain of -log L in a step of a fit that is only compared
+    static constexpr double kByChance = 3.0;  // how much a parameter raises 2 log L by chance
+    static constexpr double kRough = 1e-3;    // a rough fit ends when a step lowers -log L by less than this
+    // the same for a trial fit, whose -log L is only compared with those of others
+    static constexpr double kTrial = 0.1;
     static constexpr int kSteps = 60, kTrialSteps = 12;
     static constexpr int kMostParameters = 20, kRelaxations = 6, kResonances = 2;
-    // difference in 2 log L by which ARFIMA has to be better than the fractional state
+    // ARFIMA is chosen only if its 2 log L is higher than that of the fractional state by more than this
     static constexpr double kAhead = 6;
-    // a part that gains this many times its price stays without a trial fit
+    // a part that is so significant that it gains more than this multiple of its price stays in the model; no
+    // trial fit without it is made
     static constexpr double kSure = 4;
-    // logarithm of the ratio of the mean power to that of negligible white noise
+    // logarithm of the ratio of the mean power to the power of negligible white noise
     static constexpr double kNothing = 12;
 
     struct Allowed {
-        bool slow = true;  // whether parts that have a memory are allowed
+        bool slow = true;  // whether noise parts that have a memory may be added
         bool only_low_pass = false;
     };
 
@@ -107,7 +112,7 @@ class Search {
     bool fits_in(const FittedModel& s, const Term& term, const Allowed& allowed) const {
         const Row& row = row_of(term.part);
         if (s.count(term.part) >= row.most || (row.is(kSlow) && !allowed.slow)) return false;
-        // A random walk before a high-pass has the same spectrum as white noise that does not pass it.
+        // A random walk that passes a high-pass has the same spectrum as white noise that does not.
         if (row.is(kEndless) && s.has(kHighPass)) return false;
         if (row.is(kBehind) && !s.filtered()) return false;
         return term.part != kLowPass || !s.has(kMean);
@@ -158,8 +163,8 @@ class Search {
         if (power >= 0) eta[first + static_cast<std::size_t>(power)] = one.gain.log_power;
         const bool low = candidate.term.part == kLowPass, high = candidate.term.part == kHighPass;
         if ((low || high) && !s.has(kFloor)) {
-            // White noise, for example of rounding, is added behind the filter, because without it a steep
-            // filter leaves no power at some frequencies and fits badly.
+            // White noise, for example from rounding, is added behind the filter. Without it, a steep filter
+            // leaves no power at some frequencies and fits badly.
             terms.push_back(Term{kFloor, 0});
             eta.push_back(std::log(std::fmax(end_power(bins_, low), 1e-9 * bins_.mean) / 2));
             return taken_away(fitted(terms, eta, true), bic_, {kFloor});
@@ -194,8 +199,8 @@ class Search {
         if (cost(one, price) < cost(into, price)) into = one;
     }
 
-    // Returns `s` without the parts that gain less than their price. `only`: the parts that may be removed;
-    // if it is empty, these are all parts except orders.
+    // Returns the model `s` without the parts that raise 2 log L by less than their price. `only`: the parts
+    // that may be removed; if it is empty, all parts except orders may be removed.
     FittedModel taken_away(FittedModel s, double price, const std::vector<Part>& only) {
         for (;;) {
             FittedModel next;
@@ -213,8 +218,9 @@ class Search {
         }
     }
 
-    // Returns for each part the square of the ratio of its power to the standard deviation of that power,
-    // which follows from the curvature.
+    // Returns for each part the squared ratio of its first parameter's unit to that parameter's standard
+    // deviation, which follows from the expected curvature of log L. For a part whose first parameter is the
+    // log of its power, this is the squared ratio of the power to the standard deviation of the power.
     std::vector<double> certainty(const FittedModel& s) const {
         std::vector<double> found(s.terms.size(), 0.0);
         const int free = free_of(s.terms);
@@ -244,7 +250,8 @@ class Search {
         return fitted(found.terms, found.eta);
     }
 
-    // Returns the model without one part; all other parameters stay as they are.
+    // Returns the model without the part at index `left_out`. The parameters of all other parts stay as they
+    // are.
     static FittedModel removed_term(const FittedModel& s, std::size_t left_out) {
         Terms terms;
         std::vector<double> eta;
@@ -267,8 +274,8 @@ class Search {
         return s;
     }
 
-    // Returns the model with quantisation noise in place of the rise at index i. Quantisation noise has one
-    // parameter less.
+    // Returns the model with quantisation noise (kQuantised) in place of the part kRise at index i.
+    // Quantisation noise has one parameter less.
     FittedModel as_quantised(const FittedModel& s, std::size_t i) {
         Terms terms = s.terms;
         std::vector<double> eta = s.eta;
@@ -296,8 +303,8 @@ class Search {
         return found;
     }
 
-    // Finds the models `pure`, with an order instead of relaxations and random walks, and `ordered`, with an
-    // order and any other parts.
+    // Finds two models with an order: `pure`, which has no relaxation and no random walk beside it, and
+    // `ordered`, which may have any other parts.
     void find_orders(Frontier& f) {
         std::vector<FittedModel> bases = {f.white};
         Gains gains(bins_, f.white.terms, f.white.eta.data());
@@ -325,8 +332,8 @@ class Search {
     std::shared_ptr<const Candidates> parts_, filters_, orders_;
 
   public:
-    // Range of orders that are reported. Noise of a lower order is hardly distinguishable from white noise,
-    // and noise of a higher order is a relaxation.
+    // Range of orders that are reported. Noise of a lower order can hardly be distinguished from white noise,
+    // and noise of a higher order is taken for a relaxation.
     static constexpr double kLeastOrder = 0.15, kMostOrder = 0.85;
 };
 

@@ -1,4 +1,4 @@
-// Samples from a serial port as columns. Their memory is used again for the next samples.
+// Samples from a serial port as columns. The memory of the columns is used again for the next samples.
 #pragma once
 
 #include <algorithm>
@@ -14,8 +14,8 @@ namespace fltea {
 
 class WireSamples {
   public:
-    // Converts samples to columns. `reads`: the reads in which the samples ended. Their ends are counted from
-    // an origin that is `base` bytes before that of the decoder.
+    // Converts samples to columns. `reads`: the reads of the port with which the samples came. `base`: number
+    // of bytes before those that were passed to the decoder; the ends of the reads include them.
     void lay_out(const std::vector<SampleRow>& samples, const PortRead* reads, std::int64_t base) {
         const std::size_t n = samples.size();
         for (std::vector<std::int64_t>* column : {&sequence_, &device_us_, &host_ns_, &flags_})
@@ -37,15 +37,16 @@ class WireSamples {
         }
     }
 
-    // Returns the index at which a series of samples ends whose sequence numbers follow each other without a
-    // gap; it is at most `stop`.
+    // Returns the index, at most `stop`, at which a series of samples ends whose sequence numbers follow each
+    // other without a gap. The series begins at index `from`.
     std::size_t end_of_sequence(std::size_t from, std::size_t stop) const {
         std::size_t end = from + 1;
         while (end < stop && sequence_[end] - sequence_[end - 1] == 1) ++end;
         return end;
     }
 
-    // Columns of the samples from `from` to before `end`. They are valid until the next call of lay_out().
+    // Returns the columns of the samples from index `from` to before `end`. They are valid until the next
+    // call of lay_out().
     SampleColumns rows(std::size_t from, std::size_t end) const {
         const auto counts = [from](const std::vector<std::int16_t>& column, std::size_t width) {
             return NumberColumn(column.data() + width * from, NumberColumn::kCounts, width);
