@@ -1,5 +1,5 @@
-// Limits some work to a share of the processor time: passing time adds to an allowance of time, and the work
-// uses it up.
+// Limits some work to a proportion of the processor time. Passing time adds kPercent of itself to an
+// allowance, and the work uses the allowance up.
 #pragma once
 
 #include <stdint.h>
@@ -9,7 +9,7 @@ namespace fltea {
 template <uint32_t kPercent>
 class Allowance {
   public:
-    // Starts without any allowance, so the work has to wait first.
+    // Starts with no allowance, so the work first has to wait.
     void begin(uint32_t now_us) {
         at_us_ = now_us;
         earned_ = 0;
@@ -26,7 +26,8 @@ class Allowance {
 
     bool left() const { return earned_ > 0; }
 
-    // Spends the time that the work took. It may exceed the remaining allowance; the excess is a debt.
+    // Subtracts the time that the work took from the allowance. If it took more than was left, the excess is
+    // a debt.
     void spend(uint32_t took_us) { earned_ -= static_cast<int32_t>(100 * took_us); }
 
   private:

@@ -24,11 +24,11 @@
 
 namespace fltea {
 
-// What the code for a board knows about the board.
+// What the code for one kind of board finds out about the board.
 struct Identity {
-    uint32_t boot_id;       // another number at every boot
+    uint32_t boot_id;       // a number that differs from boot to boot
     uint8_t device_id[16];  // unique identifier of the microcontroller
-    const char* port;       // "due" or "arduino"
+    const char* port;       // name of the port of the firmware: "due" or "arduino"
     ResetCause reset_cause;
 };
 
@@ -43,12 +43,12 @@ class Application {
           health_(bus, clock, faults_, mode),
           sampler_(mode) {}
 
-    // Sends HELLO. Call this once, before the first step().
+    // Starts the device and sends HELLO. Call this once, before the first step().
     void start() {
         const uint32_t now_us = clock_.now_us();
         sampler_.begin(now_us);
-        // HELLO and STATUS are sent in the middle between two sampling instants. Otherwise, on a board that
-        // does not sleep, a sampling instant would have to wait until they are written.
+        // HELLO and STATUS are sent in the middle between two sampling instants. On a board that does not
+        // sleep, a sampling instant might otherwise have to wait until they are written.
         const uint32_t mid_us = now_us - now_us % kPeriodUs - kPeriodUs / 2;
         hello_.begin(mid_us);
         status_.begin(mid_us + kSecondUs / 2 / kPeriodUs * kPeriodUs);
@@ -58,7 +58,7 @@ class Application {
     }
 
     // Call this in the main loop, after every wake-up and at least every 10 ms. It returns within 10 ms,
-    // whatever the bus does. Returns true if more work waits to be done.
+    // whatever the I2C bus does. Returns true if more work can be done at once.
     bool step() {
         const uint32_t now_us = clock_.now_us(), transfers = health_.transfers();
         health_.pass_time(now_us);
@@ -90,12 +90,12 @@ class Application {
     void on_data_ready(uint32_t now_us) { sampler_.on_data_ready(now_us); }
 
   private:
-    // Bytes per second on the serial port, with HELLO, ESTIMATOR, STATUS, one FAULT and one FIT per second.
-    // They leave a tenth of the port's capacity free.
+    // At compile time it is checked that the serial port can take all bytes of a second, among them HELLO,
+    // ESTIMATOR, STATUS, one FAULT and one FIT, and still has a tenth of its capacity free.
     static constexpr uint32_t kPeriodUs = settings::kSamplePeriodUs;
     static constexpr size_t kSamplesPerS = kSecondUs / settings::kSamplePeriodUs;
-    // Largest number of SPECTRUM messages per second. An axis sends up to 176 bins with one of kSpectrumEvery
-    // fits, and is fitted every kFitEvery samples.
+    // Largest number of SPECTRUM messages per second. Each of three axes is fitted every kFitEvery samples,
+    // and one in kSpectrumEvery of these fits sends up to 176 bins, five in a message.
     static constexpr size_t kMostSpectraPerS =
         kSamplesPerS * 3 * 176 / 5 / settings::kFitEvery / settings::kSpectrumEvery + 1;
     static constexpr size_t kBytesPerS =
@@ -108,8 +108,8 @@ class Application {
     static_assert(
         kBytesPerS < settings::kLineBaud / 10 * 9 / 10,
         "the line has to take all that is to be said: another FLTEA_RATE_HZ, FLTEA_BAUD or kEstimateEvery");
-    // Time on the I2C bus for a sample and the registers that guard it: nine clocks per byte, and a register
-    // number for each transfer.
+    // Time on the I2C bus for reading a sample and the registers that show whether the sensor is still set
+    // up. A byte takes nine clocks, and each transfer also sends addresses and a register number.
     static constexpr uint32_t kReadUs =
         (Mpu9250::kBurstBytes + Mpu9250::kGuardBytes + 6) * 9 * 1000000 / settings::kI2cHz;
     static_assert(kReadUs < settings::kSamplePeriodUs * 3 / 4, "the bus has to take all samples");
@@ -123,7 +123,7 @@ class Application {
 
     void take_sample() {
         Health::Reading reading;
-        // Sends no sample before it has sent the HELLO that announces the present set-up of the sensor.
+        // No sample is sent before the HELLO that announces the present set-up of the sensor.
         if (announced_starts_ != health_.sensor_starts() || !health_.read(reading)) {
             sampler_.missed();
             return;
@@ -136,20 +136,22 @@ class Application {
         if (settings::kEstimate && estimation_.add(reading.sample, sampler_.instant())) forget_estimates();
     }
 
-    // The messages that wait to be sent belong to an earlier start-up window, so they are dropped.
+    // Drops the messages with results of the estimators that wait to be sent: they belong to an earlier
+    // start-up window.
     void forget_estimates() { estimate_due_ = fit_due_ = spectrum_due_ = false; }
 
-    // Whether there is time for an estimate. There is none while the previous estimate waits to be sent, or
-    // if the next sampling instant would have to wait. Estimates may take up to half a period, however slow
-    // they are.
+    // Whether there is time to estimate one axis. There is none while the previous estimate waits to be sent,
+    // or if the next sampling instant would have to wait. As the time that an estimate takes, the longest one
+    // so far is used, but at most half a sampling period.
     bool may_estimate(uint32_t now_us) const {
         const uint32_t most_us = settings::kSamplePeriodUs / 2;
         return estimation_.busy() && !estimate_due_ && !estimator_due_ &&
                sampler_.until_next_us(now_us) > (longest_axis_us_ < most_us ? longest_axis_us_ : most_us);
     }
 
-    // Whether there is time for a slice of a fit. All estimates come first, the fits have a limited share of
-    // the processor time, and the next sampling instant must not have to wait.
+    // Whether there is time for a slice of a fit, which is a small part of its computation. All estimates
+    // come first, the fits have a limited proportion of the processor time, and the next sampling instant
+    // must not have to wait.
     bool may_fit(uint32_t now_us) const {
         const uint32_t most_us = settings::kSamplePeriodUs / 2;
         return settings::kFit && estimation_.noise().busy() && !estimation_.busy() && !fit_due_ &&
@@ -157,7 +159,7 @@ class Application {
                sampler_.until_next_us(now_us) > (longest_slice_us_ < most_us ? longest_slice_us_ : most_us);
     }
 
-    // Advances the estimates of one axis by one sample, if there is time.
+    // Advances the estimator of one axis by one sample, if there is time. Returns whether it did.
     bool estimate(uint32_t now_us) {
         if (!settings::kEstimate || !may_estimate(now_us)) return false;
         const bool started = estimation_.started();
@@ -168,7 +170,7 @@ class Application {
         return true;
     }
 
-    // Does a slice of a fit, if there is time.
+    // Does a slice of a fit, if there is time. Returns whether it did.
     bool fit(uint32_t now_us) {
         if (!settings::kFit) return false;
         fits_share_.pass(now_us);
@@ -199,8 +201,8 @@ class Application {
         if (estimator_due_ && link_.send(estimator(), now_us, quiet_us)) estimator_due_ = false;
         if (estimate_due_ && link_.send(estimate_, now_us, quiet_us)) estimate_due_ = false;
         if (fit_due_ && link_.send(fit_, now_us, quiet_us)) fit_due_ = false;
-        // Sends at most one waiting message per sampling period, because the serial port has to be free again
-        // when the next sample comes.
+        // At most one SPECTRUM is sent per sampling period, because the serial port has to be free again when
+        // the next sample comes.
         const uint16_t instant = sampler_.sequence();
         if (spectrum_due_ && instant != spectrum_at_ && link_.send(spectrum_, now_us, quiet_us)) {
             spectrum_due_ = false;
@@ -249,7 +251,7 @@ class Application {
         return status;
     }
 
-    // Writes "VERSION PORT BUILD", as many characters as fit.
+    // Writes the text "VERSION PORT BUILD" for HELLO, as many characters as fit.
     template <size_t N>
     void write_version(char (&text)[N]) const {
         size_t n = 0;

@@ -13,7 +13,8 @@ namespace {
 static_assert(settings::kGuard != EstimatorGuard::off,
               "FixedMemory serves the orders of the guard's box only");
 
-constexpr float kLsb = static_cast<float>(kGyroLsbTenths) / 10.0f;  // counts per deg/s
+// sensitivity of the gyroscope [counts per deg/s]
+constexpr float kLsb = static_cast<float>(kGyroLsbTenths) / 10.0f;
 constexpr bool kJoint = settings::kVariant == EstimatorVariant::joint;
 
 template <bool>
@@ -57,7 +58,8 @@ struct AxisEstimator::Filter {
     float r_dps2;
     Lane lane;
     engine::Estimate<float> estimate = {};
-    // Counts of the guard's interventions, as integers: a float would stop counting at 2^24.
+    // How often the guard has intervened, by cause. The counts are integers: a float would stop counting at
+    // 2^24.
     uint32_t interventions[engine::kCauses] = {};
 };
 

@@ -1,6 +1,6 @@
-// The estimator of one gyroscope axis: start-up window, filter and supervisor. The filter is the same
-// template as the host's (engine/lane.hpp), here in float and with a memory in integers. It is compiled once,
-// in axis_estimator.cpp.
+// The estimator of one gyroscope axis: start-up window, filter and supervisor. The filter is the same C++
+// template as on the host (engine/lane.hpp), here in float and with a memory in integers. It is compiled
+// once, in axis_estimator.cpp.
 #pragma once
 
 #include <stddef.h>
@@ -19,7 +19,7 @@ class AxisEstimator {
     AxisEstimator(const AxisEstimator&) = delete;
     AxisEstimator& operator=(const AxisEstimator&) = delete;
 
-    // Forgets everything and begins a new start-up window.
+    // Forgets all samples and begins a new start-up window.
     void begin();
 
     // Adds a sample of the start-up window.
@@ -28,27 +28,28 @@ class AxisEstimator {
     // Ends the full start-up window and starts the filter.
     void start();
 
-    // Sets Q and R of the filters, which keep their memory. Call this only after start() has made a filter.
+    // Sets the variances Q and R of the filters, which keep their memory. Before start() has made a filter,
+    // this does nothing.
     void retune(float Q_dps2, float R_dps2);
 
-    // Processes one sample after the start-up window. With null instead of a sample, the sample is lost and
-    // the filter predicts it.
+    // Processes one sample after the start-up window. Null means that the sample is lost; the filter then
+    // only predicts it.
     void step(const int16_t* count);
 
-    // Fills in all fields of an ESTIMATE except axis, sample and age.
+    // Writes all fields of an ESTIMATE except axis, sample and age.
     void report(Estimate& message) const;
 
-    // Bias and R from the start-up window. Both are 0 until the window is full; R is also 0 for an axis whose
-    // samples were all equal.
+    // The bias and the variance R of the white noise. Both are 0 until the start-up window is full; R is also
+    // 0 for an axis whose samples were all equal. retune() changes R.
     float bias_dps() const;
     float r_dps2() const;
-    // Variance R of the white noise, in squared counts.
+    // Variance of the samples in the start-up window, in squared counts, or 0 without a filter.
     float variance() const { return filter_ == nullptr ? 0.0f : baseline_.variance(); }
 
-    // Number of restarts by the supervisor since the start-up window.
+    // Number of times that the supervisor has restarted the filter since the start-up window.
     uint16_t restarts() const { return restarts_; }
 
-    // Fills the settings of the filters into an ESTIMATOR.
+    // Writes the settings of the filters to an ESTIMATOR message.
     static void describe(Estimator& message);
 
   private:
@@ -60,7 +61,8 @@ class AxisEstimator {
 
     engine::Baseline<int16_t> baseline_;
     engine::Supervisor<float> supervisor_;
-    Filter* filter_ = nullptr;  // null until the start-up window is full and has given an R
+    // null until the start-up window is full, and for an axis whose samples were all equal
+    Filter* filter_ = nullptr;
     uint16_t restarts_ = 0;
     bool valid_ = false;
     bool missing_ = false;

@@ -1,5 +1,5 @@
 // Consistent Overhead Byte Stuffing (Cheshire and Baker, IEEE/ACM Transactions on Networking 7(2), 1999):
-// encodes any bytes without 0x00, so that 0x00 can end a frame.
+// encodes any bytes in such a way that no byte is 0x00, so that 0x00 can end a frame.
 #pragma once
 
 #include <stddef.h>
@@ -10,14 +10,15 @@ namespace fltea {
 // Largest number of bytes after encoding n bytes.
 constexpr size_t cobs_max_encoded(size_t n) { return n == 0 ? 1 : n + (n + 253) / 254; }
 
-// Encodes byte by byte into `out`, which must have room for cobs_max_encoded(n) bytes if n bytes are put.
+// Encodes the bytes that are passed to put(), one by one, and writes them to `out`, which must have room for
+// cobs_max_encoded(n) bytes for n of them.
 class CobsEncoder {
   public:
     explicit CobsEncoder(uint8_t* out) : out_(out) {}
 
     void put(uint8_t byte) {
-        // A full block is closed only when another byte follows, so that the encoding never ends with an
-        // empty block.
+        // A full block of the encoding is closed only when another byte follows, so that the encoding never
+        // ends with an empty block.
         if (code_ == kFull) open_block();
         if (byte == 0) {
             open_block();
@@ -44,9 +45,10 @@ class CobsEncoder {
     }
 
     uint8_t* out_;
-    size_t block_ = 0;  // index in `out` at which the code of the open block will stand
+    // index in `out` of the code byte of the block in progress, which is written when the block ends
+    size_t block_ = 0;
     size_t end_ = 1;
-    uint8_t code_ = 1;  // distance from the code to the 0x00 that it replaces
+    uint8_t code_ = 1;  // value of the code byte: distance from it to the 0x00 that is left out
 };
 
 inline size_t cobs_encode(const uint8_t* data, size_t n, uint8_t* out) {

@@ -1,4 +1,5 @@
-// Passes the edges of the data-ready pin from the interrupt handler to the main loop.
+// Passes number and time of the edges on the sensor's data-ready pin from the interrupt handler to the main
+// loop.
 #pragma once
 
 #include <stdint.h>
@@ -20,8 +21,8 @@ class Edges {
         count_.store(count_.load(std::memory_order_relaxed) + 1, std::memory_order_release);
     }
 
-    // Reads count and time; the main loop calls this. If an edge comes between the two reads, the count
-    // changes and both are read again, so that count and time belong together.
+    // Reads count and time; the main loop calls this. If an edge comes between these two reads, the count
+    // changes and both are read again, so that count and time belong to the same edge.
     Seen seen() const {
         for (;;) {
             const uint32_t count = count_.load(std::memory_order_acquire);

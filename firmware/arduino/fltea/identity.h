@@ -1,5 +1,5 @@
-// Information about the board, read once in setup(). SAM3X data sheet (11057): TRNG; EEFC, "Unique
-// Identifier"; RSTC_SR.
+// Reads once in setup() what identifies the board and its boot. The registers are described in the SAM3X data
+// sheet (11057): TRNG; EEFC, "Unique Identifier"; RSTC_SR.
 #pragma once
 
 #include <Arduino.h>
@@ -8,11 +8,12 @@
 
 namespace fltea {
 
-// Limit for waiting loops. It is more than enough: the random word is ready after 84 cycles, the identifier
-// after some microseconds.
+// Largest number of passes of a loop that waits for the chip. It is more than enough: the random word is
+// ready after 84 clock cycles, the identifier after some microseconds.
 constexpr uint32_t kIdentityTries = 100000;
 
-// Returns a random number, which differs from boot to boot, or 0 if the generator does not answer.
+// Returns a random number, which differs from boot to boot, or 0 if the chip's random generator does not
+// answer.
 inline uint32_t random_word() {
     pmc_enable_periph_clk(ID_TRNG);
     TRNG->TRNG_CR = TRNG_CR_KEY(0x524E47) | TRNG_CR_ENABLE;
@@ -28,8 +29,8 @@ inline uint32_t random_word() {
     return word;
 }
 
-// Waits until the flag FRDY is `wanted`. Returns false if that takes too long. This runs from RAM, like its
-// caller.
+// Waits until the flag FRDY of the flash controller has the value `wanted`. Returns false if that takes too
+// long. Like its caller, this function runs from RAM.
 __attribute__((section(".ramfunc"), noinline)) static bool flash_ready_is(bool wanted) {
     for (uint32_t i = 0; i < kIdentityTries; ++i) {
         if (((EFC0->EEFC_FSR & EEFC_FSR_FRDY) != 0) == wanted) return true;
@@ -37,13 +38,14 @@ __attribute__((section(".ramfunc"), noinline)) static bool flash_ready_is(bool w
     return false;
 }
 
-// Reads the chip's identifier of 128 bits; it is all zeros if the flash controller does not answer. This runs
-// from RAM with interrupts disabled, because the first flash bank shows the identifier instead of the program
-// meanwhile.
+// Reads the chip's identifier of 128 bits; `id` stays unchanged if the flash controller does not answer. This
+// function runs from RAM and with interrupts disabled: meanwhile, the first flash bank shows the identifier
+// in place of the program.
 __attribute__((section(".ramfunc"), noinline)) static void read_unique_identifier(uint32_t (&id)[4]) {
     constexpr uint32_t kKey = 0x5A000000, kStart = 0x0E, kStop = 0x0F;
     const uint32_t mode = EFC0->EEFC_FMR;
-    EFC0->EEFC_FMR = mode | EEFC_FMR_SCOD;  // erratum: without SCOD the identifier may be read wrongly
+    // without SCOD the identifier may be read wrongly (erratum of the chip)
+    EFC0->EEFC_FMR = mode | EEFC_FMR_SCOD;
     EFC0->EEFC_FCR = kKey | kStart;
     if (flash_ready_is(false)) {
         const volatile uint32_t* flash = reinterpret_cast<const volatile uint32_t*>(IFLASH0_ADDR);

@@ -1,5 +1,5 @@
-// The serial port to the host: the programming port's UART through the Arduino core's ring buffer of 128
-// bytes.
+// The serial port to the host. Bytes go to the UART of the programming port through the ring buffer of the
+// Arduino libraries, which has 128 bytes.
 #pragma once
 
 #include <Arduino.h>

@@ -1,6 +1,7 @@
-// The sensor's bus through Arduino's Wire. This class makes up for four weaknesses of Wire: it never frees a
-// held bus, its time-outs last tens of milliseconds, it does not distinguish a time-out from a NACK, and if a
-// byte is left in the I2C controller, it takes that byte for the first byte of the next read.
+// The sensor's I2C bus, which is driven by Arduino's library Wire. This class makes up for four weaknesses of
+// Wire: it never frees a held bus, its time-outs last tens of milliseconds, it does not distinguish a
+// time-out from a NACK, and if a byte is left in the I2C controller, Wire takes that byte for the first byte
+// of the next read.
 #pragma once
 
 #include <Arduino.h>
@@ -21,7 +22,8 @@ class WireBus final : public I2cBus {
         // take that byte for the first byte of this read, so it is read and dropped here.
         const uint32_t stale = WIRE_INTERFACE->TWI_RHR;
         static_cast<void>(stale);
-        // Of the overloads of requestFrom(), only the one with an internal address sends a repeated start.
+        // Between writing the register number and reading, the sensor needs a repeated start. Of the
+        // overloads of requestFrom(), only the one with an internal address sends one.
         const size_t got = wire_.requestFrom(address, static_cast<uint8_t>(n), static_cast<uint32_t>(reg),
                                              static_cast<uint8_t>(1), static_cast<uint8_t>(true));
         for (size_t i = 0; i < got && i < n; ++i) data[i] = static_cast<uint8_t>(wire_.read());
@@ -44,7 +46,7 @@ class WireBus final : public I2cBus {
         return late ? I2cResult::timeout : I2cResult::nack;
     }
 
-    // Frees the bus, which takes about 0.15 ms.
+    // Frees a bus whose lines are held low. This takes about 0.15 ms.
     HeldLines recover() override {
         release(PIN_WIRE_SDA);
         release(PIN_WIRE_SCL);
@@ -52,15 +54,15 @@ class WireBus final : public I2cBus {
             pull(PIN_WIRE_SCL);
             release(PIN_WIRE_SCL);
         }
-        // A STOP condition: SDA rises while SCL is high.
+        // The sequence ends with a STOP condition: SDA rises while SCL is high.
         pull(PIN_WIRE_SCL);
         pull(PIN_WIRE_SDA);
         release(PIN_WIRE_SCL);
         release(PIN_WIRE_SDA);
         const unsigned held = (low(PIN_WIRE_SDA) ? 1u : 0u) | (low(PIN_WIRE_SCL) ? 2u : 0u);
         // Wire changes the pins without calling pinMode(), and pinMode() does nothing if it remembers that it
-        // has already set the requested mode. The pins must therefore not be left in the mode that release()
-        // requests.
+        // has already set the requested mode. If the pins were left in the mode that release() requests, the
+        // next release() would therefore do nothing.
         pinMode(PIN_WIRE_SDA, INPUT);
         pinMode(PIN_WIRE_SCL, INPUT);
         start();
@@ -71,8 +73,8 @@ class WireBus final : public I2cBus {
     static constexpr int kRecoveryClocks = 9;
     static constexpr uint32_t kHalfClockUs = 5;
 
-    // Resets the controller. Otherwise a byte of a refused write would stay in it and be sent with the next
-    // write.
+    // Resets the I2C controller. Otherwise a byte of a refused write would stay in it and be sent with the
+    // next write.
     void start() {
         wire_.begin();
         wire_.setClock(settings::kI2cHz);
@@ -80,7 +82,7 @@ class WireBus final : public I2cBus {
 
     static bool low(uint32_t pin) { return digitalRead(pin) == LOW; }
 
-    // The lines are driven as open drain: a line is pulled low or released, but never driven high.
+    // These two functions drive a line as open drain: it is pulled low or released, but never driven high.
     static void release(uint32_t pin) {
         pinMode(pin, INPUT_PULLUP);
         delayMicroseconds(kHalfClockUs);
@@ -91,8 +93,8 @@ class WireBus final : public I2cBus {
         delayMicroseconds(kHalfClockUs);
     }
 
-    // Whether both lines are high. This is checked before a transfer, because Wire would wait for its long
-    // time-out on a held bus.
+    // Whether both lines of the bus are high. This is checked before each transfer: on a bus that is held
+    // low, Wire would wait for its long time-out.
     static bool idle() {
         if (!low(PIN_WIRE_SDA) && !low(PIN_WIRE_SCL)) return true;
         delayMicroseconds(kHalfClockUs);

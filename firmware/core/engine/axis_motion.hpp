@@ -1,5 +1,6 @@
-// Decides whether the newest chunk of an axis's innovations is noise or motion of the sensor. The rules are
-// those of the host's tracker (host/native/rest_gate.hpp), here in float and without a division per sample.
+// Decides whether the newest chunk of an axis's innovations shows noise alone or motion of the sensor. The
+// rules are those of the host's tracker (host/native/rest_gate.hpp), but computed in float and without a
+// division per sample.
 //
 // An innovation is a sample minus its prediction. A chunk of 32 innovations is a knock in any of three cases:
 // their power, without the largest one, exceeds sixteen times that of the noise; one innovation exceeds a
@@ -24,17 +25,18 @@ class AxisMotion {
     static constexpr float kKnock = 16, kSpike = 100, kMean = 8;
 
     struct Verdict {
-        bool knock;      // the chunk is more than noise around the prediction
+        bool knock;      // whether the chunk is more than noise around the predictions
         float mean;      // mean of the chunk's innovations
-        float variance;  // variance of such a mean at rest
-        // number of consecutive chunks that were knocks without much power about their mean, and whose mean
-        // was that of the chunk before
+        float variance;  // variance that this mean has at rest
+        // number of consecutive knocks, including this chunk, that had little power about their own mean and
+        // about the same mean as the chunk before
         std::uint16_t stood;
     };
 
-    // Begins without a filter: the usual power is learned from the first chunks, in squared counts.
+    // Begins without a filter, with samples in place of innovations. Their usual power is learned from the
+    // first chunks, in squared counts.
     AxisMotion() { begin(kOfRounding, 0); }
-    // Begins with a filter: the variance S of its innovations is the least variance that judge() assumes.
+    // Begins with a filter. The variance S of its innovations is the least variance that judge() assumes.
     void begin_with_filter() { begin(1, kLearned); }
 
     // Adds an innovation, which must not have been clipped.
@@ -48,9 +50,9 @@ class AxisMotion {
     // Mean of the innovations of the newest chunk.
     float mean() const { return last_mean_; }
 
-    // Judges a chunk of kChunk innovations. `S`: variance of the innovations, or 1 without a filter. `grown`:
-    // how much the variance of the predictions exceeds its normal value during this chunk, because samples
-    // were left out.
+    // Judges the chunk of the last kChunk innovations. `S`: variance of the innovations as the filter
+    // predicts it, or 1 without a filter. `grown`: by how much the variance of the predictions exceeds its
+    // normal value in this chunk, because samples before it were left out.
     Verdict judge(float S, float grown, bool moving) {
         const float n = static_cast<float>(+kChunk), square = sum_ * sum_ / n;
         const float variance = S * math::fmax(usual_mean_, least_), apart = kGrown * n * grown;
@@ -71,7 +73,7 @@ class AxisMotion {
     }
 
   private:
-    // A prediction may be wrong by three standard deviations; this is their square.
+    // The error of a prediction may be three standard deviations. This is the square of three.
     static constexpr float kGrown = 9;
     enum { kLearned = 8, kRemembered = 64 };
     static constexpr float kOfRounding = 1.0f / 12;
@@ -93,7 +95,7 @@ class AxisMotion {
         usual_mean_ += (mean - usual_mean_) / n;
     }
 
-    float least_, usual_power_, usual_mean_;  // variances of the innovations, as ratios to S
+    float least_, usual_power_, usual_mean_;  // powers of the innovations, as ratios to S
     float sum_, powers_, largest_, last_mean_;
     std::uint16_t chunks_, stood_;
 };

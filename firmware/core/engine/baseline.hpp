@@ -1,8 +1,8 @@
 // The start-up window of one axis: mean and variance of its samples, which the filters need before their
-// first sample. The algorithm assumes noise of zero mean and of known variance R, and is sensitive to both.
-// An offset of 1 deg/s on white noise of variance 0.0235 (deg/s)^2 makes the algorithm as printed in the
-// paper diverge, and so does an R that is four times too small. A real MPU-9250 has offsets of up to ±5
-// deg/s. The board computes this from counts, and the host from doubles, with the same source.
+// first sample. The algorithm assumes noise of zero mean and of known variance R, and is sensitive to errors
+// of both. The algorithm of the paper diverges if white noise of variance 0.0235 (deg/s)^2 has an offset of 1
+// deg/s, or if R is four times too small. A real MPU-9250 has offsets of up to ±5 deg/s. The board computes
+// mean and variance from counts, and the host from doubles, with the same template.
 #pragma once
 
 #include <stdint.h>
@@ -13,7 +13,7 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// How samples of type T are summed.
+// The types in which samples of type T are summed.
 template <class T>
 struct Sums;
 
@@ -28,7 +28,8 @@ struct Sums<int16_t> {
 };
 
 // Doubles are summed as differences from the first sample. The mean of these differences is about as large as
-// the noise, so that the sum of the squares loses at most a factor n of precision to it, for n samples.
+// the noise. The variance, which is computed from the sum of their squares, therefore loses at most a factor
+// n of precision for n samples.
 template <>
 struct Sums<double> {
     typedef double Real, Sum, Pairs, Squares;
@@ -52,7 +53,7 @@ class Baseline {
 
     Size samples() const { return n_; }
 
-    // Whether all samples are equal. Such an axis has no R.
+    // Whether all samples are equal, so that the variance R of the noise is not known.
     bool constant() const { return spread() == 0; }
 
     // Mean, in the unit of the samples.
@@ -61,8 +62,8 @@ class Baseline {
         return Sums<T>::kFromFirst ? static_cast<Real>(first_) + mean : mean;
     }
 
-    // Variance of a sample, but at least the variance that rounding to the resolution causes. Needs two
-    // samples or more.
+    // Variance of a sample, but at least the variance that rounding to the resolution causes. Call this after
+    // two or more samples.
     Real variance(Real resolution = Real(1)) const {
         const Real rounding = resolution * resolution / Real(12);
         const Real pairs = static_cast<Real>(static_cast<Pairs>(n_) * static_cast<Pairs>(n_ - 1));
@@ -70,7 +71,7 @@ class Baseline {
         return found < rounding ? rounding : found;
     }
 
-    // A count minus the mean, computed in integers up to the final division.
+    // A count minus the mean of the samples, computed in integers up to the final division.
     Real centred(T value) const {
         static_assert(!Sums<T>::kFromFirst, "sums must be those of the samples themselves");
         return static_cast<Real>(static_cast<Sum>(value) * n_ - sum_) / static_cast<Real>(n_);

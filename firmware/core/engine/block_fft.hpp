@@ -1,5 +1,5 @@
-// |FFT|^2 of a block of 256 real numbers that are multiplied by Hann's window. It is computed as one complex
-// transform of 128 numbers.
+// Computes the squared magnitude of the Fourier transform of a block of 256 real numbers, multiplied by
+// Hann's window. This is done by one complex transform of 128 numbers.
 #pragma once
 
 #include "instruction_set.hpp"
@@ -18,11 +18,11 @@ class BlockFft {
     typedef typename Kind::Power Power;
     enum { kBlock = 256, kHalf = kBlock / 2 };
 
-    // Sum of the squares of the window. White noise of variance R has the power R, multiplied by this sum, in
-    // every spectral line.
+    // Sum of the squares of the window. For white noise of variance R, the mean power of every spectral line
+    // is R times this sum.
     static constexpr double scale() { return 0.375 * double(kBlock); }
 
-    // Working memory of the transform. At the end it holds the powers.
+    // Working memory of the transform. At the end it has the powers of the spectral lines.
     class Work {
         friend class BlockFft;
         union Half {
@@ -31,9 +31,10 @@ class BlockFft {
         } half_[2];
     };
 
-    // Computes power[i], the power of spectral line low + i, for i < lines, where 1 <= low and low + lines <=
-    // 128. The mean is subtracted first to avoid rounding errors; after the window, only lines 0 and 1 could
-    // contain a part of it. `places` = n: the powers are in units of 2^-2n of the squared unit of x.
+    // powers() computes power[i], the power of the spectral line with index low + i, for i < lines. low is at
+    // least 1, and low + lines at most 128. The mean of the block is subtracted first to avoid rounding
+    // errors; behind the window, it could only reach lines 0 and 1. If `places` is n, the powers are in units
+    // of 2^-2n of the squared unit of x.
     struct Powers {
         const Power* power;  // points into `work`
         int places;
@@ -63,8 +64,9 @@ class BlockFft {
     }
 
   private:
-    // Stockham's algorithm: every step reads one half of the working memory and writes the other half, in
-    // such an order that the result is sorted. Returns the half that holds the result.
+    // Transforms by Stockham's algorithm: every step reads one half of the working memory and writes the
+    // other half, in such an order that the result is sorted by frequency. Returns the index of the half with
+    // the result.
     static int transform(const Tables& tables, Work& work) {
         int from = 0;
         for (int stride = 1; stride < kHalf; stride *= 2, from = 1 - from) {
