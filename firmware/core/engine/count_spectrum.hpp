@@ -1,13 +1,12 @@
-// The board's running spectrum in integers, for a processor without floating point: it takes the counts of an
-// axis and returns sums of powers per frequency. It consists of levels: level 0 is the stream of samples, and
-// each further level is the one before at half its rate (octave_ladder.hpp).
+// The board's running spectrum in integers, for a processor without floating point: from the counts of an
+// axis it computes sums of powers for each frequency. The spectrum consists of levels: level 0 is the stream
+// of samples, and each further level is the stream of the level before at half the rate (octave_ladder.hpp).
 //
-// Values are kept in 1,024ths of a count, so rounding adds far less noise than the rounding of the counts
-// themselves. Down to the sixth octave, the unit of every second octave is half that of the octave above,
-// because its noise is smaller. A level stores 16 bits of each value, relative to a base that follows the
-// stream. Where the stream moves farther than 16 bits within a block, the unit of the stored bits is larger.
-// In a bin of white noise that is averaged over at least eight blocks, the power agrees to 0.1 % with a
-// computation in double.
+// Values are computed in 1,024ths of a count, so their rounding adds far less noise than the rounding of the
+// counts themselves. From level to level the noise becomes smaller, so three of the first five steps down
+// halve this unit. A level stores 16 bits of each value, relative to a base that follows the stream. Where
+// the values of a stream spread too far for 16 bits, they are stored in a larger unit. In a bin of white
+// noise that is averaged over at least eight blocks, the power agrees to 0.1 % with a computation in double.
 #ifndef FLTEA_COUNT_SPECTRUM_HPP
 #define FLTEA_COUNT_SPECTRUM_HPP
 
@@ -25,15 +24,15 @@ namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
 // The number types of the running spectrum in integers. 12 levels (kMostLevels) with a capacity of 496
-// samples each cover nearly three hours at 100 Hz. After that, the last level drops its oldest samples, while
-// the sums of the other levels still contain all samples.
+// samples each cover nearly three hours at 100 Hz. In a longer record, the last level drops its oldest
+// samples, while the sums of the other levels still contain all samples.
 template <int kMostLevels = 12, int kMostKept = 496>
 struct CountSpectrum {
     typedef std::int16_t Input;
     typedef float Real;
     typedef std::int32_t Value;
     typedef std::int64_t Sum;
-    typedef std::int32_t Coefficient;  // filter coefficient in units of 2^-30
+    typedef std::int32_t Coefficient;  // coefficient of a filter, in units of 2^-30
     typedef std::int64_t Power;
     typedef std::int16_t Stored;
     typedef std::int32_t Kept;
@@ -42,7 +41,7 @@ struct CountSpectrum {
     using Sums = CountSums<kLines>;
     enum { kLevels = kMostLevels, kCapacity = kMostKept, kMostMadeUp = 16, kOne = 30, kMostHalvings = 3 };
 
-    // Rounds to the nearest count.
+    // Rounds a value in counts to a whole count.
     static Input input(float y) {
         const std::int32_t count = static_cast<std::int32_t>(y < 0 ? y - 0.5f : y + 0.5f);
         return static_cast<Input>(count > 32767 ? 32767 : count < -32768 ? -32768 : count);
@@ -60,15 +59,15 @@ struct CountSpectrum {
     static Value filtered(Sum sum, int level) { return rounded(sum, kOne - finer(level)); }
     static Tables tables() { return Tables(); }
 
-    // 1 if the unit of level + 1 is half the unit of `level`, 0 if both units are equal.
+    // Returns 1 if the unit of level + 1 is half the unit of `level`, and 0 if both units are equal.
     static constexpr int finer(int level) { return level % 2 == 0 && level < 2 * kMostHalvings ? 1 : 0; }
-    // The n for which the unit of `level` is 2^-n of the unit of level 0.
+    // Returns n, where the unit of `level` is 2^-n times the unit of level 0.
     static constexpr int halvings(int level) {
         return (level + 1) / 2 < kMostHalvings ? (level + 1) / 2 : int(kMostHalvings);
     }
 
-    // Of n samples: the mean, the power about the mean, and the squared distance of the sample that is
-    // farthest from the mean.
+    // Three figures of n samples: their mean, the sum of their squared distances from it, and the largest of
+    // these squared distances.
     class Moments {
       public:
         Moments(const Input* x, int n) {
@@ -81,12 +80,13 @@ struct CountSpectrum {
                 if (one < low) low = one;
                 if (one > high) high = one;
             }
-            // The exact power, multiplied by n.
+            // n times the sum of the squared distances, without rounding
             const std::int64_t power = squares * n - static_cast<std::int64_t>(sum) * sum;
             const float size = static_cast<float>(n);
             mean_ = static_cast<float>(sum) / size;
             power_ = fixed::to_float(power, 0) / size;
-            // The exact distance of the largest sample from the mean, multiplied by n, before the division.
+            // The distances of the largest and the smallest sample from the mean, times n, are computed
+            // without rounding before they are divided.
             const float up = static_cast<float>(high * n - sum) / size;
             const float down = static_cast<float>(sum - low * n) / size;
             largest_ = up > down ? up * up : down * down;
@@ -108,7 +108,7 @@ struct CountSpectrum {
         return static_cast<float>(least);
     }
 
-    // Weights of the past for a spectrum that forgets nothing: all samples count the same.
+    // How fast old samples are forgotten: never, so all samples count the same.
     struct Memory {
         static constexpr bool fades() { return false; }
         static constexpr int generation(std::uint64_t) { return 0; }
@@ -116,13 +116,14 @@ struct CountSpectrum {
         static constexpr std::uint64_t oldest(std::uint64_t) { return 0; }
     };
 
-    // The unit of level 0 is 2^-kPlaces of a count. Even the largest values of a sensor fit into a Value at
-    // every level.
+    // The unit of level 0 is 2^-kPlaces counts. In this unit, and in the smaller ones of other levels, even
+    // the largest values of a sensor fit into a Value.
     enum { kPlaces = 10 };
     static Value value(Input y, Input origin) { return (Value(y) - Value(origin)) * (1 << kPlaces); }
 
-    // Base and unit of the stored 16-bit values; the unit is 2^shift of the level's unit. Both are chosen
-    // anew from all stored values when a new value would not fit, and when a smaller unit is possible again.
+    // Base and unit of the values that a level stores in 16 bits; the unit is 2^shift times the level's unit.
+    // Both are chosen anew from all stored values when a new value would not fit, and when a smaller unit is
+    // possible again.
     class Base {
       public:
         Base() : base_(0), shift_(0) {}
@@ -133,13 +134,14 @@ struct CountSpectrum {
                 x[fill + i] = stored(in[i]);
             }
         }
-        // Converts an output of the half-band filter, computed from stored values, to the unit of the levels.
+        // Converts outputs of the half-band filter, which were computed from stored values of `level`, to the
+        // unit of the next level.
         void lift(Value* out, int n, int level) const {
             const Value base = base_ * (1 << finer(level));
             for (int i = 0; i < n; ++i) out[i] = out[i] * (1 << shift_) + base;
         }
         int shift() const { return shift_; }
-        // Call this when values were dropped: a smaller unit may be possible.
+        // Call this when stored values were dropped: a smaller unit may be possible now.
         void renew(Stored* x, int fill) {
             if (shift_ > 0) choose(value(x[0]), x, fill, shift_ - 1);
         }
@@ -154,7 +156,8 @@ struct CountSpectrum {
         }
         Value value(Stored x) const { return Value(x) * (1 << shift_) + base_; }
 
-        // Chooses base and unit for all values; keeps the old ones if the unit would exceed 2^most.
+        // Chooses base and unit for all stored values and the newest one. Keeps the old base and unit if the
+        // new unit would exceed 2^most.
         void choose(Value newest, Stored* x, int fill, int most) {
             Value low = newest, high = newest;
             for (int i = 0; i < fill; ++i) {
@@ -174,8 +177,9 @@ struct CountSpectrum {
         int shift_;
     };
 
-    // A block of values minus their mean, in units of 2^-places. The largest value has about 22 bits, because
-    // the Fourier transform makes values up to 128 times as large.
+    // A block of values, from each of which the mean of the block is subtracted, in units of 2^-places. These
+    // units are chosen so that the largest value has about 22 bits: the Fourier transform makes values up to
+    // 128 times as large, and they have to fit into 32 bits.
     template <typename From>
     class Centred {
       public:
@@ -212,7 +216,7 @@ struct CountSpectrum {
     };
 
   private:
-    // `sum`, multiplied by 2^-places and rounded to the nearest integer; places > 0.
+    // Returns `sum` times 2^-places, rounded to the nearest integer. `places` is above 0.
     static Value rounded(Sum sum, int places) {
         return static_cast<Value>((sum + (Sum(1) << (places - 1))) >> places);
     }
@@ -231,8 +235,8 @@ class CountOctaves {
         while (!pass(passage)) {
         }
     }
-    // Begins to add a count. Then call pass(), which handles one level, until it returns true, before
-    // anything else is called. Several axes may share a `passage`, one after the other.
+    // Begins to add a count. Before anything else, call pass(), which handles one level, until it returns
+    // true. Several axes may use the same `passage`, one after the other.
     void add(std::int16_t count, Passage& passage) {
         Entrance entrance = {ladder_, passage};
         gate_.add(&count, 1, 1, entrance);
@@ -243,14 +247,15 @@ class CountOctaves {
 
     const GateCounts& counts() const { return gate_.counts(); }
     bool constant() const { return gate_.constant(); }
-    // Number of the next sample. Up to 127 samples before that one still wait until their chunk is complete.
+    // Number of the next sample. Up to 127 samples before it are not yet in the spectrum, because their chunk
+    // is not complete.
     std::uint64_t now() const { return gate_.number(); }
     const Ladder& ladder() const { return ladder_; }
-    // The powers of `level` are in units of 2^exponent squared counts.
+    // Returns e, where the powers of `level` are in units of 2^e squared counts.
     int exponent(int level) const { return -2 * (int(Kind::kPlaces) + Kind::halvings(level)); }
 
   private:
-    // Receives the accepted samples from the gate.
+    // Passes the samples that the gate has accepted on to the levels.
     struct Entrance {
         Ladder& ladder;
         Passage& passage;

@@ -1,5 +1,5 @@
-// Sums of the powers of Welch blocks in one octave, in integers. They cannot overflow: when a sum comes near
-// its limit, all sums change to a unit twice as large.
+// Sums of the powers of Welch blocks in one octave, in integers. The sums cannot overflow: when one of them
+// comes near its limit, all sums change to a unit twice as large.
 #ifndef FLTEA_COUNT_SUMS_HPP
 #define FLTEA_COUNT_SUMS_HPP
 
@@ -12,14 +12,14 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// 32 bits per sum, because the board has three axes with many octaves. After a year, the unit is so large
-// that a block of the highest octave adds only a few units. Fractions of a unit are rounded up or down at
-// random, so that the mean stays right.
+// Each sum has only 32 bits, because the board has three axes with many octaves. After a year, the unit is so
+// large that a block of the highest octave adds only a few units. Fractions of a unit are rounded up or down
+// at random, so that the sums are right on average.
 template <int kLines>
 class CountSums {
   public:
-    // Adds the powers of a block. Each power is below 2^58, in units of 2^-(2 places) of the squared unit of
-    // the values.
+    // Adds the powers of a block. Each power is below 2^58. Its unit is 2^-(2 places) times the squared unit
+    // of the level's values.
     void add(const std::int64_t* power, int places, int) {
         std::uint64_t largest = 0;
         for (int i = 0; i < kLines; ++i) {
@@ -44,7 +44,7 @@ class CountSums {
         ++blocks_;
     }
 
-    // Writes the sums in the squared unit of the values. All blocks have the same weight.
+    // Writes the sums in the squared unit of the level's values. All blocks have the same weight.
     void read(int, float* power, float* blocks, float* effective) const {
         for (int i = 0; i < kLines; ++i) {
             power[i] = fixed::to_float(static_cast<std::int64_t>(power_[i]), coarse_);
@@ -53,10 +53,10 @@ class CountSums {
     }
 
   private:
-    enum { kFirst = 30 };  // bits that the largest power of the first block gets
+    enum { kFirst = 30 };  // number of bits for the largest power of the first block
 
-    // Makes the unit of the sums larger, by the factor 2^places. The sums are in units of 2^coarse of the
-    // squared unit of the values.
+    // Makes the unit of the sums larger, by the factor 2^places. This unit is 2^coarse_ times the squared
+    // unit of the level's values.
     void coarsen(int places) {
         coarse_ += places;
         most_ = 0;
@@ -70,8 +70,8 @@ class CountSums {
         return places > 63 ? 0 : (x >> places) + (places > 0 ? 1 : 0);
     }
 
-    // x 2^-places, rounded at random: it is rounded up with a probability equal to its fraction, of which 24
-    // bits are used.
+    // Returns x 2^-places, rounded at random: it is rounded up with a probability equal to its fraction, of
+    // which 24 bits are used.
     std::uint64_t dithered(std::uint64_t x, int places) {
         if (places == 0) return x;
         if (places > 63) return 0;

@@ -1,4 +1,4 @@
-// The three filters of the printed algorithm for one state (Macias & Sierociuk 2023, section 5), one step at
+// The three filters of the paper's algorithm for one state (Macias & Sierociuk 2023, section 5), one step at
 // a time.
 //
 //     x_k = h^alpha (f x_{k-1} + u_{k-1}) - sum_{j=1}^{L(k)} c_j(alpha) x_{k-j} + noise of variance Q
@@ -6,9 +6,9 @@
 //
 // T is float, double, or a pack of several lanes; a lane is one axis. All lanes run through the same
 // operations without branches, so one lane cannot influence another. The order of operations is that of
-// host/fltea/lab/reference/filters.py, so that results agree to rounding. Compile with -ffp-contract=off:
-// otherwise a multiply-add may be fused in one place and not in another, and the filters with a guard and
-// without it would differ in their last digits.
+// host/fltea/lab/reference/filters.py, so that results agree to rounding. Compile with -ffp-contract=off.
+// Otherwise a multiplication and an addition may be fused in one place and not in another, and the filters
+// with a guard and without it would differ in their last digits.
 #pragma once
 
 #include "guard.hpp"
@@ -21,8 +21,8 @@ inline namespace FLTEA_INSTRUCTION_SET {
 // One sample of every lane. A lane that is marked in `missing` has no measurement, and its y is ignored.
 template <class T>
 struct Sample {
-    T y;  // y_k, deg/s
-    T u;  // B u_{k-1}, deg/s s^-alpha
+    T y;  // measurement y_k [deg/s]
+    T u;  // input B u_{k-1} [deg/s s^-alpha]
     MaskOf<T> missing;
 };
 
@@ -31,24 +31,26 @@ struct Sample {
 template <class T>
 struct Tuning {
     T log_h;
-    T x0, P0, Q, R;                // of KFx; Q is the variance of a whole step, including the factor h^2alpha
-    T alpha0, order_P0, order_Q0;  // of KFo
+    // settings of KFx; Q is the variance of a whole step, including the factor h^2alpha
+    T x0, P0, Q, R;
+    T alpha0, order_P0, order_Q0;  // settings of KFo
     T order_R, order_delta;
-    // of KFw; the joint filter has g0 = h^alpha0 f0 here, and its variances
+    // settings of KFw; the joint filter has g0 = h^alpha0 f0 in place of f0, and the variances of g
     T f0, parameter_P0, parameter_Q0;
     T parameter_R, parameter_delta;
-    T gate;  // limit of the guard for innovations [standard deviations]
+    T gate;  // innovations larger than this are limited by the guard [standard deviations]
 };
 
-// The state x, its variance P and V, the weighted sum of past variances, all at the last sample. `reach`
-// limits predictions: it is the largest |y| so far, plus the inputs during gaps and the uncertainty of x at
-// the start.
+// The estimate of the state x, its variance P, and V, the weighted sum of past variances, all at the last
+// sample. `reach` is used to limit predictions: it is the largest |y| so far, plus the inputs during gaps and
+// the uncertainty of x at the start.
 template <class T>
 struct StateBelief {
     T x, P, V, reach;
 };
 
-// An order or a parameter that does a random walk: the estimate, its variance, and the variance of one step.
+// An order or a parameter, which is taken to do a random walk: its estimate, the variance of this estimate,
+// and the variance of one step of the walk.
 template <class T>
 struct Walk {
     T mean, P, Q;
@@ -59,19 +61,19 @@ struct Estimate {
     T alpha, alpha_variance, f, f_variance, x, P, innovation, innovation_variance;
 };
 
-// The next estimate of a random walk after one measurement (sections 5.1 and 5.3). `Y`: the outputs that the
-// model predicts at the sigma points; `R`: the variance of the measurement noise; `delta`: the forgetting
-// factor with which Q follows the corrections (Robbins-Monro); `cause`: the cause that the guard counts if
-// its limit for large innovations weakens the update.
+// The change of an order's or a parameter's estimate by one measurement, and the variance after it (sections
+// 5.1 and 5.3). The arguments of unscented_update(): `Y`: outputs that the model predicts at the sigma
+// points; `R`: variance of the measurement noise; `gate`: limit of the guard for the innovation; `cause`: the
+// cause that the guard counts if this limit weakens the update.
 template <class T>
 struct Update {
-    T correction;  // K e
+    T correction;  // gain K times innovation e
     T P;
 };
 
-// Returns point - mean, where the point was computed as mean + step and perhaps clipped. A subtraction would
-// contain the rounding error of that sum. The variances would then drift, in float by a third within a
-// million samples.
+// Returns point - mean for a sigma point that was computed as mean + step and perhaps clipped. If it was not
+// clipped, `step` is returned: a subtraction would contain the rounding error of the sum, and the variances
+// would drift, in float by a third within a million samples.
 template <class T>
 T deviation(T point, T mean, T step) {
     return select(point == mean + step, step, point - mean);
@@ -83,14 +85,14 @@ Update<T> unscented_update(T mean, T step, const T (&points)[3], const T (&Y)[3]
     const T Wm0 = T(2.0 / 3.0), Wc0 = T(8.0 / 3.0), W = T(1.0 / 6.0);
     const T y_mean = Wm0 * Y[0] + W * Y[1] + W * Y[2];
     const T dy0 = Y[0] - y_mean, dy1 = Y[1] - y_mean, dy2 = Y[2] - y_mean;
-    // The first point is the mean itself.
+    // The first sigma point is the mean itself, so it has no deviation.
     const T dx1 = deviation(points[1], mean, step), dx2 = deviation(points[2], mean, -step);
     const T wy0 = Wc0 * dy0, wy1 = W * dy1, wy2 = W * dy2;
     const T e = y - y_mean;
     const T spread = dy0 * wy0 + dy1 * wy1 + dy2 * wy2;
     R = guards.gated_noise(R, spread + R, e, gate, cause);
     const T K = (dx1 * wy1 + dx2 * wy2) / (spread + R);
-    // Equal to the paper's P - K Pyy K, except that rounding cannot make this form negative.
+    // This form of the variance equals the paper's P - K Pyy K, but rounding cannot make it negative.
     const T left0 = -(dy0 * K), left1 = dx1 - dy1 * K, left2 = dx2 - dy2 * K;
     Update<T> update;
     update.correction = K * e;
@@ -98,7 +100,8 @@ Update<T> unscented_update(T mean, T step, const T (&points)[3], const T (&Y)[3]
     return update;
 }
 
-// Sets the sigma points of one dimension (n + lambda = 3): mean and mean -+ sqrt(3 P). Returns sqrt(3 P).
+// Sets the three sigma points of a scalar (n + lambda = 3): mean, mean + sqrt(3 P) and mean - sqrt(3 P).
+// Returns sqrt(3 P).
 template <class T>
 T sigma_points(T mean, T P, T (&points)[3]) {
     const T root = sqrt(P) * T(1.7320508075688772);
@@ -108,7 +111,8 @@ T sigma_points(T mean, T P, T (&points)[3]) {
     return root;
 }
 
-// The random walk's variance Q, adapted to the correction that was just made.
+// Returns the variance Q of a random walk's steps, adapted to the correction that was just made
+// (Robbins-Monro). `delta`: forgetting factor.
 template <class T>
 T adapted(T Q, T delta, T correction) {
     return (T(1) - delta) * Q + delta * (correction * correction);
@@ -128,8 +132,8 @@ struct AnyOrder<CompressedMemory<T>> {
     static constexpr bool value = false;
 };
 
-// Counts the lanes in which the memory replaces `order`, because it is out of the memory's range. `lowest`:
-// the lowest order for which the requested sums can be computed.
+// Counts the lanes in which the memory replaces `order` because it is out of the memory's range. `lowest`:
+// lowest order for which the requested sum can be computed.
 template <class Memory, class T>
 void note_order(T order, T lowest, Guards<T>& guards) {
     typedef Real<T> R;
@@ -137,7 +141,8 @@ void note_order(T order, T lowest, Guards<T>& guards) {
     guards.note(kMemoryOrder, (order < lowest) | (order > T(R(kHighestOrder))));
 }
 
-// Time update of KFx (section 5.2): predicts the next sample.
+// Result of the time update of KFx, which predicts the state at the next sample (section 5.2): estimate and
+// variance.
 template <class T>
 struct Prediction {
     T x, P;
@@ -152,8 +157,9 @@ Prediction<T> predict_state(const StateBelief<T>& state, T alpha, T beta, T rate
     return prediction;
 }
 
-// Measurement update of KFx (section 5.2), which also returns the results. If the sample is missing, the
-// state is the prediction. `drive`: h^alpha u, the input, by which a prediction may exceed what was measured.
+// Measurement update of KFx (section 5.2). It also writes the results to `out`. If the sample is missing, the
+// new state is the prediction. `drive`: the input h^alpha u, by which predictions in a gap may exceed the
+// measured values.
 template <class T>
 void update_state(StateBelief<T>& state, Prediction<T> at, T V, T drive, const Sample<T>& sample,
                   const Tuning<T>& p, Guards<T>& guards, Estimate<T>& out) {
@@ -198,8 +204,8 @@ struct Triple {
         guards.consider(!missing);
         const T order_P = guards.order_variance(order.P + order.Q);
         const Walk<T> moved = order_filter(memory, sample, p, guards, order_P);
-        // Q is the change of the order from one measurement to the next, so a missing sample leaves the
-        // random walk unchanged.
+        // The variance Q is that of the order's change from one measurement to the next, so a missing sample
+        // changes neither the order's estimate nor its variances.
         order.mean = select(missing, order.mean, moved.mean);
         order.P = select(missing, order.P, moved.P);
         order.Q = select(missing, order.Q, moved.Q);
@@ -212,12 +218,13 @@ struct Triple {
         T past, V;
         memory.sums(alpha, past, V);
         V = max(V, T(0));  // rounding can make the sum of a compressed memory slightly negative
-        // KFx uses the estimate of the parameter as it was before this sample.
+        // KFx uses the estimate of the parameter f from before this sample.
         const T f = guards.parameter(parameter.mean, alpha, scale);
         const T rate = gain * (f * state.x + sample.u);
         const Prediction<T> at = predict_state(state, alpha, gain * f, rate, past, V, p.Q);
 
-        // KFw, section 5.3: the same model at the new order, with the parameter at its sigma points.
+        // KFw (section 5.3) estimates the parameter f, from the outputs of the same model at the new order
+        // with f at its sigma points.
         const T P = guards.parameter_variance(parameter.P + parameter.Q, alpha, scale.down);
         guards.consider(!missing);
         T points[3], Y[3];
@@ -241,7 +248,7 @@ struct Triple {
     }
 
   private:
-    // KFo, section 5.1: estimates the order from the model's outputs at three sigma points.
+    // KFo (section 5.1): estimates the order from the model's outputs at three sigma points of the order.
     template <class Memory>
     Walk<T> order_filter(const Memory& memory, const Sample<T>& sample, const Tuning<T>& p, Guards<T>& guards,
                          T P) const {
@@ -257,8 +264,8 @@ struct Triple {
             const T f = guards.parameter(parameter.mean, points[i], scale);
             Y[i] = gain * (f * state.x + sample.u) - past[i];
             if (i == 0 && guards.consistent()) {
-                // Variance of the quantities that the paper's filter treats as exact: the previous state, the
-                // noise of its step and its past.
+                // The measurement variance also includes what the paper's filter treats as exact: the
+                // previous state, the noise of its step and its past.
                 const T F = gain * f + order.mean;
                 R = R + (F * state.P * F + p.Q + state.V);
             }
@@ -274,7 +281,7 @@ struct Triple {
         return moved;
     }
 
-    // Q is adapted from the correction that remained after the guard's bounds.
+    // Returns the correction that remained after the guard's bounds, to which Q is adapted.
     static T learnt(T correction, T proposed, T made, T before) {
         return select(made == proposed, correction, made - before);
     }

@@ -1,5 +1,6 @@
-// The bins of the board's running spectrum (count_spectrum.hpp), for a fit on the device. A bin is an average
-// of neighbouring spectral lines. Bins are made in small steps, so that sampling never has to wait.
+// Makes bins from the board's running spectrum (count_spectrum.hpp), to which the device fits noise models. A
+// bin is an average of neighbouring spectral lines. Bins are made in small steps, so that sampling never has
+// to wait.
 #ifndef FLTEA_FIT_BINS_HPP
 #define FLTEA_FIT_BINS_HPP
 
@@ -15,8 +16,8 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// Bins in squared counts, each about 8 % wide in frequency. In an octave with Welch sums, a bin contains at
-// least two spectral lines.
+// The bins of one axis, with powers in squared counts. A bin extends over about 8 % of its frequency. In an
+// octave with Welch sums, it contains at least two spectral lines.
 template <class Spectrum, int kMost = 176>
 class FitBins {
     typedef typename Spectrum::Ladder Ladder;
@@ -29,13 +30,13 @@ class FitBins {
     int size() const { return size_; }
     // Effective number of independent periodogram ordinates in all bins.
     float ordinates() const { return ordinates_; }
-    // Mean power of an ordinate.
+    // Mean power of the periodogram ordinates.
     float mean_power() const { return sum_ / ordinates_; }
     float lam(int i) const { return lam_[i]; }
     float counts(int i) const { return counts_[i]; }
     float power(int i) const { return power_[i]; }
     float ln_size(int i) const { return ln_size_[i]; }
-    // Number of bins that were omitted because the array was full.
+    // Number of bins that were omitted because the array of bins was full.
     int left_out() const { return left_out_; }
 
     // Begins to make the bins of `spectrum`, which must not change until step() has returned true.
@@ -48,10 +49,10 @@ class FitBins {
         open_ = Open();
     }
 
-    // Returns true when all bins are complete. A step first processes one octave of Welch sums, from the
-    // highest frequencies down. Later steps prepare one of the stretches whose samples are kept, or compute
-    // one ordinate of such a stretch. If there are too many stretches for the array, the lowest frequencies
-    // of the last ones are omitted.
+    // Does a small part of the work. Returns true when all bins are complete. The first steps process one
+    // octave of Welch sums each, from the highest frequencies down. After these, a step prepares one of the
+    // stretches whose samples are kept singly, or computes one ordinate of such a stretch. If there are more
+    // bins than the array can hold, the last ones are omitted.
     bool step(const Spectrum& spectrum) {
         const Ladder& ladder = spectrum.ladder();
         const int depth = ladder.depth();
@@ -104,8 +105,8 @@ class FitBins {
             line_ = kLowest;
             return;
         }
-        // The highest ordinate to compute: just below the lowest frequency of the octave above, or below the
-        // Nyquist frequency.
+        // Index of the highest ordinate to compute. It lies just below the lowest frequency of the octave
+        // above or, without such an octave, below the Nyquist frequency.
         const int last = depth == 0 ? (n - 1) / 2 : ((2 * kFirst - 1) * n - 1) / kBlock;
         if (line_ > last) {
             close();
@@ -114,7 +115,7 @@ class FitBins {
             return;
         }
         const float step = kTurn / static_cast<float>(n) * two_to(-depth);
-        // A bin may consist of a single ordinate.
+        // here, a bin may consist of a single ordinate
         add(step * static_cast<float>(line_), 1.0f,
             lines_.power(line_) * two_to(spectrum.exponent(depth) + depth), 1);
         ++line_;
@@ -124,8 +125,8 @@ class FitBins {
         float power[Ladder::kTopLines], blocks = 0, effective = 0;
         spectrum.ladder().sums(level, 0, power, &blocks, &effective);
         if (!(blocks > 0)) return;
-        // Each line counts as `weight` independent ordinates: neighbouring lines under Hann's window are
-        // correlated, and so are blocks that overlap by half.
+        // Each line counts as `weight` independent ordinates. These are fewer than the blocks, because
+        // neighbouring lines under Hann's window are correlated, and so are blocks that overlap by half.
         const float weight = blocks / (1.0f + 17.0f / 18.0f + 2.0f / 12.0f * (1.0f - 1.0f / blocks));
         const float scale = two_to(spectrum.exponent(level) + level) / (96.0f * blocks);
         const float step = kTurn / static_cast<float>(kBlock) * two_to(-level);
@@ -167,7 +168,8 @@ class FitBins {
     int size_, left_out_ = 0;
     float ordinates_, sum_ = 0;
     Stage stage_;
-    int stretch_, line_;  // `stretch_`: the stretch of kept samples; before these, the octave
+    // `stretch_`: index of the octave, and after all octaves that of the stretch of kept samples
+    int stretch_, line_;
     Open open_;
     WholeLines<kCapacity> lines_;
 };

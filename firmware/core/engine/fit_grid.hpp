@@ -1,5 +1,5 @@
-// Starting points for a fit that has no previous result: a grid of values of the models' free parameters
-// (whittle_models.hpp).
+// Starting points for a fit on the device that has no previous result. They are a grid of values of the
+// models' free parameters (whittle_models.hpp).
 #ifndef FLTEA_FIT_GRID_HPP
 #define FLTEA_FIT_GRID_HPP
 
@@ -13,7 +13,7 @@ class FitGrid {
     enum { kPoles = 8, kWeights = 3, kOrders = 6, kOrdersUpToOne = 4, kShares = 6 };
 
   public:
-    // The points with orders up to 1 come first.
+    // The points of the grid with orders up to 1 come first.
     enum {
         kOfRelaxation = kPoles * kWeights,
         kOfOrdersUpToOne = kOrdersUpToOne * kShares * kWeights,
@@ -21,7 +21,7 @@ class FitGrid {
     };
 
     static void relaxation(int place, float* theta) {
-        // poles as logits
+        // logits of the poles
         static const float poles[kPoles] = {-2.2f, -0.5f, 0.5f, 1.4f, 2.6f, 3.7f, 5.0f, 7.6f};
         theta[0] = poles[place / kWeights];
         theta[1] = weight(place);

@@ -8,13 +8,15 @@ namespace fltea {
 namespace whittle {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// What the fit says about the kind of the noise.
+// What a fit on the device says about the kind of an axis's noise.
 enum class Verdict : int {
     none,   // no fit yet, or nothing to fit
     white,  // white noise is not rejected
-    // white noise is rejected, and AR(1) is worse than the fractional model by more than 6 in 2 log L
+    // white noise is rejected, and 2 log L of a relaxation, AR(1), is lower than that of the fractional model
+    // by more than 6
     fractional,
-    relaxation,  // white noise is rejected, and AR(1) describes the noise as well as the fractional model
+    // white noise is rejected, and AR(1) describes the noise about as well as the fractional model
+    relaxation,
 };
 
 struct FitFigures {
@@ -23,7 +25,7 @@ struct FitFigures {
     // alpha_std contains the 95 % interval of the likelihood; alpha_std is 0 if the interval is not known.
     float alpha, alpha_std;
     float g;            // h^α f
-    float s2, R;        // in the squared unit of the bins' powers
+    float s2, R;        // variances of a step and of the white noise, in the unit of the bins' powers
     float ratio_white;  // 2 log L of the best order up to 1, minus that of white noise
     float ratio_ar1;    // 2 log L of the fractional model, minus that of AR(1)
     // The best relaxation in white noise: 1 - φ, the variance of the relaxation, and the variance of the
@@ -36,8 +38,8 @@ struct FitFigures {
 template <class Bins>
 class SlicedFit;
 
-// What is kept of an axis between fits: the last answers, from which the next fit starts, and the progress of
-// the grid searches that are repeated from time to time.
+// What is kept of an axis from one fit to the next: the last results, from which the next fit starts, and the
+// progress of the grid searches that are repeated from time to time.
 class FitMemory {
   public:
     // `turn`: every twelfth fit of an axis repeats the grid search; axes with different `turn` do so in
@@ -61,12 +63,13 @@ class FitMemory {
         float theta[3];
         float nll, scale;
         bool known;
-        unsigned char look;  // index of the grid point to test next
+        unsigned char look;  // index of the next grid point to test
     };
     void note_relaxation(float unit) {
         const Answer& answer = answers_[kRelaxation];
         if (!answer.known) return;
-        // Negating the logit gives 1 minus the share. This is precise even where the share is close to 1.
+        // A free parameter is the logit of a share between 0 and 1. Share of the negated logit is 1 minus
+        // that share, and is precise even where the share is close to 1.
         const float fall = 2.0f * Share<float>(-answer.theta[0]).value, power = answer.scale * unit;
         figures_.relaxation_fall = fall;
         figures_.relaxation_variance = Share<float>(answer.theta[1]).value * power / (fall * (2.0f - fall));

@@ -1,5 +1,5 @@
 // Fixed-point arithmetic for a processor without floating point that multiplies 32 by 32 bits in one
-// instruction. "In 2^-n" means that one count is worth 2^-n. Shifts of negative numbers are arithmetic (gcc,
+// instruction. Numbers are counts of a unit such as 2^-30. Shifts of negative numbers are arithmetic (gcc,
 // clang).
 #ifndef FLTEA_FIXED_MATH_HPP
 #define FLTEA_FIXED_MATH_HPP
@@ -11,7 +11,7 @@ namespace fltea {
 namespace engine {
 namespace fixed {
 
-// The product a b, in 2^-30 of the product of the units of a and b.
+// Returns the product a b. Its unit is 2^30 times the product of the units of a and b.
 inline std::int32_t product30(std::int32_t a, std::int32_t b) {
     return static_cast<std::int32_t>((static_cast<std::int64_t>(a) * b) >> 30);
 }
@@ -24,10 +24,11 @@ inline std::int64_t product30(std::int64_t a, std::int32_t b) {
     return above * 4 + (below >> 30);
 }
 
-// Largest count that fits.
+// Largest count that from_float() returns.
 constexpr std::int32_t kLargest = (1 << 29) - 1;
 
-// Converts x to counts of 2^exponent: rounded to the nearest, at most kLargest.
+// Converts x to a number of units of 2^exponent. The number is rounded to the nearest integer, and is at most
+// kLargest in magnitude.
 inline std::int32_t from_float(float x, int exponent) {
     std::uint32_t bits = 0;
     std::memcpy(&bits, &x, sizeof bits);
@@ -45,7 +46,7 @@ inline std::int32_t from_float(float x, int exponent) {
     return bits >> 31 ? -count : count;
 }
 
-// `count`, multiplied by 2^exponent, as a float; 0 if a float cannot hold it.
+// Returns `count` times 2^exponent as a float, or 0 if a float cannot hold it.
 inline float to_float(std::int64_t count, int exponent) {
     if (count == 0) return 0;
     std::uint64_t m = static_cast<std::uint64_t>(count < 0 ? -count : count);
@@ -53,7 +54,8 @@ inline float to_float(std::int64_t count, int exponent) {
     m <<= places;
     const int biased = exponent + 63 - places + 127;
     if (biased < 1 || biased > 253) return 0;
-    // The count is rounded to 24 bits. A carry of the rounding increments the exponent.
+    // The count is rounded to 24 bits. If the rounding carries into a further bit, this increments the
+    // exponent.
     const std::uint32_t top = static_cast<std::uint32_t>(m >> 32);
     std::uint32_t bits =
         (static_cast<std::uint32_t>(biased) << 23) - 0x800000 + ((top >> 8) + (top >> 7 & 1));
@@ -63,13 +65,13 @@ inline float to_float(std::int64_t count, int exponent) {
     return x;
 }
 
-// A number, represented as m 2^n.
+// A positive number, represented as m 2^n.
 struct Power {
-    std::int32_t m;  // in 2^-30, between 0.7 and 1.42
+    std::int32_t m;  // in units of 2^-30, between 0.7 and 1.42
     int n;
 };
 
-// 2^y, where y is in 2^-26. The error is 1e-8.
+// Returns 2^y, where y is in units of 2^-26. The relative error is 1e-8.
 inline Power power_of_two(std::int32_t y) {
     static const std::int32_t series[] = {// (ln 2)^k / k!, in 2^-30
                                           16377, 165394, 1431680, 10327387, 59597083, 257941248, 744261118};
@@ -82,10 +84,11 @@ inline Power power_of_two(std::int32_t y) {
     return power;
 }
 
-// sin(pi a) in 2^-30, where a is in 2^-28. The error is 1e-8. At integers the result is exactly 0.
+// Returns sin(pi a) in units of 2^-30, where a is in units of 2^-28. The error is 1e-8. For integers a the
+// result is exactly 0.
 inline std::int32_t sin_pi(std::int32_t a) {
     static const std::int32_t series[] = {
-        // Coefficients of the series of the sine, in 2^-28.
+        // coefficients of the series of the sine, in units of 2^-28
         125172, -1978485, 22050869, -160863847, 684554447, -1387197337, 843314857};
     const std::int32_t whole = (a + (1 << 27)) >> 28;
     const std::int32_t r = (a - whole * (1 << 28)) * 4;

@@ -1,24 +1,23 @@
-// Decides which samples of an axis show its noise, and where their stream has breaks. The running level below
-// is the running mean of the variance of accepted chunks.
+// Decides which samples of an axis show its noise, and where their stream has breaks. The "running level" in
+// the following is the running mean of the variance of accepted chunks.
 //
 // Samples are judged in consecutive chunks of 128.
 //
 // A chunk is called a knock and left out in two cases: its power about its own mean, without the largest
 // sample, exceeds sixteen times the running level; or its largest sample is more than a hundred standard
-// deviations away from that mean. Noise alone exceeds these limits rarely: Student's t with four degrees of
-// freedom in one sample of 10^8, a random walk in one chunk of 10^6. After eight consecutive knocks, the
-// variance of these chunks becomes the running level.
+// deviations away from that mean. Noise alone rarely exceeds these limits: noise with Student's t
+// distribution of four degrees of freedom does so in one sample of 10^8, and a random walk in one chunk of
+// 10^6. After eight consecutive knocks, the variance of these chunks becomes the running level.
 //
 // Single samples of an accepted chunk are limited to the chunk's mean ± twelve standard deviations of the
 // running level. Otherwise a few large samples close together would dominate the whole spectrum with their
 // own shape.
 //
-// A chunk is also left out as a step of the offset, if its mean differs from that of the previous chunk by
-// much more than such differences usually do. The whole chunk is left out, because the step may lie within
-// it.
+// A chunk is also left out if its mean differs from that of the previous chunk much more than usual, which is
+// a step of the offset. The whole chunk is left out, because the step may lie within it.
 //
-// Gaps of up to eight lost samples are filled by a straight line, as long as that concerns at most one sample
-// in a thousand. Other gaps are a break of the stream.
+// Gaps of up to eight lost samples are filled by a straight line, as long as at most one sample in a thousand
+// is filled in. At other gaps the stream has a break.
 #pragma once
 
 #include <cstddef>
@@ -36,12 +35,12 @@ struct GateCounts {
     std::uint64_t used;     // samples that were accepted
     std::uint64_t bridged;  // lost samples that were filled in
     std::uint64_t lost;     // all lost samples
-    std::uint64_t gaps;     // breaks because of lost samples
-    std::uint64_t knocks;   // chunks with knocks
+    std::uint64_t gaps;     // breaks of the stream because of lost samples
+    std::uint64_t knocks;   // chunks that were left out as knocks
     std::uint64_t knocked;  // samples left out because of knocks and steps
     std::uint64_t steps;
-    std::uint64_t changes;  // times that knocks became the running level
-    std::uint64_t limited;  // samples that were limited
+    std::uint64_t changes;  // number of times that the variance of knocks became the running level
+    std::uint64_t limited;  // samples that were clipped because they were far from the mean of their chunk
 };
 
 template <typename Kind>
@@ -51,8 +50,8 @@ class Gate {
 
   public:
     enum { kChunk = 128, kLongestBridge = 8, kKnocksToChange = 8, kRunning = 256, kFewestJumps = 16 };
-    // Limits relative to the running level: of the power of a chunk (kKnock), of the square of a sample
-    // (kSpike), and the square at which a sample is clipped (kLimit).
+    // Limits as multiples of the running level. kKnock: for the power of a chunk. kSpike: for the square of a
+    // sample. kLimit: square at which a sample is clipped.
     enum { kKnock = 16, kSpike = 10000, kLimit = 144 };
 
     Gate()
@@ -79,7 +78,7 @@ class Gate {
     }
 
     const GateCounts& counts() const { return counts_; }
-    // Number of the next sample, counting lost ones.
+    // Number of the next sample; lost samples count, too.
     std::uint64_t number() const { return number_ + std::uint64_t(fill_) + missing_; }
     // Whether all samples so far were equal.
     bool constant() const { return counts_.taken > 0 && !changed_; }
@@ -111,8 +110,8 @@ class Gate {
         counts_.lost += count;
     }
 
-    // Leaves out the next `count` samples, and also the samples of the incomplete chunk. Returns how many
-    // samples that chunk had.
+    // Leaves out the next `count` samples, and also the samples that wait in the incomplete chunk. Returns
+    // how many samples that chunk had.
     template <typename Sink>
     std::uint64_t leave_out(std::uint64_t count, Sink& sink) {
         const std::uint64_t waiting = std::uint64_t(fill_ - bridged_);
@@ -127,14 +126,14 @@ class Gate {
         return waiting;
     }
 
-    // Judges the incomplete chunk, and ends the stream of samples here with a break.
+    // Judges the incomplete chunk, and makes a break of the stream after it.
     template <typename Sink>
     void finish(Sink& sink) {
         if (fill_ > 0) hand_on(sink);
         end_stretch(sink);
     }
 
-    // Merges the gate of a later part of the stream into this one. finish() has to be called on both before.
+    // Merges the gate of a later part of the stream into this one. finish() must have been called on both.
     void merge(const Gate& other) {
         number_ = number() + other.number();
         missing_ = 0;
@@ -205,7 +204,8 @@ class Gate {
 
     static std::uint64_t* fields(GateCounts& counts) { return &counts.taken; }
     static int least(int a, int b) { return a < b ? a : b; }
-    // Does not use <limits>, because the macros min and max of the Arduino core break the names in it.
+    // This function does not use <limits>: the Arduino libraries define macros min and max, which break the
+    // names in that header.
     static Real infinity() { return Real(__builtin_inff()); }
 
     void note_change(const Input* y, int n) {
@@ -216,7 +216,7 @@ class Gate {
         }
     }
 
-    // Fills the gap of lost samples before `next`, or makes a break of it.
+    // Fills the gap of lost samples before the sample `next`, or makes a break of the stream there.
     template <typename Sink>
     void end_gap(Input next, Sink& sink) {
         const std::uint64_t missing = missing_;
@@ -240,7 +240,7 @@ class Gate {
             ++bridged_;
             ++counts_.bridged;
             if (fill_ == kChunk) hand_on(sink);
-            if (!has_last_) {  // the chunk with the beginning of the gap was left out
+            if (!has_last_) {  // the chunk in which the gap begins was left out
                 number_ += missing - i;
                 return;
             }
@@ -269,7 +269,8 @@ class Gate {
         fill_ = bridged_ = 0;
     }
 
-    // Whether the chunk is accepted. An incomplete chunk is judged as if its missing samples had no noise.
+    // Whether the present chunk is accepted. An incomplete chunk is judged as if its missing samples had no
+    // noise.
     bool belongs() {
         const typename Kind::Moments moments(chunk_, fill_);
         const Real mean = moments.mean(), power = moments.power(), largest = moments.largest();
@@ -278,7 +279,7 @@ class Gate {
             if (change > 0 && change < resolution_) resolution_ = change;
         }
         // The variance that rounding to the resolution causes. The noise is at least that large, even while
-        // hardly any sample changes.
+        // hardly any sample differs from the one before.
         const Real rounding = resolution_ < infinity() ? resolution_ * resolution_ / 12 : Real(0);
         const bool whole = fill_ == kChunk;
         const Real variance = fill_ > 1 ? power / Real(fill_ - 1) : Real(0);
@@ -322,9 +323,9 @@ class Gate {
     }
 
     // Whether the mean has stepped from one chunk to the next. `jump`, the difference of the two means, is
-    // compared with the running power of earlier jumps. While few jumps are known, only a larger jump is a
-    // step. A step enters the running power as the largest jump that is not yet a step, so that the power can
-    // follow noise that grows.
+    // compared with the running mean of the squares of earlier jumps. While few jumps are known, a jump has
+    // to be larger to be a step. A step enters this running mean as the largest jump that would not be a
+    // step, so that the mean can follow noise that grows.
     bool is_step(Real jump, Real rounding) {
         const Real level = jumps_level_ > rounding ? jumps_level_ : rounding;
         const Real deviations = jumps_ > 0 ? Real(5.5) * (1 + Real(8) / Real(jumps_)) : Real(0);
@@ -340,20 +341,20 @@ class Gate {
     Input chunk_[kChunk];
     unsigned char made_up_[kChunk];
     int fill_;
-    // `number_`: sample number of chunk_[0]; `missing_`: number of lost samples for which nothing was done
-    // yet
+    // `number_`: sample number of chunk_[0]; `missing_`: number of lost samples before the next one, not yet
+    // filled in or made a break
     std::uint64_t number_, missing_;
     int bridged_, has_last_, has_mean_, credit_;
     Input last_;
-    Real mean_;   // last_: newest sample of the stretch; mean_: mean of its newest chunk
-    Real level_;  // mean variance of a chunk, over `chunks_` chunks
+    Real mean_;   // last_: newest sample since the last break; mean_: mean of the newest chunk since then
+    Real level_;  // the running level: mean of the variances of `chunks_` chunks
     int chunks_;
-    int knocks_;  // consecutive knocks, and the mean of their variances
+    int knocks_;  // number of consecutive knocks so far; knocks_level_: the mean of their variances
     Real knocks_level_;
     int jumps_;
     Real jumps_level_;
     Real resolution_;  // smallest nonzero change from one sample to the next
-    Input value_;      // first sample of all
+    Input value_;      // the very first sample, for constant()
     int changed_;
     GateCounts counts_;
 };

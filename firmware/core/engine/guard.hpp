@@ -1,10 +1,10 @@
-// Guards of the three filters. They keep estimates finite and within declared bounds, and count their
+// Guards of the algorithm's filters. They keep estimates finite and within declared bounds, and count their
 // interventions.
 //
-// Every function returns its argument bit by bit unchanged if the guard is off or nothing has to be done.
-// alpha is the order (no unit), f the parameter (s^-alpha), gain = h^alpha, and beta = gain f the parameter
-// of one step (no unit). Bounds: alpha in [0, 2]; beta in [-2 * 2^alpha, 1], which contains every stationary
-// model (-2^alpha < beta < 0) with a margin.
+// Every function returns its argument unchanged, bit by bit, if the guard is off or nothing has to be
+// limited. alpha is the order (no unit), f the parameter (s^-alpha), gain = h^alpha, and beta = gain f the
+// parameter of one step (no unit). Bounds: alpha in [0, 2]; beta in [-2 * 2^alpha, 1], which contains every
+// stationary model (-2^alpha < beta < 0) with a margin.
 #pragma once
 
 #include "pack_math.hpp"
@@ -14,22 +14,23 @@ namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
 enum class Guard : int {
-    off = 0,        // the algorithm as printed in the paper; it may diverge
-    faithful = 1,   // the printed algorithm, with limits on innovations, estimates and state
-    consistent = 2  // as faithful, but KFo and KFw also count the state's own variance
+    off = 0,        // the paper's algorithm, which may diverge
+    faithful = 1,   // the paper's algorithm, with limits on innovations, estimates and state
+    consistent = 2  // as `faithful`, but KFo and KFw also count the variance of the state as noise
 };
 
-// Why an estimate differs from that of the printed algorithm. A cause is counted at most once per sample and
-// lane (axis).
+// Causes for which an estimate differs from that of the paper's algorithm. A cause is counted at most once
+// per sample and lane (axis).
 enum Cause : int {
     kOrderBox = 0,           // the order left [0, 2]
     kOrderSigma = 1,         // a sigma point of the order left [-1/2, 5/2]
     kOrderVariance = 2,      // the order's predicted variance exceeded 1/3
-    kOrderGate = 3,          // the innovation of the order filter exceeded its gate
+    kOrderGate = 3,          // the innovation of the order's filter exceeded its limit
     kParameterBox = 4,       // beta left its bounds at the order at which f was stored or used
     kParameterVariance = 5,  // the variance of beta exceeded a third of the square of its range
-    kParameterGate = 6,      // the innovation of the parameter filter exceeded its gate
-    // the state's innovation exceeded 4 sigma, or a prediction exceeded ten times all samples
+    kParameterGate = 6,      // the innovation of the parameter's filter exceeded its limit
+    // the state's innovation exceeded four standard deviations, or a prediction in a gap exceeded ten times
+    // the largest sample
     kStateBound = 7,
     // the compressed memory was asked for an order beyond its range (also if the guard is off)
     kMemoryOrder = 8,
@@ -59,7 +60,7 @@ class Guards {
 
     void note(Cause cause, Mask mask) { hit_[cause] = hit_[cause] | (mask & considered_); }
 
-    // Adds the interventions of this step to the counters `count` of all lanes: one counter for each of the
+    // Adds the interventions of this step to the counters `count`, of which each lane has one for each of the
     // kCauses causes.
     void finish(T* count) const {
         for (int i = 0; i < kCauses; ++i) count[i] = count[i] + select(hit_[i], T(1), T(0));
@@ -67,11 +68,12 @@ class Guards {
 
     T order(T alpha) { return active() ? clip(alpha, T(0), T(2), kOrderBox) : alpha; }
 
-    // Limits a sigma point of the order, at half an order beyond the bounds of the order. Clipping sigma
-    // points at the bounds themselves would pull their mean inwards.
+    // Limits a sigma point of the order to half an order beyond the order's own bounds. Clipping sigma points
+    // at these bounds themselves would pull their mean inwards.
     T order_point(T alpha) { return active() ? clip(alpha, T(-0.5), T(2.5), kOrderSigma) : alpha; }
 
-    // A variance of 1/3 puts the sigma points one order away from the mean.
+    // Limits the variance of the order to 1/3, with which the sigma points lie at a distance of 1 from the
+    // mean.
     T order_variance(T P) { return active() ? limit(P, T(1.0 / 3.0), kOrderVariance) : P; }
 
     // Limits f so that beta = h^alpha f stays within its bounds at the order `alpha`. `scale`: h^alpha and
@@ -92,7 +94,7 @@ class Guards {
         return clip(beta, lowest_beta(alpha), T(1), kParameterBox);
     }
 
-    // Limits the variance of f = beta * unit, so that the distance of the sigma points of beta from their
+    // Limits the variance P of f = beta * unit, so that the distance of the sigma points of beta from their
     // mean is at most the whole range of beta.
     T parameter_variance(T P, T alpha, T unit) {
         if (!active()) return P;
@@ -101,8 +103,8 @@ class Guards {
         return limit(P, range * range * T(1.0 / 3.0), kParameterVariance);
     }
 
-    // Increases the measurement noise R of KFo or KFw, so that the innovation e is at most `gate` standard
-    // deviations of Pyy, which includes R.
+    // Increases the measurement variance R of KFo or KFw so far that the innovation e is at most `gate` times
+    // its standard deviation. `Pyy`: variance of the innovation, which includes R.
     T gated_noise(T R, T Pyy, T e, T gate, Cause cause) {
         if (!active()) return R;
         const T e2 = e * e, gate2 = gate * gate;
@@ -111,8 +113,8 @@ class Guards {
         return select(beyond, R + (e2 / gate2 - Pyy), R);
     }
 
-    // Limits the predicted variance of the state, so that its innovation e is at most 4 sigma: |y - x| <= 4
-    // sqrt(R) after the update, whatever alpha and f are.
+    // Raises the predicted variance P of the state so far that the innovation e is at most four standard
+    // deviations. After the update, |y - x| <= 4 sqrt(R) then holds, whatever alpha and f are.
     T state_variance(T P, T R, T e) {
         if (!active()) return P;
         const T e2 = e * e;
@@ -121,8 +123,8 @@ class Guards {
         return select(beyond, e2 * T(1.0 / 16.0) - R, P);
     }
 
-    // Limits a prediction to ten times the largest sample before, because nothing else bounds it while no
-    // measurements come.
+    // Limits a prediction in a gap to ten times `reach`, which is about the largest sample before the gap.
+    // Nothing else bounds it while no measurements come.
     void prediction(T& x, T& P, T reach) {
         if (!active()) return;
         const T most = T(10) * reach;
@@ -131,8 +133,8 @@ class Guards {
     }
 
   private:
-    // For plain numbers, the exponential of lowest_beta() is computed only where it matters: from order 0 on,
-    // the lowest beta is at most -2.
+    // Whether beta is within its bounds without computing the exponential of lowest_beta(): from order 0 on,
+    // the lowest beta is at most -2. This is only used for plain numbers, not for packs.
     static bool plainly_within(T beta, T alpha) {
         return Lanes<T>::count == 1 && all((alpha >= T(0)) & (beta >= T(-2)) & (beta <= T(1)));
     }

@@ -1,9 +1,8 @@
 // Halves the rate of a stream: a half-band low-pass filter of 31 taps (Kaiser window, β = 8), followed by the
 // removal of every second sample.
 //
-// Here and in the other files of the running spectrum, the template parameter Kind stands for the number
-// types of the computation: those of count_spectrum.hpp for integers, or of host/native/real_spectrum.hpp for
-// floating point.
+// Here and in the other files of the running spectrum, the template parameter Kind has the number types of
+// the computation: integers (count_spectrum.hpp) or floating point (host/native/real_spectrum.hpp).
 #pragma once
 
 #include <cstddef>
@@ -14,18 +13,20 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// The filter. Onto frequencies below 0.35 of the Nyquist frequency, less than 5e-6 of the power is aliased.
+// The filter. After every second sample was removed, frequencies below 0.35 of the original Nyquist frequency
+// contain less than 5e-6 of aliased power.
 template <typename Kind>
 struct HalfBand {
     typedef typename Kind::Value Value;
     typedef typename Kind::Sum Sum;
     typedef typename Kind::Coefficient Coefficient;
 
-    // An output is computed from a sample and the kReach samples before it. It stands for the sample in the
-    // middle of them.
+    // An output of the filter is computed from a sample and the kReach samples before it. It stands for the
+    // sample in the middle of these.
     enum { kReach = 30, kDelay = 15, kMost = 128, kTaps = 8 };
 
-    // The middle tap, and the taps at the distances 15, 13, ... 1 from it. All other taps are 0.
+    // The middle tap of the filter, and the taps at the distances 15, 13, ... 1 from it. All other taps are
+    // 0.
     static Coefficient middle() { return Kind::coefficient(0.49998341447554523); }
     static Coefficient tap(int k) {
         static const Coefficient taps[kTaps] = {
@@ -36,10 +37,11 @@ struct HalfBand {
         return taps[k];
     }
 
-    // Computes those outputs whose newest sample has an even index in [from, to) of x, and returns their
-    // number. x begins at the first sample of the stretch, or an even number of samples later; to - from is
-    // at most kMost. The newest sample of the first output has the index first_place(from). `level`: the
-    // level of x in the running spectrum, which determines the units of x and of the outputs.
+    // Computes the outputs whose newest sample has an even index from `from` to before `to` in x, and returns
+    // their number. x begins at the first sample after a break of the stream, or an even number of samples
+    // later; to - from is at most kMost. The newest sample of the first output has the index
+    // first_place(from). `level`: level of the running spectrum to which x belongs, which determines the
+    // units of x and of the outputs.
     template <typename Stored>
     static int run(const Stored* x, int from, int to, int level, Value* out) {
         const int first = first_place(from), outputs = to > first ? (to - first + 1) / 2 : 0;

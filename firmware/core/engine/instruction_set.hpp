@@ -1,5 +1,5 @@
-// The name of the instruction set for which this file is compiled. The inline namespace of the engine has
-// this name (see pack.hpp for the reason).
+// FLTEA_INSTRUCTION_SET is the name of the instruction set for which a file is compiled. The engine's code is
+// in an inline namespace of this name (pack.hpp says why).
 #ifndef FLTEA_INSTRUCTION_SET_HPP
 #define FLTEA_INSTRUCTION_SET_HPP
 

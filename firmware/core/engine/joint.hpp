@@ -1,9 +1,10 @@
-// The joint variant: one unscented filter on (alpha, beta), beta = h^alpha f, replaces KFo and KFw.
+// The variant "joint" of the algorithm: one unscented filter estimates the order alpha and beta = h^alpha f
+// together. It replaces the filters KFo and KFw of the paper.
 //
 // Two separate filters ignore the correlation of alpha and f, so they stop before they reach the true values.
-// And f, which is proportional to h^-alpha, diverges when alpha moves. One filter on (alpha, beta) has
-// neither problem. By default, its measurement variance is the variance of the state's step plus that of the
-// measurement (Q + R).
+// And f, which is proportional to h^-alpha, diverges when alpha moves. A filter for alpha and beta together
+// has neither problem. Its measurement variance is by default the variance of the state's step plus that of
+// the measurement (Q + R).
 #pragma once
 
 #include "filters.hpp"
@@ -12,7 +13,7 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// Covariance of (alpha, beta), a symmetric 2 x 2 matrix.
+// Covariance of alpha and beta, a symmetric 2 x 2 matrix.
 template <class T>
 struct Covariance {
     T aa, ab, bb;
@@ -25,8 +26,8 @@ struct Joint {
     Covariance<T> P, Q;
 
     void start(const Tuning<T>& p) {
-        // This filter estimates beta, so f0, parameter_P0 and parameter_Q0 contain beta0 and its variances
-        // here.
+        // This filter estimates beta instead of f. The settings f0, parameter_P0 and parameter_Q0 therefore
+        // contain the first beta and its variances.
         alpha = p.alpha0, beta = p.f0;
         P.aa = p.order_P0, P.ab = T(0), P.bb = p.parameter_P0;
         Q.aa = p.order_Q0, Q.ab = T(0), Q.bb = p.parameter_Q0;
@@ -58,7 +59,7 @@ struct Joint {
   private:
     static const int kPoints = 5;
 
-    // Limits both variances, and keeps the correlation.
+    // Limits the variances of alpha and beta, and keeps their correlation.
     Covariance<T> limited(const Covariance<T>& wide, Guards<T>& guards) const {
         if (!guards.active()) return wide;
         const T aa = guards.order_variance(wide.aa);
@@ -69,15 +70,15 @@ struct Joint {
         return narrow;
     }
 
-    // Measurement update from the model's outputs at five sigma points: the mean, and the mean -+ the columns
-    // of sqrt(3 P).
+    // Measurement update of alpha and beta, from the model's outputs at five sigma points: the mean, and the
+    // mean plus and minus each column of sqrt(3 P).
     template <class Memory>
     void measure(const Memory& memory, const Sample<T>& sample, const Tuning<T>& p, Guards<T>& guards,
                  const Covariance<T>& at) {
         const T root3 = T(1.7320508075688772), zero = T(0);
         const T l_aa = sqrt(at.aa);
         const T l_ba = select(l_aa > zero, at.ab / l_aa, zero);
-        const T rest = at.bb - l_ba * l_ba;  // rounding can make it negative
+        const T rest = at.bb - l_ba * l_ba;  // rounding can make this difference negative
         const T da = root3 * l_aa, dab = root3 * l_ba, db = root3 * sqrt(select(rest < zero, zero, rest));
 
         T orders[3] = {alpha, guards.order_point(alpha + da), guards.order_point(alpha - da)};

@@ -1,6 +1,6 @@
-// One or more lanes, each of which is the estimator of one axis: the filters, their memory, and the counters
-// of the guard. With T = float or double it is a single lane, as on the device; with T = Pack several lanes
-// are computed at once.
+// A lane is the estimator of one axis: the filters, their memory, and the counters of the guard. An object of
+// the class Lane is a single lane if T is float or double, as on the device. If T is a Pack, it is several
+// lanes, which are computed at once.
 #pragma once
 
 #include "joint.hpp"
@@ -9,8 +9,9 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// Variant is Triple<T> or Joint<T>; Memory is a policy of memory_direct.hpp or memory_compressed.hpp. No
-// memory is allocated: the policy uses the storage that was passed to its constructor.
+// Variant is Triple<T> or Joint<T>. Memory is the class of the memory of past states, for example that of
+// memory_direct.hpp or memory_compressed.hpp. A Lane allocates nothing: the memory uses the storage that was
+// passed to its constructor.
 template <class T, class Variant, class Memory>
 class Lane {
   public:
@@ -22,7 +23,7 @@ class Lane {
         Variant filters;
         T counts[kCauses];
     };
-    // in numbers of type T: State has no other members
+    // size of State in numbers of type T; it has no other members
     static const std::size_t kStateSize = sizeof(State) / sizeof(T);
 
     Lane(const Memory& memory, const Tuning<T>& tuning, Guard guard)
@@ -41,8 +42,8 @@ class Lane {
     void retune(const Tuning<T>& tuning) { tuning_ = tuning; }
 
     void step(const Sample<T>& sample, Estimate<T>& out) {
-        // The last sample's estimate enters the memory only in this step, so that one lane can restart
-        // between steps while others continue.
+        // The estimate for the previous sample enters the memory only now, so that one lane can restart
+        // between two steps while others continue.
         memory_.push(state_.filters.state.x, state_.filters.state.P);
         Guards<T> guards(guard_);
         state_.filters.step(memory_, sample, tuning_, guards, out);

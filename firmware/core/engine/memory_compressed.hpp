@@ -30,7 +30,7 @@ class CompressedMemory {
         const Nodes nodes(config);
         return history_size(nodes) + (table_size(nodes) + Lanes<T>::count - 1) / Lanes<T>::count;
     }
-    // Number of elements, counted from the first, that hold past samples. The other elements are tables.
+    // Number of elements that hold past samples. These come first; the other elements are tables.
     static std::size_t history(const CompressedConfig& config) { return history_size(Nodes(config)); }
 
     // `storage` holds storage(config) elements, aligned for T. The caller owns it.
@@ -101,11 +101,11 @@ class CompressedMemory {
         if (nodes_.state.count > 0) add_state_tails(orders, S);
     }
 
-    // V = sum_{j=2}^{L(k)} c_j(order)^2 P_{k-j}. It is not negative if no P is negative.
+    // Computes V = sum_{j=2}^{L(k)} c_j(order)^2 P_{k-j}, which is not negative if no P is negative.
     T variance_sum(T order) const { return variance(at(order, kLowestVarianceOrder)); }
 
-    // Computes both sums of one order together, which is cheaper than one after the other. The range of
-    // orders is that of variance_sum().
+    // Computes S and V of one order together, which is cheaper than one after the other. The range of orders
+    // is that of variance_sum().
     void sums(T order, T& S, T& V) const {
         const Order orders[1] = {at(order, kLowestVarianceOrder)};
         T state[1];
@@ -115,7 +115,7 @@ class CompressedMemory {
         V = variance(orders[0]);
     }
 
-    // State that save and restore need in addition to the storage.
+    // What has to be saved and restored in addition to the storage.
     struct Position {
         std::uint64_t pushed;
     };
@@ -131,17 +131,18 @@ class CompressedMemory {
     const Nodes& nodes() const { return nodes_; }
 
   private:
-    // Number of calls of push() for which data are prefetched; beyond the end of the ring this has no effect.
+    // Number of calls of push() for which memory is prefetched. Beyond the end of the ring, prefetching has
+    // no effect.
     static constexpr std::size_t kPrefetch = 16;
 
     // Values that the sums of one order need in addition to the modes.
     struct Order {
         T order;
-        T b, sine;         // order + 1 and sin(pi order), for the sums over the modes
+        T b, sine;         // b = a + 1 and sin(pi a), where a is the order in the sums over the modes
         Powers<T> powers;  // e^{±a step}
     };
 
-    // The values for an order, which is limited to the memory's range. `lowest`: kLowestOrder or
+    // Returns these values for an order, which is limited to the memory's range. `lowest`: kLowestOrder or
     // kLowestVarianceOrder.
     Order at(T order, double lowest) const {
         order = min(max(order, T(R(lowest))), T(R(kHighestOrder)));
@@ -177,9 +178,9 @@ class CompressedMemory {
         return factor * factor * V;
     }
 
-    // z <- z - om z + K in - KW out, om = 1 - e^{-s}. Computing z e^{-s} would lose the small om of the slow
-    // modes by rounding. The first `forgotten` modes have decayed so far that they contain nothing of a
-    // sample that leaves the window. The last element is the plain sum of all samples.
+    // Advances all modes z: z <- z - om z + K in - KW out, where om = 1 - e^{-s} is the decay. Computing z
+    // e^{-s} would lose the small om of the slow modes by rounding. The first `forgotten` modes contain
+    // nothing any more of a sample that leaves the window. The last element is the plain sum of all samples.
     static void advance(T* z, const R* table, std::size_t forgotten, std::size_t count, T in, T out) {
         constexpr std::size_t G = kGroup;
         T next[G];
@@ -197,11 +198,11 @@ class CompressedMemory {
     }
     static T kept(T z, const R* row, T in) { return mul_add(T(row[1]), in, mul_add(T(row[0]), z, z)); }
 
-    // The contribution of all modes that would be slower than the slowest one. Their weights are an infinite
-    // geometric sequence G, Gq, Gq^2 ..., multiplied by a function of the node (decay rate) that is almost
-    // linear there. Instead of that function, the parabola through node 0 (the plain sum) and the two slowest
-    // modes is summed in closed form (q-binomial theorem). Returns the sum, which has to be added to the
-    // slowest mode.
+    // Returns what all modes that would be slower than the slowest one contribute; this has to be added to
+    // the slowest mode. Their weights are an infinite geometric sequence G, Gq, Gq^2 ..., multiplied by a
+    // function of the node (decay rate) that is almost linear there. This function is replaced by the
+    // parabola through node 0 (the plain sum) and the two slowest modes, and summed in closed form
+    // (q-binomial theorem).
     T slow_end(T G, const T* z, std::size_t count, R next_scale, R plain_scale) const {
         const R q = R(q_);
         const T one = T(R(1)), Gq = G * T(q), Gqq = Gq * T(q);
@@ -210,7 +211,7 @@ class CompressedMemory {
         return factor * mul_add(d0, modes, T(plain_scale) * z[count]);
     }
 
-    // x^n for n >= 0.
+    // Returns x^n for n >= 0.
     static T power(T x, std::size_t n) {
         T result = n % 2 != 0 ? x : T(R(1));
         for (n /= 2; n > 0; n /= 2) {
@@ -240,8 +241,8 @@ class CompressedMemory {
             }
         }
         for (int n = 0; n < N; ++n) {
-            // The result of slow_end() is added last, so that the chains of multiplications do not wait for
-            // it.
+            // The result of slow_end() is added last, so that the multiplications of the modes need not wait
+            // for it.
             const T v = orders[n].powers.down;
             const T end =
                 slow_end(v * T(R(q_)), state_, nodes_.state.count, R(-q_ * q_ * q_ * q_), R(state_plain_));
@@ -250,8 +251,8 @@ class CompressedMemory {
         }
     }
 
-    // Adds terms in pairs first, because the longest chain of operations is then one product shorter than in
-    // nested form.
+    // Returns chain[0] + v chain[1] + v^2 chain[2] + v^3 chain[3]. Pairs are added first: the longest chain
+    // of operations is then one product shorter than in nested form.
     static T join(const T (&chain)[kGroup], T v) {
         return mul_add(v * v, mul_add(v, chain[3], chain[2]), mul_add(v, chain[1], chain[0]));
     }
@@ -261,8 +262,8 @@ class CompressedMemory {
         return nodes_.state.count > 0 ? V + max(variance_tail(at), T(R(0))) : V;
     }
 
-    // The part of V that the modes represent: sin^2(pi a) 4^b B(b, b) sum_i q_i^{2a} F_i z_i, by Horner's
-    // scheme in v^2.
+    // Returns the part of V that the modes represent: sin^2(pi a) 4^b B(b, b) sum_i q_i^{2a} F_i z_i, by
+    // Horner's scheme in v^2.
     T variance_tail(const Order& at) const {
         constexpr std::size_t G = kGroup;
         const T b = at.b;
@@ -307,7 +308,7 @@ class CompressedMemory {
         return (at.sine * at.sine) * factor * (power(u, nodes_.variance.top) * sum);
     }
 
-    // 2 sqrt(pi) Gamma(b + 4) / Gamma(b + 7/2).
+    // Returns 2 sqrt(pi) Gamma(b + 4) / Gamma(b + 7/2).
     static T gamma_ratio(T b) {
         const T t = (b - T(R(kGammaCentre))) * T(R(kGammaScale));
         T sum = T(R(kGammaRatio[0]));
@@ -349,7 +350,7 @@ class CompressedMemory {
         variance_forgotten_ -= variance_forgotten_ % kGroup;
     }
 
-    // `decay`: the mode decays by the factor e^-decay while a sample crosses the window.
+    // `decay`: while a sample crosses the window, the mode decays by the factor e^-decay.
     void fill(R* row, double om, double K, double decay, std::size_t& forgotten) const {
         row[0] = R(-om);
         row[1] = R(K);
@@ -379,11 +380,11 @@ class CompressedMemory {
     T* P_;
     T* state_;     // modes of x, then the plain sum of x
     T* variance_;  // modes of P, then the plain sum of P
-    // samples that are in the modes, as pairs x, P; the next one to leave the window is at ring_position_
+    // the samples that are in the modes, as pairs x, P; the one at ring_position_ leaves the window next
     T* ring_;
-    R* state_table_;  // -om, K, -KW of each mode
+    R* state_table_;  // -om, K, -KW (advance()) of each mode of x
     R* variance_table_;
-    R* w_;           // for each mode of P, the argument w of F
+    R* w_;           // for each mode of P, the argument w of F (memory_nodes.hpp)
     R* head_table_;  // j, 1/j! and 1/j!^2 for each of the newest 15 samples; 0 beyond the window
     double q_;       // e^{-step}
     double state_plain_, variance_plain_;

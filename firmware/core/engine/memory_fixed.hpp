@@ -1,12 +1,13 @@
-// The memory of past states for a processor without floating point: the memory of memory_compressed.hpp
-// without a limit of its length, computed in integers. x is kept in units of 2^-21 to 2^-20 of the noise's
-// standard deviation sqrt(R). It is limited to 256 standard deviations or more, which only a knock exceeds. P
-// is kept only for the newest samples, whose weights are exact, in float.
+// The memory of past states for a processor without floating point: the memory of memory_compressed.hpp,
+// computed in integers and without a limit of its length. x is kept in units of 2^-21 to 2^-20 of the noise's
+// standard deviation sqrt(R). x is clipped at 256 of these standard deviations or more, which only a knock
+// exceeds. P is kept only for the newest samples, whose weights are exact, in float.
 //
-// Differences from the other memories: Orders outside of [-1/2, 5/2] are replaced by the nearest order in
-// this range, to which the guard limits them anyway. For all times beyond the slowest mode, the plain sum of
-// the past is used. Variances of samples older than the newest 15 are replaced by the oldest variance that is
-// kept, because the P of a running filter is nearly constant. firmware/README.md states the resulting errors.
+// It differs from memory_compressed.hpp in three ways. Orders outside of [-1/2, 5/2] are replaced by the
+// nearest order in this range, to which the guard limits them anyway. In place of modes slower than the
+// slowest one, the plain sum of the past is used. Variances of samples older than the newest 15 are replaced
+// by the oldest variance that is kept, because the P of a running filter is nearly constant.
+// firmware/README.md states the resulting errors.
 #ifndef FLTEA_MEMORY_FIXED_HPP
 #define FLTEA_MEMORY_FIXED_HPP
 
@@ -24,7 +25,7 @@ class FixedMemory {
   public:
     static constexpr float kLowest = -0.5f, kHighest = 2.5f;
 
-    // `R`: measurement variance of the state, which determines the unit of x.
+    // `R`: variance of the measurement, which determines the unit of x.
     explicit FixedMemory(float R) {
         std::uint32_t bits = 0;
         std::memcpy(&bits, &R, sizeof bits);
@@ -33,7 +34,7 @@ class FixedMemory {
         reset();
     }
 
-    // Forgets everything.
+    // Forgets all past states.
     void reset() {
         for (std::size_t i = 0; i < Nodes::head; ++i) x_[i] = 0, P_[i] = 0;
         for (std::size_t i = 0; i < Nodes::count; ++i) z_[i] = 0;
@@ -52,7 +53,7 @@ class FixedMemory {
         }
         x_[0] = fixed::from_float(x, x_unit_);
         P_[0] = P;
-        // Each mode is a mean that forgets exponentially, so it is never larger than its inputs.
+        // Each mode is an exponentially weighted mean of past x, so it is never larger than they are.
         for (std::size_t i = 0; i < Nodes::count; ++i) {
             const std::int32_t mean = static_cast<std::int32_t>((z_[i] + (1 << 30)) >> 31);
             z_[i] += static_cast<std::int64_t>(Nodes::forget[i]) * (oldest - mean);
@@ -78,11 +79,11 @@ class FixedMemory {
     }
 
   private:
-    static constexpr int kFine = 16;  // sums are in 2^-16 of the unit of x
+    static constexpr int kFine = 16;  // sums are in units of 2^-16 of the unit of x
 
     static std::int64_t fine(std::int32_t x) { return static_cast<std::int64_t>(x) * (1 << kFine); }
 
-    // An order in 2^-28, and e^{-order step} in 2^-30. The latter is between 0.1 and 1.6.
+    // `a`: an order, in units of 2^-28. `v`: e^{-a step}, in units of 2^-30, which is between 0.1 and 1.6.
     struct Order {
         std::int32_t a, v;
 
@@ -92,11 +93,11 @@ class FixedMemory {
             const fixed::Power power = fixed::power_of_two(in_steps(-a, Nodes::step));
             v = power.n >= 0 ? power.m << power.n : power.m >> -power.n;
         }
-        // The product of order and step, in 2^-26.
+        // Returns the product of order and step in units of 2^-26.
         static std::int32_t in_steps(std::int32_t a, std::int32_t step) {
             return static_cast<std::int32_t>((static_cast<std::int64_t>(a) * step) >> 31);
         }
-        // The ratio of neighbouring weights c_{j+1} / c_j, in 2^-30.
+        // Returns the ratio of neighbouring weights, c_{j+1} / c_j, in units of 2^-30.
         std::int32_t next(std::size_t j) const {
             const std::int32_t reciprocal = INT32_MAX / static_cast<std::int32_t>(j + 1);
             const std::int32_t distance = (static_cast<std::int32_t>(j) << kOrderBits) - a;
@@ -115,7 +116,7 @@ class FixedMemory {
                 sum = fixed::product30(sum, at[n].next(j)) + fine(x_[j - 1]);
             }
             const std::int64_t head = fixed::product30(sum, -at[n].a) * (1 << (30 - kOrderBits));
-            // Factors that all modes share: sin(pi a), and the fastest node to the power a.
+            // The sum over the modes is multiplied by sin(pi a) and by the fastest node to the power a.
             const fixed::Power lift = fixed::power_of_two(Order::in_steps(at[n].a, Nodes::top));
             std::int64_t rest = fixed::product30(fixed::product30(tail[n], fixed::sin_pi(at[n].a)), lift.m);
             rest = lift.n >= 0 ? rest * (1 << lift.n) : rest >> -lift.n;
@@ -123,15 +124,15 @@ class FixedMemory {
         }
     }
 
-    // Computes sum_i v^i K_i z_i over the modes. The sum is continued over all slower nodes that the grid
-    // could have, with the plain sum of the past in place of their z.
+    // Computes sum_i v^i K_i z_i over the modes. The sum goes on over the infinite series of slower nodes,
+    // with the plain sum of the past in place of their z.
     template <int N>
     void tails(const Order (&at)[N], std::int64_t (&sum)[N]) const {
         const std::int64_t slower = fixed::product30(plain_, Nodes::plain);
         for (int n = 0; n < N; ++n) {
             const std::uint32_t g = static_cast<std::uint32_t>(fixed::product30(at[n].v, Nodes::ratio));
             const std::uint32_t series =
-                (g << 1) / (((UINT32_C(1) << 30) - g) >> 14);  // g + g^2 + ..., in 2^-15
+                (g << 1) / (((UINT32_C(1) << 30) - g) >> 14);  // the series g + g^2 + ..., in units of 2^-15
             sum[n] = fixed::product30(slower, static_cast<std::int32_t>(series << 15));
         }
         for (std::size_t i = Nodes::count; i > 0; --i) {
@@ -152,7 +153,8 @@ class FixedMemory {
             product = fixed::product30(product, next);
         }
         const float a = min(max(order, -0.25f), kHighest), beyond = float(Nodes::head + 1);
-        // Sum of the c^2 of all samples older than the newest 15, by the Euler-Maclaurin formula.
+        // The sum of c_j^2 over all samples older than the newest 15 follows from the Euler-Maclaurin
+        // formula.
         const float c = a * fixed::to_float(fixed::product30(product, at.next(Nodes::head)), -30);
         const float rest = P_[Nodes::head - 1] * (c * c) * ((beyond - 0.5f * a) / (1.0f + 2.0f * a) + 0.5f);
         return a * a * sum + rest;
@@ -160,7 +162,7 @@ class FixedMemory {
 
     std::int32_t x_[Nodes::head];  // the newest samples, newest first
     float P_[Nodes::head];
-    // modes as means, in 2^-31 of the unit of x, from the fastest to the slowest
+    // modes as means, in units of 2^-31 of the unit of x, from the fastest to the slowest
     std::int64_t z_[Nodes::count];
     std::int64_t plain_;  // sum of all x that have left x_
     int x_unit_;          // the unit of x is 2^x_unit_

@@ -1,5 +1,6 @@
 // The nodes (decay rates) of the modes of the compressed memory (memory_compressed.hpp). The weights c_j of a
-// fractional difference of order a are integrals over exponentials; with b = a + 1, for j > a > -1,
+// fractional difference of order a are integrals over exponentials, written here with b = a + 1, for j > a >
+// -1:
 //
 //     c_j(a)   = -(sin pi a / pi) ∫ p^b (1+p)^{-j-1} d log p
 //     c_j(a)^2 = (sin pi a / pi)^2 4^b B(b, b) ∫ q^{2b} F (2/(2+q)) (1+q)^{-2j-1} d log q,
@@ -25,20 +26,21 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// Configuration of a compressed memory; compressed_config() makes it from the user's choice.
+// Configuration of a compressed memory, which compressed_config() makes from the user's settings.
 struct CompressedConfig {
     std::size_t window;  // length L of the memory in samples; 0: unlimited
-    int digits;          // accuracy of the weights
+    int digits;          // accuracy of the weights: see compressed_config()
 };
 
 constexpr int kDefaultDigits = 6;
 constexpr int kLeastDigits = 3;
 constexpr int kMostDigits = 11;
 
-// `digits`, 3 to 11 (0: the default, 6), is the accuracy: each weight c_j that the modes approximate has a
-// relative error below about 10^-digits for orders up to 1 (tables in host/docs/theory/filters.md). The first
-// 15 weights and the weights of integer orders are exact. `window` is the length L of the memory in samples,
-// or 0 for no limit. Numbers out of range are replaced by the nearest allowed ones.
+// Returns the configuration of a compressed memory. `window`: length L of the memory in samples, or 0 for no
+// limit. `digits`: accuracy, from 3 to 11, or 0 for the default, which is 6. Each weight c_j that the modes
+// approximate has a relative error below about 10^-digits for orders up to 1 (tables in
+// host/docs/theory/filters.md). The first 15 weights and the weights of integer orders are exact. `digits`
+// out of range are replaced by the nearest allowed number.
 inline CompressedConfig compressed_config(std::size_t window, int digits = kDefaultDigits) {
     if (digits == 0) digits = kDefaultDigits;
     if (digits < kLeastDigits) digits = kLeastDigits;
@@ -48,45 +50,46 @@ inline CompressedConfig compressed_config(std::size_t window, int digits = kDefa
 
 // A set of modes with the nodes e^{(top - i) step}, i = 0 .. count-1, from the fastest to the slowest.
 struct Bank {
-    std::size_t top;    // logarithm of the fastest node, divided by the step
-    std::size_t count;  // a multiple of kGroup
+    std::size_t top;    // number of steps from node 1 to the fastest node: its logarithm divided by the step
+    std::size_t count;  // number of modes, a multiple of kGroup
 };
 
-// Modes are evaluated in groups of this size, as independent chains of operations.
+// The sum over the modes is computed as this number of independent chains of operations, so modes come in
+// groups of this size.
 constexpr std::size_t kGroup = 4;
 
-// The nodes for one configuration. Here ::exp and similar functions are those of libm: their last digit,
-// which may differ between libraries, does not matter for nodes.
+// The nodes for one configuration. They are computed with ::exp and similar functions of libm, whose last
+// digit may differ between libraries, because this does not matter for nodes.
 struct Nodes {
-    // Number of samples with exact weights. The modes take over from sample kHead + 1 on, where j far exceeds
-    // every order and the fastest modes have already decayed.
+    // Number of newest samples whose weights are exact. Older samples are represented by the modes: for them,
+    // j far exceeds every order and the fastest modes have already decayed.
     static constexpr std::size_t kHead = 15;
-    // An unlimited memory is accurate for the last 2^30 samples (124 days at 100 Hz).
+    // Number of newest samples for which an unlimited memory is accurate: 2^30 (124 days at 100 Hz).
     static constexpr double kHorizon = 1073741824.0;
 
     std::size_t window;
     double step;
     Bank state, variance;
-    // How many groups of the variance's modes need several terms of the series of F, counted from the
-    // fastest: the first `four_terms` groups need four terms, the next ones up to `two_terms` need two, and
-    // all others one. At least one group remains for the last case.
+    // How many terms of the series of F the groups of the variance's modes need, counted from the fastest
+    // group: groups before the index `four_terms` need four terms, those before `two_terms` need two, and all
+    // others one. At least one group needs only one.
     std::size_t four_terms, two_terms;
 
     explicit Nodes(const CompressedConfig& config)
         : window(config.window), step(1), state(), variance(), four_terms(0), two_terms(0) {
-        // the memory is so short that no samples are left for the modes
+        // a memory this short has no samples for the modes
         if (window > 0 && window <= kHead) return;
         const double error = ::pow(10.0, -double(config.digits));
         while (trapezoidal_error(step) > error) step -= 0.005;
-        // The fastest nodes are chosen for the integrands at b = 2, relative to their integrals B(2, n-2) and
-        // B(4, 2n-3), for the weight c_n with n = kHead + 1.
+        // The fastest nodes are chosen so that the integrands of the weight c_n, with n = kHead + 1 and b =
+        // 2, are negligible beyond them, relative to the integrals B(2, n-2) and B(4, 2n-3).
         const double n = kHead + 1.0;
         state.top = top(error, 2, n + 1, n * (n - 1));
         const double m = 2 * n;
         variance.top = top(error, 4, m + 1, m * (m - 1) * (m - 2) * (m - 3) / 6);
         // Modes that would be slower than the slowest node p are approximated by a parabola
-        // (CompressedMemory::slow_end). The error is a third-order term: about (j p)^3/6 of a weight that is
-        // itself at most (j p)^b of the weights beside it.
+        // (CompressedMemory::slow_end). The error of this is of third order: about (j p)^3/6 of what these
+        // modes contribute to a weight, which is itself at most (j p)^b of the weight.
         const double slowest = ::log(0.8 * ::cbrt(error) / (window > 0 ? double(window) : kHorizon));
         state.count = count(state.top, slowest);
         variance.count = count(variance.top, slowest - 0.7);
@@ -97,22 +100,23 @@ struct Nodes {
     double node(const Bank& bank, std::size_t i) const {
         return ::exp((double(bank.top) - double(i)) * step);
     }
-    // The argument w of F at the i-th node of the variance's modes.
+    // Returns the argument w of F at the i-th node of the variance's modes.
     double w(std::size_t i) const {
         const double q = node(variance, i);
         return (q / (2 + q)) * (q / (2 + q));
     }
 
   private:
-    // Relative error of the trapezoidal rule with step D for p^b e^{-jp} at b = 2. The largest term of the
-    // error is the alias at frequency 2 pi/D: 2 |Gamma(b + 2 pi i/D)| / Gamma(b).
+    // Returns the relative error of the trapezoidal rule with step D for the integrand p^b e^{-jp} at b = 2.
+    // The largest term of the error is the alias at frequency 2 pi/D, which is 2 |Gamma(b + 2 pi i/D)| /
+    // Gamma(b).
     static double trapezoidal_error(double D) {
         const double pi = 3.14159265358979324, y = 2 * pi / D;
         return 2 * ::sqrt((1 + y * y) * 2 * pi * y) * ::exp(-pi * y / 2);
     }
 
-    // Logarithm of the fastest node, in steps. At the next faster node, x^power (1+x)^-decay, multiplied by
-    // `scale`, is negligible.
+    // Returns the logarithm of the fastest node, in steps. At the next faster node x, scale * x^power
+    // (1+x)^-decay is negligible.
     std::size_t top(double error, double power, double decay, double scale) const {
         std::size_t steps = 0;
         while (scale * ::pow(::exp(double(steps + 1) * step), power) *
