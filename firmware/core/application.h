@@ -271,7 +271,7 @@ class Application {
     EverySecond hello_;
     EverySecond status_;
     Estimation estimation_;
-    Estimate estimate_ = {};  // the newest estimate; valid if estimate_due_
+    Estimate estimate_ = {};  // the ESTIMATE that waits to be sent; valid if estimate_due_
     Fit fit_ = {};            // the FIT that waits to be sent; valid if fit_due_
     Spectrum spectrum_ = {};  // the SPECTRUM that waits to be sent; valid if spectrum_due_
     Allowance<settings::kFitShare> fits_share_;

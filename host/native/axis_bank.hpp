@@ -62,14 +62,15 @@ class AxisBank {
         live_.assign(live, live + axes_);
     }
 
-    // Sets the results of fits. From the next row on, they limit the published standard deviations.
+    // Sets the results of the newest fits. From the next row on, the published standard deviations are at
+    // least those of these fits.
     void know(const std::vector<Known>& known) { known_ = known; }
 
     struct Order {
         double alpha, alpha_std;
     };
-    // Returns the order after the last row with the filter's own standard deviation, or NaN if the axis is
-    // not valid.
+    // Returns the order that the filter has estimated after the last row, with the standard deviation that
+    // the filter itself states, or NaN if the axis is not valid.
     const Order& newest(std::size_t axis) const { return newest_[axis]; }
 
     LaneRunner* lanes() { return lanes_.get(); }
@@ -121,8 +122,8 @@ class AxisBank {
     }
 
   private:
-    // Number of rows that are processed at a time, so that the output of one step is still in the cache for
-    // the next step.
+    // Number of rows that are processed at a time. They are few, so that what one step of the processing
+    // writes is still in the cache for the next step.
     enum : std::size_t { kSlab = 128 };
 
     static BankBlock shifted(const BankBlock& out, std::size_t place) {

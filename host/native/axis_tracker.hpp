@@ -63,7 +63,7 @@ class AxisTracker {
         begin_again();
     }
 
-    // Whether a sample has arrived.
+    // Whether any sample has arrived yet.
     bool has_begun() const { return has_origin_; }
     // State vector after the newest sample, relative to the origin. If the noise model has two candidate
     // systems, it is the state of the likelier one. Without a model the vector is empty.
@@ -151,8 +151,8 @@ class AxisTracker {
 
     // The kind of change of the bias that the step test has detected at the newest sample.
     StepSeen::Kind seen() const { return seen_.kind; }
-    // Whether the detected step would move the bias farther from its settled value than the largest step of a
-    // bias.
+    // Whether the detected step is too large for a bias: whether it would move the bias farther from its
+    // settled value (settled_bias()) than largest_step().
     bool is_too_far() const { return !(std::fabs(bias() + step_size() - settled_bias()) <= largest_step()); }
 
     // Accepts the detected step: from now on, the bias is computed from the samples after the step. Returns
@@ -210,7 +210,7 @@ class AxisTracker {
         return count;
     }
 
-    // Call this before the first sample of a motion that is known beforehand.
+    // Call this before the first sample of a motion that the caller announces.
     void pause() {
         steps_.clear();
         check_.skip();
@@ -246,7 +246,7 @@ class AxisTracker {
     }
     void count_beginning() { ++counts_.begun; }
 
-    // Distance of the newest sample from the settled bias.
+    // Distance of the newest sample from the settled bias (settled_bias()).
     double off() const { return std::fabs(apart_ - settled_bias()); }
     // The present bias, which is the published figure.
     double absolute_bias() const { return bias() + origin_; }

@@ -115,8 +115,8 @@ class BankMembers {
         maps_[count_++].set(s);
     }
 
-    // Sets the states of white noise of variance 1 that passes through a pair of poles, as in
-    // host/fltea/noise/system.py.
+    // Sets the first two states of a system so that they describe white noise of variance 1 that has passed a
+    // low-pass with a pair of poles, as in host/fltea/noise/system.py.
     static void low_pass(double corner, System<kMost>& s) {
         typedef std::complex<double> Complex;
         const Complex z = std::exp(corner * std::polar(1.0, 2.356194490192345)), m = z / (z - std::conj(z));
@@ -130,7 +130,8 @@ class BankMembers {
         s.c[0] = 1;
     }
 
-    // Covariance of the real and imaginary parts of ξ, from E |ξ|² and E ξ².
+    // Writes the covariance of the real and the imaginary part of a complex state ξ, which follows from the
+    // expected values of |ξ|² (`hermitian`) and ξ² (`plain`).
     static void covariance(double hermitian, std::complex<double> plain, int n, double* to) {
         to[0] = hermitian + plain.real();
         to[n + 1] = hermitian - plain.real();

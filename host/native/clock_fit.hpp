@@ -16,7 +16,7 @@
 namespace fltea {
 
 struct Arrival {
-    double device, delay;  // time by the device's clock, and how much later the sample arrived
+    double device, delay;  // time of a sample by the device's clock, and how much later it arrived
 };
 
 struct ClockFit {

@@ -20,7 +20,7 @@ std::uint16_t load_u16(const std::uint8_t* bytes) {
     return static_cast<std::uint16_t>(bytes[0] | bytes[1] << 8);
 }
 
-// Reads the fields of a SAMPLE (messages.h) from the payload, when a visit of these fields calls it for each.
+// A visitor for the fields of a SAMPLE (messages.h), which reads each of them from the payload.
 class FieldReader {
   public:
     explicit FieldReader(const std::uint8_t* payload) : next_(payload) {}
@@ -211,7 +211,7 @@ void Decoder::feed(const std::uint8_t* data, std::size_t n, Decoded& found) {
                 pending_ = 0;
                 discarding_ = true;
             }
-        } else if (length) {  // a length of 0 is a 0x00 between frames
+        } else if (length) {  // if the length is 0, this is a further 0x00 between two frames
             judge(data + at, length, end, found);
         }
         if (zero) attaching_ = false;

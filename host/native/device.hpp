@@ -21,10 +21,10 @@ namespace fltea {
 enum class Stop : int {
     kEnd,       // all samples are consumed
     kMore,      // no event has occurred, but more samples wait
-    kStatsDue,  // before a sample that arrived after the time at which statistics were due
+    kStatsDue,  // before a sample: it arrived at or after the time at which statistics are due
     // before a sample: other samples before it are missing, and the sensors have predicted them
     kGap,
-    kEpoch,        // before a sample that begins an epoch; the caller has to call begin()
+    kEpoch,        // before a sample: an epoch begins with it, and the caller has to call begin()
     kHappened,     // after a sample: a bias stepped, motion began or ended, or an axis was lost
     kWindowFull,   // after a sample: the start-up window of a sensor is full
     kFitCounts,    // after a sample: a fit that has ended takes effect at the next sample
@@ -41,7 +41,7 @@ constexpr bool stands_before_sample(Stop stop) {
 // What happened at a sample. If `is_lost`, an axis became invalid, as `lost` says; otherwise `event` says
 // what the tracker noticed.
 struct Happening {
-    std::size_t row;  // index of the sample in the run
+    std::size_t row;  // index of that sample in the run of samples
     std::size_t sensor;
     bool is_lost;
     Lost lost;
@@ -65,8 +65,9 @@ struct Moment {
 
 struct Advanced {
     Stop stop;
-    std::size_t next;        // index of the next sample in the source
-    std::size_t begin, end;  // rows of the run that the caller has to publish before it handles the events
+    std::size_t next;  // index of the next sample in the source
+    // the rows of the run from `begin` to before `end` have to be published before the events are handled
+    std::size_t begin, end;
 };
 
 class Device {
@@ -288,7 +289,8 @@ class Device {
         std::size_t numbers = n * (3 + run_.gyro_width + run_.accel_width) + (from.temperature ? n : 0) +
                               (from.flags != nullptr ? n : 0);
         std::size_t flags = 0;
-        for (const Sensor& one : sensors) {  // reserves room for all sensors, also for those without values
+        // room is reserved for all sensors, also for those without samples
+        for (const Sensor& one : sensors) {
             const std::size_t size = n * one.places.size();
             numbers += size * (kTrackedColumns + (one.bank != nullptr ? kLaneColumns : 0));
             flags += size * (one.bank != nullptr ? 3 : 1);
@@ -357,9 +359,9 @@ class Device {
     bool has_moment_ = false;
     Judged judged_ = {};
     std::int64_t judged_ns_ = kNever;
-    bool is_judged_ = false;  // the next sample is judged, but not processed yet
-    bool is_ready_ = false;   // all work that has to precede the next sample is done
-    bool is_new_ = false;     // no sample of this epoch was processed yet
+    bool is_judged_ = false;  // whether the next sample is judged, but not processed yet
+    bool is_ready_ = false;   // whether all work that has to precede the next sample is done
+    bool is_new_ = false;     // whether no sample of this epoch was processed yet
     bool window_is_full_ = false;
 };
 

@@ -272,7 +272,7 @@ class Device {
     }
 
     fltea::Device device_;
-    std::optional<NumpyTable> table_;  // has the memory for the columns of a run
+    std::optional<NumpyTable> table_;  // owns the memory for the columns of a run of samples
     nb::object kept_;                  // keeps the Python objects alive to which the sensors point
     std::vector<fltea::RunPrinter*> printers_;
     nb::object kept_printers_;

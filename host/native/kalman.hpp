@@ -43,8 +43,8 @@ class Kalman {
     };
     // Gains of the filter of a system for the first kExact samples after its start. `at` points to the gain
     // for the first sample, and the gains for the next samples follow at distances of `stride`. P is the
-    // covariance before the last of them. The gains do not depend on the samples, so all filters of the same
-    // system share them.
+    // covariance of the prediction for the last of these samples. The gains do not depend on the samples, so
+    // all filters of the same system share them.
     struct Gains {
         const Gain* at;
         std::size_t stride;
@@ -293,7 +293,7 @@ class Kalman {
     }
 
     const System<N>* system_ = nullptr;
-    const Gains* gains_ = nullptr;  // while this is not null, P is not updated
+    const Gains* gains_ = nullptr;  // the precomputed gains, or null; while they are used, P is not updated
     int exact_ = 0, held_ = 0;
     Variances now_ = Variances(), from_ = Variances(), to_ = Variances();
     const RiccatiMap<N>* map_ = nullptr;

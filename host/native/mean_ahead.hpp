@@ -139,7 +139,7 @@ double density_at_zero(const System<N>& s, const bool* in) {
         row[i] = in[i] ? s.c[i] : 0;
         for (int j = 0; j < s.n; ++j) M[i * s.n + j] = i == j ? (in[i] ? 1 - s.a[i] : 1) : 0;
     }
-    for (int i = 0; i < 2 * s.pairs; i += 2) {  // the matrix is transposed
+    for (int i = 0; i < 2 * s.pairs; i += 2) {  // the equations are solved with the transposed matrix
         M[(i + 1) * s.n + i] = -s.b[i];
         M[i * s.n + i + 1] = s.b[i];
     }

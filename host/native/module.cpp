@@ -31,8 +31,7 @@ const uint8_t* data(const nb::bytes& bytes) { return static_cast<const uint8_t*>
     throw nb::value_error((std::string(field) + ": " + why).c_str());
 }
 
-// Sets the fields of a message from a tuple, when a visit of these fields (messages.h) calls it for each in
-// order.
+// A visitor for the fields of a message (messages.h), which sets each of them from a tuple, in order.
 class FieldReader {
   public:
     explicit FieldReader(nb::tuple values) : values_(values) {}

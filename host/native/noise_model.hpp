@@ -234,9 +234,10 @@ class NoiseModel {
 
     struct Rival {
         Filter filter, before[2];
-        // innovation, its variance, and weight at the newest sample
+        // innovation, its variance, and weight of this system at the newest sample
         double e = 0, S = 1, weight = 1;
-        double unlikely = 0, unlikely_before[2] = {0, 0};  // -log L, up to a constant
+        // -log L of the samples by this system, up to a constant
+        double unlikely = 0, unlikely_before[2] = {0, 0};
     };
 
     void weigh() {

@@ -162,7 +162,7 @@ inline void sums_ahead(const System<kMost>& s, const double* c, double R, const 
         for (int k = 0; k < count; ++k) {
             if (((counts[k] >> bit) & 1) == 0) continue;
             std::memcpy(rows, to[k].row, sizeof(double) * std::size_t(n));
-            rows[n] = 1;  // the sum so far is kept
+            rows[n] = 1;  // the sum over the next samples is added to the sum so far
             to[k].variance += form(rows, Q, rows, all);
             for (int j = 0; j < n; ++j) {
                 double sum = 0;

@@ -18,7 +18,7 @@ namespace peak {
 struct Found {
     bool any;
     std::size_t start, stop;
-    double level;  // noise level around the stretch
+    double level;  // noise level around the peak
 };
 
 // Constants of the search. The constants that this search shares with another one are in

@@ -233,7 +233,7 @@ class Packs {
         return values;
     }
 
-    // Reads the samples of row k for the lanes of one pack.
+    // Reads the samples of row k for the lanes of pack i.
     void take(std::size_t i, const Block& block, std::size_t k, Sample<Number>& sample) const {
         const std::size_t row = k * shape_.lanes;
         sample.y = numbers(block.y + row, i);

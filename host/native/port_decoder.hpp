@@ -32,7 +32,7 @@ class PortDecoder {
     explicit PortDecoder(const PortTimes& times) : times_(times), watch_(times) {}
 
     const PortCounts& counts() const { return counts_; }
-    // Unix time minus host time, as noted with the newest input of which the caller has received an item.
+    // Unix time minus host time, as it was at the newest input of which the caller has received an item.
     std::int64_t unix_offset_ns = 0;
 
     // Call this when the port was opened, for the first time or again.
@@ -244,8 +244,8 @@ class PortDecoder {
         check_is_due_ = true;
     }
 
-    // Returns the read, among those of the present part, that contained the byte before `end`, with which a
-    // frame ended.
+    // Returns the read, among those of the present part, with which a frame ended whose last byte is just
+    // before the offset `end`.
     const PortRead* read_of(std::int64_t end) const {
         return std::lower_bound(reads_.data() + part_begin_, reads_.data() + at_, base_ + end,
                                 [](const PortRead& read, std::int64_t at) { return read.end < at; });
@@ -360,7 +360,7 @@ class PortDecoder {
     PortCounts counts_;
     Handed handed_;
     bool has_before_ = false, has_last_ = false;
-    std::int64_t before_ns_ = 0;  // time at which the program last finished an input
+    std::int64_t before_ns_ = 0;  // time at which the program had last processed all input
     std::int64_t last_ns_ = 0;    // time of the last event or tick
     std::int64_t ticks_left_ = 0, next_tick_ns_ = 0;
     bool check_is_due_ = false;  // whether a check for troubles is due at last_ns_

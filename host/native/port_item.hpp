@@ -49,7 +49,8 @@ struct PortCounts {
         Reason reason;
         std::int64_t blocks;
     };
-    std::vector<Bad> bad;  // numbers of bad blocks, in the order in which their reasons first occurred
+    // number of bad blocks for each reason, in the order in which the reasons first occurred
+    std::vector<Bad> bad;
 
     void add_bad(Reason reason) {
         for (Bad& one : bad) {

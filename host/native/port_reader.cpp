@@ -157,7 +157,7 @@ void PortReader::run() {
     }
 }
 
-// Reads one port. Returns whether anything was received.
+// Reads one port. Returns whether bytes came or the port was lost.
 bool PortReader::read_port(std::size_t at, bool hung_up, std::uint8_t* buffer) {
     Port* port = nullptr;
     int descriptor = -1;
@@ -207,7 +207,7 @@ void PortReader::note(Port& port, std::int64_t due_ns) {
     due_ns_ = std::min(due_ns_, due_ns);
 }
 
-// Returns how long to wait for the ports [ms], or -1 if the reader is closed.
+// Returns how long to wait for bytes from the ports [ms], or -1 if the reader is closed.
 int PortReader::wait_ms() {
     const std::lock_guard<std::mutex> alone(mutex_);
     if (closed_) return -1;

@@ -13,7 +13,7 @@ constexpr std::int64_t kSecondNs = 1'000'000'000;
 // Times after which a trouble is reported [ns].
 struct PortTimes {
     std::int64_t silence_ns;  // how long a device may send nothing, or nothing readable, or no HELLO
-    std::int64_t tick_ns;     // silence of a port after which an item kTick is returned
+    std::int64_t tick_ns;     // silence of a port after which it gets a tick (an item kTick)
     std::int64_t repeat_ns;   // time until the same trouble is reported again
 };
 
@@ -83,8 +83,8 @@ class PortWatch {
     }
     // Call this if all received bytes were parts of readable frames.
     void on_all_read() { has_unread_ = false; }
-    // Call this if all received bytes were parts of readable frames, except the last `bytes`, the first of
-    // which came at `since_ns`.
+    // Call this if the last received bytes were not parts of readable frames so far. `bytes`: their number.
+    // `since_ns`: time at which the first of them came.
     void on_read_but(std::int64_t bytes, std::int64_t since_ns) {
         has_unread_ = true;
         unread_since_ns_ = since_ns;
@@ -128,7 +128,7 @@ class PortWatch {
 
     PortTimes times_;
     bool is_connected_ = false, is_refused_ = false, heard_hello_ = false;
-    bool has_unread_ = false;  // whether bytes have come after the last readable frame
+    bool has_unread_ = false;  // whether bytes have come that are not part of a readable frame so far
     std::int64_t opened_ns_ = 0, byte_ns_ = 0, unread_since_ns_ = 0, unread_bytes_ = 0;
     // kind of the last reported trouble; if it is empty, the next trouble of any kind is reported
     std::string reported_;

@@ -42,7 +42,7 @@ class RealTables {
 // half a year of samples at 100 Hz.
 template <typename Number, int kMostLevels = 20, int kMostKept = 3072>
 struct RealSpectrum {
-    typedef double Input;  // finite, within ±1e100
+    typedef double Input;  // samples, which have to be finite and within ±1e100
     typedef double Real;
     typedef Number Value;
     typedef Number Sum;
@@ -139,8 +139,8 @@ struct RealSpectrum {
     };
 
     // Records the logarithm of the power of the blocks of an octave over time. The first octave has the
-    // shortest blocks, so it shows changes at all time scales. Lower octaves are recorded only at their
-    // shortest time scales, because the first octave does not show changes of their noise.
+    // shortest blocks, so it shows changes at all time scales. Lower octaves are recorded, too, for changes
+    // that the first octave does not show, but only at their shortest time scales.
     template <int kLines>
     class Cells : public TimeCells {
       public:

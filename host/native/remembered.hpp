@@ -126,8 +126,8 @@ struct Remembered {
         for (int i = 0; i < kept && io.sound(); ++i) visit_known(io, recent[i]);
     }
 
-    // Returns 2 log L of the samples according to a system, up to a constant. NaN if no filter can work with
-    // the system.
+    // Returns 2 log L of the remembered samples according to a system, up to a constant, or NaN if no filter
+    // can work with the system.
     double likelihood(const System<kMost>& s) const {
         RiccatiMap<kMost> map;
         if (!map.set(s)) return __builtin_nan("");

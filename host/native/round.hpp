@@ -16,7 +16,7 @@
 
 namespace fltea {
 
-// A port for which the caller has to do something, and what.
+// A port for which the caller has to do something, and what that is.
 struct Happened {
     int port;
     PortStop stop;

@@ -18,9 +18,11 @@ struct TrackerEvent {
     // The axis that has stepped or that showed the motion. Motion may also have been shown by the
     // accelerometer (kByAccel) or announced by the caller (kByCaller).
     int axis;
-    std::int64_t ago;       // number of samples since the step or the motion began, including the newest one
-    double size, size_std;  // size of a step; at the end of a motion, `size` is its largest sample
-    std::int64_t samples;   // at the end of a motion: how long it lasted [samples]
+    std::int64_t ago;  // number of samples since the step or the motion began, including the newest one
+    // size of a step with its standard deviation; at the end of a motion, `size` is the largest distance of a
+    // sample from the bias
+    double size, size_std;
+    std::int64_t samples;  // at the end of a motion: how long it lasted [samples]
     enum { kByAccel = -1, kByCaller = -2 };
 };
 

@@ -36,7 +36,7 @@ struct Judged {
     enum Kind { kTaken, kDuplicate, kUnusable };
     Kind kind;
     EpochReason reason;  // why an epoch begins with this sample, or kNone
-    // number of samples that are missing just before this one: numbers seq - missing to seq - 1
+    // number of samples that are missing just before this one; they have the numbers seq - missing to seq - 1
     std::int64_t missing;
     std::int64_t seq, epoch_us;
 };
@@ -204,7 +204,7 @@ class SequenceTracker {
     }
 
     // Compares the numbers and times of all samples since a HELLO, accepted or not. While a HELLO is missing,
-    // the device is not found to contradict it, because the samples may come from another device.
+    // the device is not accused of contradicting it, because the samples may come from another device.
     RateWatch::Verdict watch(std::int64_t sequence, std::int64_t device_us) {
         if (!seen_.any) watch_.begin();
         const std::int64_t step = (sequence - seen_.sequence) & (kSequenceWrap - 1);

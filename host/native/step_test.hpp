@@ -177,7 +177,7 @@ class StepTest {
     double louder(double z) {
         const double apart = z - last_, square = apart * apart / 2;
         last_ = z;
-        // a step causes one large difference, which counts only as much as this
+        // a step causes one large difference, which is limited to this
         const double most = kOutlier * (power_ > 1 ? power_ : 1);
         power_ += kPower * ((square < most ? square : most) - power_);
         const double used = power_ > 1 ? z / std::sqrt(power_) : z;
@@ -216,7 +216,7 @@ class StepTest {
             const double length = double(blocks) * size, sum = level.newest(blocks);
             const double square = sum * sum, beside = std::fmax(usual(l, w) * length, absolute);
             if (window.count >= kWeight) absolute = std::fmax(absolute, window.usual * length);
-            if (square > kEven * beside) {  // the gain is above kEven / 2
+            if (square > kEven * beside) {  // the gain in log L is above kEven / 2
                 const double gain = square / (2 * beside);
                 if (gain > kSure) return found(level, size, blocks);
                 if (gain > level.suspect.gain && length >= kSuspected) {

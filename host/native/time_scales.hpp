@@ -1,5 +1,5 @@
-// Computes in constant memory how much a value changes over 1, 2, 4 … of its samples: its Haar wavelet
-// variances.
+// Computes in constant memory how much the mean of 1, 2, 4 … consecutive values differs from that of as many
+// values before: the Haar wavelet variances.
 #pragma once
 
 #include <cstdint>
@@ -97,10 +97,10 @@ class TimeScales {
     double sum_[kScales];   // sum of the contributions of the pairs
     float first_[kScales];  // first mean of a pair whose second mean is not complete yet
     std::uint32_t pairs_[kScales];
-    float old_sum_[kScales];  // the same sums over the previous `span` values
+    float old_sum_[kScales];  // these sums over the `span` values before the present ones
     std::uint32_t old_pairs_[kScales];
     std::uint32_t span_;
-    std::uint32_t waiting_;  // one bit per scale: whether a first mean waits
+    std::uint32_t waiting_;  // one bit per scale: whether first_ waits for a second mean
 };
 
 }  // namespace fltea

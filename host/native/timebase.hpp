@@ -88,7 +88,7 @@ class Timebase {
     std::int64_t origin_us_ = 0, origin_ns_ = 0, second_end_us_ = 0;
     std::int64_t last_ns_ = std::numeric_limits<std::int64_t>::min();
     std::deque<Arrival> seconds_;  // earliest arrival of each finished second
-    Arrival earliest_ = {};        // times in s
+    Arrival earliest_ = {};        // the earliest arrival of the second in progress; times in s
     ClockFit fit_;
     bool begun_ = false, any_ = false;
 };

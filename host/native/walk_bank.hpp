@@ -103,7 +103,7 @@ class WalkBank {
 
   private:
     enum { kWeighed = 8, kSorted = 32 };
-    // A filter is dropped if its log L is lower than that of the best filter by this number.
+    // A filter is dropped if its log L is lower than that of the best filter by more than this.
     static constexpr double kHopeless = 15;
     static constexpr double kNegligible = 1e-4;
 

@@ -69,15 +69,15 @@ constexpr int kParts = kArfimaByStep + 1;
 // say otherwise, the bounds follow from the data or are `low` and `high` in the part's row of the table.
 enum Value : int {
     kLevel,      // log of the variance of white noise
-    kPower,      // log of a power
+    kPower,      // log of the power of a part
     kRate,       // log of h / correlation time τ
     kPole,       // log of the rate of an ARFIMA, whose φ is e^-rate
     kAlpha,      // an order; its bounds are those of the fit
-    kNumber,     // the parameter without a transformation
+    kNumber,     // the parameter itself, not transformed
     kShape,      // a logit or a logarithm of a number; beyond the bounds the spectrum hardly changes
     kFrequency,  // log of a frequency λ, at most log π + `high`
     kCorner,     // log of the square of a frequency λ, from the lowest frequency of the data to `high`
-    kMinusF,     // log of -f
+    kMinusF,     // log of -f of an order (kOrderByf)
     kNoise,      // log of the variance Q of an order (kOrderByQ)
 };
 constexpr const char* kValueNames[] = {"level", "power",     "rate",   "pole",    "alpha", "number",

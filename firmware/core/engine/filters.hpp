@@ -35,7 +35,7 @@ struct Tuning {
     T x0, P0, Q, R;
     T alpha0, order_P0, order_Q0;  // settings of KFo
     T order_R, order_delta;
-    // settings of KFw; the joint filter has g0 = h^alpha0 f0 in place of f0, and the variances of g
+    // settings of KFw; the joint filter has beta0 = h^alpha0 f0 in place of f0, and the variances of beta
     T f0, parameter_P0, parameter_Q0;
     T parameter_R, parameter_delta;
     T gate;  // innovations larger than this are limited by the guard [standard deviations]

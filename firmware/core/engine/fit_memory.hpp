@@ -32,7 +32,7 @@ struct FitFigures {
     // white noise.
     float relaxation_fall, relaxation_variance, relaxation_R;
     float ordinates;
-    bool alpha_defined;  // the interval of α is clearly shorter than the range of all orders
+    bool alpha_defined;  // whether the interval of α is clearly shorter than the range of all orders
 };
 
 template <class Bins>
@@ -68,8 +68,8 @@ class FitMemory {
     void note_relaxation(float unit) {
         const Answer& answer = answers_[kRelaxation];
         if (!answer.known) return;
-        // A free parameter is the logit of a share between 0 and 1. Share of the negated logit is 1 minus
-        // that share, and is precise even where the share is close to 1.
+        // theta has logits of numbers between 0 and 1. The negated logit gives 1 minus such a number. This is
+        // precise even where the number is close to 1.
         const float fall = 2.0f * Share<float>(-answer.theta[0]).value, power = answer.scale * unit;
         figures_.relaxation_fall = fall;
         figures_.relaxation_variance = Share<float>(answer.theta[1]).value * power / (fall * (2.0f - fall));

@@ -182,7 +182,7 @@ class Gate {
         io.real(knocks_level_, 0, 1e203);
         io.number(jumps_, 0, kRunning);
         io.real(jumps_level_, 0, 1e203);
-        // A snapshot must not contain infinite numbers.
+        // A snapshot must not contain infinite numbers, so an unknown resolution is saved as 0.
         Real resolution = resolution_ < infinity() ? resolution_ : Real(0);
         io.real(resolution, 0, 1e101);
         resolution_ = resolution > 0 ? resolution : infinity();

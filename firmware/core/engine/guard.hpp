@@ -32,7 +32,7 @@ enum Cause : int {
     // the state's innovation exceeded four standard deviations, or a prediction in a gap exceeded ten times
     // the largest sample
     kStateBound = 7,
-    // the compressed memory was asked for an order beyond its range (also if the guard is off)
+    // the compressed memory was asked for an order beyond its range; this is counted even if the guard is off
     kMemoryOrder = 8,
     kCauses = 9
 };

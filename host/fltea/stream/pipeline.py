@@ -100,9 +100,9 @@ class Pipeline:
         self._offset_ns = self._source_offset_ns = source.unix_offset_ns
 
     def feed(self, event: Event) -> Iterator[Output]:
-        """Yield the results of one event.
+        """Process one event of the source, and yield the records and blocks that result.
 
-        The caller has to consume all results before it feeds the next event.
+        The caller has to consume all of these before it passes the next event.
 
         Raises:
             UsageError: the settings, such as a fixed bias or R, do not fit the axes of the device.
@@ -153,11 +153,11 @@ class Pipeline:
         self._now_ns = max(self._now_ns, now_ns)
 
     def _on_stats_due(self, details: None) -> Iterator[Output]:
-        """Publish the statistics, since the next sample is the first of a new second."""
+        """Publish the statistics, which are due because the next sample is the first of a new second."""
         return self._on_time(self._now_ns)
 
     def _on_gap(self, details: Any) -> Iterator[Output]:
-        """Report that samples are missing before the next one, and which axes this made invalid."""
+        """Report that samples are missing before the next one, and which axes the gap made invalid."""
         missing, seq, unix_ns, lost = details
         yield Gap(seq - missing, missing, self._decoder.epoch, unix_ns, device=self._config.name)
         for number, losses in enumerate(lost):
@@ -209,8 +209,8 @@ class Pipeline:
         found = list(self._fits.counted())
         self._sensors.go_by_fits(self._device)
         self._set_fit_times()
-        # The records of the fit come last: an output that prints them already needs the models that the next
-        # samples use.
+        # The records of the fit are yielded only now: an output that receives them needs the verdicts that
+        # the next samples have (`words`).
         yield from found
 
     def _on_fit_due(self, details: None) -> Iterator[Output]:

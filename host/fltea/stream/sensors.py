@@ -62,7 +62,7 @@ class Sensor(NamedTuple):
 
 
 class Sensors:
-    """Both sensors of the present epoch.
+    """The sensors of a device, gyroscope and accelerometer, in the present epoch.
 
     `settings`: function that returns the settings of the gyroscope's filters, or None if only the board runs
     such filters. It is called when an epoch begins. `fits`: the live fits; None if nothing is fitted.
@@ -80,7 +80,7 @@ class Sensors:
         Return the sensors in the form that `_native.Device.begin` expects.
 
         Raises:
-            ValueError: the settings or the snapshot are not usable. Nothing has changed then.
+            ValueError: the settings or the snapshot cannot be used. The sensors have not changed then.
             UsageError: a time in the settings, converted at this rate, is more samples than allowed.
         """
         config, hello, saved = self._config, beginning.hello, beginning.saved or Saved()

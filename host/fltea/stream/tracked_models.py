@@ -118,7 +118,7 @@ class TrackedModelMaker(NamedTuple):
 
 
 def _says_the_same(noise: Noise, before: Noise, h: float) -> bool:
-    """Return whether the noise `noise` is so similar to `before` that the tracker can keep its filter."""
+    """Return whether the noise model `noise` is so similar to `before` that the filter can stay."""
     if noise.samples > GROWTH * before.samples or noise.drifts != before.drifts:
         return False
     if [type(part) for part in noise.parts] != [type(part) for part in before.parts]:

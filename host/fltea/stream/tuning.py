@@ -54,7 +54,7 @@ def _filter_model(fit: AxisFit) -> FilterModel | None:
     alpha, F, f = _with_std(fit.alpha), _with_std(fit.F), _with_std(fit.f)
     if fit.low_pass is not None or fit.high_pass is not None or alpha is None or F is None or f is None:
         # without an order there is no model, and if the samples passed a low-pass or high-pass, the figures
-        # describe the noise before it
+        # describe the noise before that filter
         return None
     filter_model = FilterModel(*alpha, *F, *f)
     return (

@@ -31,8 +31,8 @@ class SampleColumns(NamedTuple):
     flags: NDArray[np.int64]
     """Bits of `wire.SampleFlags`; shape (n,)."""
     end: NDArray[np.int64]
-    """For each frame, the number of bytes from the first byte passed to the call to the frame's closing 0x00,
-    including it; shape (n,).
+    """For each frame, the offset just after its closing 0x00, counted from the first byte passed to the call
+    [bytes]; shape (n,).
     """
 
     def frames(self) -> Iterator[Frame]:
@@ -48,7 +48,7 @@ class Located(NamedTuple):
     item: Frame | Refused | BadFrame
     """A frame other than SAMPLE, a refused HELLO, or a bad frame."""
     end: int
-    """Number of bytes from the first byte passed to the call to the item's closing 0x00, including it.
+    """Offset just after the item's closing 0x00, counted from the first byte passed to the call [bytes].
 
     A COBS block that is too long is reported before its 0x00 arrives. It ends with the first byte beyond the
     limit.

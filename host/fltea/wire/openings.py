@@ -81,7 +81,7 @@ class Openings:
         """Close a port that was lost, schedule its next opening, and return the event of the loss.
 
         `number`: errno of the failed system call that showed the loss.
-        `at`: host time and offset to Unix time of the loss [ns].
+        `at`: host time of the loss, and its offset to Unix time [ns].
         `worked`: whether bytes had arrived from the port; such a port is opened again soon.
         """
         state = self._states[index]
