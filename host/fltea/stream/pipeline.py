@@ -382,7 +382,8 @@ class Pipeline:
         if absent and not self._no_axis_reported:
             self._no_axis_reported = True
             text = (
-                f"channels names {', '.join(absent)}, which this source does not have, or has no scale for."
+                f"the setting channels names {', '.join(absent)}, which this source does not have, or for "
+                "which it states no scale."
             )
             notices.append(Notice("no_axis", text, self._now_ns))
         state, self._state = self._state, None

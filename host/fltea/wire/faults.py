@@ -31,9 +31,10 @@ def fault_text(code: int, detail: int, sensor: str = "the sensor") -> str:
             bank = f" of bank {register >> 8}" if register >> 8 else ""
             return (
                 f"register 0x{register & 0xFF:02X}{bank} of {sensor} holds 0x{read:02X} in place of "
-                f"0x{written:02X}, so it is set up again. Once: its 3.3 V supply dipped, it was plugged in "
-                "again, or a wire is loose. Again and again: a clone, another program that uses the sensor, "
-                "or wires too long for the bus's speed (keep them below 30 cm)."
+                f"0x{written:02X}, so it is set up again. If this happens once, its 3.3 V supply dipped, it "
+                "was plugged in again, or a wire is loose. If again and again, the chip is a clone, another "
+                "program uses the sensor, or the wires are too long for the bus's speed (keep them below "
+                "30 cm)."
             )
         case FaultCode.BUS_HELD:
             return (
@@ -42,8 +43,8 @@ def fault_text(code: int, detail: int, sensor: str = "the sensor") -> str:
             )
         case FaultCode.SENSOR_LOST:
             return (
-                f"{sensor} stopped answering ({detail} errors in a row) and is set up again. A loose wire, "
-                "or a dip of its 3.3 V supply."
+                f"{sensor} stopped answering ({detail} errors in a row) and is set up again. The cause is "
+                "a loose wire, or a dip of its 3.3 V supply."
             )
         case FaultCode.DATA_READY_MISSING:
             return (
@@ -53,9 +54,9 @@ def fault_text(code: int, detail: int, sensor: str = "the sensor") -> str:
         case FaultCode.SENSOR_FROZEN:
             equal = f" ({detail} equal samples in a row)" if detail else ""
             return (
-                f"{sensor} answers, but gives no new samples{equal}, so it is set up again. Once: it fell "
-                "asleep after a dip of its 3.3 V supply. Again and again: its clock stands, so the chip is "
-                "broken or a bad copy; try another one."
+                f"{sensor} answers, but gives no new samples{equal}, so it is set up again. If this happens "
+                "once, it fell asleep after a dip of its 3.3 V supply. If again and again, its clock has "
+                "stopped, so the chip is broken or a bad copy; try another one."
             )
         case _:
             return f"a code that this fltea does not know (detail 0x{detail:X}); update it."

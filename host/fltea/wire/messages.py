@@ -28,7 +28,7 @@ REASONS: Final = {
     "short": "shorter than header and CRC",
     "crc": "CRC-32 does not fit",
     "length": "CRC fits, but the payload is shorter than its type demands",
-    "unknown_type": "intact, of a type that this version does not know",
+    "unknown_type": "an intact frame of a type that this version does not know",
 }
 """Short texts for the reasons why a block of bytes is a `BadFrame`."""
 

@@ -37,7 +37,7 @@ class Sensor(NamedTuple):
         return self.note == _CLONE
 
 
-_CLONE = "a chip sold as MPU-9250: its scales are taken for the same, its noise may be any."
+_CLONE = "a chip that is sold as MPU-9250: the same scales are assumed, and its noise may be any."
 _SIX_AXES = "often sold as MPU-9250: the same kind of gyroscope, but no magnetometer."
 _OLDER = "an older chip sold in its place: the scales are the same, the noise is not."
 

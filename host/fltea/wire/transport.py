@@ -215,7 +215,7 @@ class Port:
         `at`: host time of the loss, and its offset to Unix time [ns]. Without them, the present time is used.
         """
         self.close()
-        message = f"{self.url} was lost ({error}): unplugged, or the other side ended."
+        message = f"{self.url} was lost ({error}): it was unplugged, or the other side has ended."
         return Failed("unplugged", message, *(at or (host_ns(), unix_offset_ns())))
 
     def backoff_s(self) -> float:
