@@ -120,7 +120,7 @@ class AllanSums {
         }
     }
 
-    // Returns the points of all octaves that have at least one term.
+    // Returns a point of the Allan variance for each octave that has at least one term.
     std::vector<allan::Point> points() const {
         AllanSums ended(*this);
         ended.cut();

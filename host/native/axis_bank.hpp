@@ -30,7 +30,7 @@ struct BankBlock {
 // published standard deviation is at least that of the fit, and it grows with the distance of the filter's
 // value from the fitted value.
 struct Known {
-    bool any;  // false: there is no fit for this axis
+    bool any;  // whether there is a fit for this axis
     double alpha, alpha_std, f, f_std;
 };
 

@@ -39,9 +39,9 @@ class BankMembers {
     const Filter::Gains& gains(int i) const { return gains_[i]; }
 
   private:
-    // One noise model: the sum of white noise, which is low-pass filtered by a pole pair with this corner
-    // [rad/sample] if `corner` is not 0; an offset that does a random walk with steps of variance q; and `n`
-    // relaxations with time constants `times` [samples] and variances `powers`.
+    // One noise model: the sum of white noise, which is low-pass filtered by a pole pair with the corner
+    // frequency `corner` [rad/sample] if that is not 0; an offset that does a random walk with steps of
+    // variance q; and `n` relaxations with time constants `times` [samples] and variances `powers`.
     struct Noise {
         double corner, q;
         int n;

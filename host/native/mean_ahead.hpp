@@ -63,7 +63,7 @@ MeanAhead<N> mean_ahead(const System<N>& s, const double* weights, long long m) 
             noise[i * n + j] = s.Q[i * n + j];
         }
     }
-    // transform the noise's covariance to modes: its rows, then its columns
+    // The covariance of the noise is transformed to the modes: first its rows, then its columns.
     for (int i = 0; i < 2 * s.pairs; i += 2) {
         for (int j = 0; j < n; ++j) {
             const Complex one = noise[i * n + j], other = noise[(i + 1) * n + j];

@@ -49,8 +49,8 @@ class DirectMemory {
         for (std::size_t i = 0; i < 4 * window_; ++i) x_[i] = select(mask, T(R(0)), x_[i]);
     }
 
-    // Adds the newest estimate: state x and variance P. Both have to be finite, because a NaN would stay for
-    // a whole window.
+    // Adds the newest estimate: state x and variance P. Both have to be finite, because a NaN would stay in
+    // the sums for a whole window.
     void push(T x, T P) {
         // Each sample is written to two places at a distance of `window`, so that the samples of the window
         // always lie next to each other, newest first.

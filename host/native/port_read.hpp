@@ -6,7 +6,7 @@
 namespace fltea {
 
 struct Stamp {
-    std::int64_t host_ns;         // time on the clock that fltea.records.clock reads
+    std::int64_t host_ns;         // host time, on the clock that fltea.records.clock reads
     std::int64_t unix_offset_ns;  // Unix time minus host_ns; 0 if Unix time is not known
 };
 

@@ -128,7 +128,7 @@ class Whiteness {
     Sums now_;
     int kept_ = 0;
     bool white_ = false;
-    double window_[kBlock + kLags] = {};  // the newest kLags innovations begin at index at_
+    double window_[kBlock + kLags] = {};  // in window_, the newest kLags innovations begin at index at_
     int at_ = kBlock, before_ = 0;        // before_: number of innovations since the last gap, at most kLags
 };
 

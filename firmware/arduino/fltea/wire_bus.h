@@ -22,8 +22,8 @@ class WireBus final : public I2cBus {
         // take that byte for the first byte of this read, so it is read and dropped here.
         const uint32_t stale = WIRE_INTERFACE->TWI_RHR;
         static_cast<void>(stale);
-        // Between writing the register number and reading, the sensor needs a repeated start. Of the
-        // overloads of requestFrom(), only the one with an internal address sends one.
+        // A repeated start has to follow the register number. Of the overloads of requestFrom(), only the one
+        // with an internal address sends it.
         const size_t got = wire_.requestFrom(address, static_cast<uint8_t>(n), static_cast<uint32_t>(reg),
                                              static_cast<uint8_t>(1), static_cast<uint8_t>(true));
         for (size_t i = 0; i < got && i < n; ++i) data[i] = static_cast<uint8_t>(wire_.read());
