@@ -1,5 +1,6 @@
-// Quantiles of the null test's likelihood ratio under white noise: the parabolas of
-// host/fltea/spectrum/null_constants.py. The device needs three of them.
+// Quantiles of the null test's likelihood ratio, as it is distributed for pure white noise. Each quantile is
+// a parabola in the decimal logarithm of the number of ordinates. The coefficients are those of
+// host/fltea/spectrum/null_constants.py, for the three levels of significance that the device needs.
 #ifndef FLTEA_NULL_QUANTILES_HPP
 #define FLTEA_NULL_QUANTILES_HPP
 
@@ -10,7 +11,8 @@ namespace whittle {
 
 enum NullLevel : int { kFivePercent, kOnePercent, kOneInThousand, kNullLevels };
 
-// The ratio that white noise exceeds with this probability, for this number of ordinates.
+// Returns the likelihood ratio that white noise exceeds with the probability `level`, for a periodogram with
+// this number of ordinates.
 inline float null_quantile(NullLevel level, float ordinates) {
     static const float coefficients[kNullLevels][3] = {
         {3.7125f, 1.0516f, -0.0805f},

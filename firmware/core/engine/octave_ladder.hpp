@@ -1,10 +1,11 @@
-// The spectrum of a stream in constant memory: octaves of Welch sums, and the complete stream at a reduced
-// rate.
+// The spectrum of a stream of samples in constant memory: Welch sums (summed periodograms of overlapping
+// blocks), one octave per level, and all samples of the stream at a reduced rate.
 //
-// Level 0 is the stream. Level l + 1 is level l after a half-band filter, with every second sample kept. At
-// first, level 0 keeps its samples (whole_stream.hpp). When they no longer fit, they are turned into Welch
-// sums, and the next level keeps its own samples instead. Up to Kind::kCapacity samples, the whole record is
-// therefore available; later, a record at a reduced rate, which still has the lowest frequencies.
+// Level 0 is the stream. Level l + 1 is level l after a half-band filter, with every second sample kept. One
+// level keeps its samples (whole_stream.hpp), at first level 0. When these samples no longer fit, they are
+// turned into Welch sums, and the next level keeps its own samples instead. Up to Kind::kCapacity samples,
+// the whole record is therefore available. After that, the record is available at a reduced rate, and still
+// has the lowest frequencies.
 #pragma once
 
 #include <cstdint>
@@ -27,7 +28,7 @@ class OctaveLadder {
   public:
     typedef typename Kind::Input Input;
     enum { kLevels = Kind::kLevels, kTopLines = 83, kLines = 45, kMostAtOnce = 128 };
-    typedef WelchLevel<Kind, kTopLines> Top;  // its lines reach up to the Nyquist frequency
+    typedef WelchLevel<Kind, kTopLines> Top;  // its spectral lines reach up to the Nyquist frequency
     typedef WelchLevel<Kind, kLines> Deep;
     typedef WholeStream<Kind> Whole;
 
@@ -36,12 +37,12 @@ class OctaveLadder {
         for (int l = 1; l < kLevels - 1; ++l) deep_[l - 1].begin(memory, step(l));
     }
 
-    // The level whose samples are kept.
+    // Returns the number of the level whose samples are kept. All levels below it have Welch sums.
     int depth() const { return depth_; }
     const Whole& whole() const { return whole_; }
     static std::uint64_t step(int level) { return std::uint64_t(1) << level; }
     const typename Top::Cells& top_cells() const { return top_.cells(); }
-    // The spectrum over time (time_cells.hpp) of a level other than level 0.
+    // Returns the spectrum over time (time_cells.hpp) of a level other than level 0.
     const typename Deep::Cells& cells(int level) const { return deep_[level - 1].cells(); }
     static int lines(int level) { return level == 0 ? int(kTopLines) : int(kLines); }
 
@@ -58,18 +59,19 @@ class OctaveLadder {
     // Progress of turning the samples of the kept level into Welch sums.
     struct Deepening {
         typename Whole::Table old;
-        // in the old table: index of the stretch, index within that stretch, and index of its beginning
+        // position in the old table: index of the current stretch, index of the next sample within that
+        // stretch, and index of the stretch's first sample among all samples
         int stretch, at, begin;
         bool going;
         Deepening() : going(false) {}
     };
-    // A batch of samples on its way from level to level.
+    // A batch of samples on its way from level to level, as advance() takes it.
     struct Passage {
         Deepening deepening;
         Value batch[kMostAtOnce];
         std::uint64_t first;
         int n, level, last_made_up;
-        bool cut;  // a break follows the batch
+        bool cut;  // a break of the stream follows the batch
         Passage() : first(0), n(0), level(0), last_made_up(-1), cut(false) {}
     };
 
@@ -83,7 +85,7 @@ class OctaveLadder {
         }
     }
 
-    // Begins to add samples as accept() does, but one level at a time: call advance() until it returns true
+    // Begins to add samples as accept() does, but one level at a time. Call advance() until it returns true,
     // before anything else is added.
     void enter(const Input* y, int n, std::uint64_t first, const unsigned char* made_up, Passage& p) {
         if (!started_) {
@@ -104,7 +106,7 @@ class OctaveLadder {
         }
         settle(p);
     }
-    // Handles one level. Returns true when the batch has passed all levels.
+    // Takes the batch of `p` through one level. Returns true when the batch has passed all levels.
     bool advance(Passage& p) {
         if (p.deepening.going) {
             go_deeper(p.deepening);
@@ -124,7 +126,8 @@ class OctaveLadder {
         p.cut = false;
         return true;
     }
-    // Notes a break as cut() does, but after the batch that may be in progress.
+    // Notes a break of the stream as cut() does. If a batch is still on its way, the break is noted after
+    // that batch.
     void cut_after(Passage& p) {
         if (p.n > 0) {
             p.cut = true;
@@ -133,7 +136,8 @@ class OctaveLadder {
         }
     }
 
-    // Notes a break of the stream. The samples after the break have an offset of their own.
+    // Notes a break of the stream. The samples after the break are stored relative to another origin, which
+    // is the first of them.
     void cut() {
         started_ = 0;
         top_.cut();
@@ -141,7 +145,7 @@ class OctaveLadder {
         whole_.cut();
     }
 
-    // Lets the sums fade as far as is due at sample number `now`.
+    // Lets the weight of old blocks in the Welch sums fade, as far as is due at sample number `now`.
     void age(std::uint64_t now) {
         if (!memory_.fades()) return;
         forget(now);
@@ -156,8 +160,9 @@ class OctaveLadder {
         while (d.going) go_deeper(d);
     }
 
-    // Merges the spectrum `other` of a later part of the stream. Its sample 0 is our sample `shift`, and it
-    // ends at our sample `now`. Before that, cut() and age() have to be called on both.
+    // Merges the spectrum `other` of a later part of the stream. Sample 0 of `other` is sample `shift` of
+    // this stream, and `other` ends at sample `now` of this stream. Before the merge, cut() and age() have to
+    // be called on both spectra.
     void merge(OctaveLadder other, std::uint64_t shift, std::uint64_t now) {
         age(now);
         while (depth_ < other.depth_ && depth_ < kLevels - 1) deepen();
@@ -187,8 +192,8 @@ class OctaveLadder {
     }
 
   private:
-    // The old samples stay where they are while the next level's samples overwrite them, because the output
-    // is never longer than the input.
+    // The samples of the next level are written to the same memory from which the old samples are still being
+    // read. Nothing is lost, because the output of a level is never longer than its input.
     void begin_deepening(Deepening& d) {
         d.old = whole_.table();
         d.stretch = d.at = d.begin = 0;
@@ -196,7 +201,7 @@ class OctaveLadder {
         whole_.clear();
         ++depth_;
     }
-    // Turns the next batch of the old samples into Welch sums.
+    // Turns the next batch of samples of the old level into Welch sums.
     void go_deeper(Deepening& d) {
         const int level = depth_ - 1;
         const Stretch& one = d.old.stretch[d.stretch];
@@ -222,7 +227,7 @@ class OctaveLadder {
         }
     }
 
-    // Whether the kept level has room for the batch of `p`.
+    // Whether the level whose samples are kept has room for the batch of `p`.
     bool fits(const Passage& p) {
         if (whole_.size() + p.n > Whole::kCapacity) forget(p.first);
         return whole_.size() + p.n <= Whole::kCapacity;
@@ -250,12 +255,12 @@ class OctaveLadder {
         }
     }
 
-    // Drops samples of the kept level that are older than twice the length of the memory.
+    // In the level whose samples are kept, drops samples that are older than twice the length of the memory.
     void forget(std::uint64_t now) {
         if (memory_.fades()) whole_.drop_before(memory_.oldest(now), step(depth_));
     }
 
-    // Drops at least n samples of the kept level.
+    // Drops at least n samples, the oldest ones, of the level whose samples are kept.
     void drop_oldest(int n) {
         int left = n;
         for (int i = 0; i < whole_.stretches() && left > 0; ++i) {

@@ -1,6 +1,7 @@
-// Detects a step in the offset of white noise, with two cumulative sums of the means of chunks, one for steps
-// up and one for steps down (Page 1954). It is designed for steps of one standard deviation of such a mean;
-// for 32 samples, this is 0.18 of the standard deviation of one sample. Larger steps are detected sooner.
+// Detects a step in the offset of white noise (Page 1954). The samples come in chunks, and the means of the
+// chunks enter two cumulative sums, one for steps up and one for steps down. The test is designed for steps
+// of one standard deviation of such a mean. With chunks of 32 samples, this is 0.18 of the standard deviation
+// of one sample. Larger steps are detected sooner.
 #ifndef FLTEA_OFFSET_STEP_HPP
 #define FLTEA_OFFSET_STEP_HPP
 
@@ -22,7 +23,7 @@ class OffsetStep {
     }
 
     // Adds the mean of a chunk; `deviation` is the standard deviation of such a mean. Returns how many chunks
-    // ago a step began, and writes its `size`. Returns 0 if there is no step.
+    // ago a step began, and writes the step's height to `size`. Returns 0 if there is no step.
     std::uint16_t add(float mean, float deviation, float& size) {
         for (int side = 0; side < 2; ++side) {
             sums_[side] += (side == 0 ? mean : -mean) - kSlack * deviation;
@@ -41,13 +42,14 @@ class OffsetStep {
     }
 
   private:
-    // In standard deviations of a chunk's mean. Noise alone exceeds a limit of 15 once in 1.3e7 chunks of 32
-    // (Siegmund 1985, eq. 2.57). For three axes at 100 Hz and steps in both directions, that is once in 13
-    // days.
+    // `kSlack` is subtracted from each chunk's mean, and a sum beyond `kLimit` is a step. Both are in
+    // standard deviations of a chunk's mean. Noise alone exceeds a limit of 15 once in 1.3e7 chunks of 32
+    // samples (Siegmund 1985, eq. 2.57). For three axes at 100 Hz and steps in both directions, that is one
+    // false step in 13 days.
     static constexpr float kSlack = 0.5f, kLimit = 15;
 
     float sums_[2];
-    std::uint16_t chunks_[2];  // number of chunks since the sum was last 0
+    std::uint16_t chunks_[2];  // for each sum: number of chunks since it was last 0
 };
 
 }  // namespace FLTEA_INSTRUCTION_SET

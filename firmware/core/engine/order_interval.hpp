@@ -1,10 +1,11 @@
 // The 95 % interval of the order α, from the whole likelihood instead of its curvature at the maximum. Where
-// the noise is weak, the likelihood may have a second maximum or a long slope, which the curvature does not
-// show.
+// the noise of that order is weak, the likelihood may have a second maximum or fall off slowly, which the
+// curvature at the maximum does not show.
 //
-// An end of the interval is the order at which the best fit with this order is 3.84 in 2 log L below the
-// overall best. The ends move little between fits. A fit therefore only corrects one of the previous ends, or
-// tests one further order, in case the likelihood rises again there.
+// An end of the interval is an order for which even the best choice of the other parameters gives a 2 log L
+// that is 3.84 below the overall maximum. The ends move little from one fit to the next. A fit therefore does
+// only one of two things: it corrects one end of the previous interval, or it tests one order farther away,
+// in case the likelihood rises again there.
 #ifndef FLTEA_ORDER_INTERVAL_HPP
 #define FLTEA_ORDER_INTERVAL_HPP
 
@@ -15,8 +16,9 @@ namespace fltea {
 namespace whittle {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// Standard deviation of the order from the curvature of the likelihood, where the other free parameters are
-// estimated too. It is 0 if the curvature gives none.
+// Returns the standard deviation of the order that follows from the curvature of the likelihood, when the
+// other free parameters are estimated together with the order. Returns 0 if the curvature gives no standard
+// deviation.
 inline float order_std(const Point<float>& best) {
     Point<float> unit = best;
     float column[3] = {0, 0, 0};
@@ -26,7 +28,7 @@ inline float order_std(const Point<float>& best) {
     return math::finite(column[0]) && column[0] > 0 ? math::sqrt(column[0]) : 0.0f;
 }
 
-// What is kept of the interval between fits.
+// The ends of the interval, as they are kept from one fit to the next.
 struct OrderEnds {
     struct End {
         float order;
@@ -34,18 +36,20 @@ struct OrderEnds {
     };
     End ends[2];
     bool known;
-    unsigned char turn, look;  // `turn`: what the next fit does; `look`: which further order was tested last
+    // `turn`: which of four steps the next fit does; `look`: index of the order that was last tested outside
+    // of the interval
+    unsigned char turn, look;
 };
 
-// Finds the interval. How to use it: call forget() when a fit begins, note() for each point at which a search
-// of the fit ended, and begin() with the best of all points. Then evaluate each point that propose() returns,
-// and pass it to judge().
+// Finds the 95 % interval of the order. How to use it: call forget() when a fit begins, note() for each point
+// at which a search of the fit ended, and begin() with the best of all points. Then evaluate each point that
+// propose() returns, and pass it to judge().
 class OrderInterval {
   public:
     void forget() { noted_ = 0; }
 
-    // Notes a point at which a search ended. If it is nearly as good as the best point, the interval has to
-    // contain it.
+    // Notes a point at which a search ended. If the likelihood there is nearly that of the best point, the
+    // interval has to contain the point's order.
     void note(const Point<float>& point) {
         if (noted_ == kNotes) return;
         notes_[noted_].nll = point.nll;
@@ -53,12 +57,14 @@ class OrderInterval {
         ++noted_;
     }
 
-    // `half`: half the width of the interval that follows from the curvature; 0 if there is none.
+    // Begins with the best point of the fit. `half`: half the width of the interval that follows from the
+    // curvature, or 0 if the curvature gives none.
     void begin(const Point<float>& best, float half, OrderEnds& ends) {
         order_ = best.theta[0];
         best_nll_ = best.nll;
         ends_ = &ends;
-        // If the best order is outside of the old interval, the old ends are of no use.
+        // If the best order is outside of the previous fit's interval, the ends of that interval are of no
+        // use.
         if (ends.known && !(ends.ends[0].order <= order_ && order_ <= ends.ends[1].order)) ends.known = false;
         most_ = ends.known ? 1 : int(kOrders);
         for (int side = 0; side < 2; ++side) {
@@ -76,8 +82,8 @@ class OrderInterval {
                     set(end, notes_[i].theta[0], notes_[i].theta);
             }
         }
-        // Four consecutive fits correct one end, test a further order, correct the other end, and test a
-        // further order.
+        // Four consecutive fits do these steps in turn: correct the lower end, test an order elsewhere,
+        // correct the upper end, and test an order elsewhere.
         const int turn = ends.known ? ends.turn++ % 4 : -1;
         side_ = turn < 0 ? 0 : turn % 2 == 1 ? 2 : turn / 2;
         last_ = turn < 0 ? 1 : side_;
@@ -86,7 +92,7 @@ class OrderInterval {
         if (side_ == 2) begin_look();
     }
 
-    // Writes the next point to evaluate and its model. Returns false when there is none left.
+    // Writes the next point to evaluate, and the model for it. Returns false when no point is left.
     bool propose(Model<float>& model, Point<float>& next) {
         while (side_ <= last_) {
             OrderEnds::End& end = at();
@@ -128,7 +134,7 @@ class OrderInterval {
         return true;
     }
 
-    // Distance from the best order to the farther end of the interval.
+    // Returns the distance from the best order to the farther end of the interval.
     float half() const { return math::fmax(order_ - ends_->ends[0].order, ends_->ends[1].order - order_); }
 
   private:
@@ -150,9 +156,9 @@ class OrderInterval {
         tried_ = 0;
     }
 
-    // Estimates the end of the interval anew. If -log L is a parabola, its root is a straight line. The end
-    // is therefore interpolated between an order inside and an order outside of the interval, or extrapolated
-    // from an order inside.
+    // Estimates the end of the interval anew. If -log L is a parabola in the order, the square root of its
+    // rise above the minimum is a straight line. The end is therefore found by linear interpolation of this
+    // root between an order inside and an order outside of the interval, or by extrapolation from one order.
     void concluded(OrderEnds::End& end) {
         for (int i = 0; i < 2; ++i) end.theta[i] = now_.theta[i];
         const float below = math::fmin(math::fmax(now_.nll - best_nll_, 0.0f), 20.0f);

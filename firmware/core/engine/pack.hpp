@@ -1,11 +1,12 @@
 // The number types of the estimator's templates: float, double, or Pack<double, W>, which is W doubles in one
 // vector register. Each of these doubles is a lane and belongs to another axis. Every operation works on each
 // lane separately and without branches, so a lane's result depends neither on its neighbours nor on W. The
-// free functions below exist for all three types, so one source serves them all.
+// free functions below exist for all three types, so one source of the estimator serves all three.
 //
 // Rounding: compile with -ffp-contract=off. Products and sums are fused only where the source says mul_add(),
 // which rounds once if the instruction set has a fused operation and twice otherwise. This is the only
-// difference between the results of different instruction sets; two uses of the same code never differ.
+// difference between the results of different instruction sets. With one instruction set, two uses of the
+// same code never differ.
 //
 // The code is compiled once per instruction set, and all versions are linked together. Everything is
 // therefore in an inline namespace named after the instruction set. Otherwise the linker would keep only one
@@ -20,7 +21,7 @@
 #include "instruction_set.hpp"
 #include "soft_sqrt.hpp"
 
-// Arduino.h defines macros with the names of functions below.
+// Arduino.h defines macros that have the same names as functions below.
 #undef abs
 #undef max
 #undef min
@@ -64,9 +65,9 @@ template <class T>
 using Real = typename Lanes<T>::Real;
 
 // The compiler's vector types. There is one struct for each width, because gcc drops attributes that depend
-// on a template parameter. Bits are the results of comparisons. Words are integers for arithmetic, unsigned
-// because the overflow of these is defined. They need may_alias because storage is passed as packs, but also
-// contains tables of single numbers.
+// on a template parameter. `Bits` holds the results of comparisons. `Words` holds integers for arithmetic,
+// which are unsigned because overflow of unsigned integers is defined. The vector types need may_alias,
+// because the same storage is accessed as packs and as single numbers.
 template <int W>
 struct Vectors;
 template <>
@@ -109,7 +110,8 @@ struct Pack<double, W> {
     Vector v;
 
     Pack() = default;
-    Pack(double all) : v(all - Vector{}) {}  // implicit, so that constants can be written as in formulas
+    // this conversion is implicit, so that constants can be written as in formulas
+    Pack(double all) : v(all - Vector{}) {}
     explicit Pack(Vector vector) : v(vector) {}
 
     double operator[](int lane) const { return v[lane]; }
@@ -131,8 +133,8 @@ struct Pack<double, W> {
     friend Mask<W> operator==(Pack a, Pack b) { return Mask<W>{(Bits)(a.v == b.v)}; }
     friend Mask<W> operator!=(Pack a, Pack b) { return Mask<W>{(Bits)(a.v != b.v)}; }
 
-    // These friends are found only by argument-dependent lookup, so that constants among the arguments are
-    // converted to packs.
+    // These friends are found by argument-dependent lookup if one argument is a pack. Constants among the
+    // other arguments are then converted to packs.
     friend Pack select(Mask<W> mask, Pack yes, Pack no) { return Pack(mask.bits ? yes.v : no.v); }
     friend Pack min(Pack a, Pack b) { return select(b < a, b, a); }
     friend Pack max(Pack a, Pack b) { return select(a < b, b, a); }
@@ -141,7 +143,7 @@ struct Pack<double, W> {
     friend Pack mul_add(Pack a, Pack b, Pack c) { return Pack(fused(a.v, b.v, c.v)); }
 
   private:
-    // The overload for the vector type of this width is chosen.
+    // Of the overloads of root() and fused(), the one for the vector type of this width is chosen.
 #if defined(__AVX512F__) && defined(__AVX512DQ__) && defined(__FMA__)
     // _mm512_sqrt_pd causes a warning in gcc 12
     static __m512d root(__m512d a) { return _mm512_maskz_sqrt_pd(0xff, a); }

@@ -9,9 +9,9 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// Adding 1.5 * 2^(bits of the mantissa) rounds to the nearest integer and leaves that integer in the low bits
-// of the sum. A shift by kShift moves these bits to the exponent, and a shift by kSign moves them to the
-// sign.
+// Adding kRound, which is 1.5 * 2^(bits of the mantissa), rounds a number to the nearest integer and leaves
+// that integer in the low bits of the sum. A shift by kShift moves these bits to the exponent, and a shift by
+// kSign moves them to the sign.
 template <class R>
 struct Layout;
 template <>
@@ -20,8 +20,8 @@ struct Layout<double> {
     static constexpr double kRound = 6755399441055744.0;
     static constexpr int kShift = 52;
     static constexpr int kSign = 63;
-    static constexpr double kExpMax = 708;  // e^±708 is finite and normal
-    // the mantissa ends with zeros, so that multiples are exact
+    static constexpr double kExpMax = 708;  // largest magnitude of an exponent: e^±708 is finite and normal
+    // the mantissa of this number ends with zeros, so that its multiples are exact
     static constexpr double kLn2High = 0.69314718055829871;
     static constexpr double kLn2Low = 1.6465949582897082e-12;
 };
@@ -87,8 +87,8 @@ struct Powers {
 };
 
 // Computes e^x and e^-x together, which takes little longer than computing one of them. With x = n ln 2 + r,
-// the even and odd parts of e^r serve both. Saturates at e^±708 (float: e^±87), so the result is positive and
-// finite for every finite x. NaN gives NaN.
+// the even and odd parts of e^r (cosh r and sinh r) serve both e^x and e^-x. Saturates at e^±708 (float:
+// e^±87), so the result is positive and finite for every finite x. NaN gives NaN.
 template <class T>
 inline Powers<T> exp_both(T x) {
     typedef Real<T> R;
@@ -133,8 +133,8 @@ inline T sin_pi(T a) {
     typedef Real<T> R;
     typedef Layout<R> L;
     const T rounded = a + T(L::kRound);
-    // If a is so large that half-integers do not exist as numbers, the difference is only a rounding error.
-    // It is limited to a small remainder.
+    // If a is so large that no half-integers exist among the floating-point numbers, the difference between a
+    // and the nearest integer is only a rounding error. The difference is limited to a small remainder.
     const T r = max(min(a - (rounded - T(L::kRound)), T(R(0.5))), T(R(-0.5)));
     const T s = r * r;
     // Taylor series in (pi r)^2. Because of |r| <= 1/2, the first omitted term is 1e-18.

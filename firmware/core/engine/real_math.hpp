@@ -1,5 +1,5 @@
-// Elementary functions for the fits. For double they are those of the library; for float they are computed
-// here, because the board has no libm.
+// Elementary functions for the fits. For double they are the functions of the C++ library. For float they are
+// computed here, because the board has no libm.
 #ifndef FLTEA_REAL_MATH_HPP
 #define FLTEA_REAL_MATH_HPP
 
@@ -57,7 +57,8 @@ inline float exp2(float x) {
     return engine::fixed::to_float(power.m, power.n + n - 30);
 }
 inline float exp(float x) {
-    // The integer part of x log2(e) is computed exactly.
+    // x = n ln 2 + rest, with an integer n. The product n ln 2 is subtracted in two terms, the first of which
+    // is exact, so that the rest keeps its precision.
     const float turns = x * 1.442695041f;
     if (!(turns > -126.0f)) return 0.0f;
     if (turns > 126.9f) return exp2(126.9f);
