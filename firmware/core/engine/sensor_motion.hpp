@@ -1,11 +1,12 @@
-// Decides whether the sensor moves, from the chunks of innovations of all its axes (axis_motion.hpp). Motion
-// of one axis is motion of all. During motion, all axes only predict and learn nothing. When motion is
-// detected, everything that the axes learned from that chunk and the previous one is undone.
+// Decides whether the sensor moves, from the chunks of innovations of all its axes (axis_motion.hpp). If one
+// axis moves, all axes count as moving. During motion, the trackers of all axes only predict and learn
+// nothing. When motion is detected in a chunk, everything that the trackers learned from that chunk and the
+// previous one is undone.
 //
-// Rest begins after two chunks in which no axis moves, and the bias is then that from before the motion. If
-// the samples stay at another mean for some seconds without moving, that mean is the new bias, provided that
-// a bias can step so far. A mean farther away is taken for a rotation of the sensor, and accepted as the bias
-// only after a much longer time.
+// Rest begins after two chunks in which no axis moves, and the bias is then that from before the motion.
+// There is another way to rest: if the samples stay near a new mean for some seconds, that mean is the new
+// bias, provided that a bias can step so far. A mean farther away is taken for a rotation of the sensor, and
+// accepted as the bias only after a much longer time.
 #ifndef FLTEA_SENSOR_MOTION_HPP
 #define FLTEA_SENSOR_MOTION_HPP
 
@@ -20,15 +21,15 @@ inline namespace FLTEA_INSTRUCTION_SET {
 class SensorMotion {
   public:
     struct Limits {
-        float far;  // a step of the bias is smaller than this [counts]
-        // number of chunks after which a new mean is accepted as the bias: `still` if it is nearer than
-        // `far`, else `still_far`
+        float far;  // largest change of the mean that may be a step of the bias [counts]
+        // number of chunks after which a new mean is accepted as the bias: `still` if the mean changed by
+        // less than `far`, else `still_far`
         std::uint16_t still, still_far;
     };
 
     bool moving() const { return moving_; }
-    // How long the axes have learned nothing because of motion. The uncertainty of their results depends on
-    // it.
+    // Returns for how many samples the trackers have learned nothing because of motion. The uncertainty of
+    // their results depends on this number.
     const Unlearned& unlearned() const { return unlearned_; }
 
     // Notes that `lost` samples of all axes are missing.
@@ -97,7 +98,8 @@ class SensorMotion {
     }
 
     Unlearned unlearned_ = {0, 0};
-    std::uint32_t since_older_ = 0, since_newer_ = 0;  // samples since the last two calls of keep()
+    // samples since the last call of keep() but one, and since the last call
+    std::uint32_t since_older_ = 0, since_newer_ = 0;
     int fill_ = 0, quiet_ = 0;
     bool moving_ = false;
 };

@@ -1,6 +1,6 @@
 // The device's Whittle fits. They run in float, a few bins of the spectrum at a time, so that sampling never
-// waits for them. Models, derivatives and scoring are the same sources as on the host (whittle_models.hpp,
-// whittle_shapes.hpp, whittle_scoring.hpp).
+// waits for them. The models, their derivatives and the scoring are compiled from the same sources as on the
+// host (whittle_models.hpp, whittle_shapes.hpp, whittle_scoring.hpp).
 #ifndef FLTEA_SLICED_FIT_HPP
 #define FLTEA_SLICED_FIT_HPP
 
@@ -14,7 +14,7 @@ namespace fltea {
 namespace whittle {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// A fit of one axis: call begin(), then work() until it returns true.
+// A fit of the noise of one axis: call begin(), then work() until it returns true.
 template <class Bins>
 class SlicedFit {
   public:
@@ -25,7 +25,8 @@ class SlicedFit {
     bool busy() const { return busy_; }
     // Number of evaluations of the likelihood in the last fit.
     int evaluations() const { return evaluations_; }
-    // Whether the last fit had no previous answer and began with a search on a grid.
+    // Whether the last fit had no previous fit's answer to start from, so that it began with a search on a
+    // grid.
     bool searched() const { return searched_; }
 
     // Begins a fit. `level`: significance level of the null test. Neither the bins nor `memory` may change
@@ -42,7 +43,7 @@ class SlicedFit {
             return;
         }
         target_.begin(bins);
-        // An answer from far fewer ordinates is no useful starting point.
+        // The answer of a previous fit to far fewer ordinates is no useful starting point.
         if (bins.ordinates() > kMuchMore * memory.fitted_ordinates_) {
             for (Answer& one : memory.answers_) one.known = false;
             memory.ends_.known = false;
@@ -97,9 +98,10 @@ class SlicedFit {
         return model;
     }
 
-    // Without a previous answer, all points of a grid are evaluated approximately, and the best ones are
-    // starting points. With a previous answer, that answer is the starting point. Every twelfth fit also
-    // tests some points of the grid, different ones each time, in case the maximum has moved.
+    // Begins the fit of the next model. If no previous fit has an answer for this model, all points of a grid
+    // are evaluated approximately, and the best ones are starting points. Otherwise the previous answer is
+    // the starting point. Every twelfth fit also tests some points of the grid, different ones each time, in
+    // case the maximum has moved.
     void begin_model() {
         model_ = model_of(which_);
         target_.begin_model();
@@ -108,8 +110,8 @@ class SlicedFit {
         as_before_ = -Room<float>::impossible();
         for (Point<float>& one : kept_) one.nll = Room<float>::impossible();
         best_.nll = Room<float>::impossible();
-        // If the last fit's order was below 1 and this fit's is again, the result of the model with orders up
-        // to 1 is reused.
+        // If the order was below 1 in the last fit, and is below 1 again in this fit's model with orders up
+        // to 1, the result of that model is reused for the full model.
         from_before_ = which_ == kFull && !cold_ && memory_->answers_[kFull].theta[0] < 1.0f &&
                        up_to_one_.theta[0] < kBelowOne;
         if (which_ == kWhiteNoise) {
@@ -144,8 +146,8 @@ class SlicedFit {
         canonical(model_, point.theta);
     }
 
-    // The grid of the full model contains only orders above 1. The best point with an order up to 1 is one
-    // more starting point of the full model.
+    // The grid of the full model contains only orders above 1. For orders up to 1, the full model has one
+    // more starting point, the result of the model with orders up to 1.
     void grid_point(int place, Point<float>& point) const {
         if (which_ == kRelaxation) {
             FitGrid::relaxation(place, point.theta);
@@ -168,9 +170,9 @@ class SlicedFit {
         again_ = false;
     }
 
-    // Chooses the next starting point. The best grid points and the last answer come first. They are followed
-    // by the results of the simpler models, if these are better, because each of those models is a special
-    // case of this one.
+    // Chooses the next starting point of a search. The best grid points and the last answer come first. The
+    // result of the next simpler model comes last, if it is better than the searches so far: the simpler
+    // model is a special case of this one.
     bool next_start(Point<float>& point) {
         const int own = cold_ ? int(kKept) : 2;
         while (starts_ < own) {
@@ -190,8 +192,8 @@ class SlicedFit {
             }
         }
         if (from_before_ && starts_++ == own && looks_around()) {
-            // If a relaxation (order 1) fits nearly as well, orders above 1 may fit too, so a search starts
-            // there.
+            // If a relaxation (order 1) fits nearly as well as the best order below 1, orders above 1 may fit
+            // too, so one more search starts above 1.
             const Answer& relaxation = memory_->answers_[kRelaxation];
             if (relaxation.nll > best_.nll + kNearly) return false;
             start_at_relaxation(kAboveOne, point);
@@ -230,7 +232,7 @@ class SlicedFit {
         evaluate_next();
     }
 
-    // Handles the result of a finished evaluation.
+    // Handles the result of a finished evaluation of the likelihood.
     void judged() {
         if (bounding_) {
             interval_.judge(next_);
@@ -273,8 +275,8 @@ class SlicedFit {
         begin_search();
     }
 
-    // Whether the scale is so far from the reference scale that -log L, a difference of two sums, loses
-    // precision. Approximate evaluations do not need that precision.
+    // Whether the best scale of the spectrum is so far from the reference scale that -log L, which is a
+    // difference of two sums, loses precision. Approximate evaluations do not need that precision.
     bool far() const {
         const float apart = next_.scale / target_.reference() - 1.0f;
         return rough_ >= rough_size() && (apart > 0.1f || apart < -0.1f);
@@ -299,8 +301,9 @@ class SlicedFit {
 
     void end_model() {
         keep_answer(which_);
-        // The second search may have started at an end of the interval with an order below 1. Then its result
-        // is also an answer for the model with orders up to 1.
+        // A second search of the full model may have started at an order that turned out to fit better while
+        // the interval was computed. If it ends below order 1, its result is also an answer for the model
+        // with orders up to 1.
         if (which_ == kFull && best_.theta[0] < kBelowOne && best_.nll < up_to_one_.nll)
             keep_answer(kUpToOne);
         Answer& answer = memory_->answers_[which_];
@@ -309,7 +312,7 @@ class SlicedFit {
         }
         target_.refer_to(answer.known ? answer.scale : 1.0f);
         // Evaluates the best point again. The derivatives are computed relative to their means in the
-        // previous evaluation, and that point may have been far away.
+        // previous evaluation. The point of that evaluation may have been far from the best point.
         if (which_ == kFull && answer.known && (cold_ || looks_around()) && settled_ < 2) {
             ++settled_;
             next_ = best_;
@@ -328,8 +331,8 @@ class SlicedFit {
         begin_model();
     }
 
-    // Writes all results except the interval of the order. Returns false if the interval need not be
-    // computed.
+    // Writes all results except the interval of the order. Returns false if white noise is not rejected,
+    // because there is no interval to compute then.
     bool report() {
         FitFigures& f = memory_->figures_;
         f = FitFigures();
@@ -337,8 +340,8 @@ class SlicedFit {
         f.ratio_white = 2.0f * (memory_->answers_[kWhiteNoise].nll - memory_->answers_[kUpToOne].nll);
         f.ratio_ar1 = 2.0f * (memory_->answers_[kRelaxation].nll - best_.nll);
         memory_->note_relaxation(target_.unit());
-        // If white noise is not rejected, the best fractional model may have counted the power of the white
-        // noise as the state's, so R is the whole power.
+        // If white noise is not rejected, the best fractional model may have counted power of the white noise
+        // as power of the state. R is therefore set to the whole power.
         if (f.ratio_white < null_quantile(level_, f.ordinates)) {
             f.verdict = Verdict::white;
             f.R = target_.unit();
@@ -362,7 +365,8 @@ class SlicedFit {
         bound();
     }
 
-    // Continues with the interval: evaluates one order after the other until both ends are known.
+    // Continues with the interval of the order: evaluates one order after the other until both ends are
+    // known.
     void bound() {
         if (!searches_again_ && interval_.better(next_)) {
             searches_again_ = true;
@@ -394,7 +398,7 @@ class SlicedFit {
     float curvature_std_;  // standard deviation of α from the curvature
     NullLevel level_;
     Which which_;
-    float as_before_;  // approximate -log L of the last answer on the new bins
+    float as_before_;  // approximate -log L of the last fit's answer, computed for the new bins
     int rough_, starts_, settled_, evaluations_;
     bool busy_, cold_, from_before_, searching_, possible_, again_, searched_, bounding_, searches_again_;
 };

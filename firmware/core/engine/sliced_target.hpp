@@ -1,6 +1,7 @@
-// The sums over the bins that a fit on the device needs, in float and over a few bins at a time.
+// The sums over the bins of a spectrum that a fit on the device needs. They are computed in float and a few
+// bins at a time.
 //
-// The stored value is the excess of -log L over the -log L of a spectrum that equals the data: Σ c (r - 1 -
+// Instead of -log L, its excess over the -log L of a spectrum that equals the data is stored: Σ c (r - 1 -
 // log r), with r = I/S, the power of a bin divided by the model's, and c the number of ordinates in the bin.
 // The excess is about as large as the number of bins. -log L itself is about as large as the number of
 // ordinates, and float would lose the significant digits.
@@ -16,8 +17,8 @@ namespace fltea {
 namespace whittle {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// u - log(1 + u) for u > -1, without loss of precision for small u: with s = u / (2 + u) the logarithm is 2 s
-// + 2/3 s³ + ...
+// Returns u - log(1 + u) for u > -1, without loss of precision for small u. With s = u / (2 + u), the
+// logarithm is the series 2 s + 2/3 s³ + ...
 inline float excess(float u) {
     if (u > 0.4f || u < -0.28f) return u - math::log(1.0f + u);
     const float s = u / (2.0f + u), z = s * s;
@@ -36,8 +37,8 @@ struct BinColumns {
     float square(std::size_t i) const { return math::exp(2.0f * ln_size(i)); }
 };
 
-// Computes the sums. The powers of the bins are divided by unit(), and the excess of -log L is computed
-// relative to the scale reference().
+// Computes the sums over the bins. The powers of the bins are divided by unit(), and the excess of -log L is
+// computed for the model's spectrum times reference().
 template <class Bins>
 class SlicedTarget {
   public:
@@ -56,9 +57,9 @@ class SlicedTarget {
     void begin_model() {
         for (float& one : mean_) one = 0;
     }
-    // Begins an evaluation. Then call add() until it returns true. `together`: number of neighbouring bins
-    // that are combined into one at the frequency of the middle one. This is approximate, but faster by the
-    // factor `together`.
+    // Begins an evaluation of the likelihood. Then call add() until it returns true. `together`: number of
+    // neighbouring bins that are combined into one at the frequency of the middle one. This is approximate,
+    // but faster by the factor `together`.
     void begin_sums(int together = 1) {
         at_ = 0;
         together_ = together;
@@ -74,11 +75,11 @@ class SlicedTarget {
                 return add(Fractional<float>(natural), bins, natural, most);
         }
     }
-    // The derivatives of log S by the logarithms of the state's variance and of R add up to 1. Each of the
-    // two has its own sums nevertheless: where one of them is small, 1 minus the other would have no
-    // precision in float. All derivatives are stored as differences from their means in the previous
-    // evaluation. As the scale is free, adding a constant to a derivative changes nothing, and the
-    // differences keep more digits in float.
+    // Writes the sums of a finished evaluation. S is the model's spectrum. Its derivatives ∂ log S / ∂ log
+    // (state's variance) and ∂ log S / ∂ log R add up to 1. Each of the two has its own sums nevertheless:
+    // where one is small, 1 minus the other would have no precision in float. All derivatives are stored as
+    // differences from their means in the previous evaluation. As the scale of S is free, adding a constant
+    // to a derivative changes nothing, and the differences keep more digits in float.
     void read(Family family, Sums<float>& sums) {
         const int numbers = shapes(family) + parts(family) + 1;
         sums.log_spectrum = sums_.excess;
@@ -97,14 +98,14 @@ class SlicedTarget {
         }
     }
 
-    // The excess of -log L at the scale that fits best.
+    // Returns the excess of -log L at the scale that fits best, over that of a spectrum that equals the data.
     float nll(const Sums<float>& sums, float scale, bool) const {
         return sums.log_spectrum - ordinates * excess(scale / reference_ - 1.0f);
     }
 
   private:
     enum { kMostNumbers = 4 };
-    // The sums while bins are being added, in the same order as in Sums.
+    // The unfinished sums while bins are being added, in the same order as in Sums.
     struct PartSums {
         float excess, ratio, slope[kMostNumbers], weighted[kMostNumbers];
         float square[kMostNumbers * (kMostNumbers + 1) / 2];
@@ -159,13 +160,13 @@ class SlicedTarget {
         return at_ == bins.size();
     }
 
-    // The excess of one ordinate for r = I/S. For a bin without power, r is replaced by a small number,
-    // because its logarithm is needed.
+    // Returns what one ordinate adds to the excess of -log L, for the ratio r of its power to the model's.
+    // For a bin without power, r is replaced by a small number, because its logarithm is needed.
     static float excess_of(float ratio) { return excess((ratio > 1e-7f ? ratio : 1e-7f) - 1.0f); }
 
     float over_unit_, reference_;
     int at_, together_;
-    float mean_[kMostNumbers];  // means of the derivatives in the previous evaluation
+    float mean_[kMostNumbers];  // means of the derivatives of log S in the previous evaluation
     PartSums sums_;
 };
 

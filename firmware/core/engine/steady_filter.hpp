@@ -2,10 +2,12 @@
 // with the gains that the filter has in its steady state. A fractional order is approximated by a sum of
 // relaxations with fixed poles. The design is done in small slices, so that sampling does not wait.
 //
-// If there are only relaxations, no Riccati equation has to be solved. The spectrum R + Σ q_i / |1 - a_i
-// e^-iλ|² is a function of s = -|1 - e^-iλ|² with real poles and zeros, one zero b next to each pole a. It
-// therefore equals S Π|1 - b_i e^-iλ|² / Π|1 - a_i e^-iλ|². The zeros b are found by bisection, and the gains
-// are the residues of Π(1 - b_i z) / Π(1 - a_i z).
+// If there are only relaxations, no Riccati equation has to be solved. The model's spectrum is R + Σ q_i / |1
+// - a_i e^-iλ|²: white noise of variance R, and relaxations with poles a_i whose innovations have the
+// variances q_i. As a function of s = -|1 - e^-iλ|² it has real poles and zeros, one zero b next to each pole
+// a. It therefore equals S Π|1 - b_i e^-iλ|² / Π|1 - a_i e^-iλ|², where S is the variance of the filter's
+// innovations. The zeros b are found by bisection, and the gains are the residues of Π(1 - b_i z) / Π(1 - a_i
+// z).
 #ifndef FLTEA_STEADY_FILTER_HPP
 #define FLTEA_STEADY_FILTER_HPP
 
@@ -16,29 +18,30 @@ namespace fltea {
 namespace whittle {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// A filter in its steady state. For each sample y: x_i <- a_i x_i; e = y - Σ x_i; x_i <- x_i + K_i e.
+// A Kalman filter in its steady state. For each sample y it computes x_i <- a_i x_i (prediction), e = y - Σ
+// x_i (innovation), and x_i <- x_i + K_i e (update of part i with gain K_i).
 struct SteadyFilter {
     // Part 0 is the fitted relaxation. The other parts approximate a fractional order.
     enum { kPlaces = 8 };
 
-    float fall[kPlaces];      // 1 - a
-    float variance[kPlaces];  // of each part; 0: the part does not exist
+    float fall[kPlaces];      // of each part: 1 - a, the proportion by which it falls per sample
+    float variance[kPlaces];  // variance of each part; 0: the part does not exist
     float gain[kPlaces];      // K
     float R, S;               // variance of the white noise, and of the innovations
     float of_state;           // variance of the state, given all samples and the offset
-    float answer;             // value to which the innovations settle for a constant input of 1
+    float answer;             // value at which the innovations settle if the input is constantly 1
     float weight[kPlaces];    // factor from a part's present value to its expected mean over the next samples
-    // variance of the state's mean over the next samples, given all samples and the offset
+    // variance of the state's mean over the next samples, given all past samples and the offset
     float of_bias;
-    float offset_in_bias;  // error of the bias for an offset error of 1 / answer
+    float offset_in_bias;  // error of the bias that follows from an offset error of 1 / answer
 };
 
 class FilterDesign {
   public:
     enum { kPlaces = SteadyFilter::kPlaces };
 
-    // Begins the design. `figures`: a fit whose verdict is not white noise. The bias is the mean over the
-    // next `ahead` samples, or with 0 the present bias.
+    // Begins the design. `figures`: a fit whose verdict is not white noise. The filter's bias is the mean
+    // over the next `ahead` samples. If `ahead` is 0, it is the present bias.
     void begin(const FitFigures& figures, int ahead) {
         filter_ = SteadyFilter();
         ahead_ = ahead;
@@ -78,7 +81,8 @@ class FilterDesign {
 
   private:
     enum {
-        kRows = 12,  // frequencies at which the relaxations have to match the order's spectrum
+        // number of frequencies at which the relaxations have to match the spectrum of the fractional order
+        kRows = 12,
         kSweeps = 12,
         kZeros = kRows + kSweeps,
         kGains = kZeros + kPlaces,
@@ -87,10 +91,10 @@ class FilterDesign {
         kBisections = 8,  // bisection steps per slice
         kSame = 8         // accuracy of a zero, in units of the last place
     };
-    // lowest frequency, and ratio of neighbouring frequencies [rad per sample]
+    // lowest of these frequencies [rad per sample], and the ratio of each frequency to the one below
     static constexpr float kLowest = 3e-4f, kRatio = 2.2977f;
-    // Where the spectrum of the state is below this share of the white noise's power, it is approximated less
-    // exactly.
+    // Where the spectrum of the state is below this ratio to the white noise's, the state is approximated
+    // less exactly.
     static constexpr float kMatters = 0.3f;
 
     static float fall_of(int place) {
@@ -123,7 +127,8 @@ class FilterDesign {
         step_ = 0;
     }
 
-    // Adds the next frequency to the least-squares problem for the variances. Its errors are relative.
+    // Adds the next frequency to the least-squares problem for the variances of the relaxations. The problem
+    // minimizes relative errors of the spectrum.
     void add_row() {
         const Frequency at(lam_);
         lam_ *= kRatio;
@@ -155,14 +160,15 @@ class FilterDesign {
     bool white(int i) const { return filter_.fall[i] == 1.0f; }
     bool coloured(int i) const { return there(i) && !white(i); }
     bool turns(int i) const { return filter_.fall[i] > 1.0f; }
-    // size() is |a|, and short_of_one() is 1 - |a|.
+    // For the pole a of part i, size() is |a|, and short_of_one() is 1 - |a|.
     float size(int i) const { return turns(i) ? filter_.fall[i] - 1.0f : 1.0f - filter_.fall[i]; }
     float short_of_one(int i) const { return turns(i) ? 2.0f - filter_.fall[i] : filter_.fall[i]; }
-    // Position of a part's pole: |s| for a > 0, or the distance beyond s = -4 for a < 0.
+    // Returns the position of a part's pole a on the axis of s: |s| for a > 0, or the distance beyond s = -4
+    // for a < 0.
     float pole(int i) const { return short_of_one(i) * short_of_one(i) / size(i); }
 
-    // Finds the zero next to the pole of part i, as its distance beyond the pole. Returns true when it is
-    // found.
+    // Finds the zero of the spectrum next to the pole of part i, as a distance beyond that pole. Returns true
+    // when the zero is found.
     bool find_zero(int i) {
         if (!coloured(i)) return true;
         if (low_ == high_) begin_zero(i);
@@ -199,7 +205,7 @@ class FilterDesign {
         if (high_ < low_) high_ = low_ + 1;
     }
 
-    // The spectrum at distance d beyond the pole of part i.
+    // Returns the spectrum at the distance d beyond the pole of part i.
     float beyond(int i, float d) const {
         float sum = measured_;
         for (int j = 0; j < kPlaces; ++j) {
@@ -210,7 +216,8 @@ class FilterDesign {
         return sum;
     }
 
-    // Computes the gain of part i: the residue of Π(1 - b z) / Π(1 - a z) at its pole, divided by a.
+    // Computes the gain of part i: the residue of Π(1 - b z) / Π(1 - a z) at the part's pole, divided by its
+    // a.
     void find_gain(int i) {
         if (!coloured(i)) return;
         float gain = apart_[i] * zero_[i] / between(size(i), short_of_one(i), i);
@@ -228,7 +235,7 @@ class FilterDesign {
         filter_.gain[i] = gain;
     }
 
-    // 1 - a b_j for a pole a and a zero b_j of the same sign.
+    // Returns 1 - a b_j for a pole a and a zero b_j of the same sign.
     float between(float a, float short_of_one, int j) const {
         return short_of_one + a * zero_short_of_one_[j];
     }
@@ -250,8 +257,8 @@ class FilterDesign {
     }
 
     void conclude() {
-        // The ratio of S to the variance of the white noise is Π a/b. Its difference from 1 is computed,
-        // which keeps the precision.
+        // The ratio of S, the variance of the innovations, to the variance of the white noise is Π a/b. Only
+        // its difference from 1 is computed, which keeps the precision.
         float more = 0, slow = 0, now = 0;
         float measured = filter_.R;
         for (int i = 0; i < kPlaces; ++i) {
@@ -275,8 +282,8 @@ class FilterDesign {
         conclude_bias();
     }
 
-    // Computes the variance of the bias from the covariance of parts i and j given all samples, which is
-    // variance_i [i = j] - S K_i K_j / (1 - a_i a_j).
+    // Computes the variance of the bias, given all samples. It follows from the covariances of the parts.
+    // That of parts i and j is -S K_i K_j / (1 - a_i a_j), plus the variance of part i if i = j.
     void conclude_bias() {
         filter_.offset_in_bias = 1.0f / filter_.answer;
         for (int i = 0; i < kPlaces; ++i) {

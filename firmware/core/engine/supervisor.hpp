@@ -1,13 +1,13 @@
-// Watches the estimates of a lane (one axis), and declares them invalid if the filter has diverged or the
-// data do not fit its R. The filters do not depend on the supervisor. It applies these rules after each
-// sample:
+// The supervisor of one lane (one axis) watches the estimates of that lane's filter. It declares them invalid
+// if the filter has diverged or the samples do not fit the filter's R. The filter computes the same numbers
+// with and without a supervisor. The supervisor applies these rules after each sample:
 //
 // - runaway: an estimate is not finite, or an order is beyond ±kLostOrder. The lane is invalid at this
-//   sample, and restarts at the next one with initial values and an empty memory. This only happens without a
-//   guard.
+//   sample, and restarts at the next one with initial values and an empty memory. This only happens if the
+//   filter has no guard.
 // - bound: the guard had to limit the state in more than kBoundMost of the last kBoundSamples samples. Then R
-//   does not fit the data (the sensor moves, an offset remains, or R is wrong). The lane is invalid while
-//   that lasts. It restarts when that number of samples has fallen to half of kBoundMost.
+//   does not fit the samples: the sensor moves, an offset remains, or R is wrong. The lane is invalid until
+//   the number of limited samples has fallen to half of kBoundMost, and then restarts.
 #pragma once
 
 #include <stddef.h>
@@ -29,16 +29,16 @@ constexpr int kBoundMost = kBoundSamples / 4;
 // Why a lane has just become invalid.
 enum class Loss : uint8_t { none = 0, runaway = 1, bound = 2 };
 
-// Two overloads instead of a template, in which clang-tidy would report this subtraction as a mistake.
+// These are two overloads, because clang-tidy would report the subtraction a - a in a template as a mistake.
 inline bool finite(float a) { return a - a == 0; }
 inline bool finite(double a) { return a - a == 0; }
 
-// Supervises one lane. T is float or double.
+// The supervisor of the filter of one lane. T is float or double.
 template <class T>
 class Supervisor {
   public:
     struct Verdict {
-        bool valid;    // the estimate may be published
+        bool valid;    // the estimate of this sample may be published
         bool restart;  // the lane and its supervisor have to restart at the next sample
         Loss news;
     };
@@ -60,8 +60,8 @@ class Supervisor {
         return Verdict{false, !distrusted_, news};
     }
 
-    // Whether the guard limited the state at none of the recent samples. judge() need not be called for a
-    // valid sample then, because it would change only an index.
+    // Whether the guard limited the state at none of the recent samples. judge() need not be called then for
+    // a sample with a valid estimate, because judge() would change only an index.
     bool calm() const { return count_ == 0; }
 
     // Whether the state of a restored supervisor is one that judge() can produce.
@@ -80,7 +80,7 @@ class Supervisor {
     uint8_t held_[kBoundSamples / 8] = {};
     uint8_t at_ = 0;
     uint8_t count_ = 0;
-    uint8_t distrusted_ = 0;  // 1 while the second rule declares the lane invalid
+    uint8_t distrusted_ = 0;  // 1 while the rule "bound" declares the lane invalid
 };
 
 }  // namespace FLTEA_INSTRUCTION_SET

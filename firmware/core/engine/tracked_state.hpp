@@ -12,12 +12,13 @@ namespace fltea {
 namespace whittle {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// How many samples were only predicted, because the sensor moved, and how many samples came since then.
+// How many samples were only predicted because the sensor moved (`samples`), and how many samples came since
+// then (`ago`).
 struct Unlearned {
     std::uint32_t samples, ago;
 };
 
-// The tracker of one axis. All values are in counts.
+// Tracks bias and state of one axis. All values are in counts.
 class TrackedState {
   public:
     struct Figures {
@@ -26,11 +27,11 @@ class TrackedState {
 
     TrackedState() : filter_(), known_(false), there_(0), base_(0), offset_(0), offset_n_(0), learned_() {}
 
-    // Whether a filter was set.
+    // Whether set() has set a filter.
     bool known() const { return known_; }
 
-    // Sets the filter that is used from the next sample on. Also sets the offset to the mean of all samples
-    // at rest.
+    // Sets the Kalman filter that is used from the next sample on. Also sets the offset to the mean of all
+    // samples at rest.
     void set(const SteadyFilter& filter) {
         filter_ = filter;
         there_ = 0;
@@ -78,7 +79,8 @@ class TrackedState {
         for (int k = 0; k < there_; ++k) now().x[places_[k]] *= power(1.0f - filter_.fall[places_[k]], lost);
     }
 
-    // Judges the newest chunk. Call this after every AxisMotion::kChunk samples.
+    // Judges whether the newest chunk of innovations is noise or motion, and updates the offset at rest. Call
+    // this after every AxisMotion::kChunk samples.
     AxisMotion::Verdict judge(const Unlearned& unlearned, bool moving) {
         float grown = 0;
         for (int k = 0; moving && k < there_; ++k) grown += grown_variance(places_[k], unlearned);
@@ -89,28 +91,28 @@ class TrackedState {
             // Without a filter, the offset becomes the mean of this chunk.
             offset_ += found.mean;
         } else if (there_ == 0) {
-            // In white noise without a state, steps of the offset have to be detected. With a state, the
-            // state follows the step.
+            // If the noise is white and has no state, steps of the offset have to be detected. If there is a
+            // state, it follows such a step by itself.
             float size = 0;
             const std::uint16_t chunks = step_.add(found.mean, math::sqrt(found.variance), size);
             if (chunks != 0) {
                 begin_at(offset_ + size, chunks);
             } else if (now().n - offset_n_ > offset_n_ / 4) {
-                // Soon after a step, the offset is updated often, because each chunk makes the mean much more
-                // precise.
+                // The offset is updated whenever a quarter more samples have come. Soon after a step, that is
+                // often, since each chunk then makes the mean much more precise.
                 take_offset();
             }
         }
         return found;
     }
 
-    // Stores the present state. undo() restores the state of the call of keep() before the last one.
+    // Stores what is known at present. undo() restores what was stored by the last call of keep() but one.
     void keep() {
         learned_[kOlder] = learned_[kNewer];
         learned_[kNewer] = learned_[kNow];
     }
-    // Restores the state of the call of keep() before the last one, and predicts it across the `samples`
-    // samples since then.
+    // Restores what was stored by the last call of keep() but one, and predicts the state across the
+    // `samples` samples since then.
     void undo(std::uint32_t samples) {
         learned_[kNow] = learned_[kOlder];
         if (known_) take_offset();
@@ -140,8 +142,9 @@ class TrackedState {
             grown += more;
             bias_grown += weight * weight * more;
         }
-        // The offset, a mean of n samples, has the error variance S / (n answer²). Such an error also changes
-        // the estimated state.
+        // The offset is a mean of n samples. The variance of its error is S / (n answer²), with the variance
+        // S of the innovations and their `answer` to a constant input of 1. Such an error also changes the
+        // estimated state.
         const float offset = filter_.S / static_cast<float>(offset_n_ == 0 ? 1 : offset_n_);
         const float in_bias = filter_.offset_in_bias,
                     in_state = 1.0f / filter_.answer - filter_.R / filter_.S;
@@ -166,7 +169,8 @@ class TrackedState {
         float x[kPlaces];
     };
 
-    enum { kNow, kNewer, kOlder, kKept };  // the present state, and the states at the last calls of keep()
+    // indexes in learned_: the present, the last call of keep(), and the call before
+    enum { kNow, kNewer, kOlder, kKept };
 
     Learned& now() { return learned_[kNow]; }
     const Learned& now() const { return learned_[kNow]; }
@@ -182,15 +186,16 @@ class TrackedState {
 
     float most() const { return kClip * math::sqrt(filter_.S); }
 
-    // Variance that noise has added to part i while nothing was learned, as far as it is still left. In later
-    // samples at rest, the filter reduces such an error by the factor a(1 - K) per sample.
+    // Returns the variance that noise has added to part i of the state while nothing was learned, as far as
+    // this variance is still left. At rest, the filter reduces such an error by the factor a(1 - K) per
+    // sample.
     float grown_variance(int i, const Unlearned& unlearned) const {
         const float a = 1.0f - filter_.fall[i], left = a * (1.0f - filter_.gain[i]);
         return filter_.variance[i] * (1.0f - power(a * a, unlearned.samples)) *
                power(left * left, unlearned.ago);
     }
 
-    // Begins anew with `offset` as the mean of the newest `chunks` chunks.
+    // Begins the mean of samples anew: `offset` is the mean of the newest `chunks` chunks.
     void begin_at(float offset, std::uint16_t chunks) {
         offset_ = offset;
         offset_n_ = now().n = chunks * static_cast<std::uint32_t>(+AxisMotion::kChunk);
@@ -203,8 +208,8 @@ class TrackedState {
         step_.clear();
     }
 
-    // Sets the offset to the mean of all samples, and the state as if all samples had been filtered with that
-    // offset.
+    // Sets the offset to the mean of all samples at rest, and changes the state as if all these samples had
+    // been filtered with that offset.
     void take_offset() {
         const float before = offset_;
         offset_ = now().n == 0 ? 0.0f : static_cast<float>(now().sum) / static_cast<float>(now().n);
@@ -218,7 +223,8 @@ class TrackedState {
         }
     }
 
-    // Adds the values of parts of the state that no longer exist to the other parts.
+    // Some parts of the state no longer exist in a new filter. Distributes their values over the parts that
+    // do exist.
     void hand_over(Learned& learned) const {
         float left = 0, variance = 0;
         for (int i = 0; i < kPlaces; ++i) {

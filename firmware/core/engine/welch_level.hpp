@@ -27,13 +27,13 @@ class WelchLevel {
     typedef typename Kind::template Cells<kLines> Cells;
     enum { kLowest = 45, kBlock = Fft::kBlock, kHop = kBlock / 2, kMostAtOnce = 128 };
 
-    // `step`: number of samples of the original stream for each value of this level.
+    // `step`: number of samples of the original stream per value of this level.
     explicit WelchLevel(Memory memory = Memory(), std::uint64_t step = 1)
         : x_(), cells_(memory, step * kHop) {
         cut();
     }
 
-    // Notes a break of the stream.
+    // Notes a break of the stream: no block contains values from before and after the break.
     void cut() {
         fill_ = 0;
         made_up_ = -1;
@@ -67,7 +67,7 @@ class WelchLevel {
         return outputs;
     }
 
-    // Sets what the arguments of the constructor set. Call this before the first value is added.
+    // Sets memory and step as the constructor does. Call this before the first value is added.
     void begin(Memory memory, std::uint64_t step) { cells_ = Cells(memory, step * kHop); }
 
     Sums& sums() { return sums_; }
@@ -92,8 +92,8 @@ class WelchLevel {
     }
 
   private:
-    // This is not inlined, because the stack would then hold its local memory and that of the half-band
-    // filter at the same time.
+    // This function is not inlined into push(), because the stack would then hold the local variables of the
+    // FFT and those of the half-band filter at the same time.
     __attribute__((noinline)) void end_block(std::uint64_t step, Memory memory) {
         if (made_up_ < 0) {
             typename Fft::Work work;
