@@ -1,7 +1,7 @@
 // The device's own estimates. Samples wait in a queue and are processed one axis at a time, so that sampling
-// waits for no longer than one axis takes. If the queue is full when a sample comes, the sample is skipped
-// and counted. The filters do not notice a skipped sample, because predicting it would take as long as
-// processing it. The same samples go into the spectra for the noise fits (noise_fit.h).
+// never waits longer than one axis takes. If the queue is full when a sample comes, the sample is skipped and
+// counted. The filters go on as if a skipped sample had never been due, because predicting it would take as
+// long as processing it. The same samples go into the spectra for the noise fits (noise_fit.h).
 #pragma once
 
 #include <stddef.h>
@@ -62,7 +62,8 @@ class Estimation {
         return begun_ != begun;
     }
 
-    // Sets Q and R of an axis's filters to those of its fit. Returns whether the filters now use that fit.
+    // Sets Q and R of an axis's filters to those of the fit of its noise. Returns whether the filters now use
+    // that fit, which they do only if it rejects white noise and has a definite order.
     bool retune(const Fit& fit) {
         if (fit.verdict == FitVerdict::white || (fit.flags & fit_flags::alpha_defined) == 0) return false;
         axes_[static_cast<size_t>(fit.axis)].retune(fit.s2, fit.r);
@@ -71,12 +72,12 @@ class Estimation {
 
     bool busy() const { return waiting_ != 0 || noise_.passing(); }
 
-    // The noise fits, which use the same samples. Call this only when busy() is false.
+    // Returns the noise fits, which use the same samples. Use them only when busy() is false.
     NoiseFit& noise() { return noise_; }
     const NoiseFit& noise() const { return noise_; }
 
-    // Advances one axis by one sample, or its spectrum by one octave. Returns true if `message` is a new
-    // ESTIMATE to be sent.
+    // Does one slice of work: advances the filters of one axis by one sample, or the spectrum of one axis by
+    // one octave. Returns true if `message` is a new ESTIMATE to be sent.
     bool work(Estimate& message) {
         if (noise_.passing()) {
             noise_.pass();
@@ -112,7 +113,7 @@ class Estimation {
         return due;
     }
 
-    // Fills the settings and the state of the estimation into an ESTIMATOR, except longest_axis and
+    // Fills the settings and the state of the estimation into an ESTIMATOR message, except longest_axis and
     // longest_slice, which the caller fills in.
     void report(Estimator& message) const {
         namespace s = settings;
@@ -142,8 +143,8 @@ class Estimation {
     bool started() const { return collected_ == settings::kStartup; }
 
   private:
-    // Samples that the queue can hold. It has to bridge the tenth of a second in which a gap of kMaxGap
-    // samples is processed.
+    // Samples that the queue can hold. Processing a gap of kMaxGap samples takes a tenth of a second, and the
+    // queue has to hold the samples of that time.
     static constexpr size_t kQueue = 32;
     static_assert(settings::kStartup >= 2 && settings::kStartup <= 4096, "the window's sums must fit");
     static_assert(settings::kEstimateEvery >= 1, "samples from one ESTIMATE to the next");
@@ -151,8 +152,9 @@ class Estimation {
     struct Item {
         int16_t count[kAxes];
         uint16_t sequence;
-        uint16_t missing;  // samples lost before this one that are still to be predicted
-        uint16_t skipped;  // samples before this one that were skipped because the queue was full
+        uint16_t missing;  // number of samples lost just before this one that are still to be predicted
+        // number of samples just before this one that were skipped because the queue was full
+        uint16_t skipped;
     };
 
     void collect(const Item& item) {

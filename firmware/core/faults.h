@@ -1,5 +1,5 @@
-// Sends FAULTs to the host, each code at most once a second. While the serial port is busy, faults wait and
-// are not lost.
+// Sends FAULT frames to the host, each fault code at most once a second. While the serial port is busy,
+// faults wait and are not lost.
 #pragma once
 
 #include <stddef.h>
@@ -13,8 +13,8 @@ namespace fltea {
 
 class Faults {
   public:
-    // Reports a fault. If the same code was sent less than a second ago, the fault waits, and only the newest
-    // detail is sent.
+    // Reports a fault. If the same code was sent less than a second ago, the fault waits. If more faults of
+    // that code are reported meanwhile, one FAULT with the newest detail is sent for all.
     void raise(FaultCode code, uint32_t detail) {
         Entry& entry = entries_[static_cast<size_t>(code) - 1];
         entry.detail = detail;
@@ -32,8 +32,8 @@ class Faults {
         }
     }
 
-    // Drops faults that wait because their code was sent less than a second ago. Call this when the sensor
-    // runs again, because these faults are outdated then.
+    // Drops the faults that wait because their code was sent less than a second ago. Call this when the
+    // sensor runs again, because the waiting faults are outdated then.
     void forget_repeats() {
         for (Entry& entry : entries_) {
             if (entry.rest.waiting()) entry.waiting = false;

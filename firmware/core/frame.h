@@ -1,6 +1,6 @@
-// One frame on the wire: COBS( type u8 | sequence u16 | device_us u32 | payload | CRC-32 u32 ), then 0x00.
-// Each byte passes through the CRC and the COBS encoder directly into the caller's buffer, so no second
-// buffer is needed.
+// Encodes frames. One frame on the wire is COBS( type u8 | sequence u16 | device_us u32 | payload | CRC-32
+// u32 ), then 0x00. Each byte passes through the CRC and the COBS encoder directly into the caller's buffer,
+// so no second buffer is needed.
 #pragma once
 
 #include <stddef.h>
@@ -21,8 +21,8 @@ constexpr size_t wire_size() {
     return cobs_max_encoded(kMaxFrame - kMaxPayload + Message::size()) + 1;
 }
 
-// `out` must have room for kMaxWire bytes, or wire_size() of the message. The payload may have at most
-// kMaxPayload bytes.
+// Begins a frame. `out` must have room for kMaxWire bytes, or for wire_size() of the message. The payload may
+// have at most kMaxPayload bytes.
 class FrameWriter {
   public:
     FrameWriter(uint8_t type, uint16_t sequence, uint32_t device_us, uint8_t* out) : out_(out), cobs_(out) {
@@ -44,8 +44,7 @@ class FrameWriter {
         u16(static_cast<uint16_t>(value >> 16));
     }
 
-    // Ends the frame. Returns its number of bytes on the wire, including the 0x00. Do not put more bytes
-    // afterwards.
+    // Ends the frame. Returns its number of bytes on the wire, including the 0x00. Add no bytes after this.
     size_t finish() {
         u32(crc_.value());
         const size_t n = cobs_.finish();
@@ -59,7 +58,7 @@ class FrameWriter {
     CobsEncoder cobs_;
 };
 
-// Visitor of a message's fields (messages.h) that writes the fields as payload.
+// Visits the fields of a message (messages.h), and writes each field into the payload of a frame.
 class FieldWriter {
   public:
     explicit FieldWriter(FrameWriter& frame) : frame_(frame) {}
@@ -80,7 +79,7 @@ class FieldWriter {
         frame_.u8(static_cast<uint8_t>(value));
     }
 
-    // Fields of the types bytesN and textN. The code that sets a textN has padded it with NUL.
+    // Writes a field of type bytesN or textN (N bytes). The code that set a textN has padded it with NUL.
     template <typename Byte, size_t N>
     void operator()(const char*, const Byte (&value)[N]) {
         for (size_t i = 0; i < N; ++i) frame_.u8(static_cast<uint8_t>(value[i]));
@@ -90,8 +89,8 @@ class FieldWriter {
     FrameWriter& frame_;
 };
 
-// Returns the number of bytes on the wire, including the 0x00. If the payload is longer than kMaxPayload,
-// returns 0 and writes nothing.
+// Encodes a payload of n bytes as a frame. Returns the number of bytes on the wire, including the closing
+// 0x00. If the payload is longer than kMaxPayload, returns 0 and writes nothing.
 inline size_t encode_frame(uint8_t type, uint16_t sequence, uint32_t device_us, const uint8_t* payload,
                            size_t n, uint8_t* out) {
     if (n > kMaxPayload) return 0;
@@ -100,7 +99,7 @@ inline size_t encode_frame(uint8_t type, uint16_t sequence, uint32_t device_us, 
     return frame.finish();
 }
 
-// Encodes a message, which is a struct of messages.h, as a frame.
+// Encodes a message, which is a struct of messages.h, as a frame. Returns the number of bytes on the wire.
 template <typename Message>
 size_t encode_message(const Message& message, uint16_t sequence, uint32_t device_us, uint8_t* out) {
     static_assert(Message::size() <= kMaxPayload, "the payload does not fit a frame");

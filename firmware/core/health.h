@@ -1,8 +1,8 @@
 // Operates the sensor: sets it up, reads it and recovers it. A failed transfer is tried once more. If a chip
-// may be holding the bus, nine clocks free it. The chip is set up again after a few lost sampling instants,
-// after a register with a wrong value, or when its values stop changing; until it runs, it is set up at most
-// once a second. No call takes longer than two failing transfers, three recoveries and the working transfers
-// of a set-up: 10 ms.
+// may be holding the I2C bus, nine clocks free the bus. The sensor is set up again after a few lost sampling
+// instants, after a register had a wrong value, or when its values stop changing. A sensor that does not run
+// is set up at most once a second. No call takes longer than 10 ms, which is the time for two failing
+// transfers, three recoveries of the bus and the working transfers of a set-up.
 #pragma once
 
 #include <stddef.h>
@@ -18,8 +18,8 @@
 
 namespace fltea {
 
-// The next value of sensor_starts in HELLO, which counts the set-ups. 65535 is followed by 1, because 0 means
-// that the sensor was not set up yet.
+// Returns the number that HELLO reports as sensor_starts after `starts` set-ups of the sensor. 65535 is
+// followed by 1, because 0 means that the sensor was not set up yet.
 constexpr uint16_t start_number(uint32_t starts) {
     return static_cast<uint16_t>(starts == 0 ? 0 : (starts - 1) % 65535 + 1);
 }
@@ -27,19 +27,20 @@ constexpr uint16_t start_number(uint32_t starts) {
 class Health {
   public:
     struct Reading {
-        Sample sample;      // with the flags retried, saturated and repeated set
+        Sample sample;      // its flags retried, saturated and repeated are set where they apply
         uint32_t burst_us;  // time just before the burst began
     };
 
     Health(I2cBus& bus, Clock& clock, Faults& faults, SamplingMode mode)
         : bus_(bus), clock_(clock), faults_(faults), sensor_(bus, mode) {}
 
-    // Keeps the waits correct across every wrap of the clock. Call this in every step.
+    // Keeps the waits correct across every wrap of the 32-bit clock. Call this in every step of the main
+    // loop.
     void pass_time(uint32_t now_us) { between_.over(now_us); }
 
     bool running() const { return state_ == State::running; }
 
-    // Number of transfers on the bus so far, including failed ones; it wraps.
+    // Returns the number of transfers on the bus so far, including failed ones. This number wraps.
     uint32_t transfers() const { return transfers_; }
 
     // Continues the set-up. Call this in every step while the sensor does not run. Returns true when the
@@ -58,8 +59,8 @@ class Health {
         return running();
     }
 
-    // Reads the sensor at one instant. Returns false if there is no sample; if the sensor has to be set up
-    // again, running() is false then, and set_up() has to be called.
+    // Reads the sensor at one sampling instant. Returns false if there is no sample. If running() is then
+    // false, too, the sensor has to be set up again with set_up().
     bool read(Reading& reading) {
         uint8_t burst[Mpu9250::kBurstBytes];
         retried_ = false;
@@ -84,7 +85,8 @@ class Health {
         return true;
     }
 
-    // Stops the sensor, so that it is set up again. Call this when it answers but gives no edges.
+    // Stops the sensor, so that it is set up again. Call this when the sensor answers but its data-ready pin
+    // gives no edges.
     void data_ready_missing(uint32_t silence_us) { stop(FaultCode::data_ready_missing, silence_us); }
 
     // Values that HELLO and STATUS report.
@@ -100,23 +102,25 @@ class Health {
     // Result of reading back a setting of the chip.
     enum class Answer : uint8_t { right, right_at_second, wrong, none };
 
-    // Consecutive instants without a sample after which the chip is set up again. They are at least three and
-    // last 30 ms, which is longer than a disturbance and shorter than the host waits.
+    // After this many consecutive sampling instants without a sample, the chip is set up again. They are at
+    // least three and last at least 30 ms. That is longer than a disturbance, and shorter than the host
+    // waits.
     static constexpr uint8_t kLostInstants =
         settings::kSamplePeriodUs < 10000 ? 30000 / settings::kSamplePeriodUs : 3;
     // Number of equal bursts after which the chip is set up again. With noise in seven channels, consecutive
-    // bursts are never equal; those of a sleeping chip are, although it keeps its settings.
+    // bursts of a working chip are never equal. Those of a sleeping chip are equal, and its settings do not
+    // show that it sleeps.
     static constexpr uint8_t kMostEqual = 10;
     // After a reset the registers answer as after power-up: within 100 ms (PS-MPU-9250A-01, start-up time).
     static constexpr uint32_t kResetUs = 100000;
     // The gyroscope needs 35 ms after sleep (PS-MPU-9250A-01, 3.1); an MPU-6050 sleeps after its reset.
     static constexpr uint32_t kSettleUs = 50000;
 
-    // Interval at which a missing sensor is probed. Set-ups are a second apart, because nothing is urgent
-    // with a chip for which set-ups fail.
+    // Interval at which a missing sensor is probed. Set-ups of a sensor that answers are a second apart
+    // instead: if set-ups fail, the next attempt is not urgent.
     static constexpr uint32_t kProbeUs = 100000;
 
-    // Tries a transfer, and repeats it if it is the first failure of this step.
+    // Tries a transfer. Repeats it if it fails and no other transfer was repeated in this step.
     template <typename Transfer>
     bool transfer(Transfer go) {
         for (;;) {
@@ -162,7 +166,7 @@ class Health {
         ++errors_in_row_;
     }
 
-    // Whether the burst can be trusted, because the chip still has its settings.
+    // Whether the burst that was just read can be trusted, because the chip still has its settings.
     bool guarded() {
         uint8_t guard[Mpu9250::kGuardBytes];
         size_t wrong = 0;
@@ -182,8 +186,8 @@ class Health {
         uint8_t answer = 0;
         if (!transfer([&]() -> I2cResult { return sensor_.read_who_am_i(answer); })) {
             if (held_ != HeldLines::none) return;
-            // At power-up the board is ready before the sensor, which gets its supply at the same time (11 to
-            // 100 ms: PS-MPU-9250A-01, 3.4.2).
+            // The first probe without an answer is no fault yet. At power-up the board is ready before the
+            // sensor, which takes 11 to 100 ms from the same time on (PS-MPU-9250A-01, 3.4.2).
             if (unanswered_) faults_.raise(FaultCode::sensor_missing, settings::kSensorAddress);
             unanswered_ = true;
             return;
@@ -245,8 +249,8 @@ class Health {
               static_cast<uint32_t>(setting.reg) << 16 | static_cast<uint32_t>(setting.value) << 8 | kept);
     }
 
-    // The sensor answers with wrong values. The I2C controller may be the cause: a byte that is left in it
-    // shifts all bytes that are read later, and only recover() sets the controller up again.
+    // Stops the sensor because it answers with wrong values. The I2C controller may be the cause: a byte that
+    // is left in it shifts all bytes that are read later, and only recover() sets the controller up again.
     void doubt(FaultCode code, uint32_t detail) {
         stop(code, detail);
         doubtful_ = true;

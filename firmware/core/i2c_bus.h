@@ -8,13 +8,13 @@ namespace fltea {
 
 enum class I2cResult : uint8_t {
     ok,
-    nack,        // no acknowledgement of the address or the data
-    timeout,     // not finished within settings::kI2cTimeoutUs, because a line is held low
-    short_read,  // fewer bytes than requested
+    nack,        // the chip did not acknowledge its address or the data
+    timeout,     // the transfer did not end within settings::kI2cTimeoutUs, because a line is held low
+    short_read,  // fewer bytes were read than requested
 };
 
-// Lines that another chip holds low, because this controller does not. The detail of the fault bus_held has
-// the same values.
+// Which lines of the bus are low although this controller has released them, so that another chip must be
+// holding them. The detail of the fault bus_held has the same values.
 enum class HeldLines : uint8_t { none = 0, sda = 1, scl = 2, both = 3 };
 
 class I2cBus {

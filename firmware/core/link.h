@@ -16,7 +16,7 @@ class Link {
   public:
     explicit Link(ByteSink& sink) : sink_(sink) {}
 
-    // Sends the sample, or drops it and counts the drop. The sequence number is used in both cases.
+    // Sends the sample, or drops it and counts the drop. The sequence number counts as used in both cases.
     void send_sample(const Sample& sample, uint16_t sequence, uint32_t device_us) {
         if (room_for<Sample>(0)) {
             write(sample, sequence, device_us);
@@ -25,13 +25,13 @@ class Link {
         }
     }
 
-    // Sends any other message, if the ring buffer still has room for a sample then. `quiet_us`: the next
-    // sample comes at the earliest after this time, and the serial port sends bytes until then; a small ring
-    // buffer needs this, because it cannot hold a message and a sample. Returns false if the caller has to
-    // try again later.
+    // Sends any other message, if the ring buffer then still has room for a sample. `quiet_us`: time until
+    // the next sample comes at the earliest. The bytes that the serial port can send in this time count as
+    // room, because a small ring buffer cannot hold a message and a sample at once. Returns false if the
+    // caller has to try again later.
     template <typename Message>
     bool send(const Message& message, uint32_t device_us, uint32_t quiet_us = 0) {
-        const size_t gone = quiet_us / kByteUs;  // bytes that the serial port has sent by then
+        const size_t gone = quiet_us / kByteUs;  // bytes that the serial port sends during quiet_us
         if (!room_for<Message>(gone < wire_size<Sample>() ? wire_size<Sample>() - gone : 0)) return false;
         write(message, sequences_[Message::type()]++, device_us);
         return true;
@@ -58,7 +58,7 @@ class Link {
         }
     }
 
-    // Time of a byte on the serial port: ten bits.
+    // Time that a byte takes on the serial port, where it has ten bits.
     static constexpr uint32_t kByteUs = 10 * 1000000 / settings::kLineBaud;
 
     // A 0x00 before the first frame ends any earlier incomplete data on the serial port.

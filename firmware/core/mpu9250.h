@@ -18,8 +18,8 @@ struct SensorKind {
     bool has_accel_config_2;
 };
 
-// The chip with this WHO_AM_I. Returns nullptr for an unknown chip, which might have other registers or
-// scales.
+// Returns the chip whose register WHO_AM_I has this value. Returns nullptr for an unknown chip, which might
+// have other registers or scales.
 inline const SensorKind* find_sensor_kind(uint8_t who_am_i) {
     static const SensorKind kinds[] = {
         {0x71, true},   // MPU-9250
@@ -35,8 +35,8 @@ inline const SensorKind* find_sensor_kind(uint8_t who_am_i) {
     return nullptr;
 }
 
-// FS_SEL for a full scale: each step doubles the full scale. 4 or more means that there is no such full
-// scale.
+// Returns the register field FS_SEL for a full scale. The full scale doubles with each step of FS_SEL. A
+// result of 4 or more means that there is no such full scale.
 constexpr uint8_t range_select(uint16_t range, uint16_t smallest) {
     return range == smallest       ? 0
            : range == smallest * 2 ? 1
@@ -45,7 +45,8 @@ constexpr uint8_t range_select(uint16_t range, uint16_t smallest) {
                                    : 4;
 }
 
-// DLPF_CFG for a bandwidth [Hz]. 0 means that there is no such filter at an internal rate of 1 kHz.
+// Returns the register field DLPF_CFG for a bandwidth [Hz] of the low-pass filter. 0 means that there is no
+// such filter at an internal rate of 1 kHz.
 constexpr uint8_t dlpf_select(uint16_t hz) {
     return hz == 184 ? 1 : hz == 92 ? 2 : hz == 41 ? 3 : hz == 20 ? 4 : hz == 10 ? 5 : hz == 5 ? 6 : 0;
 }
@@ -61,12 +62,13 @@ static_assert(settings::kSamplePeriodUs % 1000 == 0 && settings::kSamplePeriodUs
                   settings::kSamplePeriodUs <= 256000,
               "kSamplePeriodUs must be 1 to 256 whole milliseconds");
 
-// Sensitivity [0.1 LSB per deg/s]: 131.0, 65.5, 32.8, 16.4 (PS-MPU-9250A-01, 3.1).
+// Returns the gyroscope's sensitivity in tenths of a count per deg/s. In counts, it is 131.0, 65.5, 32.8 or
+// 16.4 per deg/s (PS-MPU-9250A-01, 3.1).
 constexpr uint16_t kGyroLsbTenths = kGyroSelect == 0   ? 1310
                                     : kGyroSelect == 1 ? 655
                                     : kGyroSelect == 2 ? 328
                                                        : 164;
-// Sensitivity [LSB per g] (PS-MPU-9250A-01, 3.2).
+// Returns the accelerometer's sensitivity [counts per g] (PS-MPU-9250A-01, 3.2).
 constexpr uint16_t kAccelLsb = 16384 >> kAccelSelect;
 
 // Bandwidth of the gyroscope's filter [Hz]; the MPU-6050's differs slightly (RM-MPU-6000A-00, register 26).
@@ -75,19 +77,19 @@ inline uint16_t gyro_dlpf_hz(uint8_t who_am_i) {
     return who_am_i == 0x68 ? mpu6050[kDlpfSelect - 1] : settings::kDlpfHz;
 }
 
-// Value of SMPLRT_DIV. In timer mode, conversions run at the full internal rate of 1 kHz, so that the newest
-// conversion is never old. In data-ready mode, there is one conversion per period.
+// Returns the value of the register SMPLRT_DIV. In timer mode, conversions run at the full internal rate of 1
+// kHz, so that the newest conversion is never old. In data-ready mode, there is one conversion per period.
 constexpr uint8_t rate_divider(SamplingMode mode) {
     return mode == SamplingMode::data_ready ? settings::kSamplePeriodUs / 1000 - 1 : 0;
 }
 
-// Value of INT_ENABLE.
+// Returns the value of the register INT_ENABLE.
 constexpr uint8_t interrupt_enable(SamplingMode mode) {
     return mode == SamplingMode::data_ready ? mpu9250_reg::kRawReady : 0;
 }
 
-// A setting: the value of a register, and which of its bits are compared when it is read back. Bits without a
-// meaning may have any value on a clone, and H_RESET clears itself.
+// A setting of the chip: the value of a register, and which of its bits are compared when the register is
+// read back. Bits without a meaning may have any value on a clone, and H_RESET clears itself.
 struct RegisterSetting {
     uint8_t reg;
     uint8_t value;
@@ -119,19 +121,20 @@ class Mpu9250 {
         return bus_.read(settings::kSensorAddress, mpu9250_reg::kWhoAmI, &who_am_i, 1);
     }
 
-    // Sets the kind of chip for the following transfers.
+    // Sets which kind of chip the following transfers are for.
     void set_kind(const SensorKind& kind) { has_accel_config_2_ = kind.has_accel_config_2; }
 
-    // Resets every register [4.34]. The caller has to wait before the next transfer, as health.h does.
+    // Resets every register (register map RM-MPU-9250A-00, section 4.34). The caller has to wait before the
+    // next transfer, as health.h does.
     I2cResult start_reset() {
         return bus_.write(settings::kSensorAddress, mpu9250_reg::kPwrMgmt1, mpu9250_reg::kReset);
     }
 
-    // The i-th of the kSettings settings, in the order in which they have to be written. The first setting
-    // wakes the chip.
+    // Returns the i-th of the kSettings settings, in the order in which they have to be written. The first
+    // setting wakes the chip.
     const RegisterSetting& setting(size_t i) const { return settings_[i]; }
 
-    // Whether the chip has this register.
+    // Whether the chip has the register of the i-th setting.
     bool has_setting(size_t i) const {
         return has_accel_config_2_ || settings_[i].reg != mpu9250_reg::kAccelConfig2;
     }
@@ -149,13 +152,14 @@ class Mpu9250 {
         return bus_.read(settings::kSensorAddress, mpu9250_reg::kAccelXoutH, burst, kBurstBytes);
     }
 
-    // Reads the registers that determine the scale and bandwidth of a sample.
+    // Reads the guard registers, which determine the scale and bandwidth of a sample.
     I2cResult read_guard(uint8_t (&guard)[kGuardBytes]) {
         return bus_.read(settings::kSensorAddress, mpu9250_reg::kSmplrtDiv, guard, guard_size());
     }
 
-    // Index of the first setting that differs from what read_guard() has read, or kSettings if none differs.
-    // A chip that lost its supply for a moment still answers, but with other ranges and filters.
+    // Returns the index of the first setting that differs from what read_guard() has read, or kSettings if
+    // none differs. The check is needed because a chip that lost its supply for a moment still answers, but
+    // with other ranges and filters.
     size_t first_mismatch(const uint8_t (&guard)[kGuardBytes]) const {
         for (size_t i = 0; i < guard_size(); ++i) {
             if (!settings_[kGuardStart + i].is(guard[i])) return kGuardStart + i;
@@ -174,7 +178,7 @@ class Mpu9250 {
     bool has_accel_config_2_ = true;
 };
 
-// Converts a burst to counts. The chip is big-endian [4.22 to 4.24].
+// Converts the bytes of a burst to counts. The chip is big-endian (register map, sections 4.22 to 4.24).
 inline void decode_burst(const uint8_t (&burst)[Mpu9250::kBurstBytes], Sample& sample) {
     int16_t* const fields[] = {&sample.accel_x, &sample.accel_y, &sample.accel_z, &sample.temperature,
                                &sample.gyro_x,  &sample.gyro_y,  &sample.gyro_z};
@@ -183,7 +187,7 @@ inline void decode_burst(const uint8_t (&burst)[Mpu9250::kBurstBytes], Sample& s
     }
 }
 
-// Whether a value is at the end of the range of counts, where the true rate may be larger.
+// Whether a value of the gyroscope is at an end of the range of counts, so that the true rate may be larger.
 inline bool at_end_of_range(int16_t counts) { return counts == INT16_MAX || counts == INT16_MIN; }
 
 inline bool gyro_saturated(const Sample& sample) {

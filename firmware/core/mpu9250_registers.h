@@ -14,7 +14,7 @@ constexpr uint8_t kAccelConfig = 0x1C;   // [4.7] range
 constexpr uint8_t kAccelConfig2 = 0x1D;  // [4.8] A_DLPF_CFG, ACCEL_FCHOICE_B
 constexpr uint8_t kIntPinCfg = 0x37;     // [4.19] behaviour of the INT pin
 constexpr uint8_t kIntEnable = 0x38;     // [4.20] which events pulse the INT pin
-constexpr uint8_t kAccelXoutH = 0x3B;    // [4.22 to 4.24] first of 14: acceleration, temperature, rate
+constexpr uint8_t kAccelXoutH = 0x3B;    // [4.22 to 4.24] 14 bytes: acceleration, temperature, rate
 constexpr uint8_t kPwrMgmt1 = 0x6B;      // [4.34] reset, sleep, clock
 constexpr uint8_t kWhoAmI = 0x75;        // [4.38] kind of chip
 

@@ -17,12 +17,12 @@ constexpr float kRateHz = 1e6f / static_cast<float>(settings::kSamplePeriodUs);
 constexpr float kTurn = 6.2831853f;
 // Number of samples before the first fit.
 constexpr uint32_t kFirstFit = 1000;
-// The bias is the mean over the next second.
+// The bias of the tracker is the expected mean over this many samples, which is the next second.
 constexpr int kAhead = 1000000 / settings::kSamplePeriodUs;
 constexpr float kChunksPerS = kRateHz / static_cast<float>(+whittle::AxisMotion::kChunk);
-// The data sheets' figures for temperature allow no step of the bias by 2 deg/s. If the rate stays at a new
-// mean for ten seconds, a smaller change is accepted as a step of the bias. A larger change is accepted after
-// ten minutes.
+// By the data sheets' figures for temperature, no bias can step by 2 deg/s. A smaller change of the mean rate
+// is accepted as a step of the bias if the rate stays at the new mean for ten seconds. A larger change is
+// accepted after ten minutes.
 constexpr whittle::SensorMotion::Limits kMotion = {2 * kLsb, static_cast<uint16_t>(10 * kChunksPerS),
                                                    static_cast<uint16_t>(600 * kChunksPerS)};
 static_assert(settings::kFitEvery > 0, "samples from one round of fits to the next");
@@ -33,8 +33,8 @@ typedef engine::FitBins<Octaves> Bins;
 }  // namespace
 
 struct NoiseFit::Axis {
-    // Every twelfth fit of an axis repeats the search on a grid. The axes are four fits apart, so that only
-    // one round of fits in four contains such a search.
+    // Every twelfth fit of an axis repeats the search on a grid. The axes repeat it four fits after one
+    // another, so that only one round of fits in four contains such a search.
     explicit Axis(size_t i) : memory(4 * static_cast<int>(i)) {}
     Octaves octaves;
     whittle::FitMemory memory;
@@ -43,7 +43,7 @@ struct NoiseFit::Axis {
 };
 
 struct NoiseFit::Parts {
-    // objects of type Axis, for the axes that are started
+    // memory for the objects of type Axis of the axes that are started
     alignas(8) unsigned char axes[kAxes][sizeof(Axis)];
     whittle::SensorMotion motion;
     Octaves::Passage passage;
@@ -97,7 +97,7 @@ void NoiseFit::add(size_t i, int16_t count) {
     if (i == kAxes - 1) judge_motion();
 }
 
-// Call this after every sample, when all axes have it.
+// Judges whether the sensor moves. Call this after every sample, when all axes have it.
 void NoiseFit::judge_motion() {
     whittle::TrackedState* tracked[kAxes];
     int n = 0;
@@ -135,7 +135,7 @@ NoiseFit::Told NoiseFit::work(Fit& fit, Spectrum& spectrum) {
             begin_axis(0);
             return Told::nothing;
         case Stage::gathering:
-            // If the spectrum has changed since the bins were begun, they have to be made again.
+            // If samples have entered the spectrum since the bins were begun, the bins have to be made again.
             if (gathered_ != passages_) begin_bins();
             if (!bins.step(axis(axis_).octaves)) return Told::nothing;
             parts().fit.begin(bins, whittle::kFivePercent, axis(axis_).memory);
@@ -194,7 +194,7 @@ void NoiseFit::tell(Fit& fit) {
     fit.ratio_relaxation = found.ratio_ar1;
 }
 
-// Fills the next bins into a SPECTRUM. Returns false when all bins were sent.
+// Fills the next bins of the spectrum into a SPECTRUM frame. Returns false if all bins were sent before.
 bool NoiseFit::tell(Spectrum& spectrum) {
     const Bins& bins = parts().bins;
     if (told_ >= bins.size()) return false;

@@ -22,10 +22,10 @@ class NoiseFit {
     // Forgets everything until start().
     void begin();
 
-    // Starts an axis after the full start-up window. An axis that is not started is ignored.
+    // Starts an axis when its start-up window is full. The counts of an axis that is not started are ignored.
     void start(size_t axis);
 
-    // Notes that `lost` samples of all axes are missing before the next one.
+    // Notes that before the next sample, `lost` samples of all axes are missing.
     void skip(uint16_t lost);
     // Adds a count of one axis. Every sample has to be added for axis 0, 1 and 2 in this order. Do not call
     // this while passing() is true.
@@ -36,25 +36,26 @@ class NoiseFit {
     bool passing() const { return passing_; }
     void pass();
 
-    // Fills the bias and the state of an axis's tracker into an ESTIMATE, if the tracker has a filter.
+    // Fills the bias and the state of an axis's tracker into an ESTIMATE message, if a fit has given the
+    // tracker a filter.
     void track(size_t axis, Estimate& message);
 
     // Whether a fit is due or in progress.
     bool busy() const { return stage_ != Stage::idle || (started_ != 0 && is_due()); }
-    // Which message work() has filled in. The caller has to send it before the next slice.
+    // Which message a call of work() has filled in. The caller has to send that message before the next call.
     enum class Told { nothing, fit, spectrum };
     Told work(Fit& fit, Spectrum& spectrum);
 
   private:
-    // The spectra, bins and fits. Their classes come from engine/ and are compiled only once, in
-    // noise_fit.cpp.
+    // The spectra, bins and fits. Their classes come from engine/, which is included only in noise_fit.cpp.
     struct Parts;
     struct Axis;
     enum class Stage { idle, gathering, fitting, designing, telling };
 
     Parts& parts() { return *reinterpret_cast<Parts*>(storage_); }
     Axis& axis(size_t i);
-    // Correct although age_ wraps at 2^32, which takes more than a year, or a hundred days at 500 Hz.
+    // Whether the next fit is due. This is correct although age_ wraps at 2^32. At 100 Hz, that takes more
+    // than a year, and at 500 Hz a hundred days.
     bool is_due() const { return static_cast<int32_t>(age_ - next_age_) >= 0; }
     bool is_started(size_t i) const { return (started_ >> i & 1) != 0; }
     void begin_axis(size_t first);
@@ -70,9 +71,9 @@ class NoiseFit {
     // number of batches of counts that entered the octaves since begin(), over all axes
     uint32_t passages_ = 0;
     uint32_t gathered_ = 0;  // value of passages_ when the bins were begun
-    uint32_t age_ = 0;       // samples since the start-up window, including lost ones
-    uint32_t next_age_ = 0;  // age at which the next fit is due
-    uint32_t bins_age_ = 0;  // age when the bins were begun
+    uint32_t age_ = 0;       // number of samples since the start-up window, including lost ones
+    uint32_t next_age_ = 0;  // value of age_ at which the next round of fits is due
+    uint32_t bins_age_ = 0;  // value of age_ when the bins were begun
     uint32_t bins_used_ = 0;
     int told_ = 0;             // number of bins of the present spectrum that were sent
     size_t passing_axis_ = 0;  // axis whose counts are on their way through the octaves

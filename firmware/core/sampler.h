@@ -1,5 +1,5 @@
-// Decides when to sample, and numbers the sampling instants. Instants are counted whether a sample is read or
-// not, so that delivered + lost = due.
+// Decides when to sample, and numbers the sampling instants. Every instant is counted, whether a sample is
+// read at it or not. The number of instants is therefore that of samples delivered plus that of samples lost.
 #pragma once
 
 #include <stdint.h>
@@ -14,13 +14,13 @@ class Sampler {
   public:
     explicit Sampler(SamplingMode mode) : by_edges_(mode == SamplingMode::data_ready) {}
 
-    // Call this at boot. In timer mode, sampling instants are due at the multiples of the period from now on,
-    // also without a sensor. They are never begun anew, because after a wrap of the clock the multiples of
-    // the period would no longer coincide with the ticks of the board's timer.
+    // Call this at boot. In timer mode, a sampling instant is due at each multiple of the period from now on,
+    // also without a sensor. This series of instants never begins anew: after a wrap of the clock, a new
+    // series at multiples of the period would no longer coincide with the ticks of the board's timer.
     void begin(uint32_t now_us) { next_due_us_ = (now_us / kPeriodUs + 1) * kPeriodUs; }
 
-    // Call this when the sensor begins to run. The numbering of the instants begins when it runs for the
-    // first time; after that, instants are counted also while the sensor does not run.
+    // Call this when the sensor begins to run. The numbering of the instants begins when the sensor runs for
+    // the first time. From then on, instants are counted also while the sensor does not run.
     void sensor_runs(uint32_t now_us) {
         edges_taken_ = edges_.seen().count;
         last_edge_us_ = now_us;
@@ -35,8 +35,8 @@ class Sampler {
     void on_data_ready(uint32_t now_us) { edges_.add(now_us); }
 
     // Returns true if sampling instants have passed since the last call and the newest of them needs its
-    // sample. The caller then reads the sample, or calls missed(). The earlier of these instants count as
-    // overruns.
+    // sample. The caller then reads the sample, or calls missed(). The instants before the newest one count
+    // as overruns.
     bool poll(uint32_t now_us) {
         if (!by_edges_) return poll_timer(now_us);
         if (running_) return poll_edges();
@@ -47,9 +47,9 @@ class Sampler {
     // Call this if the instant that poll() announced gets no sample.
     void missed() { ++overruns_; }
 
-    // Call this when the reading of a sample began at `burst_us`. If more instants have passed since poll(),
-    // because a first try took long, the sample belongs to the newest of them, and the announced instant is
-    // an overrun.
+    // Call this with the time `burst_us` at which the reading of a sample began. If more instants have passed
+    // since poll(), because a first attempt to read took long, the sample belongs to the newest of them. The
+    // instant that poll() announced is then an overrun.
     void burst_began(uint32_t burst_us) {
         if (!by_edges_) {
             if (poll_timer(burst_us)) missed();
@@ -61,28 +61,29 @@ class Sampler {
         take(seen);
     }
 
-    // Time of the instant that poll() announced, and its number.
+    // These return the time of the instant that poll() announced, and its number (in 16 bits and in 32 bits).
     uint32_t due_us() const { return due_us_; }
     uint16_t sequence() const { return static_cast<uint16_t>(instants_ - 1); }
     uint32_t instant() const { return instants_ - 1; }
 
-    // Time until the next expected instant [us]; 0 if it is late.
+    // Returns the time until the next expected instant [us], or 0 if that instant is late.
     uint32_t until_next_us(uint32_t now_us) const {
         const uint32_t next_us = by_edges_ ? last_edge_us_ + kPeriodUs : next_due_us_;
         return is_before(now_us, next_us) ? next_us - now_us : 0;
     }
 
-    // Time since the last edge [us], or since the sensor began to run if no edge has come. 0 in timer mode.
+    // Returns the time since the last edge of the data-ready pin [us], or since the sensor began to run if no
+    // edge has come. Returns 0 in timer mode.
     uint32_t silence_us(uint32_t now_us) const { return by_edges_ && running_ ? now_us - last_edge_us_ : 0; }
 
-    // Number of instants without a sample.
+    // Returns the number of instants without a sample.
     uint32_t overruns() const { return overruns_; }
 
   private:
     static constexpr uint32_t kPeriodUs = settings::kSamplePeriodUs;
 
-    // Whether a is before b. This is correct across a wrap of the clock, for times less than 35 minutes
-    // apart.
+    // Whether the time a is before the time b. This is correct across a wrap of the clock, for times less
+    // than 35 minutes apart.
     static bool is_before(uint32_t a_us, uint32_t b_us) { return b_us - a_us - 1 < UINT32_C(0x7FFFFFFF); }
 
     bool poll_timer(uint32_t now_us) {
@@ -101,7 +102,8 @@ class Sampler {
         return true;
     }
 
-    // Counts the sampling instants since the last call. If an edge was lost, the elapsed time shows it.
+    // Counts the sampling instants since the last call, by their edges and by the elapsed time. If an edge
+    // was lost, the elapsed time gives the larger number, and that one counts.
     void take(const Edges::Seen& seen) {
         const uint32_t came = seen.count - edges_taken_;
         const uint32_t by_time = (seen.last_us - accounted_us_ + kPeriodUs / 2) / kPeriodUs;
@@ -110,8 +112,9 @@ class Sampler {
         pass(came > by_time ? came : by_time);
     }
 
-    // While no edges come, instants are counted by time. They are counted half a period late, so that by
-    // time, too, exactly one instant lies between the last counted one and the next edge.
+    // Counts instants by the elapsed time while no edges come. Each instant is counted half a period late.
+    // When edges come again, the next edge is then one period after the last counted instant, and counts as
+    // exactly one instant.
     void pass_by_time(uint32_t now_us) {
         const uint32_t elapsed_us = now_us - accounted_us_;
         if (elapsed_us < kPeriodUs + kPeriodUs / 2) return;

@@ -6,12 +6,12 @@
 #include "filter_settings.h"
 #include "messages.h"
 
-// To compile the other sampling mode, build with -DFLTEA_SAMPLING_MODE=data_ready.
+// The sampling mode is `timer`. To compile the other mode, build with -DFLTEA_SAMPLING_MODE=data_ready.
 #ifndef FLTEA_SAMPLING_MODE
 #define FLTEA_SAMPLING_MODE timer
 #endif
-// To compile without the estimator, build with -DFLTEA_ESTIMATE=false. -DFLTEA_VARIANT=triple selects another
-// variant of it (filter_settings.h).
+// To compile without the estimator, build with -DFLTEA_ESTIMATE=false. To compile another variant of the
+// estimator (filter_settings.h), build with -DFLTEA_VARIANT=triple.
 #ifndef FLTEA_ESTIMATE
 #define FLTEA_ESTIMATE true
 #endif
@@ -40,8 +40,8 @@ namespace fltea {
 namespace settings {
 
 // What determines the sampling instants. With `timer`, it is the device's clock, and four wires suffice. With
-// `data_ready`, it is the sensor's clock (±1 %), by a fifth wire from the sensor's INT pin, and each time
-// stamp is that of the sensor's own conversion.
+// `data_ready`, it is the sensor's clock (±1 %), and a fifth wire from the sensor's INT pin is needed. Each
+// time stamp is then that of the sensor's own conversion.
 constexpr SamplingMode kSamplingMode = SamplingMode::FLTEA_SAMPLING_MODE;
 
 // Time between sampling instants [us]. It is a whole number of milliseconds, because the sensor's internal
@@ -65,44 +65,47 @@ constexpr uint16_t kDlpfHz = FLTEA_DLPF_HZ;
 // I2C address of the sensor: 0x68 if its pin AD0 is at ground, 0x69 if AD0 is at 3.3 V.
 constexpr uint8_t kSensorAddress = 0x68;
 constexpr uint32_t kI2cHz = 400000;
-// If a transfer takes longer than this, the bus counts as held by a chip [us]. The longest transfer needs 0.5
-// ms.
+// If a transfer on the I2C bus takes longer than this time [us], a chip is taken to be holding the bus. The
+// longest transfer needs 0.5 ms.
 constexpr uint32_t kI2cTimeoutUs = 3000;
 
-// Whether the device computes estimates itself; ESTIMATOR reports their settings to the host. Variant, guard,
-// start-up window and the numbers of the filters are the same as those of `fltea run` (filter_settings.h).
+// Whether the device computes estimates itself. The frame ESTIMATOR reports their settings to the host.
+// Variant, guard, start-up window and the numbers of the filters are the same as those of `fltea run`
+// (filter_settings.h).
 constexpr bool kEstimate = FLTEA_ESTIMATE;
-// An ESTIMATE is sent for each sample whose sequence number is a multiple of this, which is ten times a
-// second. At 2 and at 100 Hz the serial port is then two thirds full.
+// ESTIMATE frames are sent for each sample whose sequence number is a multiple of this number. From 20 Hz on,
+// that is ten times a second. If this number were 2, the serial port would be two thirds full at 100 Hz.
 constexpr uint16_t kEstimateEvery = FLTEA_RATE_HZ < 20 ? 1 : FLTEA_RATE_HZ / 10;
 
-// Whether the device also fits the noise by maximum likelihood. A slice of a fit has to fit into half a
-// period.
+// Whether the device also fits the noise by maximum likelihood. One slice of a fit must not take longer than
+// half a sampling period.
 #ifndef FLTEA_FIT
 #define FLTEA_FIT (FLTEA_ESTIMATE && FLTEA_RATE_HZ <= 200)
 #endif
 constexpr bool kFit = FLTEA_FIT;
 static_assert(!kFit || (kEstimate && kSamplePeriodUs >= 5000),
               "fits need the estimates' queue, and at most 200 samples a second");
-// Whether the filters use the fit's s2 and r as Q and R, as soon as a fit rejects white noise and gives a
-// definite order; -DFLTEA_TUNED=true switches this on. The host's filters then have other settings than the
-// board's, so their estimates are not compared.
+// Whether the filters take Q and R from the fit (its s2 and r), as soon as a fit rejects white noise and
+// gives a definite order. -DFLTEA_TUNED=true switches this on. The host's filters then have other settings
+// than the board's, so the host does not compare its estimates with the board's.
 #ifndef FLTEA_TUNED
 #define FLTEA_TUNED false
 #endif
 constexpr bool kTuned = FLTEA_TUNED;
 static_assert(!kTuned || kFit, "only a fit tells what to tune to");
-// Number of samples from one round of fits of all axes to the next: as many as in 3 s.
+// Number of samples from the beginning of one round of fits (one fit per axis) to the next round. It is the
+// number of samples in 3 s.
 constexpr uint16_t kFitEvery = 3 * FLTEA_RATE_HZ;
-// Of this many fits of an axis, one is sent with the bins of its spectrum.
+// One of this many fits of an axis is sent together with the bins of the spectrum that was fitted.
 constexpr uint16_t kSpectrumEvery = 10;
-// Share of the processor time for the fits [%]. Together with the rest of the program, this is a quarter of
-// the processor at 100 Hz. A round takes 4 to 6 % of three seconds; a round that searches on a grid takes
-// longer than its period.
+// Percentage of the processor time that the fits may use. Together with the rest of the program, this is a
+// quarter of the processor at 100 Hz. A round of fits usually takes 4 to 6 % of its three seconds. At this
+// percentage, a round that searches on a grid takes longer than three seconds.
 constexpr uint32_t kFitShare = 6;
 
-// Baud rate of the serial port. 250,000 is exact on the Due (84 MHz / 16 / 21) and on its USB chip; the usual
-// 115200 is not. 400,000 is exact on the USB chip, and 1 % too fast on the Due (84 MHz / 16 / 13).
+// Baud rate of the serial port. 250,000 baud is exact on the Due (84 MHz / 16 / 21) and on its USB chip, and
+// the usual 115,200 baud is not. 400,000 baud is exact on the USB chip, and 1 % too fast on the Due (84 MHz /
+// 16 / 13).
 constexpr uint32_t kLineBaud = FLTEA_BAUD;
 
 }  // namespace settings

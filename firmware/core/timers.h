@@ -1,4 +1,4 @@
-// Waiting without blocking. This is correct across every wrap of the 32-bit clock, if a wait is checked at
+// Waits without blocking. A wait ends correctly across every wrap of the 32-bit clock, if it is checked at
 // least every 35 minutes.
 #pragma once
 
@@ -17,7 +17,7 @@ class Pause {
         waiting_ = true;
     }
 
-    // Whether the wait has ended. It is also true before the first wait.
+    // Whether the wait has ended. Also returns true before the first wait.
     bool over(uint32_t now_us) {
         if (waiting_ && now_us - begun_us_ >= length_us_) waiting_ = false;
         return !waiting_;

@@ -1,5 +1,5 @@
-// Measures the share of the time in which the main loop works, and the longest pass of the loop. Passes
-// without work do not count, so that boards that sleep between samples and boards that do not are comparable.
+// Measures the proportion of time in which the main loop works, and the longest pass of the loop. Passes
+// without work do not count. So boards that sleep between samples can be compared with boards that do not.
 #pragma once
 
 #include <stdint.h>
@@ -8,7 +8,7 @@ namespace fltea {
 
 class Workload {
   public:
-    // Begins a new measurement.
+    // Begins a new measurement of the workload.
     void begin(uint32_t now_us) {
         begun_us_ = now_us;
         worked_us_ = 0;
@@ -21,8 +21,8 @@ class Workload {
         if (took_us > longest_us_) longest_us_ = took_us;
     }
 
-    // Share of the time since begin() in which the main loop worked [0.01 %]. Correct for less than 71
-    // minutes.
+    // Returns the proportion of the time since begin() in which the main loop worked [0.01 %]. This is
+    // correct for less than 71 minutes after begin().
     uint16_t share(uint32_t now_us) const {
         const uint32_t hundredths_of_per_cent = (now_us - begun_us_) / 10000;
         const uint32_t share = hundredths_of_per_cent == 0 ? 0 : worked_us_ / hundredths_of_per_cent;

@@ -1,6 +1,7 @@
-// The free parameters of the fitted spectra (the same as in host/native/whittle_kernel.hpp). Shares of the
-// power and poles are represented by logits, variances by logarithms, so that only the order has bounds that
-// matter. One number of the fractional model may be held fixed while the others are fitted.
+// The free parameters of the fitted spectra (the same as in host/native/whittle_kernel.hpp). A part's
+// proportion of the power and a pole are represented by logits, a variance by its logarithm, so that only the
+// order has bounds that matter. One number of the fractional model may be held fixed while the other numbers
+// are fitted.
 #ifndef FLTEA_WHITTLE_MODELS_HPP
 #define FLTEA_WHITTLE_MODELS_HPP
 
@@ -17,18 +18,19 @@ enum Hold : int { kNothing, kHoldOrder, kHoldFeedback, kHoldParameter, kHoldWeig
 template <class R>
 struct Model {
     Family family;
-    R highest_order;  // highest order of the fractional model
+    R highest_order;  // highest order α of the fractional model
     Hold hold;
     R held;       // the value of the number that is held fixed
-    R log_h;      // log of the sampling period; only for kHoldParameter
+    R log_h;      // log of the sampling period; only needed for kHoldParameter
     R log_power;  // log of the approximate power of the data; only needed if a variance is held
 };
 
-const double kSmallest = 1e-7;  // smallest distance of a share from 0 and from 1
-const double kTop = 16.0;       // largest magnitude of the logit of a share or pole
+const double kSmallest = 1e-7;  // smallest distance of a proportion of the power from 0 and from 1
+const double kTop = 16.0;       // largest magnitude of the logit of a proportion or pole
 const double kBelowHighest = 1e-6;
-// Limits of log c, which determines the corner frequency of a low-pass. They allow corners from a millionth
-// of the sample rate to three times the Nyquist frequency, where only the beginning of its slope is visible.
+// Limits of log c, where √c is the corner frequency of a low-pass [rad per sample]. They allow corners from a
+// millionth of the sample rate to three times the Nyquist frequency. With the highest corner, only the
+// beginning of the low-pass's slope is visible.
 const double kLowestCorner = -24.0, kHighestCorner = 4.5;
 const double kMostPolesOfFilter = 24.0;
 // Limits of the order d of ARFIMA. They exclude white noise (0) and the random walk (1).
@@ -60,15 +62,17 @@ int free_of(const Model<R>& model) {
     }
 }
 
-// Whether the scale of the spectrum is free. In that case the best scale is computed in closed form.
+// Whether the scale of the spectrum is free. A free scale is not searched for: the best scale is computed in
+// closed form.
 template <class R>
 bool scaled(const Model<R>& model) {
     return model.hold != kHoldState && model.hold != kHoldNoise;
 }
 
-// Lowest order α at which the model can have this F. All orders above F are allowed; for a low F, only those
-// above the order at which α - 2^α equals F. (For an F between -1 and -0.914, some orders near 0 are allowed,
-// too. They are white noise or AR(1), and so are those with α near 1 and the same F.)
+// Returns the lowest order α at which the fractional model can have the weight F = g + α of the last sample.
+// All orders above F are allowed. For a low F, only orders above the one at which α - 2^α equals F are
+// allowed. For an F between -1 and -0.914, some orders near 0 would be allowed, too. They are left out: they
+// are white noise or AR(1), and so are orders near 1 with the same F.
 template <class R>
 R lowest_order(R F) {
     if (F > R(-0.9139)) return math::fmax(F, R(0));
@@ -80,21 +84,21 @@ R lowest_order(R F) {
     return high + R(kBelowHighest);
 }
 
-// Whether the first free parameter is α. If α is held, it is not. If F is held, the first parameter is log
-// -g, because g may be much smaller than F.
+// Whether the first free parameter is α. It is not if α is held fixed. If F = g + α is held fixed, the first
+// parameter is log -g, because g may be much smaller than F.
 template <class R>
 bool order_first(const Model<R>& model) {
     return model.family == kFractional && model.hold != kHoldOrder && model.hold != kHoldWeight;
 }
 
-// The middle of the range of a parameter. Far from it on both sides are its tails, in which the parameter is
-// the logarithm of a small number.
+// Returns the middle of the range of free parameter i. Far from it on both sides are its tails, in which the
+// parameter is the logarithm of a small number.
 template <class R>
 R centre(const Model<R>& model, int i) {
     return i == 2 && !scaled(model) ? model.log_power : 0;
 }
 
-// Bounds of the free parameters.
+// Writes the bounds of the free parameters.
 template <class R>
 void bounds(const Model<R>& model, R* low, R* high) {
     for (int i = 0; i < Room<R>::kFree; ++i) {
@@ -111,7 +115,7 @@ void bounds(const Model<R>& model, R* low, R* high) {
     if (model.family != kFractional || model.hold == kHoldOrder) return;
     low[0] = 0;
     high[0] = model.highest_order - R(kBelowHighest);
-    // The lowest order at which -2^α < g < 0 holds for the fixed value.
+    // The lower bound is the lowest order at which -2^α < g < 0 is true with the number that is held fixed.
     if (model.hold == kHoldFeedback && model.held <= -1) low[0] = math::log2(-model.held) + R(kBelowHighest);
     if (model.hold == kHoldParameter && model.held <= -1 && model.log_h < 0)
         low[0] = math::log(-model.held) / (R(0.6931471805599453) - model.log_h) + R(kBelowHighest);
@@ -143,8 +147,8 @@ void map_pole(R coordinate, R& pole, R& slope) {
     slope = 2 * share.slope;
 }
 
-// Variances for one part and white noise with a total of 1: the last parameter is the logit of the part's
-// share.
+// Computes the variances of one part and of the white noise, whose sum is 1. The last parameter is the logit
+// of the part's variance.
 template <class R>
 void map_weight(R coordinate, int row, int column, Mapped<R>& out) {
     const Share<R> share(coordinate);
@@ -154,8 +158,9 @@ void map_weight(R coordinate, int row, int column, Mapped<R>& out) {
     out.chain[row + 1][column] = -share.value;
 }
 
-// Variances for several parts and white noise with a total of 1. Each of the last parameters is the logit of
-// the share that a part has in what the parts before it have left. The white noise has the rest.
+// Computes the variances of several parts and of the white noise, whose sum is 1. Each part takes a
+// proportion of what the parts before it have left, and the last parameters are the logits of these
+// proportions. The white noise has the rest.
 template <class R>
 void map_shares(const R* theta, int shapes, int parts, Mapped<R>& out) {
     R rest = 1;
@@ -170,7 +175,8 @@ void map_shares(const R* theta, int shapes, int parts, Mapped<R>& out) {
     out.natural.white = rest;
 }
 
-// The spectrum of the fractional model. Returns false if there is none for these parameters.
+// Computes the numbers of the fractional model's spectrum from its free parameters. Returns false if there is
+// no spectrum for these parameters.
 template <class R>
 bool map_fractional(const Model<R>& model, const R* theta, Mapped<R>& out) {
     R& alpha = out.natural.shape[0];
@@ -178,7 +184,7 @@ bool map_fractional(const Model<R>& model, const R* theta, Mapped<R>& out) {
     const bool order_held = model.hold == kHoldOrder;
     alpha = order_held ? model.held : theta[0];
     if (!order_held) out.chain[0][0] = 1;
-    int next = 1;  // index of the next parameter
+    int next = 1;  // index of the next free parameter
     switch (model.hold) {
         case kHoldFeedback:
             g = model.held;
@@ -205,7 +211,8 @@ bool map_fractional(const Model<R>& model, const R* theta, Mapped<R>& out) {
     }
     const R most = math::exp2(alpha);
     if (!(alpha >= 0 && alpha <= 2 && g <= 0 && g >= -most * (1 - R(kSmallest) / 2))) return false;
-    // A g that is too close to 0 to be distinguished from 0 in a record is limited.
+    // A g that is too close to 0 to be distinguished from 0 in a record is limited to the smallest useful
+    // magnitude.
     g = math::fmin(g, -most * R(kSmallest));
     if (scaled(model)) {
         map_weight(theta[next], 2, next, out);
@@ -228,7 +235,7 @@ bool map(const Model<R>& model, const R* theta, Mapped<R>& out) {
             return true;
         case kFractional:
             return map_fractional(model, theta, out);
-        case kAr2: {  // the parameters are partial correlations
+        case kAr2: {  // the free parameters stand for the two partial correlations
             R k1, k2, slope1, slope2;
             map_pole(theta[0], k1, slope1);
             map_pole(theta[1], k2, slope2);
@@ -275,8 +282,8 @@ bool map(const Model<R>& model, const R* theta, Mapped<R>& out) {
     return false;
 }
 
-// Makes any parameters valid: folds the order into its range, and limits the other parameters to their
-// bounds.
+// Makes any free parameters valid: reflects the order at 0 and 2 into that range, and limits all parameters
+// to their bounds.
 template <class R>
 void canonical(const Model<R>& model, R* theta) {
     R low[Room<R>::kFree], high[Room<R>::kFree];

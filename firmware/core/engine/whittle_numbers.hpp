@@ -1,4 +1,5 @@
-// The numbers of a fitted spectrum, and the sums over its bins that a Whittle fit needs, as plain data.
+// The numbers of a fitted spectrum, and the sums over its bins that a Whittle fit needs, as structures of
+// plain data.
 #ifndef FLTEA_WHITTLE_NUMBERS_HPP
 #define FLTEA_WHITTLE_NUMBERS_HPP
 
@@ -6,8 +7,8 @@ namespace fltea {
 namespace whittle {
 
 // The families of spectra. A spectrum is the sum of its parts and of white noise of variance R. Each part is
-// a spectrum for innovations of variance 1 (of a low-pass: a spectrum that is 1 at frequency 0), multiplied
-// by the part's variance.
+// the spectrum for innovations of variance 1, multiplied by the part's variance. For a low-pass, that
+// spectrum is 1 at frequency 0 instead.
 enum Family : int {
     kWhite,
     kFractional,
@@ -18,11 +19,11 @@ enum Family : int {
     kFourAr1,
     kFiveAr1,
     kSixAr1,
-    kLowPass,  // low-pass filtered white noise, and up to two AR(1)
+    kLowPass,  // this and the next two: low-pass filtered white noise, and no, one or two AR(1)
     kLowPassAr1,
     kLowPassTwoAr1,
     kArfima,  // AR(1) driven by fractionally differenced noise instead of white noise
-    kRising,  // |1 - e^{-iλ}|^2δ: fractional differences
+    kRising,  // fractional differences of white noise, with the spectrum |1 - e^{-iλ}|^2δ
     kFamilies
 };
 
@@ -31,10 +32,10 @@ enum Family : int {
 template <class R>
 struct Room {
     enum { kShapes = 6, kParts = 6, kFree = 12 };
-    // The value of -log L for parameters for which there is no spectrum.
+    // Returns the value that -log L has for parameters without a spectrum.
     static constexpr R impossible() { return 1e300; }
 };
-// The array sizes on the board, which fits only the fractional model and AR(1).
+// The array sizes for float, the number type on the board, which fits only the fractional model and AR(1).
 template <>
 struct Room<float> {
     enum { kShapes = 2, kParts = 1, kFree = 3 };
@@ -46,9 +47,10 @@ struct Most {
     enum { kNumbers = Room<R>::kShapes + Room<R>::kParts + 1 };
 };
 
-// The numbers of a spectrum. The shapes are: α and g of the fractional model; d and φ of ARFIMA; φ1 and φ2 of
-// AR(2); the φ of each AR(1) in a sum; log c and n of a low-pass 1 / (1 + (λ²/c)^n), followed by the φ of its
-// AR(1); δ of kRising. They are followed by the variances of the parts, and R.
+// The numbers of a spectrum. The array `shape` contains α and g of the fractional model, d and φ of ARFIMA,
+// φ1 and φ2 of AR(2), the φ of each AR(1) in a sum, or δ of kRising. For a low-pass 1 / (1 + (λ²/c)^n) it
+// contains log c and n, and then the φ of each AR(1) that is added to the low-pass. `variance` contains the
+// variances of the parts, and `white` is R.
 template <class R>
 struct Natural {
     R shape[Room<R>::kShapes];
@@ -56,9 +58,9 @@ struct Natural {
     R white;
 };
 
-// Sums over the bins. c is the number of ordinates of a bin, and r = I/S is the power of the bin divided by
-// the spectrum. D is the vector of the (shapes + parts + 1) derivatives of log S: by the shapes, by the
-// logarithms of the variances, and by the logarithm of R, in this order.
+// Sums over the bins of a periodogram. c is the number of ordinates of a bin, S the model's spectrum, and r =
+// I/S the power of the bin divided by S. D is the vector of the (shapes + parts + 1) derivatives of log S: by
+// the shapes, by the logarithms of the variances, and by the logarithm of R, in this order.
 template <class R>
 struct Sums {
     enum { kMost = Most<R>::kNumbers };
@@ -71,7 +73,7 @@ struct Sums {
 };
 
 inline bool low_pass(Family family) { return family >= kLowPass && family < kArfima; }
-// Number of AR(1) parts in a family.
+// Returns the number of AR(1) parts in a family.
 inline int poles(Family family) {
     switch (family) {
         case kAr1:

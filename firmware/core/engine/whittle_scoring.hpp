@@ -1,9 +1,10 @@
-// Minimizes -log L by Fisher scoring with Levenberg's damping. The curvature of -log L is replaced by its
-// expectation, which is never negative, and which needs no second derivatives.
+// Minimizes -log L by Fisher scoring with Levenberg's damping. Scoring replaces the curvature of -log L by
+// its expectation, which is never negative and needs no second derivatives.
 //
-// If the scale is free, it is eliminated: at the best scale -log L = Σ c log S + m log(Σ c I/S / m) + m,
-// where m is the number of ordinates. The information about the scale is removed from the matrix; the
-// derivative of log S by the logarithm of the scale is 1 in every bin.
+// If the scale of the spectrum S is free, the scale is eliminated. At the best scale, -log L = Σ c log S + m
+// log(Σ c I/S / m) + m. Here the sums are over bins of c ordinates with the power I, and m is the number of
+// all ordinates. The information about the scale is removed from the matrix; the derivative of log S by the
+// logarithm of the scale is 1 in every bin.
 #ifndef FLTEA_WHITTLE_SCORING_HPP
 #define FLTEA_WHITTLE_SCORING_HPP
 
@@ -71,8 +72,9 @@ void evaluate(const Target& target, const Model<R>& model, Point<R>& point) {
     conclude(target, model, at, sums, point);
 }
 
-// Solves (A + damping diag A) x = -b for the parameters that are not `given`. Only rounding can make A
-// negative. A parameter whose diagonal element of A is only a rounding error gets an unlimited step.
+// Solves (A + damping diag A) x = -b for the step x of those free parameters that are not `given`. A is the
+// Fisher information and b the gradient of -log L. Only rounding can make A negative. A parameter whose
+// diagonal element of A is only a rounding error gets an unlimited step.
 template <class R>
 void solve(const Point<R>& at, const bool* given, int free, R damping, R* step) {
     R L[Room<R>::kFree][Room<R>::kFree];
@@ -100,14 +102,16 @@ void solve(const Point<R>& at, const bool* given, int free, R damping, R* step) 
     }
 }
 
-// How far a parameter may move up or down in one step, because the derivatives are not valid for long steps.
-// The order moves by at most 0.3. Another parameter moves by at most 1, or in its tail by half of its value.
-// In its tail, a parameter is the logarithm of a small number. Back from the tail, its step is unlimited,
-// because applied() then changes the small number itself by the step.
+// Returns how far a free parameter may move up or down in one step. Steps are limited because the derivatives
+// are not valid for long ones. The order moves by at most 0.3. Another parameter moves by at most 1, or in
+// its tail by half of its value. In its tail, a parameter is the logarithm of a small number. Back from its
+// tail, the parameter's step is unlimited, because applied() then changes the small number itself by the
+// step, and not its logarithm.
 template <class R>
 R longest(const Model<R>& model, int i, R theta, bool up) {
     if (i == 0 && order_first(model)) return R(0.3);
-    if (i == 0 && low_pass(model.family)) return R(1);  // the logarithm of the corner has no tails
+    // the logarithm of a low-pass's corner frequency has no tails
+    if (i == 0 && low_pass(model.family)) return R(1);
     const R tail = theta - centre(model, i);
     if (math::fabs(tail) > 2 && up == (tail < 0)) return Room<R>::impossible();
     return math::fmax(R(1), math::fabs(tail) / 2);
@@ -121,8 +125,8 @@ R applied(const Model<R>& model, int i, R theta, R step) {
     return step > 0 ? math::log1p(step) : -math::log1p(-step);
 }
 
-// What a step within the limits of longest() promises: the decrease of -log L, and whether it is the full
-// step of the scoring.
+// What a step within the limits of longest() promises: the decrease of -log L, and whether the step is the
+// full step of the scoring.
 template <class R>
 struct Promise {
     R decrease;
@@ -171,7 +175,7 @@ Promise<R> damped_step(const Model<R>& model, const Point<R>& at, const R* low, 
 template <class R>
 struct Patience {
     int steps;    // largest number of evaluations
-    R tolerance;  // of -log L; the search ends when a step promises a smaller decrease
+    R tolerance;  // the search ends when a step promises to decrease -log L by less
     R inside;     // the search ends when -log L is below this
     R outside;    // -log L above which the search is given up, if complete steps promise far too little to
                   // get below it
@@ -182,8 +186,8 @@ Patience<R> patience(int steps) {
     return Patience<R>{steps, R(1e-6), -Room<R>::impossible(), Room<R>::impossible()};
 }
 
-// The search for the minimum of -log L, step by step: propose() writes a point, the caller evaluates it, and
-// passes the result to judge().
+// The search for the minimum of -log L, step by step: propose() writes a point, and the caller evaluates -log
+// L there and passes the result to judge().
 template <class R>
 class Search {
   public:

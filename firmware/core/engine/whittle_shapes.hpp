@@ -1,11 +1,11 @@
-// The spectra that are fitted. One source serves the host's kernels (several bins at a time, in double) and
-// the board (bin by bin, in float). This file also has the sums over the bins for the host's fits; those of
-// the board are in sliced_target.hpp.
+// The spectra of noise that are fitted to a periodogram. One source serves the host's kernels (several bins
+// at a time, in double) and the board (bin by bin, in float). This file also has the sums over the bins for
+// the host's fits; those of the board are in sliced_target.hpp.
 //
 // The argument `columns` gives the values that depend only on the frequency λ of bin i (or of kWidth bins
 // from i on), not on the parameters: counts(i), number of ordinates; ln_size(i), log |1 - e^{-iλ}|;
-// quarter(i), (π - λ) / 2; turn(i), λ; square(i), |1 - e^{-iλ}|²; cos1(i), sin1(i), cos2(i), sin2(i), of λ
-// and 2λ.
+// quarter(i), (π - λ) / 2; turn(i), λ; square(i), |1 - e^{-iλ}|²; cos1(i) and sin1(i), cosine and sine of λ;
+// cos2(i) and sin2(i), those of 2λ.
 #ifndef FLTEA_WHITTLE_SHAPES_HPP
 #define FLTEA_WHITTLE_SHAPES_HPP
 
@@ -19,7 +19,8 @@ namespace fltea {
 namespace whittle {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// The smallest value of a squared distance that is more than a rounding error.
+// Returns the smallest value of a squared distance between complex numbers that is more than a rounding
+// error.
 template <class R>
 constexpr R nearly_nothing() {
     return sizeof(R) == 8 ? R(1e-200) : R(1e-30);
@@ -37,8 +38,9 @@ Number sin_pi_of(Number x) {
 }
 inline float sin_pi_of(float x) { return math::sin_pi(x); }
 
-// Each class below is one family: it computes the spectra of the family's parts for innovations of variance
-// 1, and the derivatives of their logarithms by the shapes. Shape k belongs to the part `part_of(k)`.
+// Each class below is one family of spectra. It computes the spectra of the family's parts for innovations of
+// variance 1, and the derivatives of the logarithms of these spectra by the shapes (the numbers that
+// determine the form of a part, such as α). Shape k belongs to the part `part_of(k)`.
 template <class Number>
 struct White {
     enum { kShapes = 0, kParts = 0 };
@@ -77,7 +79,7 @@ struct Fractional {
     }
 
   private:
-    // The argument of the complex number (1 - e^{-iλ})^α e^{iλ}, divided by π.
+    // The argument (angle) of the complex number (1 - e^{-iλ})^α e^{iλ}, divided by π.
     template <class Columns>
     Number turns(const Columns& bins, std::size_t i, Number quarter) const {
         return (alpha * quarter + bins.turn(i)) * R(0.31830988618379067);
@@ -147,7 +149,7 @@ struct Relaxations {
     Number phi[K];
 };
 
-// Accumulates the sums over the bins.
+// Accumulates the sums over the bins that a Whittle fit needs (Sums in whittle_numbers.hpp).
 template <class Number, int kNumbers>
 struct RunningSums {
     enum { kSquares = kNumbers * (kNumbers + 1) / 2 };
@@ -157,7 +159,7 @@ struct RunningSums {
         for (int k = 0; k < kSquares; ++k) squares[k] = Number(0);
     }
 
-    // sum(Number) adds up all lanes of a Number.
+    // `sum`: a function that adds up all lanes of a Number.
     template <class Out, class SumOf>
     void read(Out& out, SumOf sum) const {
         out.log_spectrum = sum(log_spectrum);
@@ -173,7 +175,8 @@ struct RunningSums {
     Number log_spectrum, ratio, slopes[kNumbers], weighted[kNumbers], squares[kSquares];
 };
 
-// Adds bin i with the power `power`. Likelihood::term(count, S, I, 1/S) replaces c log S.
+// Adds bin i with the power `power`. In the sum of c log S, where c is the bin's number of ordinates and S
+// the model's spectrum, Likelihood::term(count, S, I, 1/S) takes the place of c log S.
 template <class Likelihood, class Shape, class Columns, class Number, class R>
 inline void add_bin(const Shape& shape, const Columns& bins, std::size_t i, Number power,
                     const Natural<R>& natural,

@@ -1,5 +1,5 @@
-// Computes periodogram ordinates of a stretch (samples without a break) on the device, one at a time and in
-// integers.
+// Computes the periodogram of a stretch (samples without a break) on the device, one ordinate at a time and
+// in integers.
 #ifndef FLTEA_WHOLE_LINES_HPP
 #define FLTEA_WHOLE_LINES_HPP
 
@@ -19,8 +19,9 @@ class WholeLines {
 
     int size() const { return n_; }
 
-    // Copies a stretch and subtracts its mean or, if `slow`, a cubic. Without the cubic, a drift whose end
-    // differs from its beginning would leak into all frequencies.
+    // Copies the n samples x of a stretch. Subtracts their mean or, if `slow`, a fitted cubic polynomial. If
+    // the cubic were not subtracted, a drift whose end differs from its beginning would leak into all
+    // frequencies.
     void take(const std::int32_t* x, int n, bool slow) {
         n_ = n;
         std::int64_t sum = 0;
@@ -35,8 +36,8 @@ class WholeLines {
         lift_ = __builtin_clz(static_cast<unsigned>(largest)) - (32 - kBits);
         for (int i = 0; i < n; ++i) y_[i] = lift_ >= 0 ? y_[i] * (1 << lift_) : y_[i] >> -lift_;
         if (slow) take_cubic_off();
-        // Sums and differences of the two samples at the same distance from the middle, starting at the
-        // middle.
+        // Each pair of samples at the same distance from the middle is replaced by their sum and their
+        // difference.
         for (int i = 0; i < n / 2; ++i) {
             const std::int32_t early = y_[i], late = y_[n - 1 - i];
             y_[i] = late + early;
@@ -44,9 +45,10 @@ class WholeLines {
         }
     }
 
-    // Ordinate j: |sum of x e^{-iλt}|² / n at λ = 2π j / n, in the squared unit of x, for 0 < 2j < n.
+    // Returns ordinate j of the periodogram: |sum of x e^{-iλt}|² / n at λ = 2π j / n, in the squared unit of
+    // x, for 0 < 2j < n.
     float power(int j) const {
-        // The angle per sample is divided by π and in 2^-28; cosines and sines are in 2^-30.
+        // The angle per sample is divided by π, in units of 2^-28. Cosines and sines are in units of 2^-30.
         const std::int32_t angle =
             static_cast<std::int32_t>((static_cast<std::int64_t>(2 * j) * (1 << 28) + n_ / 2) / n_);
         const std::int32_t c = cosine(angle), s = fixed::sin_pi(angle);
@@ -79,11 +81,11 @@ class WholeLines {
         return static_cast<std::int64_t>(whole) * (INT64_C(1) << kFine) +
                static_cast<std::int32_t>(rest * static_cast<float>(1 << kFine));
     }
-    // the differences of the cubic are in 2^-30, so that their rounding errors add up to 0.01 over 512
-    // samples
+    // the differences of the cubic are in units of 2^-30, so that their rounding errors add up to 0.01 over
+    // 512 samples
     enum { kFine = 30 };
 
-    // Subtracts from y the best cubic in t = 2i - (n - 1), using orthogonal polynomials.
+    // Subtracts from y_ the cubic in t = 2i - (n - 1) that fits best, using orthogonal polynomials.
     void take_cubic_off() {
         std::int64_t by_t = 0, by_square = 0, by_cube = 0, sum = 0;
         for (int i = 0; i < n_; ++i) {
@@ -94,7 +96,8 @@ class WholeLines {
             by_square += along * t;
             by_cube += along * (static_cast<std::int64_t>(t) * t);
         }
-        // Mean squares of the orthogonal polynomials over the samples; that of t is (n² - 1) / 3.
+        // Mean squares of the orthogonal polynomials over the samples. The mean square of the linear one, t,
+        // is (n² - 1) / 3.
         const float n = static_cast<float>(n_), nn = n * n, level = (nn - 1) / 3;
         const float bend = (3 * nn - 7) / 5;  // mean of t⁴ divided by the mean of t²
         const float square = 4.0f * (nn - 1) * (nn - 4) / 45;
@@ -103,7 +106,8 @@ class WholeLines {
         const float a = fixed::to_float(by_t, 0) / (n * level);
         const float b = (fixed::to_float(by_square, 0) / n - level * mean) / square;
         const float c = (fixed::to_float(by_cube, 0) - bend * fixed::to_float(by_t, 0)) / (n * cube);
-        // Evaluates the cubic by repeated additions of its differences, from the first sample on.
+        // Evaluates the cubic from the first sample on: its first, second and third differences are added up
+        // repeatedly.
         const float t = 1 - n, linear = a - c * bend;
         std::int64_t value = fine(mean - b * level + t * (linear + t * (b + t * c)));
         std::int64_t first = fine(2 * linear + b * (4 * t + 4) + c * (6 * t * t + 12 * t + 8));
@@ -118,7 +122,7 @@ class WholeLines {
     }
 
     std::int32_t y_[kMost];
-    int n_, lift_;  // y_ is in 2^-lift of the unit of x
+    int n_, lift_;  // y_ is in units of 2^-lift_ times the unit of x
 };
 
 }  // namespace FLTEA_INSTRUCTION_SET

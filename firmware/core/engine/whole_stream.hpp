@@ -33,7 +33,7 @@ class WholeStream {
         kMostMadeUp = Kind::kMostMadeUp
     };
 
-    // Where the stretches lie, and which values were filled in instead of measured.
+    // Where the stretches lie, and which values were filled in because they were not measured.
     struct Table {
         Stretch stretch[kMostStretches];
         int stretches, open;  // `open`: 1 if the last stretch has not ended
@@ -91,8 +91,8 @@ class WholeStream {
         while (table_.made_up > 0 && table_.place[table_.made_up - 1] >= size_) --table_.made_up;
     }
 
-    // Drops samples with numbers below `least`; from one sample to the next, the number grows by `step`. Then
-    // drops the stretches that are too short.
+    // Drops samples whose numbers are below `least`. From one sample to the next, the number grows by `step`.
+    // Also drops a stretch of which less than kShortest would be left, if the stretch has ended.
     void drop_before(std::uint64_t least, std::uint64_t step) {
         int gone = 0, dropped = 0;
         while (dropped < table_.stretches && table_.stretch[dropped].first < least) {
