@@ -14,13 +14,14 @@ using namespace sam3x;
 
 constexpr uint32_t kFlash = 0x00080000;
 constexpr uint32_t kRandomKey = 0x524E47;
-// Limit for waiting loops: far more polls than the identifier or the random number needs.
+// Largest number of polls of a waiting loop. It is far more than reading the identifier or a random number
+// takes.
 constexpr uint32_t kPolls = 10000;
 
-// Datasheet, EEFC, Unique Identifier. While the identifier replaces the first words of the flash, no code may
-// be fetched from this flash. This function therefore runs from RAM, and the caller has disabled interrupts.
-// Setting SCOD is the workaround for an erratum (datasheet, Errata, Flash): without SCOD the identifier may
-// not be readable.
+// Datasheet, EEFC, Unique Identifier. While the chip is reading its identifier, the identifier replaces the
+// first words of the flash, and no code may be fetched from this flash. This function therefore runs from
+// RAM, and the caller has disabled interrupts. Setting SCOD is the workaround for an erratum (datasheet,
+// Errata, Flash): without SCOD the identifier may not be readable.
 [[gnu::section(".ram_code"), gnu::noinline, gnu::long_call]] void read_unique_words(uint32_t (&words)[4]) {
     const uint32_t mode = EFC0_FMR::read();
     EFC0_FMR::write(mode | EFC0_FMR::SCOD);
@@ -32,8 +33,8 @@ constexpr uint32_t kPolls = 10000;
         for (uint32_t& word : words) word = *source++;
     }
     EFC0_FCR::write(EFC0_FCR::FKEY_PASSWD | EFC0_FCR::FCMD_SPUI);
-    // This waits without a limit: until the flash shows the program again, there is no code to return to. The
-    // watchdog ends a wait that does not end.
+    // This loop waits without a limit: until the flash shows the program again, there is no code to return
+    // to. If that never happens, the watchdog resets the chip.
     while (!(EFC0_FSR::read() & EFC0_FSR::FRDY)) {
     }
     EFC0_FMR::write(mode);

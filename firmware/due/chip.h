@@ -14,7 +14,7 @@ void read_unique_id(uint8_t (&id)[16]);
 // Returns a number from the true random number generator, or 0 if the generator does not answer.
 uint32_t random_number();
 
-// Returns why the chip was reset: the field RSTC_SR.RSTTYP.
+// Returns the cause of the last reset, which is the field RSTC_SR.RSTTYP.
 uint32_t reset_type();
 
 }  // namespace chip

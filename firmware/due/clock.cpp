@@ -30,7 +30,8 @@ void wait_for(uint32_t flag) {
 
 }  // namespace
 
-// The order of these steps comes from the datasheet, Power Management Controller, Programming Sequence.
+// The steps in this function are in the order that the datasheet demands (Power Management Controller,
+// Programming Sequence).
 void start() {
     EFC0_FMR::write(EFC0_FMR::FWS::put(kFlashWaitStates));
     EFC1_FMR::write(EFC1_FMR::FWS::put(kFlashWaitStates));
@@ -47,7 +48,8 @@ void start() {
     PMC_CKGR_PLLAR::write(PMC_CKGR_PLLAR::ONE | PMC_CKGR_PLLAR::MULA::put(kMultiplier - 1) |
                           PMC_CKGR_PLLAR::PLLACOUNT::put(kPllLock) | PMC_CKGR_PLLAR::DIVA::put(1));
     wait_for(PMC_SR::LOCKA);
-    // The prescaler is set before the source, so that the clock never runs at 168 MHz.
+    // The prescaler (a division by 2) is set before the PLL becomes the source, so that the clock never runs
+    // at 168 MHz.
     PMC_MCKR::write(PMC_MCKR::PRES_CLK_2 | PMC_MCKR::CSS_MAIN_CLK);
     wait_for(PMC_SR::MCKRDY);
     PMC_MCKR::write(PMC_MCKR::PRES_CLK_2 | PMC_MCKR::CSS_PLLA_CLK);

@@ -13,10 +13,10 @@ using SCB_VTOR = sam3x::ReadWrite<0xE000ED08>;
 
 inline void enable_irq(uint32_t irq) { NVIC_ISER0::write(1u << irq); }
 
-// Completes all earlier memory writes before any later instruction (A3.7.3).
+// Waits until all earlier memory writes are completed, before any later instruction runs (A3.7.3).
 inline void memory_barrier() { asm volatile("dsb" ::: "memory"); }
 
-// Sleeps until an interrupt is pending, also while interrupts are disabled (B1.5.19).
+// Sleeps until an interrupt is pending. This works also while interrupts are disabled (B1.5.19).
 inline void wait_for_interrupt() { asm volatile("dsb\n\twfi" ::: "memory"); }
 
 // Disables interrupts as long as the object exists. Such objects may be nested.

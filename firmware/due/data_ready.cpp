@@ -20,7 +20,7 @@ Clock* time;
 
 }  // namespace
 
-// The settings follow the datasheet, PIO, Input Edge/Level Interrupt.
+// The settings in this function come from the datasheet, PIO, Input Edge/Level Interrupt.
 void data_ready::start(Application& application, Clock& clock) {
     listener = &application;
     time = &clock;
@@ -29,7 +29,7 @@ void data_ready::start(Application& application, Clock& clock) {
     PIOB_AIMER::write(kPin);
     PIOB_ESR::write(kPin);
     PIOB_REHLSR::write(kPin);
-    PIOB_ISR::read();  // reading clears earlier edges
+    PIOB_ISR::read();  // reading this register clears edges that came earlier
     PIOB_IER::write(kPin);
     cortex_m3::enable_irq(PIOB_IRQ);
 }

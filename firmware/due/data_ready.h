@@ -7,7 +7,7 @@ namespace fltea {
 namespace due {
 namespace data_ready {
 
-// Enables the interrupt, whose handler notifies the application of every rising edge from now on.
+// Enables the interrupt of the pin. From now on, its handler notifies the application of every rising edge.
 void start(Application& application, Clock& clock);
 
 }  // namespace data_ready

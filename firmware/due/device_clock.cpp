@@ -19,15 +19,15 @@ static_assert(kCountsPerUs * 2 * 1000000 == clock::kMasterHz, "a microsecond is 
 constexpr uint32_t kTickUs = settings::kSamplePeriodUs;
 constexpr uint32_t kTickCounts = kTickUs * kCountsPerUs;
 
-// Time and counter value at the last tick. The counter alone would not do, because it wraps every 102 s,
-// which is not a whole number of microseconds.
+// Time and counter value at the last tick. The counter alone would not give the time, because it wraps after
+// 102 s, which is not a whole number of microseconds.
 uint32_t tick_us;
 uint32_t tick_count;
 
 }  // namespace
 
-// In Waveform Mode (datasheet, Timer Counter) the counter counts up to 2^32 - 1 and continues from 0. It is
-// only compared with RC, so that an interrupt comes when both are equal.
+// In Waveform Mode (datasheet, Timer Counter) the counter counts up to 2^32 - 1 and continues from 0. The
+// register RC does not limit the counter: an interrupt comes when both are equal, and the counter goes on.
 void DeviceClock::start() {
     clock::enable(TC0_IRQ);
     TC0_CMR0::write(TC0_CMR0::TCCLKS_TIMER_CLOCK1 | TC0_CMR0::WAVE | TC0_CMR0::WAVSEL_UP);
@@ -43,9 +43,9 @@ uint32_t DeviceClock::now_us() {
 }
 
 void on_tick() {
-    TC0_SR0::read();  // reading clears the interrupt request
-    // The next compare value is set before the counter is read again, so that no tick can be missed in
-    // between.
+    TC0_SR0::read();  // reading this register clears the interrupt request
+    // The counter value at which the next interrupt comes is set before the counter is read again. No tick
+    // can therefore be missed between the two.
     while (TC0_CV0::read() - tick_count >= kTickCounts) {
         tick_count += kTickCounts;
         tick_us += kTickUs;

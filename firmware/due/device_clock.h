@@ -1,5 +1,5 @@
-// The device's time: channel 0 of the timer TC0 counts at MCK/2 = 42 MHz, and gives an interrupt once per
-// sampling period.
+// The device's time. Channel 0 of the timer TC0 counts at MCK/2 = 42 MHz, and causes an interrupt (a tick)
+// once per sampling period.
 #pragma once
 
 #include "../core/clock.h"
@@ -12,8 +12,8 @@ class DeviceClock final : public Clock {
     // Starts the clock at 0. Call this once.
     void start();
 
-    // The time in microseconds. It may be read anywhere, also in interrupt handlers, and is right even if the
-    // handler of the tick was delayed by up to 100 s.
+    // Returns the time in microseconds. This may be called anywhere, also in interrupt handlers. The time is
+    // right even if the handler of the timer's interrupt was delayed by up to 100 s.
     uint32_t now_us() override;
 };
 

@@ -5,9 +5,9 @@
 namespace fltea {
 namespace due {
 
-void on_tick();            // device_clock.cpp
-void on_uart();            // uart.cpp
-void on_data_ready_pin();  // data_ready.cpp
+void on_tick();            // defined in device_clock.cpp
+void on_uart();            // defined in uart.cpp
+void on_data_ready_pin();  // defined in data_ready.cpp
 
 }  // namespace due
 }  // namespace fltea

@@ -34,7 +34,8 @@ int memcmp(const void* left, const void* right, size_t n) {
     return 0;
 }
 
-// The compiler puts this into the vtables of abstract classes. It is never called.
+// The compiler puts this function into the vtables of abstract classes, in place of pure virtual functions.
+// It is never called.
 [[noreturn]] void unexpected_handler();
 [[noreturn]] void __cxa_pure_virtual() { unexpected_handler(); }
 

@@ -39,7 +39,8 @@ struct VectorTable {
     const void* initial_stack;
     Handler reset;
     Handler exceptions[14];  // exceptions 2 (NMI) to 15 (SysTick)
-    Handler interrupts[45];  // in the order of datasheet, 9.1 Peripheral Identifiers
+    // the handlers of the peripherals, in the order of the datasheet, 9.1 Peripheral Identifiers
+    Handler interrupts[45];
 };
 
 constexpr Handler on(uint32_t irq) {
@@ -72,8 +73,8 @@ extern "C" [[noreturn]] void reset_handler() {
     const uint32_t* image = data_image;
     for (uint32_t* word = data_begin; word != data_end; ++word) *word = *image++;
     for (uint32_t* word = bss_begin; word != bss_end; ++word) *word = 0;
-    // After a reset, the processor reads the vector table at address 0, where the flash appears a second
-    // time. From here on it reads the table at its own address.
+    // After a reset, the processor reads the vector table at address 0, where the chip shows the flash a
+    // second time. From here on, the processor reads the table at the address for which it was linked.
     cortex_m3::SCB_VTOR::write(static_cast<uint32_t>(reinterpret_cast<uintptr_t>(&fltea::due::kVectors)));
     main();
     unexpected_handler();

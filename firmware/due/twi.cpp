@@ -12,11 +12,12 @@ namespace {
 
 using namespace sam3x;
 
-constexpr uint32_t kSda = 1u << 12;  // PB12, peripheral A: TWD1
-constexpr uint32_t kScl = 1u << 13;  // PB13, peripheral A: TWCK1
+constexpr uint32_t kSda = 1u << 12;  // pin PB12, whose peripheral A is TWD1 (SDA)
+constexpr uint32_t kScl = 1u << 13;  // pin PB13, whose peripheral A is TWCK1 (SCL)
 
 // Datasheet, TWI Clock Waveform Generator Register: each half of a bit lasts for its divider (CLDIV or CHDIV)
-// plus 4 periods of MCK. SCL is low longer than high, as fast mode demands (NXP UM10204, table 10).
+// plus 4 periods of MCK. SCL is low for longer than it is high, as the fast mode of I2C demands (NXP UM10204,
+// table 10).
 constexpr uint32_t kFixed = 4;
 constexpr uint32_t kBit = clock::kMasterHz / settings::kI2cHz;
 constexpr uint32_t kLow = kBit * 54 / 100;
@@ -27,7 +28,7 @@ static_assert(kHigh * 10000 >= kLeastHighNs * (clock::kMasterHz / 100000), "t_HI
 static_assert((kLow + kHigh) * kMostHz >= clock::kMasterHz, "f_SCL");
 static_assert(kLow - kFixed <= 0xFF && kHigh - kFixed > 0, "CLDIV and CHDIV hold 8 bits without a prescaler");
 
-// Duration of half a bit while the bus is being freed, which happens at 100 kHz at most [us].
+// Duration of half a bit while the bus is being freed [us]. The clock is then at most 100 kHz.
 constexpr uint32_t kHalfBitUs = 5;
 
 void start_controller() {
@@ -49,9 +50,9 @@ void address(uint8_t chip, uint8_t reg, uint32_t direction) {
 // last byte but one has arrived.
 I2cResult Twi::read(uint8_t chip, uint8_t reg, uint8_t* data, size_t n) {
     begun_us_ = clock_.now_us();
-    // The controller may hold a byte although the last read was complete: it begins to receive another byte
-    // while STOP is being sent. The next read would take that byte for its first byte, and all its bytes
-    // would be shifted.
+    // Drops a byte that may have been left by the last read, even if that read was complete: the controller
+    // begins to receive another byte while STOP is being sent. If the byte stayed, this read would take it
+    // for the first one, and all bytes would be shifted.
     TWI1_RHR::read();
     address(chip, reg, TWI1_MMR::MREAD);
     TWI1_CR::write(n == 1 ? TWI1_CR::START | TWI1_CR::STOP : TWI1_CR::START);
@@ -62,8 +63,8 @@ I2cResult Twi::receive(uint8_t* data, size_t n) {
     for (size_t i = 0; i < n; ++i) {
         const I2cResult result = wait_for(TWI1_SR::RXRDY);
         if (result != I2cResult::ok) return result;
-        // If RHR is read late, the controller holds SCL until then. After that, only half a bit remains for
-        // requesting STOP, so interrupts are disabled.
+        // If the register RHR (received byte) is read late, the controller holds SCL until it is read. After
+        // that, only half a bit remains for requesting STOP, so interrupts are disabled.
         cortex_m3::InterruptLock lock;
         data[i] = static_cast<uint8_t>(TWI1_RHR::read());
         if (i + 2 == n) TWI1_CR::write(TWI1_CR::STOP);
@@ -78,12 +79,13 @@ I2cResult Twi::write(uint8_t chip, uint8_t reg, uint8_t value) {
     address(chip, reg, 0);
     TWI1_THR::write(value);
     TWI1_CR::write(TWI1_CR::STOP);
-    // TWI_SR shows the end of this transfer only once THR is empty.
+    // The status register TWI_SR shows the end of this transfer only after the register THR (byte to send)
+    // has become empty.
     return finish(wait_for(TWI1_SR::TXRDY));
 }
 
-// Waits for a flag of TWI_SR. Reading TWI_SR clears NACK, ARBLST and OVRE, so these flags are checked after
-// every read.
+// Waits for a flag of the status register TWI_SR. Reading TWI_SR clears the error flags NACK, ARBLST and
+// OVRE, so these flags are checked after every read.
 I2cResult Twi::wait_for(uint32_t flag) {
     for (;;) {
         const bool late = clock_.now_us() - begun_us_ > settings::kI2cTimeoutUs;
@@ -97,8 +99,8 @@ I2cResult Twi::wait_for(uint32_t flag) {
     }
 }
 
-// Waits until STOP is sent. After an error the controller is set up again, because THR and the flags may
-// still contain old values.
+// Waits until STOP is sent. After an error, the controller is set up again, because its register THR and its
+// flags may still contain old values.
 I2cResult Twi::finish(I2cResult result) {
     const I2cResult end = wait_for(TWI1_SR::TXCOMP);
     if (result == I2cResult::ok) result = end;
@@ -115,7 +117,8 @@ void Twi::pause() {
 HeldLines Twi::recover() {
     clock::enable(PIOB_IRQ);
     clock::enable(TWI1_IRQ);
-    // Sets both lines to open drain and releases them, before the pins change to another peripheral.
+    // Sets both lines of the bus to open drain and releases them. Call this before the pins change to another
+    // peripheral.
     PIOB_SODR::write(kSda | kScl);
     PIOB_MDER::write(kSda | kScl);
     PIOB_OER::write(kSda | kScl);

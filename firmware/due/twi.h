@@ -1,5 +1,5 @@
-// The sensor's I2C bus: TWI1 as master at 400 kHz on PB12 (SDA, pin 20) and PB13 (SCL, pin 21). It is polled,
-// without interrupts.
+// The sensor's I2C bus: TWI1 as master at 400 kHz on PB12 (SDA, pin 20) and PB13 (SCL, pin 21). The program
+// polls it and uses no interrupts.
 #pragma once
 
 #include "../core/clock.h"
@@ -14,7 +14,7 @@ class Twi final : public I2cBus {
     // controller.
     explicit Twi(Clock& clock) : clock_(clock) {}
 
-    // Reads n bytes, at least 1.
+    // Reads n bytes. n has to be at least 1.
     I2cResult read(uint8_t address, uint8_t reg, uint8_t* data, size_t n) override;
     I2cResult write(uint8_t address, uint8_t reg, uint8_t value) override;
     HeldLines recover() override;

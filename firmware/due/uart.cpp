@@ -14,7 +14,7 @@ namespace {
 
 using namespace sam3x;
 
-// Computed as in the datasheet, UART, Baud Rate Generator.
+// The divisor is computed as in the datasheet, UART, Baud Rate Generator.
 constexpr uint32_t kBaudTimes16 = settings::kLineBaud * 16;
 constexpr uint32_t kDivisor = (clock::kMasterHz + kBaudTimes16 / 2) / kBaudTimes16;
 // A byte of ten bits still arrives correctly if the baud rates of both ends differ by twice this error.
@@ -22,7 +22,7 @@ static_assert(kDivisor * kBaudTimes16 >= clock::kMasterHz / 100 * 99 &&
                   kDivisor * kBaudTimes16 <= clock::kMasterHz / 100 * 101,
               "the baud rate is right within 1 %");
 
-constexpr uint32_t kTransmitPin = 1u << 9;  // PA9, peripheral A: UTXD
+constexpr uint32_t kTransmitPin = 1u << 9;  // pin PA9, whose peripheral A is UTXD
 
 // Size of the ring buffer: it has room for two of the longest frames, and is a power of two, so that the
 // counters below may wrap.
@@ -30,8 +30,8 @@ constexpr uint32_t kRingBytes = 512;
 static_assert(kRingBytes >= 2 * kMaxWire && (kRingBytes & (kRingBytes - 1)) == 0, "size of the ring");
 
 uint8_t ring[kRingBytes];
-uint32_t written;        // number of bytes that the main loop has put in
-volatile uint32_t sent;  // number of bytes that the handler has taken out
+uint32_t written;        // number of bytes that the main loop has put into the ring
+volatile uint32_t sent;  // number of bytes that the interrupt handler has taken out of the ring
 uint32_t in_flight;      // number of bytes that the PDC (the DMA controller) is sending
 
 // Passes the next contiguous piece of the ring buffer to the PDC, if there is one. Call this with interrupts
@@ -67,8 +67,8 @@ void Uart::start() {
     cortex_m3::enable_irq(UART_IRQ);
 }
 
-// Bytes that the PDC has already sent count as free even before the piece is complete, because Link relies on
-// the room growing byte by byte.
+// Bytes that the PDC has already sent count as free, even before the PDC has sent the whole piece of the ring
+// that it was given. The class Link relies on the room growing byte by byte.
 size_t Uart::room() {
     cortex_m3::InterruptLock lock;
     return kRingBytes - (written - sent) + (in_flight - UART_TCR::read());

@@ -1,4 +1,5 @@
-// Lets the processor sleep until an interrupt, without missing an interrupt that comes just before.
+// Lets the processor sleep until an interrupt, without missing an interrupt that comes just before the
+// processor sleeps.
 #pragma once
 
 #include <stdint.h>
@@ -10,7 +11,7 @@ namespace wake {
 // Notes that there is work for the main loop. Interrupt handlers call this.
 void signal();
 
-// Number of calls of signal() since boot; it wraps.
+// Returns the number of calls of signal() since the last reset. This number wraps.
 uint32_t signals();
 
 // Sleeps until the next interrupt, unless signal() was called since `seen` was read with signals().

@@ -8,8 +8,8 @@ namespace watchdog {
 
 namespace {
 
-// The watchdog counts at SLCK/128 = 256 Hz, so this is nominally 1 s. With the tolerance of the slow RC
-// oscillator, it is 0.7 to 1.6 s.
+// The watchdog counts at SLCK/128 = 256 Hz, so this time-out is nominally 1 s. With the tolerance of the slow
+// RC oscillator, it is 0.7 to 1.6 s.
 constexpr uint32_t kTimeout = 256;
 constexpr uint32_t kFeedAtAnyTime = 0xFFF;
 constexpr uint32_t kKey = 0xA5;
@@ -18,8 +18,8 @@ constexpr uint32_t kKey = 0xA5;
 
 void start() {
     using sam3x::WDT_MR;
-    // With the largest WDD, the watchdog may be fed at any time. As WDIDLEHLT is not set, it also counts
-    // while the processor sleeps, so it resets the chip if interrupts no longer come.
+    // With the largest value of its field WDD, the watchdog may be fed at any time. As WDIDLEHLT is not set,
+    // it also counts while the processor sleeps, so it resets the chip if interrupts no longer come.
     WDT_MR::write(WDT_MR::WDV::put(kTimeout) | WDT_MR::WDD::put(kFeedAtAnyTime) | WDT_MR::WDRSTEN |
                   WDT_MR::WDDBGHLT);
 }

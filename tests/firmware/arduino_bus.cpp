@@ -1,5 +1,5 @@
-// Tests of the classes of the sketch that connect the core with the board. They run with the stub of the
-// Arduino libraries.
+// Tests of those classes of the Arduino sketch that connect firmware/core with the board. They run with the
+// stub of the Arduino libraries.
 #define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include <doctest/doctest.h>
 
@@ -100,18 +100,19 @@ TEST_CASE_FIXTURE(Bench, "Wire's own time-out is told from a NACK by its length"
     CHECK(bus.read(kAddress, kWhoAmI, data, 1) == I2cResult::timeout);
     CHECK(bus.write(kAddress, kConfig, 0) == I2cResult::timeout);
     CHECK(board.spins == 2);
-    // The time-out has reset the controller, so it holds no line any more.
+    // Wire's time-out has reset the I2C controller, so the controller holds no line any more.
     CHECK(bus.read(kAddress, kWhoAmI, data, 1) == I2cResult::ok);
     board.clocks = 0;
     CHECK(bus.recover() == HeldLines::none);
-    // only the clock of the STOP: the controller itself held the line, not the sensor
+    // the clock of the STOP is the only one: it was the controller that held the line, not the sensor
     CHECK(board.clocks == 1);
 }
 
 TEST_CASE_FIXTURE(Bench,
                   "a line that gets stuck at any byte of a read is a time-out, and the next read is whole") {
     bus.recover();
-    // With 0, the line gets stuck at the address, the register or the repeated START; with 14, at the STOP.
+    // `after`: number of bytes that are read before the line gets stuck. With 0, it gets stuck at the
+    // address, the register or the repeated START. With 14, it gets stuck at the STOP.
     for (int after = 0; after <= 14; ++after) {
         CAPTURE(after);
         uint8_t data[14] = {};
@@ -156,7 +157,7 @@ TEST_CASE_FIXTURE(Bench,
 
 TEST_CASE_FIXTURE(Bench, "a free bus gets no clocks, one STOP, and Wire again") {
     CHECK(bus.recover() == HeldLines::none);
-    CHECK(board.clocks == 1);  // only the clock of the STOP
+    CHECK(board.clocks == 1);  // the only clock is that of the STOP
     CHECK(board.stops == 1);
     CHECK(board.wire_begins == 1);
     CHECK(board.drives == 0);
@@ -176,7 +177,7 @@ TEST_CASE_FIXTURE(Bench, "a held SDA is freed by as many clocks as it needs, nin
         uint8_t data[1];
         CHECK(bus.read(kAddress, kWhoAmI, data, 1) == I2cResult::ok);
     }
-    board.chip.held_clocks = 11;  // nine clocks and the clock of the STOP are ten
+    board.chip.held_clocks = 11;  // more than nine clocks and the clock of the STOP, which are ten
     board.clocks = 0;
     CHECK(bus.recover() == HeldLines::sda);
     CHECK(board.clocks == 10);

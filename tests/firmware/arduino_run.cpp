@@ -1,8 +1,9 @@
 // Runs the sketch in virtual time, with scripted faults, and writes to stdout the bytes that it sent.
 // arduino_run SECONDS [KIND=AT,AMOUNT …] e.g. arduino_run 5 held=2.0,9 nacks=3.0,4 The last line on stderr
-// summarises what happened to the board. A fault KIND begins at the second AT. AMOUNT is a number of
-// transfers for nacks, stalls, short and stale; a number of clocks for held (-1: for ever); seconds for scl,
-// unplug, deaf (the UART sends nothing) and noint (no edges). brownout ignores AMOUNT.
+// summarises what happened to the board. A fault KIND begins AT seconds after the start. For nacks, stalls,
+// short and stale, AMOUNT is a number of transfers. For held it is a number of clocks (-1: for ever). For
+// scl, unplug, deaf (the UART sends nothing) and noint (no edges of the data-ready pin), it is a time in
+// seconds. brownout ignores AMOUNT.
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,6 +1,6 @@
 // Simple models of the hardware: a clock that stands still unless it is advanced, a sensor as a register
-// file, a bus and a UART with faults on demand. In every test, these models check all rules on which the real
-// hardware relies.
+// file, a bus and a UART with faults on demand. In every test, these models check that the firmware keeps all
+// rules on which the real hardware relies.
 #pragma once
 
 #include <doctest/doctest.h>
@@ -24,7 +24,7 @@ class FakeClock final : public fltea::Clock {
     uint32_t now_us() override { return static_cast<uint32_t>(us_); }
 
     void pass(uint64_t us) { us_ += us; }
-    uint64_t us() const { return us_; }                  // the time without wrapping
+    uint64_t us() const { return us_; }                  // the time as a number that does not wrap
     uint64_t run_us() const { return us_ - start_us_; }  // time since the test began
 
   private:
@@ -32,12 +32,12 @@ class FakeClock final : public fltea::Clock {
     uint64_t us_;
 };
 
-// Value that a FakeChip returns when its registers are not as required.
+// The rate that a FakeChip returns for gyro_x when its registers are not as required.
 constexpr int16_t kWrong = 0x5A5A;
 
-// An MPU-9250 as the driver sees it; its register numbers are typed by hand from the register map. Every
-// burst differs from the burst before, unless `frozen` is set. accel_x is the number of resets and losses of
-// supply so far (`life`), and gyro_x is kWrong if the registers were not as required.
+// An MPU-9250 as the driver sees it. Its register numbers are typed by hand from the register map. Every
+// burst differs from the burst before, unless `frozen` is set. In a burst, accel_x is the number of resets
+// and losses of supply so far (`life`), and gyro_x is kWrong if the registers were not as required.
 class FakeChip {
   public:
     uint8_t who_am_i = 0x71;
@@ -48,11 +48,11 @@ class FakeChip {
     int16_t gyro_y = 7;
     std::vector<uint8_t> stuck;  // numbers of registers that ignore writes
     int16_t life = 0;
-    bool quiet = false;  // the chip never pulses its pin
+    bool quiet = false;  // the chip never pulses its data-ready pin
 
     explicit FakeChip(FakeClock& clock) : clock_(clock) { power_up(); }
 
-    // Resets the registers, as a loss of supply does. The driver is not told.
+    // Resets the registers, as a loss of supply does. The driver does not notice.
     void power_up() {
         std::memset(registers_, 0, sizeof registers_);
         registers_[0x6B] = who_am_i == 0x68 ? 0x40 : 0x01;
@@ -120,14 +120,14 @@ class FakeChip {
         }
     }
 
-    // Checks that the next transfer comes at least 100 ms after a reset.
+    // Checks that the first transfer after a reset comes at least 100 ms after it.
     void ready() {
         if (resetting_) REQUIRE(clock_.us() - reset_us_ >= 100000);
         resetting_ = false;
     }
 
     void convert() {
-        REQUIRE(clock_.us() - woken_us_ >= 35000);  // start-up time of the gyroscope
+        REQUIRE(clock_.us() - woken_us_ >= 35000);  // start-up time of the gyroscope after sleep
         if (!frozen && !stopped) ++conversions_;
         const int16_t gyro_x = as_wanted() ? static_cast<int16_t>(conversions_ % 1000) : kWrong;
         const int16_t values[] = {life, -1, 16384, -256, gyro_x, gyro_y, -30000};
@@ -152,15 +152,17 @@ constexpr uint64_t kRecoverUs = 900;
 class FakeBus final : public fltea::I2cBus {
   public:
     bool plugged = true;
-    std::deque<fltea::I2cResult> script;  // results of the next transfers; further transfers are ok
+    std::deque<fltea::I2cResult> script;  // results of the next transfers; transfers after these are ok
     fltea::HeldLines held = fltea::HeldLines::none;
-    bool stale = false;   // the controller holds a byte, which shifts each read until recover()
+    // the controller has kept a byte, which shifts the bytes of each read until recover() is called
+    bool stale = false;
     int wrong_reads = 0;  // number of reads that were wrong by a flipped bit or a shift
     int flips = 0;        // number of future reads from flip_reg on in which one bit is wrong
     uint8_t flip_reg = 0;
     uint8_t flip_mask = 0x01;
     std::function<void(uint8_t, uint8_t*)> tamper;  // called with register and data of each read
-    int clocks_to_free = 0;                         // number of recoveries after which `held` ends; -1: never
+    // number of recoveries after which the line of `held` is free again; -1: never
+    int clocks_to_free = 0;
     int recoveries = 0;
     int failures = 0;
     std::vector<uint8_t> written;     // numbers of the registers that were written, in order
@@ -220,7 +222,7 @@ class FakeBus final : public fltea::I2cBus {
         if (!plugged) result = fltea::I2cResult::nack;
         if (held != fltea::HeldLines::none) result = fltea::I2cResult::timeout;
         if (result != fltea::I2cResult::ok) ++failures;
-        // A byte takes nine clocks of 2.5 us. Half of the transfer's time passes before the values are read.
+        // A byte takes nine clocks of 2.5 us. Half of the transfer's time passes before `during` is called.
         const uint64_t us =
             result == fltea::I2cResult::timeout ? fltea::settings::kI2cTimeoutUs : bytes * 45 / 2;
         clock_.pass(us / 2);

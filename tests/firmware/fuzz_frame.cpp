@@ -1,6 +1,6 @@
 // A libFuzzer test of frames. If the first byte of an input is even, the rest is a stream of bytes for the
-// receiver; if it is odd, the rest is a message and the damage that is done to it. `fuzz_frame --seeds DIR`
-// makes a corpus from the test vectors.
+// receiver. If the first byte is odd, the rest is a message and the damage that is done to its encoded frame.
+// `fuzz_frame --seeds DIR` makes a corpus from the test vectors.
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
@@ -30,8 +30,8 @@ bool same(const Frame& a, const Frame& b) {
            a.payload == b.payload;
 }
 
-// Encodes a frame again through the struct of its message type. The result has exactly the fields of this
-// protocol version.
+// Decodes the payload of a frame into the struct of its message type, and encodes this struct again. The
+// result has exactly the fields of this protocol version.
 struct Again {
     Frame frame;
     Bytes wire;
@@ -104,8 +104,8 @@ void damaged_message(const uint8_t* data, size_t n) {
     receiver.feed(0);
     receiver.feed(wire.data(), wire.size());
     receiver.feed(0);
-    // A payload may itself contain a valid frame. If damage puts zeros before and after it, the receiver
-    // accepts it, and no checksum can detect that.
+    // A payload may itself contain a valid frame. If damage puts zeros before and after this inner frame, the
+    // receiver accepts the inner frame, and no checksum can detect that.
     const bool cut = std::find(wire.begin(), wire.end() - 1, 0) != wire.end() - 1;
     for (const Frame& frame : receiver.intact)
         check(cut || same(frame, sent), "accepted only if it is what was sent");
@@ -127,8 +127,8 @@ void write_message(const std::string& folder, int number, size_t type, const Byt
     write_seed(folder, number, message);
 }
 
-// Writes inputs of three kinds: streams without a change, good frames as messages without damage, and good
-// frames as the payload of a message in which the damage puts zeros before and after the inner frame.
+// Writes inputs of three kinds: unchanged streams, messages from good frames without damage, and messages
+// whose payload is a good frame with damage that puts zeros before and after it.
 void write_seeds(const std::string& folder) {
     int number = 0;
     for (const char* name : {"good.txt", "bad.txt", "streams.txt"}) {

@@ -67,7 +67,7 @@ inline uint32_t little_endian(const uint8_t* bytes, size_t n) {
     return value;
 }
 
-// CRC computed one bit at a time from the polynomial, without the firmware's table.
+// Returns the CRC-32, computed one bit at a time from the polynomial, without the firmware's table.
 inline uint32_t plain_crc32(const uint8_t* bytes, size_t n) {
     uint32_t state = 0xFFFFFFFFu;
     for (size_t i = 0; i < n; ++i) {
@@ -82,8 +82,9 @@ class Receiver {
     std::vector<Frame> frames;  // valid frames of known types
     // all frames with a right CRC, also of unknown types and other versions
     std::vector<Frame> intact;
-    std::map<std::string, int> counts;  // number of blocks by their error; "frames" counts the valid frames
-    int refused = 0;                    // intact HELLOs of another version
+    // number of blocks for each kind of error; "frames" counts the valid frames
+    std::map<std::string, int> counts;
+    int refused = 0;  // intact HELLOs of another version
 
     void feed(const uint8_t* bytes, size_t n) {
         for (size_t i = 0; i < n; ++i) feed(bytes[i]);
@@ -102,7 +103,8 @@ class Receiver {
         }
     }
 
-    // Number of blocks that were judged so far, with any result.
+    // Returns the number of blocks that were judged so far, with any result. A block is what lies between two
+    // zeros.
     int judged() const {
         int total = refused;
         for (const auto& reason : counts) total += reason.second;
@@ -160,7 +162,7 @@ class Receiver {
     bool first_ = true;
 };
 
-// Visitor that reads a message's fields from a payload, in order.
+// Visits the fields of a message, and reads one after the other from a payload.
 class PayloadReader {
   public:
     explicit PayloadReader(const std::vector<uint8_t>& payload) : next_(payload.data()) {}

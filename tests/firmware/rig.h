@@ -22,7 +22,7 @@ inline fltea::Identity test_identity() {
 
 class Rig {
   public:
-    // When step() is called.
+    // When the rig calls the application's step().
     enum class Calls { often, every_tick, unevenly };
 
     FakeClock clock;
@@ -64,7 +64,7 @@ class Rig {
     // Starts the device, and runs it until the sensor is running.
     void start_and_settle() {
         start();
-        run(305 * kMs);  // the end is in the middle between two sampling instants
+        run(305 * kMs);  // this run ends in the middle between two sampling instants
         REQUIRE(!samples().empty());
     }
 
@@ -73,7 +73,8 @@ class Rig {
     fltea::Hello hello() const { return message_of<fltea::Hello>(sink.of<fltea::Hello>().back()); }
     fltea::Status status() const { return message_of<fltea::Status>(sink.of<fltea::Status>().back()); }
 
-    // Number of FAULT frames with this code so far. fault_detail() is the detail of the last of them.
+    // Returns the number of FAULT frames with this code so far. fault_detail() returns the detail of the last
+    // of them.
     int fault_count(fltea::FaultCode code) const {
         int n = 0;
         for (const Frame& frame : faults()) n += message_of<fltea::Fault>(frame).code == code;
@@ -118,8 +119,8 @@ class Rig {
     uint64_t random_ = 1;
 };
 
-// Checks that delivered + overruns + dropped = due, with the counts in STATUS and the sequence numbers of the
-// samples.
+// Checks that every sampling instant is accounted for: samples delivered, plus overruns and dropped frames by
+// the counts in STATUS, equal the number of instants by the last sample's sequence number.
 inline void check_balance(const Rig& rig) {
     const fltea::Status status = rig.status();
     const std::vector<Frame> samples = rig.samples();

@@ -82,7 +82,8 @@ TEST_CASE("application: numbers of starts never come back to 0") {
 TEST_CASE("application: 100 Hz without a gap, in both modes, however it is stepped, over the clock's wrap") {
     for (SamplingMode mode : {SamplingMode::timer, SamplingMode::data_ready}) {
         for (Rig::Calls calls : {Rig::Calls::often, Rig::Calls::every_tick}) {
-            // The device starts at a multiple of the period, as it does after a tick of the board's timer.
+            // The device starts at a multiple of the sampling period, as it does after a tick of the board's
+            // timer.
             for (uint64_t start : {UINT64_C(0), kWrap - kWrap % kPeriodUs - 500 * kPeriodUs}) {
                 CAPTURE(start);
                 Rig rig(mode, start);
@@ -96,8 +97,8 @@ TEST_CASE("application: 100 Hz without a gap, in both modes, however it is stepp
                     REQUIRE(sample_of(samples[i]).flags == 0);
                     if (i == 0) continue;
                     const uint32_t step = samples[i].device_us - samples[i - 1].device_us;
-                    // In timer mode, the device is stepped every 150 us, so a sample may be read a little
-                    // late. In data-ready mode, its time is that of the edge.
+                    // In timer mode, step() is called every 150 us, so a sample may be read a little late. In
+                    // data-ready mode, a sample's time is that of the edge of the data-ready pin.
                     REQUIRE(step >= (mode == SamplingMode::timer ? 9000 : 10000));
                     REQUIRE(step <= (mode == SamplingMode::timer ? 11000 : 10000));
                 }
@@ -147,13 +148,13 @@ TEST_CASE(
     const std::vector<Frame>& frames = rig.sink.receiver.frames;
     size_t first_sample = 0;
     while (frames[first_sample].type != fltea::Sample::type()) ++first_sample;
-    // A HELLO and the settings of the estimates precede the first sample.
+    // A HELLO and an ESTIMATOR (the settings of the estimates) precede the first sample.
     REQUIRE(frames[first_sample - 2].type == fltea::Hello::type());
     CHECK(message_of<fltea::Hello>(frames[first_sample - 2]).sensor_starts == 1);
     CHECK(frames[first_sample - 1].type == fltea::Estimator::type());
 
     const std::vector<Frame> hellos = rig.sink.of<fltea::Hello>();
-    REQUIRE(hellos.size() == 12);  // one at boot, one when the sensor runs, ten more
+    REQUIRE(hellos.size() == 12);  // one HELLO at boot, one when the sensor runs, and ten more
     for (size_t i = 0; i < hellos.size(); ++i) CHECK(hellos[i].sequence == i);
     for (size_t i = 2; i < hellos.size(); ++i) {
         const uint64_t due = (i - 1) * kS - kPeriodUs / 2;
@@ -249,16 +250,16 @@ TEST_CASE(
     "application: the ends of 2^32 milliseconds and of 2^32 instants, after 49 and 497 days, are no event") {
     for (SamplingMode mode : {SamplingMode::timer, SamplingMode::data_ready}) {
         for (uint64_t end_us : {kWrap * kMs, kWrap * kPeriodUs}) {
-            // In data-ready mode, four billion edges would take too long to simulate. They are numbered as
-            // the instants of the timer are.
+            // In data-ready mode, four billion edges would take too long to simulate, so 2^32 instants are
+            // tested in timer mode only. Edges are numbered in the same way.
             if (mode == SamplingMode::data_ready && end_us > kWrap * kMs) continue;
             CAPTURE(end_us);
             Rig rig(mode);
             rig.calls = Rig::Calls::every_tick;
             rig.sink.size = 1000;
             rig.start_and_settle();
-            // Months pass in half-hours during which the program is stopped. The sampling instants are
-            // counted all the same.
+            // Months pass in steps of half an hour, during which the program does not run. The sampling
+            // instants of this time are counted all the same.
             const uint64_t half_hour = 1800 * kS;
             while (rig.clock.us() < end_us - 10 * kS) {
                 rig.clock.pass(std::min(half_hour, end_us - 10 * kS - rig.clock.us()));

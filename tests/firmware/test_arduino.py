@@ -65,10 +65,10 @@ def run(build: Path, *arguments: str, mode: str = "timer") -> Run:
 
 
 def lost(run: Run) -> tuple[list[str], int, int]:
-    """Pass the frames to the host's decoder.
+    """Pass the frames of a run to the host's sequence tracker.
 
-    Return the reasons for which its epochs began, the samples that it counts as lost, and those delivered by
-    epoch.
+    Return the reasons for which epochs (stretches with one numbering of samples) began, and two counts of
+    samples: the lost ones, and those delivered in epochs.
     """
     place = Decoder(lambda: 0, max_gap=10**6)
     reasons: list[str] = []
@@ -134,7 +134,9 @@ def test_ten_quiet_seconds(build: Path, mode: str) -> None:
 
 
 def test_the_sketch_fits_too_and_its_small_ring_bears_it(build: Path) -> None:
-    """Only x is fitted: the stub's sensor counts milliseconds on x, while y and z never change."""
+    """The sketch fits the noise of x only: the stub's sensor counts milliseconds on x, while y and z never
+    change.
+    """
     fitting = run(build, "16.5")
     assert [s.sequence for s in fitting.samples()] == list(range(len(fitting.samples())))
     assert fitting.of(wire.Status)[-1].dropped_frames == 0
@@ -214,7 +216,7 @@ def test_a_line_that_takes_nothing_loses_whole_frames_and_counts_them(build: Pat
 
 
 def test_a_stalled_transfer_takes_as_long_as_the_readme_says(build: Path) -> None:
-    """Wire waits for a number of loops, twice in a read, which takes 55 ms.
+    """In a read, Wire waits twice for a fixed number of loops before it gives up, which takes 55 ms.
 
     Two stalled reads in a row are the worst case.
     """

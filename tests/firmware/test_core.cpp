@@ -17,14 +17,16 @@
 
 namespace {
 
-// Encodes into a heap block of exactly the promised size, so that the sanitizer detects a write beyond it.
+// Encodes a frame into a heap block of exactly the size that wire_size() promises, so that the sanitizer
+// detects a write beyond it.
 Bytes cobs(const Bytes& plain) {
     Bytes out(fltea::cobs_max_encoded(plain.size()));
     out.resize(fltea::cobs_encode(plain.data(), plain.size(), out.data()));
     return out;
 }
 
-// Visitor that fills a message's fields from the lines "field NAME VALUE" of a record, in their order.
+// Visits the fields of a message, and fills them from the lines "field NAME VALUE" of a record of a test
+// vector, in the order of the lines.
 class RecordReader {
   public:
     explicit RecordReader(const Record& record) {
@@ -44,7 +46,8 @@ class RecordReader {
     void operator()(const char* name, float& field) {
         const std::string text = next(name);
         char* end = nullptr;
-        field = std::strtof(text.c_str(), &end);  // std::stof throws for denormal numbers
+        // strtof() and not std::stof(), which throws for denormal numbers
+        field = std::strtof(text.c_str(), &end);
         REQUIRE(!text.empty());
         REQUIRE(*end == 0);
     }
@@ -77,7 +80,7 @@ class RecordReader {
     size_t used_ = 0;
 };
 
-// Encodes the message whose fields a record lists.
+// Encodes the message whose fields a record of a test vector lists.
 struct EncodeRecord {
     const Record& record;
     uint16_t sequence;

@@ -12,7 +12,7 @@ from tests.rig.tiers import slow
 FOLDER = Path(__file__).parent
 
 compilers = pytest.mark.parametrize("compiler", ["g++", slow("clang++")])
-"""Runs a test with each compiler; each builds in a separate folder."""
+"""Parameters that run a test with each of two compilers. Each compiler builds in a separate folder."""
 
 
 LONG = ",".join(
@@ -23,7 +23,7 @@ LONG = ",".join(
 )
 """Test cases that simulate hours and take half of the total time.
 
-Only clang's build runs them, in the second tier of tests.
+They run only in the build by clang, which belongs to the second tier of tests.
 """
 
 

@@ -1,6 +1,6 @@
-// Tests the data-ready interrupt at every single instruction of the main loop's reading of edges. Instead of
-// the interrupt, the single-step trap of this CPU is used. Like an interrupt on a Cortex-M, it stops the
-// program anywhere, runs the handler, and continues.
+// Tests what happens if the data-ready interrupt comes at any single instruction of the main loop's code that
+// reads the edges. Instead of the interrupt, the single-step trap of this CPU is used. Like an interrupt on a
+// Cortex-M, it stops the program anywhere, runs the handler, and continues.
 #include <doctest/doctest.h>
 
 #include "edges.h"
@@ -44,8 +44,8 @@ TEST_CASE(
     handle(SIGTRAP, one_instruction);
     int before = 0;
     int after = 0;
-    // The edge with number `count` has the time count * 10000, so each pair shows whether both values belong
-    // together.
+    // The edge with number `count` has the time count * 10000. So each pair of number and time that was read
+    // shows whether both belong together.
     for (interrupt_at = 1; interrupt_at < 3000; interrupt_at = interrupt_at + 1) {
         fltea::Edges fresh;
         edges = &fresh;
@@ -58,7 +58,7 @@ TEST_CASE(
         }
         REQUIRE(seen.last_us == seen.count * 10000);
         ++(seen.count == 5 ? before : after);
-        if (before > 50) break;  // far beyond the end of the reading
+        if (before > 50) break;  // the instruction is now far beyond the end of the reading
     }
     CHECK(after > 10);
     CHECK(before > 50);

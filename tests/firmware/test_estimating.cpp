@@ -25,7 +25,8 @@ extern "C" void __wrap__ZN5fltea13AxisEstimator4stepEPKs(fltea::AxisEstimator* a
 
 namespace {
 
-// A simulated device at rest, with a few counts of noise on each axis. Each step of an axis takes `axis_us`.
+// A simulated device at rest, with a few counts of noise on each axis. Each step of an axis's estimator takes
+// the time `axis_us`.
 struct Estimating : Rig {
     uint64_t axis_us = 1800;
 
@@ -118,7 +119,7 @@ TEST_CASE("estimating: ESTIMATOR follows each HELLO, and comes when the window i
     for (const Frame& frame : rig.sink.receiver.frames) {
         if (frame.type == fltea::Sample::type()) {
             newest = frame.sequence;
-            // A ring buffer of 127 bytes does not hold HELLO and ESTIMATOR at once, so the latter may have to
+            // A ring buffer of 127 bytes cannot hold HELLO and ESTIMATOR at once, so ESTIMATOR may have to
             // wait during the first second.
             if (newest > 100 && newest % 100 == 60) CHECK(hellos <= estimators);
         }
@@ -156,8 +157,9 @@ TEST_CASE(
             const Estimate estimate = estimate_of(rig.estimates().back());
             CHECK((estimate.flags & fltea::estimate_flags::skipped) != 0);
             CHECK(estimate.age < estimate.sample - settings::kStartup + 1u);
-            // As samples are skipped, an estimate is behind by no more than the queue and the samples between
-            // two ESTIMATEs.
+            // Since samples are skipped, the estimates do not fall behind without limit: the newest estimate
+            // is behind by no more samples than the queue holds and than lie between two ESTIMATEs (three of
+            // each are allowed).
             const int behind = int(rig.samples().back().sequence) - int(estimate.sample);
             CHECK(behind <= 3 * 32 + 3 * settings::kEstimateEvery);
             CHECK(int(rig.status().cpu_share) > 5000);
@@ -213,8 +215,8 @@ TEST_CASE("estimating: STATUS says how much of the time is worked, and its longe
         const fltea::Status window = rig.status();
         rig.run(4 * kS);
         const fltea::Status status = rig.status();
-        // In the start-up window, only the bursts take time: 17 bytes of 22.5 us in every 10 ms. After it,
-        // three steps of an axis are added.
+        // In the start-up window, only the bursts take time: 17 bytes of 22.5 us in every 10 ms. After the
+        // window, one step of the estimator on each of three axes is added.
         CHECK(static_cast<double>(window.cpu_share) == doctest::Approx(383 + 30).epsilon(0.3));
         CHECK(static_cast<double>(status.cpu_share - window.cpu_share) ==
               doctest::Approx(static_cast<double>(3 * axis_us)).epsilon(0.05));

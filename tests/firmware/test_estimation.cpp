@@ -21,8 +21,8 @@ constexpr uint32_t kStartup = settings::kStartup, kEvery = settings::kEstimateEv
 constexpr uint32_t kMaxGap = settings::kMaxGap, kQueue = 32;
 constexpr float kLsb = static_cast<float>(fltea::kGyroLsbTenths) / 10.0f;
 
-// The noise of an axis at a sampling instant. It depends only on these two, so that a test can ask for the
-// same noise again.
+// Returns the noise of an axis at a sampling instant. It depends only on axis and instant, so that a test can
+// ask for the same noise again.
 int16_t count_at(uint32_t instant, size_t axis) {
     const uint32_t mixed = (instant * 3 + static_cast<uint32_t>(axis)) * UINT32_C(2654435761);
     return static_cast<int16_t>(mixed >> 29) + static_cast<int16_t>(10 * axis);
@@ -58,7 +58,7 @@ struct Device {
             work();
         }
     }
-    // Runs, and keeps only the estimates that are produced in this run.
+    // Runs the estimation, and keeps only the estimates that are produced in this run.
     void run_anew(uint32_t from, uint32_t to) {
         made.clear();
         run(from, to);
@@ -70,13 +70,13 @@ struct Device {
     }
 };
 
-// The expected output for a single axis of a device that begins at instant `first` and gets the samples for
-// which `is_there` is true.
+// The expected output for a single axis of a device that begins at the sampling instant `first`. The device
+// gets the samples of those instants for which `is_there` is true.
 struct Alone {
     AxisEstimator estimator;
     size_t axis;
     uint32_t at, collected = 0;
-    // sampling instants from never_from to before never_to do not exist for the device
+    // for the device, there are no sampling instants from never_from up to but not including never_to
     uint32_t never_from = 0, never_to = 0;
 
     Alone(size_t axis, uint32_t first) : axis(axis), at(first) { estimator.begin(); }
@@ -101,7 +101,7 @@ struct Alone {
 
 bool always(uint32_t) { return true; }
 
-// Compares all fields except the flag that the queue sets.
+// Compares all fields of two ESTIMATEs, except the flag `skipped`, which depends on the queue.
 void check_same(const Estimate& a, const Estimate& b) {
     CHECK((a.flags & ~flags::skipped) == b.flags);
     CHECK(a.alpha == b.alpha);
@@ -237,7 +237,7 @@ TEST_CASE(
         CHECK(estimate.age == estimate.sample - kStartup + 1 - (estimate.sample < taken ? 0 : skipped));
         if (estimate.axis == fltea::Axis::gyro_x) check_same(estimate, alone.after(estimate.sample, always));
     }
-    // A new start resets the state, while the count of skipped samples continues.
+    // A new start resets the state of the estimation, but not the count of skipped samples.
     device.estimation.begin();
     device.run_anew(taken + 100, taken + 100 + kStartup + kEvery);
     REQUIRE(device.made.size() == 3);
@@ -263,8 +263,8 @@ TEST_CASE("estimation: begin() leaves nothing of what was under way") {
         CAPTURE(steps);
         Device device;
         device.run(0, kStartup + 20);
-        // begin() is called when some axes have been processed across a gap and more samples wait behind the
-        // gap.
+        // begin() is called at the worst time: some axes have been processed across a gap, other axes have
+        // not, and more samples wait in the queue.
         for (uint32_t instant : {kStartup + 25, kStartup + 26, kStartup + 27}) device.add(instant);
         for (int i = 0; i < steps; ++i) device.step();
         device.estimation.begin();
@@ -367,7 +367,7 @@ TEST_CASE("estimation: a fit that rejects white noise tunes the filters of its a
     CHECK(compared > 10);
     CHECK(device.report().r_y == fit.r);
     CHECK(device.report().r_x != fit.r);
-    // After the sensor was set up again, the fit is not used any more.
+    // After the sensor was set up again, the fit from before is not used any more.
     device.estimation.begin();
     device.run_anew(1000, 1000 + kStartup + 20);
     REQUIRE(!device.made.empty());

@@ -1,5 +1,5 @@
-// Tests of the small rules of the device's estimates: start-up window, supervisor, and the share of the time
-// in which the device works.
+// Tests of the small rules of the device's estimates: the start-up window, the supervisor of the filters, and
+// the percentage of time in which the device works.
 #include <doctest/doctest.h>
 
 #include <algorithm>
@@ -17,7 +17,8 @@ typedef fltea::engine::Supervisor<float> Supervisor;
 
 namespace {
 
-// Pseudo-random numbers from 0 up to `end`, the same in each run.
+// Returns a pseudo-random number from 0 up to but not including `end`. The numbers are the same in each run
+// of the test.
 class Random {
   public:
     uint32_t operator()(uint32_t end) {
@@ -87,7 +88,8 @@ TEST_CASE(
     counts[499] = -6;
     CHECK(!baseline_of(counts).constant());
     CHECK(baseline_of(counts).variance() == 1.0f / 12.0f);
-    // With 46 of 500 counts changed, the variance is 0.0837, the first value above the limit.
+    // With 46 of 500 counts changed by 1, the variance is 0.0837. That is the first value above the lower
+    // limit of 1/12, the variance of rounding.
     for (size_t i = 0; i < 46; ++i) counts[i] = -6;
     CHECK(baseline_of(counts).variance() > 1.0f / 12.0f);
 }
@@ -100,7 +102,8 @@ TEST_CASE("supervisor: more than 50 of the last 200 held withdraw an axis, 25 or
         std::vector<bool> held;
         bool distrusted = false;
         for (int k = 0; k < 1500; ++k) {
-            // Many samples are held for a while, then few. The mean share passes slowly through both limits.
+            // The guard limits the state at many samples for a while, then at few. The proportion of limited
+            // samples passes slowly through both limits of the supervisor's rule.
             held.push_back(random(1000) < static_cast<uint32_t>(250 + 250 * std::sin(0.01 * k + run)));
             const size_t first = held.size() > 200 ? held.size() - 200 : 0;
             const long count = std::count(held.begin() + static_cast<long>(first), held.end(), true);
@@ -140,7 +143,7 @@ TEST_CASE("supervisor: what is not finite, or an order beyond 5, ends an axis at
 }
 
 TEST_CASE("workload: the share of the time that was worked, and the longest turn") {
-    for (uint32_t start : {0u, UINT32_MAX - 300000u}) {  // the second start is just before the clock wraps
+    for (uint32_t start : {0u, UINT32_MAX - 300000u}) {  // the second start is 0.3 s before the clock wraps
         fltea::Workload workload;
         workload.begin(start);
         CHECK(int(workload.share(start)) == 0);
@@ -149,8 +152,8 @@ TEST_CASE("workload: the share of the time that was worked, and the longest turn
         workload.add(230000);
         CHECK(int(workload.share(start + 1000000)) == 2500);
         CHECK(int(workload.share(start + 500000)) == 5000);
-        CHECK(int(workload.share(start + 9999)) == 0);        // the time is too short for a share
-        CHECK(int(workload.share(start + 100000)) == 10000);  // never more than 100 %
+        CHECK(int(workload.share(start + 9999)) == 0);        // less than 10 ms is too short for a percentage
+        CHECK(int(workload.share(start + 100000)) == 10000);  // the result is never more than 100 %
         CHECK(workload.longest_us() == 230000);
         workload.begin(start + 1000000);
         CHECK(int(workload.share(start + 2000000)) == 0);

@@ -1,4 +1,5 @@
-// Tests of the checks of the chip's state: lost settings, flipped bits, and values that stop changing.
+// Tests of the checks by which the device notices a bad state of the chip: lost settings, flipped bits, and
+// values that stop changing.
 #include <doctest/doctest.h>
 
 #include "rig.h"
@@ -18,7 +19,8 @@ TEST_CASE("recovery: a brown-out without a word: no sample with a wrong scale, t
         for (const Frame& frame : rig.samples()) {
             REQUIRE(message_of<fltea::Sample>(frame).gyro_x != kWrong);
         }
-        // In data-ready mode the chip also gives no edges any more, and the device notices that first.
+        // In data-ready mode, the chip also stops giving edges, and the device notices the missing edges
+        // first.
         if (mode == SamplingMode::timer) {
             CHECK(rig.fault_count(FaultCode::readback_mismatch) == 1);
             CHECK(rig.fault_detail(FaultCode::readback_mismatch) == 0x1A0100);
@@ -130,8 +132,9 @@ TEST_CASE(
         CHECK_FALSE(rig.bus.stale);
         CHECK(rig.bus.recoveries == 1);
         CHECK(rig.status().bus_recoveries == 0);
-        // If single bytes are read, the second read is right although a byte is left in the controller. The
-        // set-up therefore succeeds, and the first reading of the guard registers detects the error.
+        // A byte that is left in the controller does not spoil the set-up: the set-up reads registers one by
+        // one, and the repeated read of a register gives the right byte. The set-up therefore succeeds, and
+        // the first reading of the guard registers, which is longer, detects the error.
         CHECK(rig.status().i2c_errors == (begins == Begins::in_set_up ? 6 : 0));
         CHECK(rig.hello().sensor_starts == (begins == Begins::before_boot ? 1 : 2));
         CHECK(rig.hello().who_am_i == 0x71);
@@ -152,7 +155,8 @@ TEST_CASE("recovery: the bus is made again once for each doubt, and not for a se
     rig.chip.power_up();
     rig.run(2 * kS);
     CHECK(rig.bus.recoveries == 1);
-    rig.bus.fail(I2cResult::nack, 6);  // each pair of failures leads to a recovery of the bus
+    // each pair of failures (a transfer and its repetition) leads to a recovery of the bus
+    rig.bus.fail(I2cResult::nack, 6);
     rig.run(2 * kS);
     CHECK(rig.hello().sensor_starts == 3);
     CHECK(rig.bus.recoveries == 1 + 3);
@@ -167,8 +171,8 @@ TEST_CASE("recovery: ten equal bursts in a row are no data: said, and the sensor
         const size_t n = rig.samples().size();
         rig.chip.stopped = true;
         rig.run(100 * kMs);
-        // The bursts equal the last good one. The ninth burst after that one is therefore the tenth equal
-        // one, and is not sent.
+        // The bursts equal the last one before the chip stopped. The ninth burst after that one is therefore
+        // the tenth equal burst in a row, and is not sent.
         REQUIRE(rig.samples().size() == n + 8);
         for (size_t i = n; i < n + 8; ++i) {
             CHECK(message_of<fltea::Sample>(rig.samples()[i]).flags == fltea::sample_flags::repeated);
@@ -208,8 +212,8 @@ TEST_CASE("recovery: equal bursts count on over instants that were lost, and aga
     rig.run(60 * kMs);
     CHECK(rig.fault_count(FaultCode::sensor_frozen) == 1);
 
-    // If the values never change again, that is reported about once a second, with nine samples at most after
-    // each set-up.
+    // If the values never change again, a FAULT reports that about once a second, and at most nine samples
+    // are sent after each set-up.
     rig.chip.frozen = true;
     const size_t n = rig.samples().size();
     rig.run(10 * kS);

@@ -29,7 +29,7 @@
 #define OCT 8
 #define BIN 2
 
-// Macros of the core, whose names no program can use otherwise.
+// Macros of the Arduino core. No program that includes this file can use their names for anything else.
 #undef abs
 #define abs(x) ((x) > 0 ? (x) : -(x))
 #define min(a, b) ((a) < (b) ? (a) : (b))

@@ -18,7 +18,7 @@ namespace {
 
 constexpr uint64_t kUs = 1000;
 constexpr uint64_t kBitNs = 2500;  // duration of a bit at 400 kHz
-// duration of the 100,000 loops after which Wire gives up: firmware/README.md
+// duration of the 100,000 waiting loops after which Wire gives up a transfer (firmware/README.md)
 constexpr uint64_t kSpinNs = 27500 * kUs;
 constexpr int kRing = 128;
 constexpr uint8_t kAddress = 0x68;
@@ -28,12 +28,13 @@ enum Reg : uint8_t { kSmplrtDiv = 0x19, kIntEnable = 0x38, kBurst = 0x3B, kPwrMg
 const uint32_t kIdentifier[4] = {0x03020100, 0x07060504, 0x0B0A0908, 0x0F0E0D0C};
 const uint32_t kProgram[4] = {0x20088000, 0x000800F1, 0x000800E5, 0x000800E5};
 
-// Duration of a byte, which takes ten bits. Some tests write to the UART before begin() sets the baud rate.
+// Returns the duration of a byte on the UART, which is ten bits. Before begin() has set the baud rate,
+// 250,000 baud count, because some tests write to the UART that early.
 uint64_t byte_ns() { return 10000000000ull / (board.baud ? board.baud : 250000); }
 
 uint64_t edge_period_ns() { return (board.chip.registers[kSmplrtDiv] + 1u) * 1000 * kUs; }
 
-// Whether the data-ready pin is open, so that it picks up edges from its surroundings.
+// Whether the data-ready pin is connected to nothing, so that it picks up edges from its surroundings.
 bool floats() {
     const Pin& pin = board.pins[board.edge_pin];
     return !board.int_wire && !(pin.owner == Pin::port && pin.mode == INPUT_PULLUP);
@@ -45,8 +46,8 @@ bool edges_run() {
     return floats() || (board.int_wire && chip.plugged_in && (chip.registers[kIntEnable] & 1) != 0);
 }
 
-// Advances the time by the duration of a transfer. If a line is held, advances it by Wire's time limit,
-// `waits` times, and returns false.
+// Advances the time by the duration of a transfer of `bits` bits. If a line of the bus is held, advances the
+// time by `waits` times Wire's time limit instead, and returns false.
 bool transfer(unsigned bits, unsigned waits) {
     const bool connected =
         board.pins[PIN_WIRE_SDA].owner == Pin::wire && board.pins[PIN_WIRE_SCL].owner == Pin::wire;
@@ -174,8 +175,8 @@ uint32_t pmc_disable_periph_clk(uint32_t id) {
 
 uint32_t micros(void) {
     board.advance(2 * stub::kUs);
-    // An interrupt handler counts the milliseconds. While interrupts are masked, only one more can be
-    // pending.
+    // On the real board, an interrupt handler counts the milliseconds. While interrupts are masked, only one
+    // more millisecond can be pending, and later ones are lost.
     const uint64_t most_ns = board.masked_ns + 1999999;
     const uint64_t at_ns = board.interrupts_on || board.now_ns < most_ns ? board.now_ns : most_ns;
     return static_cast<uint32_t>((at_ns - board.lost_ns) / stub::kUs);
@@ -183,7 +184,7 @@ uint32_t micros(void) {
 uint32_t millis(void) { return micros() / 1000; }
 void delayMicroseconds(uint32_t usec) { board.advance(usec * stub::kUs); }
 
-// As in the Arduino core, nothing happens if pinMode() has set this input mode before.
+// As in the Arduino core, nothing happens if an earlier call has set the same input mode.
 void pinMode(uint32_t pin, uint32_t mode) {
     stub::Pin& p = board.pins[pin];
     if (mode != OUTPUT && p.believed == mode) return;
@@ -284,7 +285,8 @@ uint8_t TwoWire::endTransmission(uint8_t) {
     return 0;
 }
 uint8_t TwoWire::requestFrom(uint8_t address, uint8_t n, uint32_t reg, uint8_t reg_size, uint8_t) {
-    // no register is addressed; a program must not rely on the chip's own register pointer
+    // without a register address, register 0 is read: a program must not rely on the chip's own register
+    // pointer
     if (reg_size == 0) reg = 0;
     rx_index_ = rx_length_ = 0;
     if (n > BUFFER_LENGTH) n = BUFFER_LENGTH;

@@ -1,5 +1,6 @@
-// The board behind the stub of the Arduino libraries: virtual time, two I2C lines, a sensor whose failures
-// can be scripted, a UART and a watchdog. Times are nanoseconds since boot.
+// The simulated board behind the stub of the Arduino libraries: virtual time, the two lines of an I2C bus, a
+// sensor whose failures can be scripted, a UART and a watchdog. Times are nanoseconds since the board was
+// started.
 #pragma once
 
 #include <stdint.h>
@@ -19,9 +20,9 @@ struct Chip {
     bool plugged_in = true;
     int nacks = 0;        // number of future transfers that get a NACK
     int stalls = 0;       // number of future transfers that hang until Wire gives up
-    int stall_after = 0;  // number of bytes of a read that arrive before it hangs
+    int stall_after = 0;  // number of bytes of a hanging read that arrive before it hangs
     int short_by = 0;     // number of bytes that are missing in the next read
-    int held_clocks = 0;  // SDA is low until this many clocks have come, or always with kForEver
+    int held_clocks = 0;  // the chip holds SDA low until this many clocks have come; kForEver: always
     bool scl_held = false;
 };
 
@@ -29,7 +30,7 @@ struct Pin {
     enum Owner { port, wire };
     uint32_t mode = 0;      // the mode that the pin really has
     uint32_t believed = 9;  // the mode that pinMode() remembers; 9: never set
-    bool latch = false;     // the level that digitalWrite set
+    bool latch = false;     // the level that digitalWrite() set
     Owner owner = port;
 };
 
@@ -38,7 +39,8 @@ struct Board {
     Chip chip;
     Pin pins[80];
     bool interrupts_on = true;
-    // the time at which interrupts were masked; the total time that micros() has lost because of that
+    // the time at which interrupts were last masked, and the total time by which micros() is behind because
+    // they were masked
     uint64_t masked_ns = 0, lost_ns = 0;
 
     // Bus
@@ -48,13 +50,13 @@ struct Board {
     int wire_begins = 0;
     int clocks = 0;  // rising edges of SCL that were made by setting the pin
     int stops = 0;   // STOP conditions that were made by setting pins
-    int drives = 0;  // times that a line was driven high
+    int drives = 0;  // number of times that the program drove a line high, which I2C forbids
     // byte of a refused write that stays in the controller and is sent first in the next write; -1: none
     int remains = -1;
     int stale_reads = 0;  // number of future complete reads that leave a byte in the controller
     // a read has left a byte in the controller; the next read takes it for its first byte
     bool byte_left = false;
-    int spins = 0;  // transfers that reached Wire's time limit
+    int spins = 0;  // number of transfers that reached Wire's time limit
 
     // UART
     uint32_t baud = 0;

@@ -1,5 +1,5 @@
 // The part of Atmel's CMSIS headers for the SAM3X8E that the sketch uses. It also has those macros of the
-// headers whose names fltea's core must not use.
+// headers whose names would break fltea's core if the core used them.
 #pragma once
 
 #include <stddef.h>
@@ -75,7 +75,8 @@ uint32_t pmc_disable_periph_clk(uint32_t ul_id);
 void __disable_irq();
 void __enable_irq();
 
-// In the real headers, each of these names is a pointer. Here, any use of such a name fails to compile.
+// In the real headers, each of these names is a macro for a pointer. Here, each is a macro such that any use
+// of the name fails to compile.
 #define NOT_OURS "this name belongs to CMSIS"
 #define MPU NOT_OURS
 #define SCB NOT_OURS
