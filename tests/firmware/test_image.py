@@ -1,4 +1,6 @@
-"""Test the committed image for the Due, whether the sources reproduce it, and its checker."""
+"""Test the committed image of the firmware for the Due, whether the sources reproduce it bit by bit, and the
+program that checks this.
+"""
 
 import hashlib
 import json
@@ -47,7 +49,7 @@ def record() -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a copy of the sources in which both images were freshly built."""
+    """Return a copy of the project's sources in which both images of the firmware were freshly built."""
     arm_compiler()
     root = copy_tree(tmp_path_factory.mktemp("first") / "fltea")
     done = run_tool("build_firmware", root)
@@ -121,7 +123,7 @@ def test_each_interrupt_has_its_own_handler(built: Path, mode: str, handlers: di
 
 def test_image_knows_no_paths() -> None:
     texts = re.findall(rb"[ -~]{6,}", image())
-    # Machine code contains slashes, too, but not between words as paths do.
+    # Machine code contains the byte of a slash, too, but not between words as in a path.
     path = re.compile(rb"[a-z_]{3,}/[a-z_]{3,}|\.cpp$|\.hp*$")
     assert not [text for text in texts if path.search(text)]
     assert all(map(path.search, (b"firmware/core", b"noise_fit.cpp")))
@@ -155,7 +157,9 @@ def test_unique_id_is_read_from_ram_alone(built: Path) -> None:
     assert int(lines[0].split(":")[0], 16) in RAM
     branches = [line for line in lines if re.search(r"\tb\w*(\.[nw])?\t|\tcbn?z\t", line)]
     assert branches
-    for line in branches:  # the linker could insert a jump in RAM that leads to code in flash
+    # each branch has to stay in this function: the linker could insert a jump in RAM that leads to code in
+    # flash
+    for line in branches:
         assert "read_unique_words" in line.partition("\t")[2], f"leaves the function: {line}"
 
 
@@ -192,7 +196,8 @@ def test_check_finds_a_changed_source(tmp_path: Path) -> None:
     root = copy_tree(tmp_path)
     source = root / "firmware/due/clock.cpp"
     source.write_text(source.read_text() + "// changed\n")
-    done = run_tool("build_firmware", root, "--check", env={"PATH": ""})  # the check needs no compiler
+    # with an empty PATH: the check needs no compiler
+    done = run_tool("build_firmware", root, "--check", env={"PATH": ""})
     assert done.returncode == 1
     assert record()["build_id"] in done.stderr
     done = run_tool("generated", root, "build_id", "--check")
@@ -238,7 +243,7 @@ def test_build_id_follows_the_sources(tmp_path: Path, change: str) -> None:
     if change == "content":
         source.write_text(source.read_text().replace("27", "26"))
     elif change == "name":
-        source.rename(source.with_name("lcd.cpp"))  # the order of the file names stays the same
+        source.rename(source.with_name("lcd.cpp"))  # the new name sorts to the same place among the files
     else:
         source.with_name("empty.h").touch()
     assert run_tool("generated", root, "build_id").returncode == 0

@@ -1,4 +1,4 @@
-// Tests of sending frames, with and without room for them in the ring buffer.
+// Tests of sending frames (firmware/core/link.h), with and without room for them in the ring buffer.
 #include <doctest/doctest.h>
 
 #include "faults.h"
@@ -15,7 +15,7 @@ struct Line {
     fltea::Link link{sink};
 };
 
-// Returns a HELLO that the tests' receiver accepts.
+// Returns a HELLO that the tests' receiver of frames accepts.
 fltea::Hello hello() {
     fltea::Hello message = {};
     message.protocol_major = fltea::kProtocolMajor;

@@ -1,4 +1,4 @@
-// Tests of the set-up and the reading of every chip of the family, register by register.
+// Tests of setting up and reading each chip of the MPU-9250's family, register by register.
 #include <doctest/doctest.h>
 
 #include <map>
@@ -102,7 +102,7 @@ TEST_CASE("mpu9250: a register that takes no value is named, with what was writt
         CAPTURE(int(reg));
         Rig rig;
         rig.chip.stuck = {reg};
-        if (reg == 0x6B) rig.chip.who_am_i = 0x68;  // only this chip sleeps after its reset
+        if (reg == 0x6B) rig.chip.who_am_i = 0x68;  // only this chip (the MPU-6050) sleeps after its reset
         rig.start();
         rig.run(1500 * kMs);
         CHECK(rig.samples().empty());
@@ -139,7 +139,7 @@ TEST_CASE("mpu9250: a chip whose bits without a meaning read 1 runs") {
 }
 
 TEST_CASE("mpu9250: every bit that has a meaning counts, and no other") {
-    // Bits that have a meaning, by the tables of each register in RM-MPU-9250A-00.
+    // For each register, the bits that have a meaning by the register map RM-MPU-9250A-00.
     const std::map<uint8_t, int> defined = {{0x19, 0xFF}, {0x1A, 0x7F}, {0x1B, 0xFB}, {0x1C, 0xF8},
                                             {0x1D, 0x0F}, {0x37, 0xFE}, {0x38, 0x59}, {0x6B, 0x7F}};
     FakeClock clock;
@@ -257,12 +257,12 @@ TEST_CASE("mpu9250: a sensor is missing from the second probe in a row on that n
     rig.run(20 * kMs);
     CHECK(rig.fault_count(FaultCode::sensor_missing) == 1);
     CHECK(rig.fault_detail(FaultCode::sensor_missing) == 0x68);
-    // If the chip answers in between, the count of unanswered probes restarts.
+    // If the chip answers between two probes without an answer, the count of unanswered probes starts again.
     rig.bus.plugged = true;
     rig.run(1200 * kMs);
     REQUIRE(rig.hello().sensor_starts == 1);
     rig.bus.plugged = false;
-    rig.run(100 * kMs);  // includes a probe soon after three lost instants
+    rig.run(100 * kMs);  // three sampling instants are lost in this time, and one probe follows
     CHECK(rig.fault_count(FaultCode::sensor_lost) == 1);
     CHECK(rig.fault_count(FaultCode::sensor_missing) == 1);
     rig.run(100 * kMs);

@@ -1,12 +1,13 @@
-// Tests of the device's fits, which run in small slices. They are compared with the same spectrum and fit
-// without slices, also with lost samples.
+// Tests of the device's noise fits, which run in small slices. Their results are compared with those of the
+// same spectra and fits computed without slices, also with lost samples.
 #include "engine/sensor_motion.hpp"
 #include "engine/sliced_fit.hpp"
 #include "noise_fit_rig.h"
 
 namespace {
 
-// Fits of three axes in slices, and the spectra of the same axes for fits without slices.
+// Fits of three axes in slices, and separate spectra of the same three axes, from which fits without slices
+// are made.
 struct Fitting {
     std::unique_ptr<NoiseFit> fit{new NoiseFit};
     std::vector<std::unique_ptr<Octaves>> alone;
@@ -36,7 +37,7 @@ struct Fitting {
         fit->skip(lost);
         for (auto& one : alone) one->skip(lost);
     }
-    // Runs at most `most` slices, as long as there is work.
+    // Runs at most `most` slices of the fits, as long as there is work.
     void work(int most = 1000000) {
         for (int n = 0; n < most && fit->busy(); ++n) {
             Fit message = {};
@@ -92,7 +93,7 @@ TEST_CASE("noise fit: what it says is what the spectrum and the fit say without 
             CHECK(said.ordinates == expected.ordinates);
             CHECK(said.s2 == doctest::Approx(expected.s2 / (kCountsPerDps * kCountsPerDps)).epsilon(1e-6));
             CHECK(said.r == doctest::Approx(expected.R / (kCountsPerDps * kCountsPerDps)).epsilon(1e-6));
-            // f = g h^-α
+            // the parameter f = g h^-α, where h is the sampling period
             const double h = 1e-6 * settings::kSamplePeriodUs;
             CHECK(static_cast<double>(said.f) ==
                   doctest::Approx(static_cast<double>(expected.g) * std::pow(h, -said.alpha)).epsilon(1e-4));
@@ -110,15 +111,15 @@ TEST_CASE("noise fit: what it says is what the spectrum and the fit say without 
         CHECK(apart >= settings::kFitEvery);
         CHECK(apart <= settings::kFitEvery + 703u);
     }
-    // The noise of this test is not white.
+    // The noise of this test is not white, and the last fit has to find that.
     CHECK(f.fits.back().verdict != fltea::FitVerdict::white);
 }
 
 TEST_CASE("noise fit: a spectrum that goes on while it is read is read again") {
     Fitting f;
     for (int k = 0; k < 1000; ++k) f.add();
-    // With only three slices per sample, 128 more samples come while the bins are made, so the bins are
-    // started again.
+    // With only three slices of work per sample, 128 more samples come while the bins are made. They change
+    // the spectrum, so the bins have to be made again.
     int k = 1000;
     for (; f.fits.empty(); ++k) {
         REQUIRE(k < 200000);
@@ -126,7 +127,7 @@ TEST_CASE("noise fit: a spectrum that goes on while it is read is read again") {
         f.work(3);
     }
     CHECK(f.fits[0].age > 1000);
-    // The result is that of the spectrum at the age that the fit states.
+    // The result of the fit is that of a spectrum of as many samples as the fit states in its field `age`.
     Fitting again;
     for (uint32_t n = 0; n < f.fits[0].age; ++n) again.add();
     const whittle::FitFigures expected = again.at_once(0);
@@ -275,7 +276,7 @@ TEST_CASE("noise fit: bins carry the number of their own axis's fit") {
             const NoiseFit::Told what = fit->work(message, spectrum);
             if (what == NoiseFit::Told::fit) {
                 CHECK(message.number == ++newest[static_cast<size_t>(message.axis)]);
-                // A fit evaluates each of the four models at least once.
+                // A fit evaluates the likelihood of each of the four models at least once.
                 const bool any = message.verdict != fltea::FitVerdict::none;
                 CHECK((any ? message.evaluations >= 4 : message.evaluations == 0));
             }

@@ -1,4 +1,5 @@
-// Tests of the fits within the device: lost samples, motion, and that no sample waits for a slice of a fit.
+// Tests of the noise fits as part of the whole device: with lost samples, with motion, and that no sample
+// waits for a slice of a fit.
 #include "noise_fit_rig.h"
 
 TEST_CASE("noise fit: a board that was moved in its start-up window fits as one that rested") {
@@ -138,8 +139,9 @@ TEST_CASE("noise fit: slices stay within their share of the time, and no sample 
                 before_slice = nullptr;
                 check_every_sample(rig);
                 REQUIRE(begun_us.size() > 100);
-                // In any four seconds, the fits take no more than their share of five seconds (the allowance
-                // of one second may have been saved before) and the excess of the last slice.
+                // The fits may take kFitShare per cent of the time. In any four seconds, they take no more
+                // than this percentage of five seconds, because the allowance of one second may have been
+                // saved before. The last slice may exceed that.
                 for (size_t first = 0, last = 0; last < begun_us.size(); ++last) {
                     while (begun_us[last] - begun_us[first] > 4 * kS) ++first;
                     const double took = static_cast<double>((last - first + 1) * slice_us);
@@ -158,7 +160,7 @@ TEST_CASE("noise fit: slices stay within their share of the time, and no sample 
                     CHECK(fits[i].sequence == i);
                     CHECK(static_cast<size_t>(message_of<Fit>(fits[i]).axis) == i % 3);
                 }
-                // The messages with the bins follow a fit; each states the index of its first bin.
+                // The SPECTRUM messages with the bins follow a FIT. Each states the index of its first bin.
                 const std::vector<Frame> spectra = rig.sink.of<Spectrum>();
                 REQUIRE(!spectra.empty());
                 CHECK(message_of<Spectrum>(spectra[0]).first == 0);

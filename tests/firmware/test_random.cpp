@@ -1,4 +1,5 @@
-// Tests with thousands of random disturbances from fixed seeds. The same rules have to hold for all of them.
+// Tests with thousands of random disturbances, made from fixed seeds of the random numbers. The same rules
+// have to be true for all disturbances.
 #include <doctest/doctest.h>
 
 #include <random>
@@ -95,7 +96,7 @@ class Trouble {
     bool over_ = false;
 };
 
-// Checks all frames that were sent, in their order.
+// Checks all frames that the device sent, one after the other.
 void check_all_that_was_sent(const Rig& rig, SamplingMode mode) {
     std::map<int, uint16_t> next;
     std::map<int, uint64_t> last_fault_us;
@@ -109,7 +110,7 @@ void check_all_that_was_sent(const Rig& rig, SamplingMode mode) {
     uint32_t stamp = static_cast<uint32_t>(us);
     for (const Frame& frame : rig.sink.receiver.frames) {
         // In timer mode, each frame has the time at which it was sent, so times never go back. In data-ready
-        // mode, a sample has the time of its edge.
+        // mode, a sample has the time of its edge, which is earlier.
         if (mode == SamplingMode::timer) REQUIRE(frame.device_us - stamp < 0x80000000u);
         stamp = frame.device_us;
         if (frame.type != fltea::Sample::type()) REQUIRE(frame.sequence == next[frame.type]++);
@@ -126,7 +127,8 @@ void check_all_that_was_sent(const Rig& rig, SamplingMode mode) {
         us += static_cast<uint32_t>(frame.device_us - static_cast<uint32_t>(us));
         REQUIRE(sample.gyro_x != kWrong);
         REQUIRE(starts > 0);
-        // If the chip was reset, a HELLO with another number of starts must have come before the sample.
+        // If the chip was reset before this sample, a HELLO with another number of starts of the sensor must
+        // have come between the reset and the sample.
         if (sample.accel_x != life) REQUIRE(starts != starts_of_life);
         life = sample.accel_x;
         starts_of_life = starts;
@@ -136,8 +138,9 @@ void check_all_that_was_sent(const Rig& rig, SamplingMode mode) {
         if (sampled) REQUIRE(step > 0);
         number = sampled ? number + step : frame.sequence;
         sampled = true;
-        // The sequence number tells the time of a sample. A late sample is late by less than a period and one
-        // chain of failed transfers. The first sample, too, may have been late.
+        // The sequence number tells the time at which a sample was due. A sample is late by less than a
+        // sampling period and one chain of failed transfers. The bound counts in both directions, because the
+        // first sample, with which the others are compared, may have been late, too.
         const double late_us = static_cast<double>(us - first_us) - static_cast<double>(number) * 10000.0;
         const double bound_us = mode == SamplingMode::timer ? 20000 : 30000;
         REQUIRE(late_us < bound_us);
@@ -147,7 +150,8 @@ void check_all_that_was_sent(const Rig& rig, SamplingMode mode) {
     const fltea::Status status = rig.status();
     const std::vector<Frame> samples = rig.samples();
     REQUIRE(number + 1 == samples.size() + status.overruns + status.dropped_frames);
-    // A wrong answer counts as an error if the second answer is right.
+    // A wrong answer of the chip counts as an error only if the second answer is right, so the count lies
+    // between two limits.
     REQUIRE(status.i2c_errors >= static_cast<uint32_t>(rig.bus.failures));
     REQUIRE(status.i2c_errors <= static_cast<uint32_t>(rig.bus.failures + rig.bus.wrong_reads));
 }
@@ -167,12 +171,13 @@ TEST_CASE("random trouble: nothing is sent that must not be, and delivered + ove
             rig.start();
             rig.run(20 * kS);
             trouble.end();
-            rig.calls = Rig::Calls::every_tick;  // so that no overrun comes after the last STATUS
+            // called at every tick, so that no overrun comes after the last STATUS
+            rig.calls = Rig::Calls::every_tick;
             rig.run(4 * kS);
             check_all_that_was_sent(rig, mode);
             sent += rig.samples().size();
             REQUIRE(rig.sink.receiver.judged() == rig.sink.receiver.counts["frames"]);
         }
     }
-    CHECK(sent > 40000);  // of 144000 instants: enough samples come between the faults
+    CHECK(sent > 40000);  // of 144,000 sampling instants: there are enough samples between the faults
 }

@@ -1,5 +1,5 @@
-// Tests of all faults of the I2C bus: the samples that they cost, the counts, and the reports. Faults of the
-// chip are tested in test_guard.cpp.
+// Tests of all faults of the I2C bus: how many samples a fault costs, how the device counts it, and what it
+// reports. Faults of the chip are tested in test_guard.cpp.
 #include <doctest/doctest.h>
 
 #include "rig.h"
@@ -11,7 +11,9 @@ using fltea::SamplingMode;
 
 TEST_CASE("recovery: one failed transfer costs no sample; it is flagged and counted") {
     for (I2cResult result : {I2cResult::nack, I2cResult::timeout, I2cResult::short_read}) {
-        for (size_t at : {0, 1}) {  // the failure hits the burst, or the guard registers
+        // number of good transfers before the failure: it hits the reading of the burst, or that of the guard
+        // registers
+        for (size_t at : {0, 1}) {
             Rig rig;
             rig.start_and_settle();
             rig.bus.fail(I2cResult::ok, at);
@@ -147,8 +149,8 @@ TEST_CASE("recovery: lines held for good: said once a second, and all goes on wh
             CHECK(rig.fault_detail(FaultCode::bus_held) == static_cast<uint32_t>(held));
             CHECK(rig.fault_count(FaultCode::sensor_missing) == 0);
             CHECK(rig.status().bus_recoveries == 0);
-            // Only one transfer is tried per sampling instant, because a second one is useless while a line
-            // is held.
+            // The detail is the number of failed transfers, one for each of three sampling instants. A second
+            // attempt per instant would be useless while a line is held.
             CHECK(rig.fault_detail(FaultCode::sensor_lost) == (at_boot ? 0 : 3));
             rig.bus.held = HeldLines::none;
             rig.run(3 * kS);
@@ -204,7 +206,8 @@ TEST_CASE("recovery: unplugged and plugged in again: a new start, said by HELLO 
         rig.run(20 * kS);
         CHECK(rig.fault_count(FaultCode::sensor_missing) >= 18);
         CHECK(rig.samples().size() == samples);
-        CHECK(rig.status().overruns > 1900);  // sampling instants are counted all the same
+        // the sampling instants without the sensor are counted all the same
+        CHECK(rig.status().overruns > 1900);
         rig.bus.plugged = true;
         rig.chip.quiet = false;
         rig.chip.power_up();
@@ -217,7 +220,7 @@ TEST_CASE("recovery: unplugged and plugged in again: a new start, said by HELLO 
             announced = message_of<fltea::Hello>(frame).sensor_starts == 2;
         }
         CHECK(announced);
-        // Every sampling instant while the sensor was absent has its number.
+        // Every sampling instant has its own sequence number, also while the sensor was absent.
         const std::vector<Frame> all = rig.samples();
         const double instants = static_cast<double>(all.back().device_us - all[0].device_us) / 10000.0;
         CHECK(static_cast<double>(all.back().sequence) == doctest::Approx(instants).epsilon(0.001));
@@ -255,7 +258,8 @@ TEST_CASE(
     const size_t faults = rig.faults().size();
     rig.run(2 * kS);
     REQUIRE(rig.samples().size() > n);
-    // The limits are for the absence, a probe, the reset and the settling of the chip.
+    // The limits, in this order, are for the absence of the sensor, the wait for a probe, reset and settling
+    // of the chip, and a margin.
     CHECK(rig.samples()[n].device_us - before.device_us < (1350 + 100 + 160 + 30) * kMs);
     CHECK(rig.faults().size() == faults);
     check_balance(rig);
@@ -301,7 +305,8 @@ TEST_CASE("recovery: in data-ready mode an edge during a failed read gives its o
     Rig rig(SamplingMode::data_ready);
     rig.calls = Rig::Calls::every_tick;
     rig.start_and_settle();
-    // The reading begins 8 ms after an edge and fails for 3 ms, so the next edge comes before the second try.
+    // The first attempt to read begins 8 ms after an edge and fails after 3 ms. The next edge comes 10 ms
+    // after the first, so it comes before the second attempt.
     const Frame before = rig.samples().back();
     rig.clock.pass(before.device_us + 18 * kMs - rig.clock.us());
     rig.edges();

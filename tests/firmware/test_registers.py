@@ -1,4 +1,5 @@
-"""Compare the registers that firmware and emulator use with facts typed by hand and with their source.
+"""Compare the definitions of registers that firmware and emulator use with facts typed by hand, and with the
+description from which they are generated.
 
 The facts are those that programmers of the chip know from the register mapping tables and reset values in the
 SAM3X/SAM3A datasheet: chapters EEFC, PIO, PMC, RSTC, TC, TRNG, TWI, UART, WDT, and 9.1 Peripheral
@@ -150,7 +151,7 @@ def test_one_register_an_offset_but_for_alternatives() -> None:
 
 @pytest.mark.slow
 def test_another_description_is_refused(tmp_path: Path) -> None:
-    """A description in which one register has another address is refused."""
+    """A vendor's description in which one register has another address is refused."""
     fetched = run_tool("generated", ROOT, "gen_registers", "--check")
     if "could not fetch" in fetched.stderr:
         missing(fetched.stderr)

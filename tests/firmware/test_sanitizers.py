@@ -1,4 +1,6 @@
-"""The flags of the C++ tests stop a program that reads an unaligned word, as the device's processor does."""
+"""Test the compiler flags of the C++ tests: a program built with them stops when it reads an unaligned word,
+as the device's processor does.
+"""
 
 import re
 import subprocess

@@ -15,7 +15,7 @@ constexpr uint64_t kPeriod = fltea::settings::kSamplePeriodUs;
 
 uint32_t at(uint64_t us) { return static_cast<uint32_t>(us); }
 
-// A sampler in data-ready mode whose sensor has run since `start_us`.
+// A Sampler in data-ready mode, for a sensor that has run since `start_us`.
 struct Edged {
     Sampler sampler{SamplingMode::data_ready};
     explicit Edged(uint64_t start_us) {
@@ -231,7 +231,7 @@ TEST_CASE("edges: the time that one that got lost leaves is an instant too") {
     CHECK(edged.edge(40000));
     CHECK(edged.sampler.sequence() == 3);
     CHECK(edged.sampler.overruns() == 1);
-    CHECK(edged.edge(59800));  // the sensor's clock is fast
+    CHECK(edged.edge(59800));  // this edge is 200 us early, because the sensor's clock is fast
     CHECK(edged.sampler.sequence() == 5);
     CHECK(edged.sampler.overruns() == 2);
 }

@@ -10,7 +10,8 @@
 #include <vector>
 
 typedef std::vector<uint8_t> Bytes;
-typedef std::vector<std::pair<std::string, std::string>> Record;  // key and value of each line
+// a record of a file with test vectors: key and value of each line
+typedef std::vector<std::pair<std::string, std::string>> Record;
 
 // Returns the lines of a file except comments. Throws if there are no lines, so that a test with a wrong path
 // cannot pass.

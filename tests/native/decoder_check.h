@@ -23,12 +23,13 @@ inline bool same_sample(const fltea::SampleRow& row, const Frame& frame) {
            sample.temperature == row.sample.temperature && sample.flags == row.sample.flags;
 }
 
-// Checks the results of one or more calls of the decoder together.
+// Collects the results of all calls of the decoder for one stream, and compares them with those of the
+// receiver.
 class Comparison {
   public:
     explicit Comparison(const Bytes& stream) : stream_(stream) {}
 
-    // Checks what was decoded from the bytes `from` to `to` of the stream.
+    // Adds what one call decoded from the bytes `from` to `to` of the stream.
     void add(const fltea::Decoded& found, size_t from, size_t to) {
         size_t row = 0;
         for (const fltea::OtherRow& other : found.others) {
@@ -46,7 +47,7 @@ class Comparison {
         note(last_end_ <= to, "end within its call");
     }
 
-    // Returns the first difference from the receiver, or an empty text.
+    // Returns the first difference from the receiver's results in words, or an empty text if there is none.
     std::string fault(const Receiver& receiver) {
         note(counts_ == receiver.counts, "counts");
         note(refused_ == receiver.refused, "refused");
@@ -123,8 +124,9 @@ class Comparison {
 
 }  // namespace decoder_check
 
-// Feeds the stream in chunks of the sizes that `next_size()` gives. Each chunk is in separate memory, so that
-// a read beyond it is detected. Returns the first difference from the receiver, or an empty text.
+// Feeds the stream to the decoder in chunks of the sizes that `next_size()` gives. Each chunk is in separate
+// memory, so that the sanitizer detects a read beyond it. Returns the first difference from the receiver's
+// results in words, or an empty text if there is none.
 template <typename NextSize>
 std::string compare_with_receiver(const std::vector<uint8_t>& stream, NextSize next_size) {
     Receiver receiver;

@@ -1,5 +1,5 @@
 // The device's estimator of one axis behind a C interface, for tests and benchmarks in Python. A shared
-// library is built for each variant. Its code is a single translation unit, so that its dependencies are
+// library is built for each variant. The code of each is a single source file, so that its dependencies are
 // known.
 #include <cstddef>
 
@@ -14,8 +14,8 @@ class Device {
   public:
     Device() { axis.begin(); }
 
-    // Processes one sample, or a lost one if `count` is null, and fills a row. Returns false until the
-    // start-up window is full.
+    // Processes one sample, or a lost sample if `count` is null. Writes the results to `row` and returns
+    // true, or returns false until the start-up window is full.
     bool take(const int16_t* count, double* row) {
         if (collected_ < fltea::settings::kStartup) {
             if (count == nullptr) return false;
@@ -63,7 +63,7 @@ std::size_t device_run(Device* device, std::size_t n, const int16_t* counts, con
     }
     return made;
 }
-// Writes bias, R and the number of restarts.
+// Writes three numbers: bias and R from the start-up window, and the number of restarts of the filters.
 void device_baseline(const Device* device, double* out) {
     out[0] = static_cast<double>(device->axis.bias_dps());
     out[1] = static_cast<double>(device->axis.r_dps2());

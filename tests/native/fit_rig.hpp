@@ -1,5 +1,5 @@
-// What the tests of the device's spectrum and fit share: simulated counts of noise, and the bins of their
-// spectrum.
+// What the tests of the device's spectrum and the tests of its fit share: simulated counts of noise, and the
+// bins of their spectrum.
 #pragma once
 
 #include <cmath>

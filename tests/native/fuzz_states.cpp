@@ -1,8 +1,7 @@
 // A libFuzzer test of loading saved states: those of running spectra, of trackers, and of lanes of every kind
 // with their supervisors. The first byte of an input selects the kind of state. Each group of four bytes
-// after it changes one number of a saved state: two bytes are the position, and two the change. With a state
-// that is accepted, processing has to continue, also over lost samples, and it must be possible to save it
-// again.
+// after it changes one number of a saved state: two bytes are the position, and two the change. If a changed
+// state is accepted, it must be possible to process samples with it, also lost ones, and to save it again.
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
@@ -27,7 +26,9 @@ typedef std::vector<double> Numbers;
 typedef std::vector<unsigned char> Bytes;
 
 constexpr std::uint64_t kLost[] = {1, 700, std::uint64_t(1) << 31,
-                                   1000000000000000ull};  // the last one is the largest that is accepted
+                                   // numbers of samples that are lost at once; the last is the largest number
+                                   // that is accepted
+                                   1000000000000000ull};
 
 void require(bool condition, const char* what) {
     if (condition) return;
@@ -91,8 +92,8 @@ bool load(Lane& lane, const Numbers& numbers) {
     return loader.sound() && loader.at_end();
 }
 
-// Loads a changed state. If it is accepted, calls `go_on`, which gives samples to it and reads all its
-// results.
+// Loads a changed state into an object. If the state is accepted, calls `go_on`, which gives samples to the
+// object and reads all its results.
 template <typename Lane, typename GoOn>
 void numbers_of(const Lane& fresh, Numbers numbers, const std::uint8_t* data, std::size_t n, GoOn go_on) {
     change(reinterpret_cast<unsigned char*>(numbers.data()), numbers.size() * sizeof(double), data, n);
@@ -129,8 +130,8 @@ void octaves(double memory, const std::uint8_t* data, std::size_t n) {
     });
 }
 
-// Returns a tracker's state after all samples `y`. With `with_system`, the tracker uses a noise system with
-// two states after that, and gets `y` once more.
+// Returns a tracker's state after all samples `y`. With `with_system`, the tracker then changes to a noise
+// system with two states, and gets `y` once more.
 Numbers tracked(const Numbers& y, bool with_system) {
     track::OneAxis fed;
     for (const double one : y) fed.next(one);
@@ -167,7 +168,7 @@ void tracker(bool with_system, const std::uint8_t* data, std::size_t n) {
 }
 
 void lanes(int kind, const std::uint8_t* data, std::size_t n) {
-    const std::size_t count = 3, rows = 64;  // more than the window
+    const std::size_t count = 3, rows = 64;  // more rows than the start-up window of 40 has
     const engine::LaneSettings one = {std::log(0.01), 0, 0.01, 0.15, 0.0235, 0.5,  0.06, 0,
                                       0.17,           0, -0.1, 0.06, 0,      0.17, 0,    10};
     const std::vector<engine::LaneSettings> settings(count, one);

@@ -1,4 +1,5 @@
-// Repeatable noise with a variance of about 1. It is white enough for tests, but not for anything else.
+// A source of noise with a variance of about 1, which is the same in every run. The noise is white enough for
+// these tests, but not for anything else.
 #pragma once
 
 #include <cstddef>

@@ -1,4 +1,4 @@
-// A sensor with one axis, for the tests of the tracker.
+// The tracker of a sensor with a single axis, for the tests of the tracker.
 #pragma once
 
 #include <vector>

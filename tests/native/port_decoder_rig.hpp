@@ -1,4 +1,4 @@
-// What the tests of WireLine share: a decoder, and the bytes and reads that it gets.
+// What the tests of the port decoder share: a decoder, and the bytes that it gets, divided into reads.
 #pragma once
 
 #include <cstdint>
@@ -54,7 +54,8 @@ inline Bytes operator+(Bytes one, const Bytes& other) {
     return one;
 }
 
-// Returns a time stamp whose Unix time offset is one more than the time, or as large as possible.
+// Returns a stamp with this time, and with an offset to Unix time that is one more than the time, or as large
+// as possible.
 inline Stamp stamp(std::int64_t host_ns) {
     return {host_ns, host_ns == std::numeric_limits<std::int64_t>::max() ? host_ns : host_ns + 1};
 }
@@ -70,8 +71,8 @@ struct Reads {
     }
 };
 
-// A wire decoder whose port was opened at the time 0. Its functions return the items as words with times or
-// counts. HELLOs with the boot id 13 are refused.
+// A port decoder whose port was opened at the time 0. Its functions return the items that the decoder gives
+// as words, with times or counts. HELLOs with the boot id 13 are refused.
 struct Line {
     PortDecoder line{kTimes};
 
@@ -97,7 +98,7 @@ struct Line {
         line.silent(now_ns);
         return all();
     }
-    // Returns the troubles that a silence until `now_ns` causes.
+    // Returns the troubles that the decoder reports if no byte comes until `now_ns`.
     Words troubles(std::int64_t now_ns) {
         Words found;
         for (const std::string& one : silent(now_ns)) {

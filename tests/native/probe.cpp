@@ -1,5 +1,5 @@
 // The engine's memories of past states behind a C interface, for tests and benchmarks in Python. A shared
-// library is built for each instruction set, and has the memories for each number type.
+// library is built for each instruction set. Each library has the memories for all number types.
 #include <stdlib.h>
 
 #include <chrono>
@@ -52,7 +52,7 @@ class Holder : public Probe {
     static constexpr int kLanes = Lanes<T>::count;
 
   public:
-    // Allocates exactly the requested size, so that a sanitizer detects an access beyond it.
+    // Allocates exactly the size that the memory requests, so that a sanitizer detects an access beyond it.
     template <class... Setup>
     explicit Holder(std::size_t n, Setup... setup)
         : bytes_(n * sizeof(T)), storage_(allocate(bytes_)), memory_(storage_, setup...) {}
@@ -67,7 +67,8 @@ class Holder : public Probe {
             memory_.push(x ? load<T>(x + k * kLanes) : zero, P ? load<T>(P + k * kLanes) : zero);
         }
     }
-    // Computes the sums of three orders per lane in one call, and V only for the first order.
+    // Computes the memory's sums over past samples: S, the sum of the states, for three orders per lane in
+    // one call, and V, the sum of the variances, only for the first order.
     void evaluate(const double* orders, double* S, double* V) const override {
         T order[3], state[3];
         for (int i = 0; i < 3; ++i) order[i] = load<T>(orders + i * kLanes);
@@ -81,7 +82,8 @@ class Holder : public Probe {
         store(state, S);
         store(variance, V);
     }
-    // Adds n random samples, roughly normal with variance 1, and P around 1. They are the same in all lanes.
+    // Adds n random samples, roughly normal with variance 1, each with a state variance P around 1. They are
+    // the same in all lanes.
     void stir(std::size_t n, std::uint64_t seed) override {
         for (std::size_t k = 0; k < n; ++k) {
             double sum = 0;
@@ -93,8 +95,8 @@ class Holder : public Probe {
         }
     }
     std::size_t bytes() const override { return bytes_ + sizeof(typename Memory::Position); }
-    // Measures the time that the memory takes in n steps of the estimator, for tools/bench. Each step depends
-    // on the one before.
+    // Measures the time that the memory takes in n steps of the estimator, for tools/bench. As in the
+    // estimator, each step depends on the result of the step before.
     double seconds(std::size_t n) override {
         T order[3] = {T(Real<T>(0.3)), T(Real<T>(0.5)), T(Real<T>(0.1))}, S[3], past, V;
         const T small = T(Real<T>(1e-9));

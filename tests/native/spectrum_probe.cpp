@@ -1,5 +1,5 @@
-// The device's running spectrum, fit and tracker of one axis behind a C interface: a shared library for tests
-// in Python.
+// A C interface to the device's running spectrum, fit and tracker of one axis. It is a shared library for
+// tests in Python.
 #include <cstddef>
 #include <cstdint>
 #include <initializer_list>
@@ -35,7 +35,7 @@ void design(Axis* axis, const fltea::whittle::FitFigures& figures) {
 }  // namespace
 
 extern "C" {
-// `ahead`: number of future samples over which the bias is averaged; 0: the present bias.
+// `ahead`: number of future samples over which the tracker's bias is averaged. 0 stands for the present bias.
 Axis* spectrum_make(int ahead) {
     Axis* axis = new Axis;
     axis->ahead = ahead;
@@ -46,8 +46,8 @@ void spectrum_add(Axis* axis, std::size_t n, const std::int16_t* counts) {
     for (std::size_t k = 0; k < n; ++k) axis->octaves.add(counts[k]);
 }
 void spectrum_skip(Axis* axis, std::size_t lost) { axis->octaves.skip(lost); }
-// Writes eleven numbers: verdict, α, its standard deviation, g, s2, R, 2 log L minus that of white noise, 2
-// log L minus that of AR(1), number of ordinates, whether α is defined, number of evaluations.
+// Writes eleven numbers of the last fit: verdict, α, standard deviation of α, g, s2, R, 2 log L minus that of
+// white noise, 2 log L minus that of AR(1), number of ordinates, whether α is defined, number of evaluations.
 void spectrum_fit(Axis* axis, double* out) {
     axis->bins.begin();
     while (!axis->bins.step(axis->octaves)) {
@@ -71,8 +71,8 @@ void spectrum_fit(Axis* axis, double* out) {
 }
 // Sets the tracker's filter to that of the last fit, from the next sample on.
 void spectrum_retrack(Axis* axis) { design(axis, axis->memory.figures()); }
-// Sets the tracker's filter to that of a given fit. `given` has the verdict, followed by α, g, s2 and R, or
-// by 1 - φ, variance and R.
+// Sets the tracker's filter to that of a given fit. `given` has the verdict, followed by α, g, s2 and R of a
+// fractional order, or by 1 - φ, variance and R of a relaxation.
 void spectrum_design(Axis* axis, const double* given) {
     fltea::whittle::FitFigures figures = fltea::whittle::FitFigures();
     figures.verdict = static_cast<fltea::whittle::Verdict>(static_cast<int>(given[0]));
@@ -82,9 +82,10 @@ void spectrum_design(Axis* axis, const double* given) {
     figures.R = static_cast<float>(given[4]);
     design(axis, figures);
 }
-// Processes n samples of `axes`, the axes of one sensor. For each sample and axis, writes bias, its standard
-// deviation, state, and its standard deviation, or 0 without a filter; then for each sample whether the
-// sensor moves. `counts` has the counts of all axes for the first sample, then for the second, and so on.
+// Processes n samples of `axes`, the axes of one sensor. `counts` has the counts of all axes for the first
+// sample, then for the second, and so on. Writes four numbers for each sample and axis: bias, standard
+// deviation of the bias, state, and standard deviation of the state. They are 0 without a filter. Also writes
+// for each sample whether the sensor moves.
 void spectrum_track(Axis* const* axes, int n_axes, std::size_t n, const std::int16_t* counts, double* out) {
     const fltea::whittle::SensorMotion::Limits limits = {32.8f, 31, 1875};
     fltea::whittle::SensorMotion& motion = axes[0]->motion;

@@ -1,5 +1,5 @@
-// This file is only compiled, with the device's flags, and never run. It shows that every template compiles
-// for every number type without exceptions and RTTI.
+// This file is only compiled, with the device's flags, and never run. It shows that every template of the
+// engine compiles for every number type without exceptions and RTTI.
 #include "memory_compressed.hpp"
 #include "memory_direct.hpp"
 #include "pack_math.hpp"

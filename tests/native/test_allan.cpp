@@ -1,5 +1,5 @@
-// Tests of the sums for the Allan variance. They are compared with the definition for any division of the
-// samples into calls, also with breaks, snapshots and forgetting.
+// Tests of the running sums for the Allan variance. They have to equal its definition, however the samples
+// are divided into calls, and also with breaks of the record, snapshots and forgetting.
 #include <doctest/doctest.h>
 
 #include <cmath>
@@ -26,8 +26,8 @@ std::vector<double> noise(std::size_t n, unsigned long long state = 42) {
     return y;
 }
 
-// The sums by their definition: blocks of m samples begin every m/8 samples (at least 1), counted from the
-// beginning of the stretch.
+// The sums for the Allan variance by their definition: blocks of m samples begin every m/8 samples (at least
+// every sample), counted from the beginning of the stretch.
 struct Expected {
     double squares, terms;
 };
@@ -140,12 +140,12 @@ TEST_CASE("allan: what is older than three time constants is forgotten") {
     CHECK(points.back().factor == 1024);
     CHECK(sums.span() == 3000);
     const std::vector<double> saved = sums.save();
-    // The newest term has the weight 1, and the sum of all weights is the number of samples in a time
-    // constant.
+    // The newest term of the Allan variance has the weight 1, and older ones less. The sum of all weights is
+    // the number of samples in one time constant of the memory.
     CHECK(points[0].terms == doctest::Approx(2 * memory).epsilon(0.01));
     AllanSums restored(memory);
     CHECK(restored.load(saved.data(), saved.size()));
-    // After a gap that is longer than the memory, nothing is left.
+    // After a gap that is longer than the memory, nothing is left of the sums.
     sums.cut(1e6);
     CHECK(sums.points().empty());
     AllanSums forgetful(50), fresh(50);
@@ -157,7 +157,7 @@ TEST_CASE("allan: what is older than three time constants is forgotten") {
     for (std::size_t i = 0; i < fresh.points().size(); ++i) {
         CHECK(forgetful.points()[i].avar == fresh.points()[i].avar);
     }
-    // If an empty record is merged repeatedly, the sums reach 0, and the result is not 0 / 0.
+    // If sums fade over a long gap again and again, they may reach 0. The result must not be 0 / 0 then.
     const AllanSums other(forgetful);
     for (int i = 0; i < 40; ++i) {
         forgetful.cut(1e4);
@@ -185,8 +185,8 @@ TEST_CASE("allan: a snapshot that cannot be one is refused") {
         for (double number : bad) {
             std::vector<double> other = good;
             other[at] = number;
-            // Some of these states are valid. With a state that is accepted, results must stay finite, and no
-            // access may go beyond the memory.
+            // Some of these random states are valid. If a state is accepted, its results must stay finite,
+            // and no access may go beyond the memory.
             AllanSums taken;
             if (!taken.load(other.data(), other.size())) continue;
             CHECK(std::isfinite(number));

@@ -1,6 +1,6 @@
 // Tests of the code that runs the filters of a sensor's axes on the host. tests/estimator compares its
-// numbers with a plain computation in Python. The tests here check memory, undefined behaviour, and that
-// neither the division into calls nor snapshots change the results.
+// numbers with a plain computation in Python. The tests here check accesses to memory, undefined behaviour,
+// and that neither the division of samples into calls nor snapshots change the results.
 #include <doctest/doctest.h>
 
 #include <cmath>
@@ -33,7 +33,7 @@ std::unique_ptr<LaneRunner> lanes_of(std::size_t lanes, int guard, double R = 0.
     return std::unique_ptr<LaneRunner>(new LaneRunner(engine::engine_baseline, shape, settings.data()));
 }
 
-// Memory for a block of estimates.
+// Memory of the right size for a block of estimates.
 struct Room {
     Room(std::size_t rows, std::size_t lanes)
         : numbers(kLaneColumns * rows * lanes, -1),
@@ -44,9 +44,9 @@ struct Room {
         block.valid = flags.data();
         block.white = whites.data();
     }
-    Room(const Room&) = delete;  // the pointers of a copy would point into the original
+    Room(const Room&) = delete;  // a copy is forbidden, because its pointers would point into the original
     Room(Room&&) = default;
-    // The part of the block from row `from` on.
+    // Returns the part of the block of estimates from row `from` on.
     BankBlock at(std::size_t from, std::size_t lanes) const {
         BankBlock result = block;
         for (double*& column : result.columns) column += from * lanes;
@@ -80,8 +80,8 @@ TEST_CASE("baseline in double: mean and variance of a window far from zero, or b
             for (double one : y) squares += (one - mean) * (one - mean);
             CHECK(window.samples() == 500);
             CHECK(!window.constant());
-            // With a first sample far from all others, no more digits are lost than a factor as large as the
-            // number of samples.
+            // If the first sample is far from all others, the relative error grows, but by no more than a
+            // factor as large as the number of samples.
             const double digits = first == 0 ? 1e-14 : 1e-12;
             CHECK(window.bias() == doctest::Approx(static_cast<double>(mean)).epsilon(digits));
             CHECK(window.variance(0) ==

@@ -20,7 +20,7 @@ namespace {
 typedef CountSpectrum<> Counts;
 typedef RealSpectrum<double, Counts::kLevels, Counts::kCapacity> Reals;
 
-// The spectra in integers and in floating point, of the same samples.
+// Two spectra of the same samples, one in integers and one in floating point.
 struct Pair {
     void add(std::int16_t y) {
         const double same = y;
@@ -47,10 +47,11 @@ double mean_of(const double* x, int n) {
     return sum / n;
 }
 
-// The largest differences between the two spectra. `bins`: relative, of bins of three lines in levels with
-// eight blocks or more. `lines`: of single lines, relative to the line or to a tenth of its level's mean.
-// `whole`: of the samples that are still kept, in standard deviations of noise of the given variance at their
-// level. The numbers of blocks and the stretches have to be equal.
+// The largest differences between the two spectra. `bins`: relative difference of bins of three spectral
+// lines, in levels with eight blocks or more. `lines`: difference of single lines, relative to the line or to
+// a tenth of its level's mean.
+// `whole`: difference of the samples that are kept as samples, in standard deviations of noise of the given
+// variance at their level. The numbers of blocks and the stretches of both spectra have to be equal.
 struct Difference {
     double bins, lines, whole;
 };
@@ -134,7 +135,7 @@ TEST_CASE("count spectrum: a block's power is that in double, to 17 bits of the 
 
 TEST_CASE("count spectrum: its lines are those of the same samples in double, to a thousandth") {
     // The samples are white noise, a random walk that is pulled back to 0, both together, or white noise on a
-    // drift that exceeds by far the 16 bits of the deepest level.
+    // drift. The drift is far larger than 16 bits, the size of a sample in the deepest level.
     for (int kind = 0; kind < 5; ++kind) {
         for (double deviation : {0.7, 1.6, 40.0}) {
             Noise random(static_cast<unsigned long long>(kind + 1));
@@ -176,7 +177,8 @@ TEST_CASE("count spectrum: a block with values that nobody measured is left out"
         }
         float power[83], blocks, effective;
         octaves->ladder().sums(0, 0, power, &blocks, &effective);
-        // There are 312 chunks, and the lost samples are in two of their blocks.
+        // The samples are 312 chunks, which give 311 overlapping blocks. The lost samples are in two of these
+        // blocks.
         CHECK(blocks == 311 - (lost > 0 ? 2 : 0));
     }
 }
@@ -232,14 +234,14 @@ TEST_CASE("count spectrum: sums of the largest powers do not overflow in a centu
     CountSums<2> sums;
     const std::int64_t largest = (INT64_C(1) << 58) - 1;
     const std::int64_t power[2] = {largest, largest / 1000};
-    // A century at 1 kHz has 2^35 blocks. Here each block stands for a thousand blocks.
+    // A century at 1 kHz has 2^35 blocks. In this test, each block stands for a thousand blocks.
     for (int k = 0; k < 20000; ++k) sums.add(power, 6, 0);
     float read[2], blocks, effective;
     sums.read(0, read, &blocks, &effective);
     CHECK(blocks == 20000);
     CHECK(static_cast<double>(read[0]) == doctest::Approx(20000 * std::ldexp(1.0, 58 - 12)).epsilon(1e-6));
     CHECK(static_cast<double>(read[1]) == doctest::Approx(20 * std::ldexp(1.0, 58 - 12)).epsilon(1e-4));
-    // Small powers still count if they come after large ones.
+    // Blocks with small powers still count in the sums if they come after blocks with large powers.
     CountSums<1> small;
     const std::int64_t one[1] = {INT64_C(1) << 20};
     for (int k = 0; k < 1000; ++k) small.add(one, 14, 0);
@@ -249,8 +251,8 @@ TEST_CASE("count spectrum: sums of the largest powers do not overflow in a centu
 }
 
 TEST_CASE("count spectrum: what a block has of a unit is not lost when sums are large") {
-    // The power of one line is 0.3 units of the sums, because the power of another line has made this unit
-    // large.
+    // All spectral lines of the sums share one unit. The power of one line is 0.3 of this unit, because the
+    // power of another line has made the unit large.
     CountSums<2> sums;
     const std::int64_t first[2] = {INT64_C(1) << 57, 0},
                        rest[2] = {0, 3 * (INT64_C(1) << 57) / 10 / (INT64_C(1) << 29)};
@@ -272,8 +274,8 @@ TEST_CASE("count spectrum: values are the counts, to the ends of what a sensor s
 }
 
 TEST_CASE("count spectrum: a board that was turned far leaves no coarse unit behind") {
-    // The rate changes so slowly that the gate detects neither a knock nor a step. After that the sensor
-    // rests.
+    // The sensor turns, but its rate changes so slowly that the gate detects neither a knock nor a step.
+    // After that, the sensor rests.
     Noise random(11);
     std::unique_ptr<Pair> pair(new Pair);
     const int turned = 40000;
@@ -284,7 +286,8 @@ TEST_CASE("count spectrum: a board that was turned far leaves no coarse unit beh
     CHECK(pair->counted.counts().knocks + pair->counted.counts().steps == 0);
     std::unique_ptr<Pair> before(new Pair(*pair));
     for (int k = 0; k < 110000; ++k) pair->add(counts_of(1.6 * random()));
-    // The lines of the samples that came while the sensor rested are compared.
+    // Only the spectrum of the samples that came while the sensor rested is compared: the sums at the end
+    // less those from before.
     for (int l = 0; l < 4; ++l) {
         float power[2][83], blocks[2], effective;
         double expected[2][83], real_blocks, real_effective;

@@ -1,5 +1,6 @@
-// Sequence position, time and the stops of a device. Plain Python is the oracle of its output
-// (tests/stream/test_plain_device_stream.py). These tests check the limits of ranges, and the order of stops.
+// Tests of a device stream: position in the sequence, times, and stops. A stop is a return of the native
+// code, for a reason that the caller has to handle. tests/stream/test_plain_device_stream.py compares the
+// output with that of plain Python. These tests check the limits of ranges, and the order of stops.
 #include <doctest/doctest.h>
 
 #include <vector>
@@ -12,7 +13,7 @@ namespace {
 
 constexpr std::int64_t kMs = 1'000'000, kUnixNs = 1'700'000'000'000'000'000;
 
-// Samples at 100 Hz. The counts of a sample are its number.
+// Columns of samples at 100 Hz. The counts of each sample are the sample's number.
 struct Samples {
     std::vector<std::int64_t> sequence, device_us, host_ns;
     std::vector<std::int16_t> gyro;
@@ -60,7 +61,7 @@ struct Run {
         }
         return found;
     }
-    // Processes all samples, begins each epoch, and returns all stops.
+    // Processes all samples, begins an epoch at each stop that asks for it, and returns all stops.
     std::vector<Stop> all(const SampleColumns& from) {
         std::vector<Stop> found;
         for (std::size_t at = 0;;) {
@@ -116,11 +117,12 @@ TEST_CASE("device: what does not follow is not believed") {
         {0, 655'360'000, 655'360 * kMs, true},
         {65'535, 655'350'000, 655'350 * kMs, false},  // the same sample again
         {1, 655'370'000, 655'370 * kMs, false},       // one sample is missing
-        // as late as allowed by the device's clock
+        // with a delay by the device's clock that is just allowed
         {0, 655'350'000 + 20'200, 655'360 * kMs, true},
-        {0, 655'350'000 + 20'201, 655'360 * kMs, false},             // one microsecond later
-        {0, 655'360'000, 655'360 * kMs + 300'000 * kMs, true},       // as late as allowed by the host's clock
-        {0, 655'360'000, 655'360 * kMs + 300'000 * kMs + 1, false},  // one nanosecond later
+        {0, 655'350'000 + 20'201, 655'360 * kMs, false},  // 1 us too late by the device's clock
+        // with a delay by the host's clock that is just allowed
+        {0, 655'360'000, 655'360 * kMs + 300'000 * kMs, true},
+        {0, 655'360'000, 655'360 * kMs + 300'000 * kMs + 1, false},  // 1 ns too late by the host's clock
     };
     for (const auto& other : others)
         CHECK(run.device.place.follows(other.sequence, other.device_us, other.host_ns) == other.follows);
@@ -154,10 +156,10 @@ TEST_CASE("device: statistics stop before a sample, fits behind one, and each st
 TEST_CASE("timebase: time learns the earliest arrival, and never runs backwards") {
     Timebase clock(kUnixNs);
     CHECK(clock.add(0, 0, 1000) == kUnixNs + 1000);
-    CHECK(clock.add(1, 10'000, 15 * kMs) == kUnixNs + 10 * kMs + 1000);  // an arrival that is late
-    // its delay is a million ns shorter than any before
+    CHECK(clock.add(1, 10'000, 15 * kMs) == kUnixNs + 10 * kMs + 1000);  // this sample arrives late
+    // this sample's delay is a million ns shorter than that of any sample before
     CHECK(clock.add(2, 20'000, 19 * kMs) == kUnixNs + 19 * kMs);
-    // without the limit, time would run backwards
+    // this sample's own time would be before that of the last one; it is limited to 1 ns after it
     CHECK(clock.add(3, 20'500, 18 * kMs) == kUnixNs + 19 * kMs + 1);
     CHECK(clock.rate_hz() == doctest::Approx(3 / 0.0205));
     CHECK(std::isnan(clock.clock_ppm()));

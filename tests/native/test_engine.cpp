@@ -1,6 +1,6 @@
-// Tests of the engine in C++: as a device would run it (float or double, one lane), and through the table of
-// functions that the binding uses. tests/estimator checks its numbers. The tests here check memory, undefined
-// behaviour, and that the results are the same for every number type.
+// Tests of the engine in C++: directly, as a device would run it (float or double, one lane), and through the
+// table of functions that the Python binding uses. tests/estimator checks its numbers. The tests here check
+// accesses to memory, undefined behaviour, and that the results are the same for every number type.
 #include <doctest/doctest.h>
 
 #include <cmath>
@@ -78,7 +78,7 @@ std::vector<double> quiet(std::size_t n) {
     return y;
 }
 
-// Samples of which some are values that no sensor should give, up to `largest`.
+// Returns samples, of which some have values that no sensor should give, up to `largest`.
 std::vector<double> wild(std::size_t n, double largest) {
     Noise noise;
     std::vector<double> y = quiet(n);
@@ -122,7 +122,8 @@ void survives(const LaneSettings& settings, double largest) {
         }
         CHECK(good);
     }
-    run<T, Variant, Kind>(Guard::off, settings, y);  // this may diverge, but must not fail
+    // without the guard the filter may diverge, but must not crash
+    run<T, Variant, Kind>(Guard::off, settings, y);
 }
 
 }  // namespace
@@ -175,7 +176,7 @@ TEST_CASE("the table runs any number of lanes, and what is loaded goes on like w
             struct alignas(64) Line {
                 unsigned char bytes[64];
             };
-            // C++11 aligns vectors by 16 only, so the address is rounded up below
+            // C++11 aligns the memory of a std::vector to 16 bytes only, so its address is rounded up below
             std::vector<Line> raw_a(words), raw_b(words);
             const auto aligned = [](std::vector<Line>& raw) {
                 const std::uintptr_t address = reinterpret_cast<std::uintptr_t>(raw.data());

@@ -1,4 +1,5 @@
-// Tests of the bins that the device fits, which are compared with the spectrum in double.
+// Tests of the bins of the spectrum that the device fits. They are compared with a spectrum computed in
+// double.
 #include <doctest/doctest.h>
 
 #include <algorithm>
@@ -56,8 +57,8 @@ TEST_CASE("fit bins: ordinates of a whole stretch are those of their definition,
             }
             fltea::engine::WholeLines<512> lines;
             lines.take(x.data(), n, slow);
-            // The expected result in double: the polynomials up to the mean or to the cubic are subtracted
-            // one after the other.
+            // The expected result, computed in double: the polynomials of degree 0, or of degrees 0 to 3 if
+            // `slow`, are subtracted one after the other.
             std::vector<double> y(x.begin(), x.end()), expected;
             std::vector<std::vector<double>> basis;
             for (int power = 0; power <= (slow ? 3 : 0); ++power) {
@@ -95,14 +96,14 @@ TEST_CASE("fit bins: bins of white noise have its variance, all its ordinates, a
         std::unique_ptr<Gathered> bins(new Gathered);
         make_bins(*octaves, *bins);
         CAPTURE(n);
-        // The mean power is the variance of the noise, 9, plus that of rounding, 1/12.
+        // The mean power is the variance of the noise, 9, plus that of rounding to counts, 1/12.
         CHECK(bins->mean_power() ==
               doctest::Approx(9 + 1.0 / 12).epsilon(4 / std::sqrt(static_cast<double>(n) / 2)));
         CHECK(static_cast<double>(bins->ordinates()) > 0.38 * n);
         CHECK(static_cast<double>(bins->ordinates()) < 0.55 * n);
         CHECK(bins->left_out() == 0);
-        // The bins come octave by octave from the highest down, then those of the level that keeps its
-        // samples. Within each of these, the frequencies rise.
+        // The bins come octave by octave, from the highest frequencies down. The bins of the level that keeps
+        // its samples come last. Within each of these, the frequencies rise.
         int falls = 0;
         for (int i = 1; i < bins->size(); ++i) falls += bins->lam(i) < bins->lam(i - 1);
         CHECK(falls == octaves->ladder().depth());
@@ -116,7 +117,7 @@ TEST_CASE("fit bins: bins of white noise have its variance, all its ordinates, a
 TEST_CASE("fit bins: bins stand at their lines' frequencies, cleared of what the filters left of them") {
     typedef fltea::engine::HalfBand<fltea::RealSpectrum<double>> Filter;
     const double turn = 2 * 3.14159265358979323846;
-    // Squared gain of the half-band filter.
+    // Returns the squared gain of the half-band filter at a frequency.
     const auto gain = [](double w) {
         double h = Filter::middle();
         for (int k = 0; k < Filter::kTaps; ++k) h += 2 * Filter::tap(k) * std::cos((15 - 2 * k) * w);

@@ -1,5 +1,5 @@
-// Tests of the code with which the device replaces floating point: fixed_math.hpp, soft_sqrt.hpp,
-// memory_fixed.hpp.
+// Tests of the code by which the device computes in integers instead of floating point: fixed_math.hpp,
+// soft_sqrt.hpp, memory_fixed.hpp.
 #include <doctest/doctest.h>
 #include <stdlib.h>
 
@@ -45,7 +45,8 @@ std::uint32_t bits_of(float x) {
     return bits;
 }
 
-// The weights c_j(a) for j = 1 .. n, by the recurrence in long double.
+// Returns the weights c_j(a) of past states for the order a and j = 1 .. n, computed in long double by their
+// recurrence.
 std::vector<long double> weights(long double a, std::size_t n) {
     std::vector<long double> c(n + 1, 1);
     for (std::size_t j = 1; j <= n; ++j) {
@@ -69,8 +70,8 @@ const float kOrders[] = {-0.5f, -0.4f, -0.1f, 0.03f, 0.2f, 0.5f,  0.77f, 0.99f,
 TEST_CASE("fixed: products in 2^-30 are those of 128 bits, rounded down") {
     Random random;
     for (int i = 0; i < 200000; ++i) {
-        // Numbers of every size are tested. A product of two 31-bit numbers exceeds 32 bits only if both are
-        // near their maximum.
+        // Products of numbers of every size are tested. A product of two 31-bit numbers exceeds 32 bits only
+        // if both are near their maximum.
         const std::int32_t a = static_cast<std::int32_t>(random()) >> (1 + random() % 30);
         const std::int32_t b = static_cast<std::int32_t>(random()) >> (1 + random() % 30);
         REQUIRE(fixed::product30(a, b) == static_cast<std::int64_t>((static_cast<Wide>(a) * b) >> 30));
@@ -89,7 +90,8 @@ TEST_CASE(
         const double counts = std::ldexp(static_cast<double>(x), -exponent);
         const std::int32_t count = fixed::from_float(x, exponent);
         if (std::fabs(counts) > fixed::kLargest) {
-            // The result is the largest count, or 2^29 by rounding, which is one more.
+            // If the number is too large, the result is the largest count or, by rounding, 2^29, which is one
+            // more.
             REQUIRE(std::abs(count) >= fixed::kLargest);
             REQUIRE(std::abs(count) <= fixed::kLargest + 1);
             REQUIRE((count < 0) == (counts < 0));
@@ -101,11 +103,12 @@ TEST_CASE(
         const std::int64_t count = static_cast<std::int64_t>(random()) >> (1 + random() % 63);
         const int exponent = static_cast<int>(random() % 120) - 60;
         const float expected =
-            // not exact if `count` has more than 53 bits
+            // this is not exact if `count` has more than 53 bits
             static_cast<float>(std::ldexp(static_cast<double>(count), exponent));
         const float found = fixed::to_float(count, exponent);
         if (count > -(INT64_C(1) << 53) && count < INT64_C(1) << 53) {
-            // A number half way between two floats is rounded up, not to the even float.
+            // A number half way between two floats may be rounded up instead of to the even float, so errors
+            // and not results are compared.
             REQUIRE(std::fabs(found - std::ldexp(static_cast<double>(count), exponent)) <=
                     std::fabs(expected - std::ldexp(static_cast<double>(count), exponent)));
         } else {
@@ -136,7 +139,7 @@ TEST_CASE("fixed: powers of two and sines of a half turn to 1e-8, and the sine o
     }
     CHECK(worst < 1e-8);
     worst = 0;
-    // Only orders from -1/2 to 5/2 are used.
+    // The filters only use orders from -1/2 to 5/2.
     for (std::int64_t a = -(INT64_C(1) << 27); a <= INT64_C(5) << 27; a += 2999) {
         const double expected = std::sin(3.14159265358979324 * std::ldexp(static_cast<double>(a), -28));
         const double found =
@@ -153,8 +156,8 @@ TEST_CASE("soft square root: that of IEEE 754, to the bit") {
         const float a = float_of(static_cast<std::uint32_t>(random() % 0x7F000000) + 0x800000);
         REQUIRE(bits_of(soft_sqrt(a)) == bits_of(std::sqrt(a)));
     }
-    // All mantissas near a power of two, and so also near the squares of floats, are tested at even and odd
-    // exponents.
+    // All floats near powers of two are tested, at even and odd exponents. Rounding of roots is hardest to
+    // get right there, near the squares of floats.
     for (std::uint32_t bits : {0x3F800000u, 0x3F000000u, 0x40000000u, 0x7F000000u, 0x01000000u}) {
         for (std::uint32_t i = 0; i < 4096; ++i) {
             REQUIRE(bits_of(soft_sqrt(float_of(bits - 2048 + i))) ==
@@ -177,13 +180,14 @@ TEST_CASE("soft square root: that of IEEE 754, to the bit") {
         CHECK(bits_of(soft_sqrt(none)) == 0);
 }
 
-// For orders up to 2, three digits are required (tools/gen_fixed_nodes.py), or an error below the last digit
-// of the counts. The largest relative errors are 6e-4 for orders from -0.1 to 1.5, 8e-4 up to 1.9, 1.8e-3 at
-// -0.5 and 4.5e-3 at 2.5.
+// The memory's weights of past states have to be right to three digits for orders up to 2
+// (tools/gen_fixed_nodes.py), or their error has to be below the last digit of the counts. The largest
+// relative errors are 6e-4 for orders from -0.1 to 1.5, 8e-4 for orders up to 1.9, 1.8e-3 at the order -0.5
+// and 4.5e-3 at 2.5.
 TEST_CASE("fixed memory: the weights to a thousandth, at ages up to 100,000") {
     const std::size_t ages[] = {1,  2,  3,   4,   5,    6,    7,     8,     10,    14,
                                 20, 50, 100, 300, 1000, 3000, 10000, 30000, 100000};
-    // as large as possible below the limit of 2^9, so that the result has many digits
+    // nearly the largest state, which is 2^9, so that the result has many digits
     const float pulse = 400;
     std::vector<std::vector<long double>> c;
     for (float order : kOrders) c.push_back(weights(static_cast<long double>(order), 100000));
@@ -230,8 +234,9 @@ TEST_CASE("fixed memory: sums of noise as those of the exact memory, for x, and 
                 direct.sums(static_cast<double>(order), exact_S, exact_V);
                 CHECK(static_cast<double>(S) == sum_of(memory, order));
                 worst = std::max(worst, std::fabs(static_cast<double>(S) - exact_S) / sigma);
-                // V is computed as if the past had no beginning, so it can only be compared after many
-                // samples. For orders below -1/4, V is computed for the order -1/4.
+                // V, the sum over past variances, is computed as if the past had no beginning. It can
+                // therefore only be compared after many samples. For orders below -1/4, V is computed for the
+                // order -1/4, so it is not compared.
                 if (k != n - 1 || order < -0.25f) continue;
                 CHECK(std::fabs(static_cast<double>(V) - exact_V) <=
                       5e-3 * exact_V + 2e-6 * static_cast<double>(R));
@@ -266,7 +271,7 @@ TEST_CASE(
             CHECK(V <= 4e31f);
         }
     }
-    // An overflow in these sums would be detected by the sanitizer.
+    // The largest numbers are added a million times. The sanitizer would detect an overflow in the sums.
     FixedMemory full(1.0f);
     for (int k = 0; k < 1000000; ++k) full.push(1e9f, 1e9f);
     for (float order : kOrders) {

@@ -1,5 +1,5 @@
 // Tests that the memories of past states stay inside the storage that they request, and that their sums agree
-// with those by the explicit recurrence.
+// with sums whose weights come from the explicit recurrence.
 #include <doctest/doctest.h>
 #include <stdlib.h>
 
@@ -16,7 +16,8 @@ using fltea::engine::CompressedMemory;
 using fltea::engine::DirectMemory;
 typedef fltea::engine::Pack<double, fltea::engine::kWidth> Wide;
 
-// Storage of exactly n elements, so that the sanitizer detects an access beyond it. It is filled with NaN.
+// Storage of exactly n elements, so that the sanitizer detects an access beyond it. The storage is filled
+// with NaN.
 template <class T>
 class Block {
   public:
@@ -36,7 +37,8 @@ class Block {
 double x_at(std::size_t k) { return std::sin(double(k * k)); }
 double P_at(std::size_t k) { return 1.5 + std::cos(double(k)); }
 
-// Computes the sums over the samples 0 .. k-1, of which the last is the newest, by their definition.
+// Computes the sums S (of states) and V (of their variances) over the samples 0 .. k-1 by their definition.
+// Sample k-1 is the newest.
 void exact(double a, std::size_t k, std::size_t window, double& S, double& V) {
     const std::size_t length = window > 0 && window < k ? window : k;
     double c = 1;
@@ -53,7 +55,8 @@ double in(T number, int lane) {
     return double(fltea::engine::get_lane(number, lane));
 }
 
-// Adds samples, and compares the sums at every step. `tolerance` is relative to 1 + |sum|.
+// Adds samples to a memory, and compares its sums with those of exact() at every step. `tolerance` is
+// relative to 1 + |sum|.
 template <class T, class Memory>
 void follow(Memory& memory, std::size_t window, std::size_t steps, double tolerance) {
     typedef fltea::engine::Real<T> R;

@@ -1,6 +1,6 @@
 // Tests of the octaves of a running spectrum. tests/spectrum compares their numbers with a computation in
-// numpy. The tests here check memory, undefined behaviour, size, and that neither the division into calls nor
-// snapshots change the results.
+// numpy. The tests here check accesses to memory, undefined behaviour, size, and that neither the division of
+// samples into calls nor snapshots change the results.
 #include <doctest/doctest.h>
 
 #include <cmath>
@@ -49,7 +49,7 @@ bool load(Lane& lane, const std::vector<double>& numbers) {
     return loader.sound() && loader.at_end();
 }
 
-// Reads all results that can be read.
+// Reads all results of an octave spectrum.
 void look(const Lane& lane) {
     std::unique_ptr<Lane> finished(new Lane(lane.finished()));
     const Ladder& ladder = finished->ladder();
@@ -203,8 +203,8 @@ TEST_CASE("octaves: snapshots of strangers are refused or harmless") {
             for (int k = 0; k < 150; ++k) {
                 std::vector<double> bad = good;
                 for (std::size_t i = 0; i <= random.below(3); ++i) {
-                    // In a snapshot, most numbers that are not samples are at the beginning and at the end,
-                    // so these are changed more often.
+                    // Most numbers of a snapshot that are not samples are at its beginning and at its end, so
+                    // the numbers there are changed more often.
                     const std::size_t at =
                         k % 3 == 0   ? random.below(bad.size())
                         : k % 3 == 1 ? random.below(std::min<std::size_t>(60, bad.size()))
@@ -255,8 +255,8 @@ TEST_CASE("octaves: when the last level is full its oldest samples go") {
         REQUIRE(whole.size() <= Ladder::Whole::kCapacity);
         REQUIRE(whole.stretches() > 0);
         const Stretch& last = whole.stretch(whole.stretches() - 1);
-        // The kept level has every fourth sample. At the end, only as many samples are missing as the filters
-        // need in advance.
+        // The level that keeps its samples (level 2) has every fourth sample. At its end, only as many
+        // samples are missing as the half-band filters need in advance.
         if (k > 160) CHECK(last.first + 4 * static_cast<std::uint64_t>(last.length) + 128 > now);
     }
     CHECK(ladder->depth() == 2);

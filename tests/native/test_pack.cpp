@@ -19,8 +19,8 @@ bool same(double a, double b) {
     return std::memcmp(&a, &b, sizeof a) == 0 || (std::isnan(a) && std::isnan(b));
 }
 
-// A pack with one number in its first lane and another number in all other lanes, because no lane may use its
-// neighbour's number.
+// Returns a pack with one number in its first lane and another number in all other lanes. A lane that uses
+// its neighbour's number would be noticed.
 Wide wide(double first, double others) {
     Wide pack(others);
     pack.set(0, first);

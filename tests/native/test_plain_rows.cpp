@@ -1,5 +1,5 @@
-// Tests the parsing of plain rows of text under sanitizers. tests/recording/test_plain_rows.py tests the
-// values.
+// Tests the parsing of plain rows of text (numbers between separators) under sanitizers.
+// tests/recording/test_plain_rows.py tests the values.
 #include <doctest/doctest.h>
 
 #include <cmath>

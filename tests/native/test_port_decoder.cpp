@@ -1,4 +1,4 @@
-// Tests of the items and counts that WireLine gives for bytes from the device's encoder.
+// Tests of the items and counts that the port decoder gives for bytes from the device's encoder.
 #include <doctest/doctest.h>
 
 #include <algorithm>
@@ -15,7 +15,8 @@ TEST_CASE("wire line: samples have the time of the read in which they ended") {
     reads.add(sample(1) + Bytes(two.begin(), two.begin() + 5), 10).add(Bytes(two.begin() + 5, two.end()), 20);
     reads.add(sample(3), 30);
     line.line.feed(reads.bytes.data(), reads.reads.data(), 3, 10);
-    // As no HELLO was received, a trouble might be due between the reads, so they are processed one by one.
+    // No HELLO was received, so a trouble might become due between two reads. The reads are therefore
+    // processed one by one.
     for (std::int64_t k = 1; k < 4; ++k) {
         const PortItem item = line.line.next();
         REQUIRE(item.kind == PortItem::kSamples);
@@ -139,7 +140,8 @@ TEST_CASE("wire line: columns of a later second, and of later samples of a run")
     CHECK(item.samples.host_ns[1] == kSecondNs + 1);
     CHECK(line.line.counts().frames == 3);
     item = line.line.next();
-    CHECK(line.line.counts().frames == 3);  // consecutive samples are counted together
+    // both samples are counted when the first is taken: consecutive samples count together
+    CHECK(line.line.counts().frames == 3);
     REQUIRE(item.samples.n == 2);
     CHECK(item.samples.host_ns[1] == kSecondNs + 2);
     CHECK(item.samples.gyro[3] == 8.0);
@@ -158,16 +160,18 @@ TEST_CASE("wire line: what was not taken is left out") {
     line.line.silent(2);
     CHECK(line.line.counts().frames == 1);
     CHECK(line.all() == Words{"tick 0"});
-    line.line.accept_hello();  // there is no HELLO that could be accepted
+    line.line.accept_hello();  // without effect: no HELLO has come that could be accepted
     CHECK(line.one(hello(), 3) == Words{"frame 1"});
     line.line.silent(5 * kSecondNs + 3);
     for (int k = 0; k < 9; ++k) CHECK(line.line.next().kind == PortItem::kTick);
     line.line.pass_time(0);
-    CHECK(line.line.next().kind == PortItem::kDone);  // nine of ten ticks were given; the last one is dropped
+    // nine of ten ticks were given, and pass_time() drops the last one
+    CHECK(line.line.next().kind == PortItem::kDone);
     line.line.silent(5 * kSecondNs + 3);
     CHECK(line.line.next().kind == PortItem::kTick);
     line.line.pass_time(0);
-    CHECK(line.line.next().kind == PortItem::kDone);  // the tick was given; the trouble after it is dropped
+    // the tick was given, and pass_time() drops the trouble after it
+    CHECK(line.line.next().kind == PortItem::kDone);
 }
 
 TEST_CASE("wire line: times at the ends of their range") {

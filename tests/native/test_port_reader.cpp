@@ -29,7 +29,8 @@ namespace {
 constexpr double kPatience_s = 20.0;
 constexpr std::int64_t kMs = 1'000'000;
 
-// Both ends of a connection: the reader reads from `near`, and tests write to `far`.
+// Both ends of a connection that stands for a serial port: the reader reads from `near`, and tests write to
+// `far`.
 struct Ends {
     int near = -1, far = -1;
     bool closes = false;
@@ -42,7 +43,8 @@ struct Ends {
         if (far >= 0) ::close(far);
         far = -1;
     }
-    // Waits until all bytes were read from a pipe or socket. With a terminal, bytes may arrive later.
+    // Waits until the reader has read all bytes from a pipe or socket. With a terminal, further bytes may
+    // arrive later.
     void wait_until_read() const {
         for (int left = 1; left > 0;) REQUIRE(ioctl(near, FIONREAD, &left) == 0);
     }
@@ -83,7 +85,7 @@ Made terminal_ends() {
     return made(near, far, false);
 }
 
-// Collects all bytes that came from each port.
+// Collects all bytes that the reader gives for each port.
 struct Heard {
     PortReader& reader;
     std::map<int, std::string> bytes = {};
@@ -92,7 +94,7 @@ struct Heard {
     std::size_t reads = 0;
     std::int64_t last_ns = 0;
 
-    // Calls take() once, and checks that its results are consistent.
+    // Calls the reader's take() once, and checks that its results are consistent.
     std::vector<PortNews> take(double timeout_s = kPatience_s) {
         std::vector<PortNews> news;
         const std::int64_t now_ns = reader.take(timeout_s, news);
@@ -101,7 +103,8 @@ struct Heard {
             for (const fltea::PortRead& read : one.reads) {
                 CHECK(read.end > end);
                 CHECK(read.stamp.host_ns >= before_ns);
-                // if it were earlier, a tick before it would have been wrong
+                // no read is older than what the last call has returned, because ticks until that time were
+                // given
                 CHECK(read.stamp.host_ns > last_ns);
                 CHECK(read.stamp.host_ns <= now_ns);
                 end = read.end;
@@ -141,12 +144,13 @@ TEST_CASE("port reader: the last bytes come before the loss, of every kind of po
         ends.send("first");
         heard.until([&] { return heard.bytes[5] == "first"; });
         ends.send("last words");
-        if (k != 2) ends.hang_up();  // a terminal may discard bytes that were not read yet
+        // a terminal (k = 2) may discard bytes that were not read before it hangs up
+        if (k != 2) ends.hang_up();
         heard.until([&] { return heard.bytes[5] == "firstlast words"; });
         ends.hang_up();
         heard.until([&] { return heard.errors.count(5) == 1; });
         CHECK(heard.errors[5] == errors[k]);
-        Made again = pipe_ends();  // the same port, opened again
+        Made again = pipe_ends();  // the same port (number 5), opened again
         reader.add(5, again->near, false, 0);
         heard.errors.clear();
         again->send("back");
@@ -191,7 +195,9 @@ TEST_CASE("port reader: what does not fit is counted, and what came before it st
     Heard heard{reader};
     Made ends = pipe_ends();
     reader.add(0, ends->near, false, 3600'000 * kMs);
-    for (const std::size_t size : {900, 700, 700}) {  // the second text is discarded before the third is read
+    // sizes of three texts: the first and second do not fit together, so the second is discarded before the
+    // third is read
+    for (const std::size_t size : {900, 700, 700}) {
         ends->send(std::string(size, size == 900 ? 'a' : 'b'));
         ends->wait_until_read();
     }
@@ -257,7 +263,8 @@ TEST_CASE("port reader: many ports that many threads write to lose nothing") {
             for (int round = 0; round < kRounds; ++round) {
                 for (std::size_t k = static_cast<std::size_t>(writer); k < kPorts; k += kWriters) {
                     const std::string text = std::to_string(round) + ",";
-                    // assertions of doctest in several threads would take longer than the code under test
+                    // plain checks are used, because assertions of doctest in several threads would take
+                    // longer than the code under test
                     if (::write(ports[k]->far, text.data(), text.size()) < 0) std::abort();
                 }
             }

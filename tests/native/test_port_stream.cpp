@@ -1,5 +1,6 @@
-// Tests of PortStream under sanitizers. However the bytes are divided into reads, and however long rows wait
-// for more rows, callers that want blocks and callers that want JSON lines get everything once and in order.
+// Tests of PortStream under sanitizers. Some callers want the samples in blocks, and others as JSON lines.
+// Each gets everything once and in order, however the bytes are divided into reads, and however long rows
+// wait for more rows.
 #include <doctest/doctest.h>
 
 #include <cstdlib>
@@ -20,8 +21,8 @@ using Random = std::mt19937;
 
 unsigned below(Random& random, unsigned end) { return static_cast<unsigned>(random() % end); }
 
-// A tracker for tests, which reports a step at each sample whose first axis is 0. Its estimates have no
-// meaning.
+// A tracker for tests, which reports a step at each sample whose value on the first axis is 0. Its estimates
+// have no meaning.
 struct Parts : TrackerPart, BankPart {
     void run(const double* y, const double*, std::size_t, std::size_t rows, double* out, std::uint8_t* moving,
              std::vector<track::TrackerEvent>& events) override {
@@ -167,7 +168,7 @@ class Taker {
         if (item.kind != PortItem::kFrame || item.type != Hello::type()) return;
         if (stream_.wants_reads) CHECK(bytes.size() == given_);
         const std::uint8_t boot = item.bytes[6];
-        if (boot == 13) {  // a device whose HELLO is refused
+        if (boot == 13) {  // this stands for a device whose HELLO is refused
             wire_.refuse_hello();
             device_.place.forget_hello();
             return;
@@ -184,7 +185,7 @@ class Taker {
         if (found.stop == Stop::kFitDue) device_.fit_counts = device_.place.newest().seq + 7;
         if (found.stop == Stop::kFitCounts) device_.fit_due = device_.place.newest().seq + 11;
         if (found.stop == Stop::kEpoch) begin();
-        // the fixed text of the lines changes, so the printers have to be replaced
+        // the fixed text of the JSON lines changes, so the objects that print the lines have to be replaced
         if (found.stop == Stop::kEpoch || found.stop == Stop::kFitCounts) printers_.clear();
     }
     void begin() {
@@ -208,7 +209,8 @@ class Taker {
     std::size_t given_ = 0;
 };
 
-// Passes on reads one by one or up to `most` together, as for a caller that is never blocked for long.
+// Gives the reads of a port to a caller, one by one or up to `most` together, but no more than come within
+// kStallNs. This is as for a caller that is never blocked for long.
 void give_all(Taker& to, const Reads& all, Random& random, unsigned most) {
     for (std::size_t begin = 0; begin < all.reads.size();) {
         std::size_t end = std::min(all.reads.size(), begin + 1 + below(random, most));
@@ -219,7 +221,8 @@ void give_all(Taker& to, const Reads& all, Random& random, unsigned most) {
     }
 }
 
-// Returns the position of the first difference with both words, or an empty text.
+// Returns the position of the first difference between two lists of words, with both words. Returns an empty
+// text if there is none.
 std::string difference(const Words& one, const Words& other) {
     std::size_t k = 0;
     while (k < one.size() && k < other.size() && one[k] == other[k]) ++k;

@@ -45,7 +45,7 @@ TEST_CASE("wire line: bytes without frames for five seconds are no device of our
     for (std::int64_t k = 1; k < 12; ++k) reads.add(Bytes(100, 0x55), k * kSecondNs / 2);
     const Words found = line.feed(reads);
     CHECK(found == Words{"partial", "no_valid_frame 5500"});
-    // The same trouble is not reported again, but another one is.
+    // no_valid_frame is not reported again, but another trouble, no_hello, is.
     CHECK(line.one(Bytes{0} + sample(0), 6 * kSecondNs) == Words{"1 samples", "no_hello 6000"});
 }
 
@@ -76,8 +76,8 @@ TEST_CASE("wire line: a stall of the program proves nothing") {
     for (const std::int64_t stall : {2 * kSecondNs, 2 * kSecondNs + 1}) {
         Line line;
         line.line.resume(4 * kSecondNs);
-        // There are twelve ticks during the silence, and the trouble. If the program was stalled, there is
-        // only one tick, at the moment at which it continues.
+        // There are 13 items: twelve ticks during the silence, and the trouble. If the program was stalled,
+        // there is only one tick, for the moment at which the program continues.
         CHECK(line.silent(4 * kSecondNs + stall).size() == (stall > 2 * kSecondNs ? 1 : 13));
         line.line.resume(7 * kSecondNs);
         Reads reads;
@@ -115,7 +115,7 @@ TEST_CASE("wire line: on a port that was opened again all begins anew") {
     refused.one(hello(13), 1);
     refused.line.opened({2, 0});
     CHECK(refused.one(sample(0), 3) == Words{"1 samples"});
-    // Bytes from before the port was opened again do not count as unreadable.
+    // Bytes from before the port was opened again do not count for the trouble that nothing can be read.
     Line unread;
     unread.one(Bytes(9, 1), 1);
     unread.line.opened({4 * kSecondNs, 0});
@@ -139,7 +139,7 @@ TEST_CASE("wire line: reads between which a trouble may be due are taken one by 
     Reads healed;
     CHECK(refused.feed(healed.add(hello() + sample(1), 3).add(sample(2), 4)) ==
           Words{"same hello", "1 samples", "1 samples"});
-    // exactly four seconds after the first unread byte, and just before that
+    // 0: exactly four seconds after the first byte that belongs to no frame; 1: one ns before that
     for (const std::int64_t left : {0, 1}) {
         Line unread;
         unread.one(hello(), 1);
@@ -148,7 +148,7 @@ TEST_CASE("wire line: reads between which a trouble may be due are taken one by 
         const std::int64_t at = 5 * kSecondNs - left;
         Reads reads;
         reads.add(Bytes{0} + sample(1), at).add(sample(2), at);
-        // items: the bad block, and both samples together or one by one
+        // the items are the bad block, and then both samples together or one by one
         CHECK(unread.feed(reads).size() == (left == 1 ? 2 : 3));
     }
 }

@@ -1,6 +1,6 @@
-// Tests the printing of a device's runs under sanitizers. tests/sinks checks that the text is the same as
-// that for its blocks, and the format of numbers. The tests here check accesses at the ends of columns and of
-// buffers.
+// Tests under sanitizers how a run of a device's samples is printed. tests/sinks checks that the text is the
+// same as for a block of the same samples, and the format of numbers. The tests here check accesses at the
+// ends of columns and of buffers.
 #include <doctest/doctest.h>
 
 #include <cmath>
@@ -19,7 +19,7 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 using Texts = std::vector<std::string>;
 using Holes = std::vector<LinePrinter::Hole>;
 
-// A tracker and a bank for tests. The numbers in their columns encode row and column.
+// A tracker and a bank of filters for tests. The numbers in their columns encode row and column.
 struct Numbered : TrackerPart, BankPart {
     void run(const double*, const double*, std::size_t, std::size_t rows, double* out, std::uint8_t* moving,
              std::vector<track::TrackerEvent>&) override {
@@ -148,7 +148,7 @@ TEST_CASE("run printer: every n-th sample by its number, whatever the runs and w
             one.append(walk.device, row, std::min(row + 3, walk.device.run().n));
         first += static_cast<std::int64_t>(walk.device.run().n);
     }
-    CHECK(first == 2048 + 16);  // of the 3000 samples, a run takes only as many as fit into it
+    CHECK(first == 2048 + 16);  // 3,000 samples were given, but a run takes only as many as fit into it
     for (std::int64_t k = 0; k < first; k += 4)
         all += std::to_string(k) + " " + std::to_string(static_cast<std::int16_t>(10 * k + 2) - 3) + ".5\n";
     all.replace(0, 6, "0 -0.5");

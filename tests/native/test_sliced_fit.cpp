@@ -1,4 +1,4 @@
-// Tests of the device's fit. Its results are compared with those of the host's fit of the same bins.
+// Tests of the device's noise fit, whose results are compared with the host's for the same bins.
 #include <doctest/doctest.h>
 
 #include <algorithm>
@@ -33,12 +33,12 @@ models::Bins on_host(const Any& bins) {
     return models::Bins(models::kernel_baseline, lam, counts, power, none, none, 1);
 }
 
-// The result of the host's fit from many starting points. The model is white noise and one more part.
+// The free parameters and -log L of the host's fit, which begins at many points.
 struct HostFit {
     std::vector<double> eta;
     double nll;
 };
-// `order`: the fixed order of the part, if it has an order; -1: the order is fitted.
+// Fits white noise and `part`, with the part's order fixed at `order`. With -1, any order is fitted, too.
 HostFit host_fit(models::Bins bins, models::Part part, double highest_order, double order = -1) {
     const models::Terms terms = {models::Term{models::kWhite, 0}, models::Term{part, 0}};
     bins.highest_order = highest_order;
@@ -68,7 +68,7 @@ double white_fit(const models::Bins& bins) {
     return models::score(bins, {models::Term{models::kWhite, 0}}, &eta, -1, models::Patience());
 }
 
-// Returns the standard deviation of α from the curvature in double, at the result of the device.
+// Returns the σ of α from the curvature of the likelihood at the device's result, in double.
 template <class Any>
 double order_std_in_double(const Any& bins, const FitFigures& found) {
     const models::Bins on = on_host(bins);
@@ -85,7 +85,7 @@ double order_std_in_double(const Any& bins, const FitFigures& found) {
     return std::sqrt(column[1]);
 }
 
-// Returns the difference in 2 log L between the best fit with this order and the best fit of all, in double.
+// Returns how far 2 log L of the best fit with this order is below that of the best fit (in double).
 template <class Any>
 double below_best(const Any& bins, double order) {
     const models::Bins on = on_host(bins);
@@ -101,7 +101,7 @@ int fit(const Any& bins, SlicedFit<Any>& sliced, FitMemory& memory) {
     return slices;
 }
 
-// The spectrum of an axis and its fit, which starts from the result of the last fit.
+// The spectrum of an axis, and the fit of that spectrum, which starts from the result of the last fit.
 struct Axis {
     void fit_now() {
         make_bins(octaves, bins);
@@ -138,7 +138,8 @@ TEST_CASE("sliced fit: answers are the host's of the same bins") {
             CAPTURE(full.eta[1]);
             CAPTURE(cold.alpha_std);
             const double ratio = 2 * (white_fit(host) - up_to_one.nll);
-            // In white noise, the likelihood has many maxima of nearly the same height.
+            // In white noise (small ratios), the likelihood has many maxima of nearly the same height, so 0.5
+            // is allowed.
             CHECK(static_cast<double>(cold.ratio_white) <= ratio + 0.05 + 2e-3 * ratio);
             CHECK(static_cast<double>(cold.ratio_white) >= ratio - (ratio < 6 ? 0.5 : 0.05 + 2e-3 * ratio));
             // In white noise, the likelihood has many maxima at orders above 1, and the fit need not find any
@@ -161,7 +162,7 @@ TEST_CASE("sliced fit: answers are the host's of the same bins") {
             CHECK(axis->memory.figures().ratio_white >= cold.ratio_white - 0.02f);
             CHECK(axis->memory.figures().verdict == cold.verdict);
             if (n > 3000) continue;
-            // When there are much more data, the fit searches on the grid again.
+            // With five times as many samples, the fit searches on the grid again.
             for (int k = 0; k < 4 * n; ++k) axis->octaves.add(next());
             axis->fit_now();
             CHECK(axis->sliced.evaluations() * 2 > evaluations);
@@ -187,7 +188,7 @@ TEST_CASE("sliced fit: from the last answer it finds what a search of the whole 
                 if (k < 1000 || k % 300 != 0) continue;
                 axis->fit_now();
                 const FitFigures found = axis->memory.figures();
-                // AR(1) is a special case of the fractional model, so the latter is never worse.
+                // AR(1) is a special case of the fractional model, so the fractional model never fits worse.
                 CHECK((found.verdict == Verdict::white || found.ratio_ar1 > -0.01f));
                 if (k % 1500 != 0 || k < 6000) continue;
                 FitMemory fresh;
@@ -233,8 +234,8 @@ TEST_CASE("sliced fit: the interval is that of double, however small the share o
                     if (!found.alpha_defined) continue;
                     ++defined;
                     small += found.R < 0.05f * bins.mean_power();
-                    // The interval is at least that from the curvature, and as wide as the likelihood in
-                    // double requires.
+                    // The interval of α is at least as wide as that from the curvature, and as wide as the
+                    // likelihood, computed in double, requires.
                     const double curvature = order_std_in_double(bins, found);
                     const double half = 1.96 * static_cast<double>(found.alpha_std);
                     const double alpha = static_cast<double>(found.alpha);
@@ -280,7 +281,7 @@ TEST_CASE("sliced fit: without ordinates, or without power in them, there is no 
         std::unique_ptr<Axis> axis(new Axis);
         Counts next(0, 0, 3.0, 1);
         for (int k = 0; k < 20000; ++k) {
-            // There are so many gaps that no stretch is long enough for a spectrum.
+            // There are so many gaps that no stretch of samples is long enough for a spectrum.
             if (!constant && k % 50 == 0) axis->octaves.skip(90);
             axis->octaves.add(constant ? std::int16_t(-32768) : next());
         }
@@ -294,7 +295,7 @@ TEST_CASE("sliced fit: without ordinates, or without power in them, there is no 
                           found.ratio_ar1, found.ordinates}) {
             CHECK(one == 0);
         }
-        // As soon as there is something to fit, it is fitted.
+        // As soon as a stretch is long enough, its spectrum is fitted.
         axis->octaves.skip(1000);
         for (int k = 0; k < 2000; ++k) axis->octaves.add(next());
         axis->fit_now();
@@ -305,7 +306,7 @@ TEST_CASE("sliced fit: without ordinates, or without power in them, there is no 
 
 namespace {
 
-// Bins whose powers are close to a given spectrum, with as many ordinates as years of samples give.
+// Bins with powers close to a given spectrum, and as many ordinates as years of samples would give.
 struct YearBins {
     enum { kSize = 170 };
     float lam_[kSize], counts_[kSize], power_[kSize];
@@ -322,8 +323,8 @@ struct YearBins {
             const double S = weight / (r * r - 2 * g * r * std::cos(turn) + g * g) + 1 - weight;
             lam_[i] = static_cast<float>(l);
             counts_[i] = static_cast<float>(count);
-            // The mean of exponentially distributed ordinates is drawn by Wilson and Hilferty's
-            // approximation.
+            // The power of a bin is the mean of exponentially distributed ordinates. It is drawn by Wilson
+            // and Hilferty's approximation.
             const double cube = 1 - 1 / (9 * count) + normal(random) / (3 * std::sqrt(count));
             power_[i] = static_cast<float>(5 * S * cube * cube * cube);
             ordinates_ += counts_[i];
