@@ -1,7 +1,8 @@
-"""Shared by all tests: hypothesis without randomness, and the real recordings if they are present.
+"""What all tests share: hypothesis without randomness, and the folder of recordings of real sensors, if it is
+present.
 
-No test runs with a native module that was built from other sources, since its part numbers may mean other
-parts.
+No test runs with a native module that was built from other sources, since the numbers by which it names parts
+of noise may mean other parts.
 """
 
 import gc
@@ -25,7 +26,7 @@ RECORDINGS = ROOT.parent / "shared/recordings"
 def pytest_configure() -> None:
     """Refuse a native module built from other sources.
 
-    Set-up then rebuilds it, whatever the files' times say.
+    The next set-up then rebuilds the module, whatever the files' times say.
     """
     wanted = runpy.run_path(str(ROOT / "host/native/source_hash.py"))["source_hash"]()
     if getattr(_native, "SOURCE_HASH", "") != wanted and not os.environ.get("FLTEA_STALE_NATIVE"):
@@ -40,8 +41,8 @@ def pytest_configure() -> None:
 def pytest_collection() -> Generator[None, object, object]:
     """Keep the garbage collector away from modules and tests, which stay until the end.
 
-    Otherwise it walks through these million objects again and again, while they are made and at each full
-    collection.
+    Otherwise the collector would visit these million objects again and again, while they are made and at each
+    full collection.
     """
     gc.disable()
     try:
@@ -54,7 +55,7 @@ def pytest_collection() -> Generator[None, object, object]:
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
     """Leave out files that have no test of the second or third tier when only that tier is wanted.
 
-    Most files have none, and each of the two workers would import them all.
+    Most files have no such test, and each of the two workers would import them all.
     """
     tier = LATER_TIERS.get(config.option.markexpr)
     is_test = collection_path.name.startswith("test_") and collection_path.suffix == ".py"
@@ -78,16 +79,15 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 # A shell starts background jobs with SIGINT ignored, and `nohup` ignores SIGHUP: programs that tests start
-# would inherit that.
+# would inherit that, so it is undone here.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
-# Every run tries the same examples: 25, or as many as a test names that needs more to reach what it is about.
-# There is no deadline, so a slow or busy machine fails nothing.
-# To try more and other examples, as in the hours before a release:
-# make test ARGS=--hypothesis-profile=thorough
+# Every run tries the same examples: 25, or more if a test says so because it needs more to reach what it is
+# about. There is no deadline, so a slow or busy machine fails nothing. To try more and other examples, as in
+# the hours before a release: make test ARGS=--hypothesis-profile=thorough
 ANY_PACE = {"database": None, "deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
 settings.register_profile("fixed", derandomize=True, max_examples=25, **ANY_PACE)
 settings.register_profile("thorough", max_examples=1000, print_blob=True, **ANY_PACE)

@@ -1,4 +1,6 @@
-"""The API: its results equal the command's, misuse is reported, and importing it is quick."""
+"""Tests of the Python API: its results equal those of the commands, misuse is reported, and importing it is
+quick.
+"""
 
 import inspect
 import math
@@ -30,7 +32,7 @@ NOISE = np.random.default_rng(4).standard_normal(3000)
 
 
 def by_spectrum(found: AxisResult) -> AxisResult:
-    """Return the result without what the tracker adds to it."""
+    """Return the result of an axis without the fields to which the tracker contributes."""
     return replace(found, verdict=None, level=None, drift_rate=None)
 
 
@@ -96,7 +98,8 @@ def test_whole_counts_are_a_resolution_and_other_numbers_are_not() -> None:
 
 
 def test_a_unit_that_is_not_said_is_asked_for_with_what_each_would_mean() -> None:
-    y = np.radians(0.3 + 0.4 / 60 * 10 * NOISE)  # N 0.4 deg/√h
+    # white noise with N = 0.4 deg/√h, and a mean of 0.3 deg/s, both in rad/s
+    y = np.radians(0.3 + 0.4 / 60 * 10 * NOISE)
     with pytest.raises(ValueError, match="nothing says the unit of the samples") as error:
         fltea.identify(y, 100.0)
     said = str(error.value)
@@ -187,7 +190,8 @@ def test_rates_less_their_bias_integrate_to_a_heading_that_is_as_far_off_as_is_s
     assert (np.diff(moved.bias_std[100:], axis=0) >= 0).all(), "of a prediction"
     off = (moved.rate - rate).sum(axis=0) / 100
     said = np.array([*live.heading_std(30.0).values()])
-    assert 0.6 < np.sqrt(np.mean((off / said) ** 2)) < 1.4  # 99.8 % of correct σ pass with 24 axes
+    # with 24 axes, a σ that is right lies within these limits in 99.8 % of cases
+    assert 0.6 < np.sqrt(np.mean((off / said) ** 2)) < 1.4
     assert (moved.bias_std[-1] > moved.bias_std[100]).all()
     assert (live.samples, live.fit(curves=False)["0"].left_out["lost"]) == (rest, turn)
 
@@ -267,7 +271,8 @@ def test_a_recording_is_its_axes(tmp_path: Path) -> None:
     assert (found.rate_hz, found.units["gyro_x"], found.counts.used) == (RATE_HZ, "deg/s", 1500)
     report = found.identify()
     alone = fltea.identify(found["gyro_x"], RATE_HZ, unit="deg/s", axis="gyro_x", lsb=1 / LSB_PER_DPS)
-    # The axes may share one figure for the random walk of the offset.
+    # The result of an axis from a file may differ in fields that contain the random walk of the offset, since
+    # the axes of a file may share one figure for it.
     of_walk = ("now", "walk", "filter", "text", "details", "allan", "allan_curve")
     by_walk = dict.fromkeys(of_walk)
     both = report["gyro_x"], alone
@@ -282,7 +287,7 @@ def test_a_recording_is_its_axes(tmp_path: Path) -> None:
 
 
 def test_all_stretches_count_and_time_goes_on_in_gaps(tmp_path: Path) -> None:
-    """A gap of 300 samples after 1,000 gives two stretches; the command reports the same."""
+    """A gap of 300 samples after 1,000 samples gives two stretches. `fltea identify` reports the same."""
     raw, seq = counts(2500), np.arange(2500) + np.where(np.arange(2500) >= 1000, 300, 0)
     path = npz(tmp_path / "a.npz", raw, time_s=seq / RATE_HZ, seq=seq, accel_raw=raw, accel_lsb_per_g=16384.0)
     found = fltea.open(path)
@@ -358,7 +363,7 @@ def test_simulated_noise_is_that_of_its_seed() -> None:
 
     a, b, c = draw(1), draw(1), draw(2)
     np.testing.assert_array_equal(a.y, b.y)
-    np.testing.assert_array_equal(a.y, a.state)  # R is 0
+    np.testing.assert_array_equal(a.y, a.state)  # they are equal because R is 0, so there is no white noise
     assert (a.y != c.y).all()
     assert list(a.to_pandas().columns) == ["y", "state"]
     with pytest.raises(ValueError, match="1 or more"):
@@ -380,7 +385,9 @@ def test_noise_that_runs_away_is_refused(alpha: float, f: float, rate_hz: float,
 
 @pytest.mark.parametrize(("alpha", "f"), [(0.5, -14.0), (1.0, -199.0), (1.8, -5e3), (1.0, 0.0), (1.99, -1.0)])
 def test_noise_within_the_bound_does_not_run_away(alpha: float, f: float) -> None:
-    """The noise grows at most like a random walk, which is twice as far away after four times the time."""
+    """The noise grows at most like a random walk: in four times the time, it gets twice as far away on
+    average. A factor of 8 is allowed.
+    """
     y = fltea.simulate(8000, alpha=alpha, f=f, Q=1.0, R=0.0, unit="deg/s", warmup=0).y
     assert np.abs(y).max() < 8 * np.abs(y[:2000]).max()
 
@@ -463,7 +470,7 @@ def test_what_is_called_says_what_it_takes() -> None:
 
 
 def test_figures_of_an_axis_are_those_of_the_command_in_the_units_of_data_sheets() -> None:
-    y = 0.3 + 0.05 * NOISE  # deg/s at 100 Hz: N 0.005 deg/s/√Hz, which is 0.3 deg/√h
+    y = 0.3 + 0.05 * NOISE  # white noise of 0.05 deg/s at 100 Hz has N = 0.005 deg/s/√Hz, which is 0.3 deg/√h
     found = fltea.identify(y, 100.0, unit="deg/s")
     level, curve = found.details.level, found.allan_curve
     assert (
@@ -486,7 +493,9 @@ def test_figures_of_an_axis_are_those_of_the_command_in_the_units_of_data_sheets
 
 
 def test_what_there_is_no_curve_or_bias_of_is_not_known() -> None:
-    """All stretches may be too short for an Allan deviation, and no bias is given for bad data."""
+    """There is no Allan deviation if all stretches are too short, and no bias for bad data. Figures from them
+    are then "not known".
+    """
     whole = fltea.identify(NOISE, 100.0, unit="deg/s")
     found = replace(whole, allan_curve=None, now=None)
     assert str(found.B) == str(found.bias) == "not known"

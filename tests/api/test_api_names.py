@@ -34,7 +34,7 @@ MADE_BY_INIT = {
     fltea.Live: {"rate_hz", "axes", "unit", "steps"},
     fltea.LiveReport: {"samples", "rate_hz"},
 }
-"""Names that only an object has, since `__init__` makes them; `dir()` of its class does not show them."""
+"""For each class, the names of attributes that `__init__` makes. `dir()` of the class does not show them."""
 
 
 def public(kind: type) -> set[str]:
@@ -43,7 +43,9 @@ def public(kind: type) -> set[str]:
 
 
 def explained(kind: type) -> set[str]:
-    """Return the names of a class that have a docstring. That of a field is the string after it."""
+    """Return those names of a class that have a docstring. The docstring of a field is the string after the
+    field.
+    """
     found = set()
     for one in kind.__mro__:
         if not one.__module__.startswith("fltea"):

@@ -1,4 +1,4 @@
-"""Curves in SVG files agree with the fit, after conversion from the chart's coordinates."""
+"""The curves in charts (SVG files) agree with the fit, after their points are converted from pixels."""
 
 import math
 import re
@@ -16,7 +16,7 @@ SVG = "{http://www.w3.org/2000/svg}"
 
 
 class Chart:
-    """A chart that was read back.
+    """A chart that was read back from its SVG text.
 
     `lines`: points in pixels by colour. `tips`: tooltips of the chart's points.
     """
@@ -37,9 +37,9 @@ class Chart:
 
 
 def test_marks_are_the_lines_of_the_coefficients() -> None:
-    """The straight lines are σ = N/√τ, 0.664 B and K √(τ/3).
+    """The straight lines of a chart of the Allan deviation are σ = N/√τ, 0.664 B and K √(τ/3).
 
-    They lie on the curve where the deviation has these values.
+    If the deviation has exactly these values, its curve and the line have the same points.
     """
     tau = [0.1, 0.4, 1.6, 6.4]
     for name, adev in (

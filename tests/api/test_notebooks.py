@@ -1,7 +1,7 @@
 """The example notebooks give the output that is stored in them.
 
-A notebook kernel would need forty packages, and seconds for each notebook. So the tests run the cells
-themselves, one after the other, and compare their output with what a kernel stored in the file.
+A notebook kernel would need forty packages, and seconds for each notebook. So the tests run the cells of a
+notebook themselves, one after the other, and compare the cells' output with what a kernel stored in the file.
 """
 
 import contextlib
@@ -48,7 +48,7 @@ def test_a_notebook_says_what_it_said(path: Path, tmp_path: Path, monkeypatch: p
 
 
 def _run(source: str, names: dict[str, Any]) -> tuple[str, Any]:
-    """Return what a cell prints, and the value of its last line if that is an expression."""
+    """Return what a cell prints, and the value of the cell's last line if that line is an expression."""
     *lines, last = source.splitlines()
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
@@ -60,8 +60,9 @@ def _run(source: str, names: dict[str, Any]) -> tuple[str, Any]:
 
 
 def _assert_alike(found: str, stored: str, source: str) -> None:
-    """Check that the words are equal, and numbers differ in the last digit at most: processors differ in
-    rounding."""
+    """Check that the words of two outputs are equal, and that their numbers differ at most in the last digit.
+    Numbers may differ because processors differ in rounding.
+    """
     assert NUMBER.sub("#", found) == NUMBER.sub("#", stored), source
     numbers = [float(n) for n in NUMBER.findall(found)]
     assert numbers == pytest.approx([float(n) for n in NUMBER.findall(stored)], rel=0.02, abs=0.0011), source

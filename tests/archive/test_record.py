@@ -1,4 +1,4 @@
-"""Tests of `fltea record` without a board: the summary that the command prints at its end."""
+"""Tests, without a board, of the summary that `fltea record` prints at its end."""
 
 from pathlib import Path
 

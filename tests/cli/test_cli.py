@@ -151,7 +151,9 @@ def test_failure_while_running_ends_with_1() -> None:
     ids=["usage", "ours", "help"],
 )
 def test_a_process_ends_as_within_this_one(arguments: tuple[str, ...]) -> None:
-    """The tests above run commands within the test's process; this shows that users see the same."""
+    """Most tests run commands within the test's own process. This test shows that users, who start another
+    process, see the same.
+    """
     result, here = fltea(*arguments), fltea_here(*arguments)
     assert (result.returncode, result.stdout, result.stderr) == (here.returncode, here.stdout, here.stderr)
 
@@ -233,7 +235,7 @@ def capture(tmp_path: Path, frames: int) -> Path:
 
 
 def ended_by(number: int, process: subprocess.Popen[bytes]) -> bytes:
-    """Send a signal to a command, and return the rest of its output.
+    """Send a signal to a running command, and return the rest of its output.
 
     Check that the exit code is 0, and that nothing is on stderr.
     """
@@ -254,7 +256,7 @@ def test_signal_ends_a_run_with_0_and_a_whole_line(number: signal.Signals) -> No
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_signal_ends_a_wait_between_rare_samples(number: signal.Signals) -> None:
     with started("run", "-s", "synthetic:?rate_hz=0.001&f=-0.1", *QUICK) as process:
-        # `hello` and `epoch`; the next sample would come after 1000 s
+        # the records `hello` and `epoch`; a second sample would come only after 1,000 s
         lines = [process.stdout.readline() for _ in range(2)]
         records = strict_records(b"".join(lines) + ended_by(number, process))
     assert [type(one) for one in records] == [Hello, Epoch, Fit, Stats]
@@ -316,7 +318,9 @@ def test_signal_ends_an_inspection_with_its_sum(number: signal.Signals) -> None:
 
 
 def written(command: str, folder: Path, frames: int = 9000) -> list[str | Path]:
-    """Return a command that writes to stdout. It ends by itself, except for "at its own pace"."""
+    """Return a command that writes to stdout. Each of the commands ends by itself, except for "at its own
+    pace".
+    """
     match command:
         case "inspect":
             return ["inspect", capture(folder, frames)]
@@ -351,7 +355,9 @@ def test_closed_pipe_ends_quietly(command: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("command", ["table", "inspect", "ndjson"])
 def test_pipe_closed_from_the_start_ends_quietly(command: str, tmp_path: Path) -> None:
-    """A command that writes only at its end notices only then that the pipe is closed."""
+    """The command may notice that the pipe is closed only at its end, since some commands write nothing
+    before.
+    """
     reader, writer = os.pipe()
     os.close(reader)
     with open(writer, "wb") as closed:
@@ -405,7 +411,7 @@ def test_a_replay_imports_nothing_that_it_does_not_need(tmp_path: Path) -> None:
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert '"class":"estimate"' in done.stdout
     imported = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines()}
-    # Modules of outputs are imported by name, which importtime does not list. So a module that the output of
-    # NDJSON imports is looked for.
+    # The module of an output is imported by a computed name, and importtime does not list such imports. So
+    # the test looks for a module that the output of NDJSON imports in turn.
     assert {"fltea.stream.pipeline", "fltea.sinks.json_lines"} <= imported
     assert sorted(HEAVY & imported) == []

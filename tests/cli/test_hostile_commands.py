@@ -77,7 +77,9 @@ FILES = [
         "../" * 1500,
     ),
 ]
-"""None of these names is a device, since many options write files, and tests may run as root."""
+"""Words that are tried as names of files. None of these names is a device, since many options write files,
+and tests may run as root.
+"""
 URLS = [
     *(
         "http://[",
@@ -141,7 +143,7 @@ WHOLE = {
         "--image",
     ],
 }
-"""For each kind of file that is read as a whole, a command that reads it."""
+"""For each kind of file that is read as a whole (not as a stream), a command that reads it."""
 
 
 @pytest.fixture(autouse=True)
@@ -199,7 +201,7 @@ PARTS = 4
 @pytest.mark.slow
 @pytest.mark.parametrize("part", range(PARTS))
 def test_every_option_takes_words_of_each_kind(part: int) -> None:
-    """Each option is tried with three words of several kinds, a third of the list apart.
+    """Each option is tried with three words of different kinds, which are a third of the list `WORDS` apart.
 
     The next option is tried with the next words in the list, so that every word is used equally often.
     """

@@ -1,6 +1,7 @@
 """Tests of man pages and shell completion.
 
-They are generated from the command line, complete, and accepted by the programs that read them.
+Both are generated from the definitions of the command line. They are complete, and the programs that read
+them accept them.
 """
 
 import functools
@@ -30,7 +31,7 @@ WIDE = 10_000
 def seen(name: str) -> str:
     """Return a page as `man` shows it, in lines so long that no word is divided.
 
-    Check that there are no warnings.
+    Check that `man` gives no warnings.
     """
     groff = shutil.which("groff") or missing("groff is not installed")
     done = subprocess.run(

@@ -1,4 +1,6 @@
-"""Tests that options which a function gets as one object are ordinary options on the command line."""
+"""Tests of groups of options: a function gets them as one object, and on the command line they are ordinary
+options.
+"""
 
 from dataclasses import dataclass
 from typing import Annotated, Any

@@ -1,4 +1,4 @@
-"""Tests of a command's process: side effects of its libraries, and what remains after its end."""
+"""Tests of a command's process: side effects of libraries that it uses, and what remains after its end."""
 
 import os
 import subprocess

@@ -30,7 +30,7 @@ LATE = {
 }
 """Modules that `python -m` does not import by itself.
 
-Those that it imports by itself would be run from the current folder by Python, before fltea can prevent it.
+Python itself runs the other modules from the current folder, before fltea can prevent it.
 """
 
 WORKERS = ["identify", "a.npz", "b.npz", "--jobs", "2"]
@@ -88,7 +88,9 @@ if __name__ == "__main__":
 
 
 def test_nor_by_what_starts_in_place_of_a_forkserver_that_died(folder: Path) -> None:
-    """The script is in another folder, since otherwise Python itself would search the current folder."""
+    """The script is not in the current folder, since Python itself searches the folder of a script for
+    modules.
+    """
     lay(folder, set(sys.stdlib_module_names))
     script = folder / "elsewhere/script.py"
     script.parent.mkdir()

@@ -1,6 +1,7 @@
 """Tests of `fltea simulate`.
 
-Its file can be replayed, a second file has the true values, and a file is complete or does not exist.
+The file that it writes can be replayed, a second file has the true values, and a file is either complete or
+does not exist.
 """
 
 import csv

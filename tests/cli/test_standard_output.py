@@ -71,6 +71,8 @@ def test_an_output_in_ascii_gets_the_same_words_in_other_letters() -> None:
 
 @pytest.mark.parametrize("command", ["info", pytest.param("identify", marks=pytest.mark.slow)])
 def test_json_stays_exact_in_ascii(command: str) -> None:
-    """JSON keeps the exact text by escapes, so that programs can use the file names in it."""
+    """If standard output is limited to ASCII, JSON still contains the exact text, as escapes. Programs can
+    therefore use the file names in it.
+    """
     found = json.loads(in_ascii(command, "--json", NAME))
     assert NAME in json.dumps(found, ensure_ascii=False)

@@ -32,9 +32,11 @@ from tests.rig.fake_system import FakeSystem
 from tests.rig.host_support import WIRE_HELLO, hello
 
 ASCII = "v1\x1b[2J\x1b]0;x\a\b\x7f"
-"""Text that a board can send. It would clear the screen, rename the window, ring the bell, and delete."""
+"""Text that a board can send. A terminal that obeyed it would clear the screen, rename the window, ring the
+bell, and delete characters.
+"""
 NASTY = ASCII + "\r\nfltea: all is well\x9b2J\u202etxt\u2066"
-"""Text that recordings and names of files can contain. Boards can send only ASCII."""
+"""Text that recordings and names of files can contain, in addition to the ASCII text that boards can send."""
 HELLO = hello(firmware_version=NASTY, sensor=NASTY, source=f"serial:{NASTY}", device_id=NASTY)
 
 
@@ -102,7 +104,7 @@ def test_nothing_printed_steers(show: Callable[[], None], capsys: pytest.Capture
 def test_list_of_devices(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The serial number is a text that comes from the device that was plugged in."""
+    """The serial number of a USB device is a text that comes from the device, which may be malicious."""
     system = FakeSystem(tmp_path)
     system.plug("/dev/ttyACM0", serial_number=NASTY)
     monkeypatch.setattr(host_system, "System", lambda: system)
@@ -132,7 +134,9 @@ def test_page_shows_it_too() -> None:
 
 
 def test_records_keep_what_was_said() -> None:
-    """Records keep such characters, since a replay has to equal its recording. JSON escapes them."""
+    """Records keep the control characters of a text, since a replay has to equal its recording. JSON escapes
+    these characters.
+    """
     line = msgspec.json.encode(hello(firmware_version=ASCII))
     assert b"\x1b" not in line
     assert json.loads(line)["firmware_version"] == ASCII

@@ -1,4 +1,4 @@
-"""The range of bytes that a request for a part of a file asks for."""
+"""Tests of parsing the header by which an HTTP request asks for a range of a file's bytes."""
 
 import pytest
 from fltea.cluster.byte_range import requested_range

@@ -1,4 +1,6 @@
-"""Objects that change while they are read, and servers or proxies that send something else than requested."""
+"""Identification of objects (files in cloud storage) that change while they are read, and with servers or
+proxies that send something else than requested.
+"""
 
 import http.client
 import os
@@ -34,7 +36,9 @@ def truth(status: int, data: bytes) -> tuple[int, bytes]:
 
 
 class Between(BaseHTTPRequestHandler):
-    """A proxy that answers requests for an object's content in its own way."""
+    """A proxy in front of a server. It changes the answers to requests for a part of an object by the
+    function `lie`.
+    """
 
     lie: Lie = staticmethod(truth)
 
@@ -84,7 +88,7 @@ def server() -> Iterator[Any]:
 def put(server: Any, noises: list[Path]) -> Callable[[int], None]:
     """Return a function that writes the first or the second recording to the same address.
 
-    At the start, the first one is there.
+    At the start, the first recording is there.
     """
 
     def write(which: int) -> None:
@@ -95,7 +99,9 @@ def put(server: Any, noises: list[Path]) -> Callable[[int], None]:
 
 
 def errors_of(files: list[File], ask: Any, out: Path, **options: Any) -> list[str | None]:
-    """Return the errors of the rows; the next run tries all failed files again."""
+    """Identify the files, and return the errors of their rows. Check that the next run would try all failed
+    files again.
+    """
     with open_table(out, ask.digest()) as table:
         run(files, ask, Here(), table, **options)
     found = rows_in(out)
@@ -147,12 +153,15 @@ def test_a_range_comes_whole_or_not_at_all(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """A proxy cuts the answer, extends it, or sends a page of its own; there are no checksums."""
+    """A proxy cuts the answer, extends it, or sends a page of its own, and the server sends no checksums by
+    which that would be noticed.
+    """
     monkeypatch.setenv("AWS_RESPONSE_CHECKSUM_VALIDATION", "when_required")
     address = urlsplit(os.environ["AWS_ENDPOINT_URL"]).netloc
     with web_server(partial(Between, address)) as between, monkeypatch.context() as patch:
         patch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{between.server_port}")
-        type(server).clear_instance_cache()  # otherwise the file system would keep the old address
+        # otherwise the file system object would keep the address of the server without the proxy
+        type(server).clear_instance_cache()
         patch.setattr(Between, "lie", staticmethod(lie))
         (error,) = errors_of(list(files_of([URL])), PIECES, tmp_path / "v.parquet")
     type(server).clear_instance_cache()

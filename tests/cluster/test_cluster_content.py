@@ -33,7 +33,8 @@ MOST_CHUNKS = 64
 class Content:
     """A file on a server, in two versions.
 
-    `says`: the headers that describe the version. `minds`: whether the server honours conditional requests.
+    `says`: which header of an answer describes the version of the file. `minds`: whether the server honours
+    conditional requests.
     `after`: number of answers that use the first version. `longer`: number of bytes by which the second
     version is longer.
     """
@@ -151,7 +152,9 @@ def test_a_web_file_of_which_nothing_tells_a_change_is_read_in_one_answer(tmp_pa
 
 
 def test_a_file_of_this_machine_that_is_written_anew_has_changed(tmp_path: Path) -> None:
-    """A file that has only grown has not changed: its earlier content is still there."""
+    """A file of this machine that is written anew has changed. A file that has only grown has not, because
+    its earlier content is still there.
+    """
     path = tmp_path / "a.npy"
     np.save(path, white(N, 1, 3)[0])
     (file,) = files_of([str(path)])

@@ -1,4 +1,6 @@
-"""The pieces of a file are recordings whose samples, in order, are those of the whole file."""
+"""Large files are cut into pieces. Each piece is a recording, and the samples of all pieces, in order, are
+those of the whole file.
+"""
 
 import contextlib
 import io
@@ -129,16 +131,16 @@ def test_all_samples_once(make: Callable[[Path], Path], tmp_path: Path) -> None:
 
 
 def test_a_recording_of_the_daemon(tmp_path: Path) -> None:
-    """A frame across a cut is lost, and counted as lost on the wire.
+    """A frame that a cut divides is lost, and counts as lost on the wire.
 
-    The device is known from the beginning of each piece.
+    Each piece says from its beginning which device it comes from.
     """
     whole, pieces = cut_up(ours, tmp_path)
     assert sum(one.counts.before_hello for one in pieces) <= 1
     assert {one.hello.device_id for one in pieces} == {whole.hello.device_id}
     y = np.concatenate([one.axes["gyro_x"].y for one in pieces])
     assert len(whole.axes["gyro_x"].y) - len(pieces) - 1 < len(y) <= len(whole.axes["gyro_x"].y)
-    place = 0  # in the same order
+    place = 0  # the samples of the pieces are in the same order as in the whole file
     for value in y:
         while whole.axes["gyro_x"].y[place] != value:
             place += 1
@@ -163,9 +165,9 @@ def test_lines_of_text_stay_whole(tmp_path: Path, lines: list[str], block_bytes:
 @given(st.lists(st.integers(1, 50), min_size=1, max_size=40), st.integers(1, 200))
 @settings(max_examples=40, deadline=None)
 def test_pieces_are_even(lengths: list[int], block: int) -> None:
-    """All samples are there, in order.
+    """The pieces contain all samples, in order.
 
-    No piece is longer than a block and the part that began in this block.
+    No piece is longer than a block plus the longest of the parts that must not be divided.
     """
     places = [0, *np.cumsum(lengths).tolist()]
     pieces = even_pieces(places[:-1], places[-1], block)
@@ -175,7 +177,9 @@ def test_pieces_are_even(lengths: list[int], block: int) -> None:
 
 
 def test_what_cannot_be_cut_is_read_whole(tmp_path: Path) -> None:
-    """Damaged files are read whole, too, so that the damage is reported."""
+    """Some files cannot be cut, and are read whole. Damaged files are also read whole, so that the damage is
+    reported.
+    """
     small = msgspec.structs.replace(ASK, how=HOW, block_bytes=100)
     torn = ours(tmp_path).read_bytes()[:-40]
     by_columns = io.BytesIO()
@@ -208,7 +212,9 @@ def bytes_of(make: Callable[[Path], Path]) -> bytes:
 @given(st.data())
 @settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_damage_never_ends_the_program(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
-    """Whichever bytes are wrong, the file is not cut, or each piece is read or refused."""
+    """Whichever bytes are wrong, the program goes on: the file is not cut, or each of its pieces is either
+    read or refused.
+    """
     folder = tmp_path_factory.mktemp("damage")
     make = data.draw(st.sampled_from([ours, ros1]))
     whole = bytearray(bytes_of(make))

@@ -48,8 +48,9 @@ def lab(tmp_path: Path) -> Path:
     ],
 )
 def test_patterns(lab: Path, pattern: str, found: list[str]) -> None:
-    """A folder stands for the recordings in it, a pattern for its matches; tables of verdicts are left
-    out."""
+    """The name of a folder stands for the recordings in the folder, and a pattern for the files that match
+    it. Tables of verdicts are left out.
+    """
     path = f"{lab}/{pattern}".rstrip("/")
     if not found:
         with pytest.raises(UsageError, match="no recording is there"):
@@ -63,7 +64,7 @@ def test_patterns(lab: Path, pattern: str, found: list[str]) -> None:
 
 @pytest.mark.parametrize("name", ["a.mcap", "x/link.csv"])
 def test_a_file_that_changes_has_another_stamp(lab: Path, name: str) -> None:
-    """The same holds for a link to the file."""
+    """If a file changes, a link to it has another stamp, too."""
     (lab / "x" / "link.csv").symlink_to(lab / "a.mcap")
     before = {file.url: file for file in files_of([str(lab)])}[f"{lab}/{name}"]
     os.utime(lab / "a.mcap", (1, 1))
@@ -84,7 +85,9 @@ def test_what_is_no_file_is_none(lab: Path, pattern: str) -> None:
 
 
 def test_a_folder_has_one_name(lab: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The name is the same by every path to the folder, including a link whose target has another parent."""
+    """A folder has the same name by every path to it, including a path through a link whose target has
+    another parent folder.
+    """
     (lab / "link").symlink_to(lab / "x" / "y")
     monkeypatch.chdir(lab / "z")
     for pattern in ("../x/y/d.mcap", f"{lab}/z/../x/y/*.mcap", "../link/../y"):
@@ -92,7 +95,9 @@ def test_a_folder_has_one_name(lab: Path, monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_a_folder_that_may_not_be_read_or_is_gone(lab: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The folders after such a folder are still listed. If the user named it, it is an error."""
+    """If a folder may not be read, the folders after it are still listed. If the user named the unreadable
+    folder itself, that is an error.
+    """
     from fsspec.implementations.local import LocalFileSystem
 
     ls = LocalFileSystem.ls
@@ -117,7 +122,9 @@ def test_a_folder_that_may_not_be_read_or_is_gone(lab: Path, monkeypatch: pytest
 
 
 def test_memory_holds_no_more_than_a_folder(lab: Path) -> None:
-    """The second folder is not listed before all files of the first one were used."""
+    """Files are listed as they are needed: the second folder is not listed before all files of the first one
+    were used.
+    """
     files = files_of([f"{lab}/**/*.*"])
     next(files)
     (lab / "z" / "new.csv").write_bytes(b"1")
@@ -183,7 +190,9 @@ class Maze(Cloud):
 
 
 def test_folders_without_an_end_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The listing ends at some level. The files found until then are read, and a row says where it ended."""
+    """In folders without an end, the listing ends at some level. The files found until then are read, and a
+    row of the table says where the listing ended.
+    """
     monkeypatch.setattr("fltea.cluster.listing.file_system", lambda protocol: Maze())
     *files, last = itertools.islice(files_of(["s3://lab"]), 1000)
     assert len(files) == MOST_LEVELS + 1
@@ -204,8 +213,9 @@ def test_folders_without_an_end_end(monkeypatch: pytest.MonkeyPatch) -> None:
     ],
 )
 def test_endings_are_letters_and_digits(protocol: str, path: str, suffix: str) -> None:
-    """Endings become part of a file name on the worker's disk.
+    """The ending of an address becomes part of a file name on the worker's disk, so only letters and digits
+    count as an ending.
 
-    Only on the web, a question mark ends the name.
+    In an address on the web, and only there, a question mark ends the name of the file.
     """
     assert File(path, protocol, path, 1, "").suffix == suffix

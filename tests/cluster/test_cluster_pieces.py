@@ -1,6 +1,6 @@
-"""A file that is summed in pieces has the same result as the whole file.
+"""A large file is summed in pieces, and the result is the same as that of the whole file.
 
-It does not matter which worker does a piece, or whether one dies.
+It does not matter which worker sums a piece, or whether a worker dies.
 """
 
 from collections.abc import Callable
@@ -24,9 +24,10 @@ from tests.rig.identify_support import long_recursion, white
 N = 1 << 16
 NOISE = 0.05 * white(N, 1, 1)[0] + 0.05 * long_recursion(0.6, -0.19, N, 2)
 TOLERANCE = 0.5
-"""Largest difference from the whole file's value, in half-widths of a 95 % interval, for pieces of at least
-16,384 | samples. Of 36 noises the largest difference is 0.33; a block of 64 MB has a hundred times as many
-samples."""
+"""Largest difference between the value from pieces and the value from the whole file, in half-widths of a 95
+% interval, for pieces of at least 16,384 samples. Of 36 noises the largest difference is 0.33. A block of 64
+MB, the usual size of a piece, has a hundred times as many samples.
+"""
 FEW = 1 << 12
 SHORT = 0.05 * white(FEW, 1, 3)[0] + 1.5
 VALUES = ("alpha", "F", "s2", "R", "N")
@@ -68,7 +69,9 @@ def test_the_answer_of_the_whole(tmp_path: Path) -> None:
 
 
 def test_a_change_is_seen_across_pieces(tmp_path: Path) -> None:
-    """No single piece shows the change of the noise. The Allan deviation is over all pieces."""
+    """No single piece shows that the noise changes, but the sums of all pieces do. The Allan deviation is
+    that of all pieces together.
+    """
     louder = np.repeat([1.0, 1.0, 2.0, 2.0], FEW // 4)
     file = saved(tmp_path, louder * (SHORT - 1.5))
     (whole,) = identify_file(file, ask(1))
@@ -136,7 +139,7 @@ def test_a_piece_without_a_number_is_a_gap(tmp_path: Path) -> None:
 
 
 class Dying(Here):
-    """Workers that die at a task, the first `times` times.
+    """Workers that die when they get the task `fatal`, but only the first `times` times.
 
     They accept no further task until `renew` is called.
     """

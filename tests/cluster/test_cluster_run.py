@@ -56,7 +56,7 @@ def go(pattern: str, out: Path, **options: Any) -> Progress:
 
 
 def test_from_s3_and_again(s3: Any, tmp_path: Path) -> None:
-    """There are two recordings and a file that is no recording.
+    """The storage has two recordings and a file that is no recording.
 
     The second run reads only a file that has changed.
     """
@@ -129,7 +129,9 @@ def test_a_file_that_goes_away_or_changes_is_tried_again(
 
 
 def test_a_local_file_that_the_worker_does_not_see(tmp_path: Path) -> None:
-    """The shared disk may not be mounted. Once it is, the next run identifies the file."""
+    """A worker may not see a file, for example because a shared disk is not mounted there. When the worker
+    sees it, the next run identifies the file.
+    """
     path, aside = npz(tmp_path / "a.npz", counts(600, 1)), tmp_path / "aside"
     files = list(files_of([str(path)]))
     path.rename(aside)
@@ -145,7 +147,7 @@ def test_a_local_file_that_the_worker_does_not_see(tmp_path: Path) -> None:
 
 
 def test_a_folder_that_cannot_be_listed_is_a_row(tmp_path: Path) -> None:
-    """The row for the folder stays in the table until the folder can be listed."""
+    """A folder that cannot be listed gets a row in the table. The row stays until that is possible."""
     path, out = npz(tmp_path / "a.npz", counts(600, 1)), tmp_path / "v.parquet"
     closed = Unlisted(File("/closed", "file", "/closed", -1, ""), "cannot be listed (PermissionError)")
     with open_table(out) as table:
@@ -171,7 +173,7 @@ def test_nothing_is_left_on_the_disk(s3: Any, tmp_path: Path, monkeypatch: pytes
 
 @pytest.mark.slow
 def test_a_cluster_that_reads_from_s3_with_a_worker_killed(s3: Any, tmp_path: Path) -> None:
-    """Of two workers, one is killed while they read a file in pieces."""
+    """Two workers read a file in pieces, and one of them is killed meanwhile."""
 
     n = 1 << 13
     how = msgspec.structs.replace(ASK, how=How(rate_hz=100.0, units="deg/s"), block_bytes=8 * n // 4 + 256)
@@ -208,7 +210,7 @@ def test_killed_and_another_one(
 ) -> None:
     """If the scheduler is gone, the command ends, and the table holds the finished files.
 
-    With another scheduler it does the other files.
+    With another scheduler, the same command identifies the other files.
     """
     try:
         from fltea.identification import dask_workers
@@ -352,7 +354,7 @@ def journal_rows(journal: Path) -> list[dict[str, Any]]:
 
 @pytest.mark.slow
 def test_a_client_that_is_killed_and_called_again(here: Command, tmp_path: Path) -> None:
-    """Finished rows stay unchanged, and so do their durations. Every file is in the table once."""
+    """Rows that were finished before stay unchanged, with their durations. Every file has one row."""
     (tmp_path / "in").mkdir()
     for i in range(8):
         npz(tmp_path / "in" / f"{i}.npz", counts(2000, 1, seed=i))
@@ -377,9 +379,10 @@ def test_a_client_that_is_killed_and_called_again(here: Command, tmp_path: Path)
 
 
 def test_a_failure_ends_with_one_in_whichever_run_it_was_found(here: Command, tmp_path: Path) -> None:
-    """The exit code tells of a failure if the table holds one for a file in the list.
+    """The exit code reports a failure if the table has one for a file that the command was asked for, even if
+    an earlier run found it.
 
-    Failures of other files do not count.
+    Failures of other files in the table do not count.
     """
     (tmp_path / "in").mkdir()
     bad, out = tmp_path / "in" / "bad.npz", tmp_path / "v.parquet"
@@ -406,7 +409,9 @@ def test_ctrl_c_says_how_to_go_on(here: Command, tmp_path: Path) -> None:
 
 
 def test_a_file_that_is_named_twice_is_done_once(here: Command, tmp_path: Path) -> None:
-    """This holds even if the first task for the file is not finished."""
+    """A file that is named twice is identified once, even if its first task is not finished when it is named
+    again.
+    """
     path, out = npz(tmp_path / "a.npz", counts(1000, 1)), tmp_path / "v.parquet"
     assert here(path, f"{tmp_path}/*.npz", "--out", out, jobs=2)[0] == 0
     assert [row["axis"] for row in rows_in(out)] == ["gyro_x"]

@@ -37,7 +37,7 @@ ROOM_BYTES = 8_000_000
 
 
 class Endless(BaseHTTPRequestHandler):
-    """A server that sends zeros until the client leaves, and supports no ranges.
+    """A server that sends zeros until the client leaves, and does not support requests for ranges of bytes.
 
     `declared`: the size that the server states; None: it states none. `silent`: whether it stops after one
     byte.
@@ -57,7 +57,7 @@ class Endless(BaseHTTPRequestHandler):
         self._head(self._declared if self._silent else None)
         if self._silent:
             self.wfile.write(b"1")
-            self.rfile.read()  # until the client has gone
+            self.rfile.read()  # this waits until the client has gone
             return
         with contextlib.suppress(OSError):
             for _ in range(MOST_CHUNKS):
@@ -81,7 +81,7 @@ def endless(declared: int | None = None, *, silent: bool = False) -> Iterator[tu
 
 
 def failure_of(url: str, out: Path) -> dict[str, Any]:
-    """Return the row of a file that fails, after a check that the next run tries the file again."""
+    """Identify a file that fails, check that the next run would try it again, and return its row."""
     with open_table(out) as table:
         assert run(list(files_of([url])), ASK, Here(), table).failed == 1
     (row,) = rows_in(out)
@@ -91,7 +91,7 @@ def failure_of(url: str, out: Path) -> dict[str, Any]:
 
 @pytest.fixture
 def disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Use a small disk for temporary files."""
+    """Make the program see a small disk for temporary files."""
     folder = tmp_path / "tmp"
     folder.mkdir()
 
@@ -116,7 +116,9 @@ def test_a_size_nobody_knows(disk: Path, tmp_path: Path) -> None:
 
 
 def test_a_size_nobody_knows_has_a_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The limit does not depend on the size of the disk. The incomplete copy is deleted."""
+    """A file of unknown size is copied up to a limit, which does not depend on the size of the disk. The
+    incomplete copy is deleted.
+    """
     folder = tmp_path / "tmp"
     folder.mkdir()
     monkeypatch.setattr("tempfile.tempdir", str(folder))
@@ -139,7 +141,9 @@ def test_more_than_was_stated(disk: Path, tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("disk")
 def test_more_than_fits() -> None:
-    """Nothing is copied, since another worker or another TMPDIR may have enough room."""
+    """If a file is larger than the disk, nothing of it is copied, and the row is not final: another worker or
+    another TMPDIR may have enough room.
+    """
     with endless(10**15) as (url, sent):
         (row,) = identify_file(next(files_of([url])), ASK)
     assert "TMPDIR" in (row.error or "")
@@ -185,7 +189,7 @@ def server(files: Path) -> Iterator[ThreadingHTTPServer]:
 def test_https_with_a_certificate_of_ones_own(
     server: ThreadingHTTPServer, files: Path, tmp_path: Path
 ) -> None:
-    """The server's certificate is trusted by SSL_CERT_FILE.
+    """The server's certificate is trusted if SSL_CERT_FILE names its authority.
 
     Otherwise nothing is read, and the reason is given.
     """

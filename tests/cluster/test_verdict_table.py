@@ -1,6 +1,6 @@
 """The table of verdicts keeps its rows even if a process is killed at any time.
 
-Every file is in it once.
+Every file is in the table once.
 """
 
 import contextlib
@@ -53,7 +53,9 @@ def test_what_was_added_is_there_and_done(tmp_path: Path) -> None:
 
 
 def test_a_long_journal_becomes_parquet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Therefore the size of the journal and the memory in use are limited."""
+    """A long journal is written to a Parquet file and begins anew. Therefore the size of the journal and the
+    memory in use are limited.
+    """
     monkeypatch.setattr(verdict_table, "JOURNAL_BYTES", 2000)
     with open_table(tmp_path / "v.parquet") as table:
         for number in range(40):
@@ -83,7 +85,8 @@ def test_a_kill_takes_nothing_that_was_added(tmp_path: Path) -> None:
     assert subprocess.run([sys.executable, "-c", script]).returncode == -9
     journal = out / JOURNAL
     assert journal.stat().st_size
-    with journal.open("ab") as cut:  # as if the program was killed while it wrote this line
+    # the journal ends with half a line, as if the program was killed while it wrote this line
+    with journal.open("ab") as cut:
         cut.write(b'[{"file":"s3://lab/7.c')
     with open_table(out) as table:
         assert all(file(number) in table for number in range(5))
@@ -106,7 +109,7 @@ def test_a_kill_between_parquet_and_journal_doubles_nothing(tmp_path: Path) -> N
 
 @pytest.mark.parametrize("killed", [False, True])
 def test_what_was_not_the_files_fault_is_tried_again(tmp_path: Path, killed: bool) -> None:
-    """This includes a failure whose row is still in the journal."""
+    """A failure that was not the file's fault is tried again, even if its row is still in the journal."""
     out = tmp_path / "v.parquet"
     table = VerdictTable(out, DIGEST)
     with contextlib.closing(table):
@@ -151,7 +154,7 @@ def test_a_full_disk_leaves_no_half_line(tmp_path: Path, monkeypatch: pytest.Mon
             raise OSError(28, "No space left on device")
 
         monkeypatch.setattr(os, "write", full)
-        # Shorten the file by twenty bytes at a time, until only a few are left.
+        # Shorten the file by twenty bytes at a time, until only a few bytes are left.
         with pytest.raises(FlteaError, match="No space left"):
             table.add(rows(file(2)))
         monkeypatch.undo()

@@ -1,6 +1,7 @@
 """CI checks the packages for known vulnerabilities.
 
-A vulnerability is an error. If the service cannot be reached, the check says so.
+A known vulnerability is an error. If the service that lists vulnerabilities cannot be reached, the check says
+so.
 """
 
 import json
@@ -43,7 +44,9 @@ NO_DATA = "audit: NOT DONE: no data on vulnerabilities can be had from here (bui
 def test_what_is_known_ends_it_and_what_is_not_is_said(
     installs: bool, found: list[Any] | None, code: int, lines: list[str], tmp_path: Path
 ) -> None:
-    """`found`: what pip-audit prints, or None if it fails and prints nothing."""
+    """Run the check with a fake pip-audit. `found`: what pip-audit prints, or None if it fails and prints
+    nothing.
+    """
     folder = tmp_path / "build/audit/bin"
     folder.mkdir(parents=True)
     (tmp_path / "found.json").write_text("" if found is None else json.dumps({"dependencies": found}))

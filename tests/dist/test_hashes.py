@@ -80,7 +80,9 @@ def test_set_up_asks_for_hashes_and_nothing_else() -> None:
 
 
 def test_what_is_given_to_others_is_made_of_files_with_hashes() -> None:
-    """Each installation in tools/dist only uses packages from the lists, which include all dependencies."""
+    """Each `pip install` in tools/dist uses only packages from the lists with hashes. The lists include all
+    dependencies.
+    """
     scripts = {file.name: file.read_text("utf-8") for file in (ROOT / "tools/dist").glob("*.sh")}
     installs = [line for text in scripts.values() for line in re.findall(r"pip install.*", text)]
     assert len(installs) == 2
@@ -98,7 +100,7 @@ def test_what_is_given_to_others_is_made_of_files_with_hashes() -> None:
 
 
 def closure(*names: str) -> set[str]:
-    """Return the names of these packages and all their dependencies on this machine."""
+    """Return the names of these packages and of all their dependencies that are installed on this machine."""
     found: set[str] = set()
     waiting = [Requirement(name) for name in names]
     while waiting:

@@ -1,6 +1,6 @@
-"""What `make dist` builds, as far as it can be tested in seconds.
+"""Tests of what `make dist` builds, as far as that can be tested in seconds.
 
-The sdist has all that the wheel needs, and versions agree.
+The source distribution has all that the wheel needs, and versions agree.
 """
 
 import json
@@ -110,7 +110,7 @@ def test_figures_of_two_machines_are_compared() -> None:
 
 
 def control() -> dict[str, str]:
-    """Return the fields of the binary package, each on one line."""
+    """Return the fields of the binary package in debian/control, each as one line."""
     text = (DIST / "debian/control").read_text("utf-8")
     fields = re.findall(r"^([A-Z][\w-]*): (.*(?:\n .*)*)", text.split("\n\n")[1], re.MULTILINE)
     return {name: re.sub(r"\n ", " ", value) for name, value in fields}
@@ -122,7 +122,8 @@ def test_debian_package_asks_for_what_its_wheel_is_made_for() -> None:
     assert fields["Architecture"].split() == ["amd64", "arm64"]
     depends = {part.strip() for part in fields["Depends"].split(",")}
     common = (DIST / "common.sh").read_text("utf-8")
-    # The wheel works with Python's stable ABI; the libraries next to it are for the system's own Python.
+    # The wheel itself works with Python's stable ABI, so one wheel serves all versions. The libraries that
+    # the Debian package has next to it are for one version, the system's own Python.
     assert re.search(r"^abi=cp311-abi3$", common, re.MULTILINE)
     assert tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["scikit-build"]["wheel"] == {
         "packages": ["host/fltea"],
@@ -144,7 +145,7 @@ def test_files_that_are_packed_exist() -> None:
     named = set(re.findall(r"\$here/(tools/[\w./-]+)", script))
     assert len(named) >= 7
     assert [name for name in sorted(named) if not (ROOT / name).is_file()] == []
-    # The changes that deb.sh makes to the systemd unit can still be made.
+    # deb.sh changes some lines of the systemd unit, so these lines must be there.
     unit = (ROOT / "tools/deploy/fltea.service").read_text("utf-8")
     assert all(
         f"\n{line}" in unit

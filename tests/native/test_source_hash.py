@@ -69,7 +69,7 @@ def test_make_builds_anew_after_a_change_of_any() -> None:
 def test_a_module_of_other_sources_is_refused(
     request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    # it is found by its path, because several folders have a module named conftest
+    # tests/conftest.py is loaded by its path, because several folders have a module named conftest
     conftest = request.config.pluginmanager.get_plugin(str(ROOT / "tests/conftest.py"))
     assert conftest is not None
     conftest.pytest_configure()

@@ -1,5 +1,5 @@
-// Tests of TimeScales: the variances of changes over 1, 2, 4 … values, from running sums, are compared with
-// their definition.
+// Tests of TimeScales. Its running sums give the variances of the changes of a figure over 1, 2, 4 … values.
+// These variances are compared with their definition.
 #include <doctest/doctest.h>
 
 #include <cmath>
@@ -14,7 +14,8 @@ namespace {
 
 typedef TimeScales<6> Scales;
 
-// Compares with the definition: pairs of means over neighbouring groups of 2^s figures.
+// Compares the running sums with the definition, for which the means of neighbouring groups of 2^s figures
+// are compared in pairs.
 void check(const Scales& scales, const std::vector<float>& figures) {
     for (int s = 0; s < Scales::size(); ++s) {
         const std::size_t run = std::size_t(1) << s, pairs = figures.size() / (2 * run);

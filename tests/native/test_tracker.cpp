@@ -1,6 +1,6 @@
-// Tests of the classes of which the tracker consists. tests/estimator compares its numbers with a filter in
-// numpy. The tests here check memory, undefined behaviour, hostile snapshots, and the rules of single
-// classes.
+// Tests of the classes of which the tracker of the bias consists. tests/estimator compares its numbers with a
+// filter in numpy. The tests here check accesses to memory, undefined behaviour, hostile snapshots, and the
+// rules of single classes.
 #include <doctest/doctest.h>
 
 #include <cmath>
@@ -21,7 +21,8 @@ typedef System<kMost> Any;
 
 const double kNone = std::numeric_limits<double>::quiet_NaN();
 
-// Returns a system with a pair of poles, relaxations and an offset. It has n states, more than 3.
+// Returns a noise system with a pair of complex poles, relaxations and an offset. It has n states, more than
+// 3.
 Any system_of(int n, unsigned long long seed) {
     Noise random(seed);
     Any s = Any();
@@ -147,7 +148,7 @@ TEST_CASE("tracker: the past keeps means, and what is not known is not in them")
         const Newest<Past::kMeans>& means = past->means(level);
         kept += means.count() * size;
         for (int i = 2; i < means.count(); ++i) {
-            // The mean of a group of which more than half is unknown is unknown, too.
+            // If more than half of a group's values are unknown, the group's mean is unknown, too.
             if (level == 0 && std::isnan(means[i])) CHECK(std::isnan(means[i - 2]));
             if (level == 0 && !std::isnan(means[i])) CHECK(means[i] == means[i - 2] + 2);
             if (level > 0) CHECK(means[i] > means[i - 1]);
@@ -199,7 +200,7 @@ TEST_CASE("tracker: the accelerometer shows a tilt, and rest where it ends") {
         }
         return moving = gate.end_chunk(0.1, moving);
     };
-    for (int k = 0; k < 300; ++k) REQUIRE(!chunk(1e-4 * k));  // the bias drifts
+    for (int k = 0; k < 300; ++k) REQUIRE(!chunk(1e-4 * k));  // the bias drifts slowly, which is no motion
     CHECK(chunk(0.5));
     CHECK(chunk(0.7));
     CHECK(!chunk(0.7));
@@ -241,7 +242,7 @@ TEST_CASE("tracker: the mean of what comes is a sum of single steps") {
                 }
                 CHECK(found.row[i] == doctest::Approx(sum / double(m)).epsilon(1e-9));
             }
-            // The variance that the noise adds to the mean is compared, too.
+            // The variance that future noise adds to the mean bias is compared, too.
             std::vector<double> weight(s->bias, s->bias + n), all(weight);
             double variance = 0;
             for (long long k = 0; k < m; ++k) {
@@ -346,7 +347,7 @@ TEST_CASE("tracker: another system is no jump of what does not depend on it") {
 TEST_CASE("tracker: gaps of every length") {
     for (bool modelled : {false, true}) {
         std::unique_ptr<OneAxis> one = made(modelled);
-        one->skip(100);  // a gap before the first sample
+        one->skip(100);  // a gap of 100 samples before the first sample
         Noise random(13);
         for (std::uint64_t lost : {0, 1, 31, 32, 33, 500, 3000, 100001}) {
             for (int i = 0; i < 100; ++i) CHECK(sane(one->next(random())));

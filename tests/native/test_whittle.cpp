@@ -1,5 +1,5 @@
-// Tests of noise models: derivatives are compared with differences, fits have to end inside their bounds, and
-// the model search has to find the models.
+// Tests of noise models and their fits: derivatives are compared with differences, fits have to end inside
+// their bounds, and the model search has to find the models from which the spectra were made.
 #include <doctest/doctest.h>
 
 #include <cmath>
@@ -15,8 +15,8 @@ namespace {
 
 using namespace fltea::noise_models;
 
-// Returns bins whose width is proportional to the frequency, like those of the live spectrum. Their powers
-// are 1.
+// Returns bins of a spectrum whose width is proportional to the frequency, like those of the live spectrum.
+// Their powers are 1.
 Bins bins_of(std::size_t size, double samples = 60000) {
     Numbers lam, counts, walk;
     const double lowest = 25 / samples, ratio = std::pow(kPi / lowest, 1 / static_cast<double>(size));
@@ -40,7 +40,8 @@ Numbers spectrum(const Bins& bins, const Terms& terms, const std::vector<double>
     return at.total();
 }
 
-// Draws random powers with these means, as the means of exponentially distributed ordinates.
+// Draws a random power for each bin, distributed like the mean of the bin's exponentially distributed
+// ordinates. The expected powers are `power`.
 Numbers drawn(const Bins& bins, Numbers power, unsigned seed) {
     std::mt19937 random(seed);
     for (std::size_t i = 0; i < power.size(); ++i)
@@ -52,8 +53,8 @@ const Part kAll[] = {kRelaxation, kWalk,     kOrder,  kResonance, kQuantised,   
                      kLowPass,    kSharp,    kNotch,  kMean,      kAlternating, kFloor,
                      kOrderByF,   kOrderByf, kArfima, kHighPass};
 
-// Returns free parameters of a part well inside their bounds, computed from three numbers between 0.3 and
-// 0.9.
+// Returns free parameters of a noise part. They are well inside their bounds, and computed from three numbers
+// between 0.3 and 0.9.
 std::vector<double> inside(Part part, double a, double b, double c) {
     switch (part) {
         case kWhite:
@@ -333,9 +334,9 @@ TEST_CASE("noise models: an order is found beside none, and its interval holds i
         }
         CHECK(ends[0] < found.ordered.eta[1]);
         CHECK(found.ordered.eta[1] < ends[1]);
-        // The limit is 3.3 standard deviations.
+        // The error of the order may be 1.7 times half the interval, which is 3.3 standard deviations.
         CHECK(std::fabs(found.ordered.eta[1] - alpha) < 1.7 * (ends[1] - ends[0]) / 2);
-        // At each end, the likelihood has fallen by the required amount.
+        // At each end of the interval, the likelihood has fallen by the required amount.
         for (double end : ends) {
             std::vector<double> eta = found.ordered.eta;
             eta[1] = end;
