@@ -1,6 +1,7 @@
-// Makes the register accesses of a sketch on the Arduino core from reset on, without using the core. These
-// are the clock, turning the watchdog off, SysTick, every pin, the analogue parts, USB, Serial by interrupts
-// and Wire by polling. Then the program takes a sample every 10 ms.
+// A program that makes the same register accesses as a sketch on the Arduino core from reset on, without
+// using that core. It sets up the clock, this turns the watchdog off, and sets up SysTick, every pin, the
+// analogue parts and USB. It uses Serial by interrupts and Wire by polling. Then it takes a sample every 10
+// ms.
 #include <stddef.h>
 #include <stdint.h>
 
@@ -252,7 +253,7 @@ void reset() {
     for (uint32_t* to = &bss_begin; to < &bss_end;) *to++ = 0;
     at(0xE000ED08) = 0x00080000;
 
-    at(0x400E1A54) = 1 << 15;  // turns the watchdog off
+    at(0x400E1A54) = 1 << 15;  // this turns the watchdog off
     set_clocks();
     start_systick();
     set_pins();

@@ -1,6 +1,6 @@
-"""Emulated boards that run whole images.
+"""Tests of the emulated board with whole images.
 
-These are fltea's firmware, and a program that starts like a sketch on the Arduino core.
+The images are fltea's firmware, and a program that starts like a sketch on the Arduino core.
 """
 
 import io
@@ -160,7 +160,9 @@ def test_our_image_sends_every_sample_at_its_time(ours, tmp_path):
 
 
 def test_two_runs_give_the_same_bytes_and_another_seed_others(ours, tmp_path):
-    """The first run is in a process of its own."""
+    """Two runs with the same seed give the same bytes, even if one of them is in a process of its own. Other
+    seeds give other bytes.
+    """
     contents = []
     for n, arguments in enumerate(((), (), ("--seed", 2), ("--noise", "seed=9"))):
         out = tmp_path / str(n)
@@ -190,8 +192,8 @@ def test_a_reboot_begins_anew_and_is_no_loss(ours):
 
 @pytest.mark.slow
 def test_a_reset_may_come_at_any_moment_of_a_sampling_period(ours):
-    # Each boot takes the same time, so the resets come at 25 moments of the sampling period, 0.4 ms apart. A
-    # read of the sensor takes 0.6 ms.
+    # Each boot takes the same time, so the resets come at 25 moments of the sampling period, which are 0.4 ms
+    # apart. As a read of the sensor takes 0.6 ms, at least one reset comes during a read.
     lives_s = [0.5 + 0.0004 * i for i in range(25)]
     faults = [part for at in accumulate(lives_s) for part in ("--fault", f"port_reopen at={at:.5f}")]
     found = report("--virtual", 13.5, *faults)
@@ -209,8 +211,9 @@ def test_a_reset_may_come_at_any_moment_of_a_sampling_period(ours):
         (("uart_loss at=1.25 count=100",), range(275, 291), range(2)),
         (("uart_loss at=1.5 probability=1 for=2",), range(275, 291), range(149, 152)),
         (("uart_loss probability=1 for=0.995",), range(275, 291), range(75, 92)),
-        # The host gets samples until 1 s. The board runs until the watchdog resets it, and the boot after the
-        # reopening is short.
+        # The host gets samples until the main loop stops at 1 s. The sampling instants until the watchdog's
+        # reset are due, but no sample of them is heard. The boot after the port is reopened at 2.5 s is
+        # short.
         (("watchdog_starvation at=1 for=1.2", "port_reopen at=2.5"), range(215, 240), range(95, 105)),
     ],
 )

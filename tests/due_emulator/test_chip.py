@@ -1,4 +1,5 @@
-"""Compare the chip model with RM-MPU-9250A-00, RM-MPU-6000A-00 and PS-MPU-9250A-01.
+"""Compare the emulator's model of the sensor chip with its register maps (RM-MPU-9250A-00, RM-MPU-6000A-00)
+and its data sheet (PS-MPU-9250A-01).
 
 The expected numbers are typed by hand.
 """
@@ -13,7 +14,8 @@ from tools.due_emulator.noise import Constant
 def test_reset_values():
     chip = Mpu9250(Constant())
     values = [chip.read_block(r, 1)[0] for r in range(128)]
-    assert values[0x6B] == 0x01  # Register map, section 3: all other registers are 0 after a reset.
+    # By section 3 of the register map, all registers except these are 0 after a reset.
+    assert values[0x6B] == 0x01
     assert values[0x75] == 0x71
     assert [r for r, v in enumerate(values) if v] == [0x6B, 0x75]
 
@@ -35,9 +37,9 @@ def test_mpu6050_sleeps_after_reset_and_lacks_accel_config_2():
     chip.write_register(0x1D, 0x01)
     chip.write_register(0x1B, 0x1B)
     assert chip.read_block(0x1D, 1) == b"\x00"
-    assert chip.read_block(0x1B, 1) == b"\x18"  # This chip has no bits FCHOICE_B, either.
+    assert chip.read_block(0x1B, 1) == b"\x18"  # The MPU-6050 has no bits FCHOICE_B, either.
     chip.advance(20 * MS)
-    # Counts at 25 °C: (25 - 36.53) * 340 = -3920.2
+    # The MPU-6050's counts of temperature at 25 °C are (25 - 36.53) * 340 = -3920.2.
     assert words(chip.read_block(0x3B, 14)) == [0, 0, 16384, -3920, 16, 0, 0]
 
 
@@ -57,7 +59,7 @@ def test_counts_follow_the_configured_range(gyro, accel, counts, z):
     accel_x, accel_y, accel_z, temperature, *rate = words(chip.read_block(0x3B, 14))
     assert rate == counts
     assert (accel_x, accel_y, accel_z) == (0, 0, z)
-    assert temperature == 1335  # counts at 25 °C: (25 - 21) * 333.87
+    assert temperature == 1335  # counts of temperature at 25 °C: (25 - 21) * 333.87
 
 
 def test_saturates_at_both_ends():
@@ -69,7 +71,7 @@ def test_saturates_at_both_ends():
 @pytest.mark.parametrize(
     ("who", "fchoice", "dlpf", "divider", "hz"),
     [
-        (0x71, 0, 0, 9, 8000),  # The divider only divides a rate of 1 kHz (register 25).
+        (0x71, 0, 0, 9, 8000),  # The divider SMPLRT_DIV only divides an internal rate of 1 kHz (register 25).
         (0x71, 0, 1, 9, 100),
         (0x71, 0, 1, 0, 1000),
         (0x71, 0, 6, 255, 1000 / 256),
@@ -99,17 +101,18 @@ def test_stands_still_in_sleep_and_without_clock(power):
 def test_a_burst_is_of_one_instant_and_single_reads_may_tear(fifo):
     chip = running(Ramp())
     chip.write_register(0x23, 0xF8)
-    chip.write_register(0x6A, fifo)  # the conversion continues during the burst
+    chip.write_register(0x6A, fifo)  # 0x40 turns the FIFO on, so that conversions continue during the burst
     chip.advance(7 * MS)
     assert chip.start(0x68, False)
     chip.advance(7_900_000)
     assert chip.write(0x3B)
     chip.advance(8 * MS)
-    assert chip.start(0x68, True)  # After a repeated START, the bus is still busy.
+    # After a repeated START, the bus is still busy, so the registers keep their values.
+    assert chip.start(0x68, True)
     data = b""
     for i in range(14):
         data += bytes([chip.read(ack=i < 13)])
-        chip.advance((9 + i) * MS)  # The bus is very slow.
+        chip.advance((9 + i) * MS)  # On this very slow bus, conversions end during the burst.
     chip.stop()
     x, _, _, _, gx, gy, gz = words(data)
     assert (x, gx, gy, gz) == (7, 7 * 0x0123, -7, 7)
@@ -152,9 +155,9 @@ def test_reserved_bits_stay_0(register, written, kept):
 def test_reset_takes_its_time():
     chip = running(at_ms=1000)
     chip.write_register(0x6B, 0x80)
-    assert chip.read_block(0x75, 1) == b"\x71"  # the chip answers
+    assert chip.read_block(0x75, 1) == b"\x71"  # the chip answers during its reset
     chip.advance(1012 * MS)
-    assert chip.read_block(0x6B, 1) == b"\x81"  # H_RESET is still set
+    assert chip.read_block(0x6B, 1) == b"\x81"  # the bit H_RESET is still set
     chip.write_register(0x1B, 0x18)  # too early, so the write will be lost
     chip.advance(1094 * MS)
     assert chip.read_block(0x1B, 1) == b"\x18"
@@ -181,7 +184,7 @@ def test_power_cycle_and_brown_out():
     chip = running()
     chip.advance(5 * MS)
     chip.brown_out()
-    # The chip answers at once, with the default range of ±250 deg/s.
+    # After a brown-out, the chip answers at once, with the default range of ±250 deg/s.
     assert chip.read_block(0x19, 5) == bytes(5)
     chip.advance(6 * MS)
     assert words(chip.read_block(0x43, 6)) == [131, -262, 393]
@@ -198,6 +201,6 @@ def test_power_cycle_and_brown_out():
 def test_axis_switched_off_keeps_its_value():
     chip = running(Ramp())
     chip.advance(3 * MS)
-    chip.write_register(0x6C, 0x04)  # the bit DIS_XG, which switches off the gyroscope's x axis
+    chip.write_register(0x6C, 0x04)  # sets the bit DIS_XG, which switches off the gyroscope's x axis
     chip.advance(9 * MS)
     assert words(chip.read_block(0x43, 6)) == [3 * 0x0123, -9, 9]

@@ -1,4 +1,4 @@
-"""The chip's data-ready flag, INT pin and FIFO, and arbitrary register accesses.
+"""Tests of the sensor chip's data-ready flag, INT pin and FIFO, and of arbitrary register accesses.
 
 Register numbers are those of the register map.
 """
@@ -39,8 +39,8 @@ def test_the_part_of_a_period_that_has_passed_stays_when_the_clock_changes():
     chip.clock_ppm = -100_000
     chip.advance(35 * MS)
     rises = [at for at, level in edges if level]
-    # First 0.4 of a period passes, then 2 ms at 1.1 times the rate, which is 0.22 of a period. The remaining
-    # 0.38 of a period run at 0.9 times the rate.
+    # By hand: first 0.4 of a period passes, then 2 ms at 1.1 times the rate, which is 0.22 of a period. The
+    # remaining 0.38 of a period runs at 0.9 times the rate.
     assert rises[:2] == [10_000_000, pytest.approx(16_000_000 + 3_800_000 / 0.9, abs=2)]
     assert rises[2] - rises[1] == pytest.approx(10_000_000 / 0.9, abs=2)
 
@@ -88,7 +88,7 @@ def test_time_does_not_run_backwards():
 
 
 def filling(sources, *arguments, **options):
-    """Return a chip that puts the values of these sources into its FIFO."""
+    """Return a chip that puts the values of these sources (bits of the register FIFO_EN) into its FIFO."""
     chip = running(*arguments, **options)
     chip.write_register(0x23, sources)
     chip.write_register(0x6A, 0x40)
@@ -127,7 +127,8 @@ def test_fifo_count_is_latched_by_its_high_byte():
 def test_fifo_overflow(who, mode, samples, first):
     """Each sample has two bytes, and `samples` samples fit into the FIFO.
 
-    A full FIFO of an MPU-6050 always keeps the newest samples.
+    `first`: the oldest sample in the FIFO after 4 samples too many. A full FIFO of an MPU-6050 always drops
+    the oldest samples, and that of an MPU-9250 drops the newest if the bit 0x40 is set.
     """
     chip = filling(0x10, Ramp(), dlpf=mode, who_am_i=who)
     chip.advance(samples * MS)
@@ -191,7 +192,7 @@ def test_any_sequence_keeps_the_invariants(steps, who):
                 chip.advance(now)
             case ("write", register, value):
                 if register == 0x6A:
-                    value &= ~0x10  # I2C_IF_DIS would end the communication
+                    value &= ~0x10  # the bit I2C_IF_DIS is never set, because it would end the communication
                 if register == 0x1B:
                     value |= 0x18
                 try:
@@ -211,20 +212,22 @@ def test_any_sequence_keeps_the_invariants(steps, who):
             x, _, z, _, gx, gy, gz = words(chip.read_block(0x3B, 14))
         except OSError:
             continue
-        # All values of a read are of the same moment. The range is ±2000 deg/s, or ±250 deg/s after a reset.
+        # All values of one read are of the same moment. The range is ±2000 deg/s, or ±250 deg/s after a
+        # reset.
         if z:
             assert (gx, gy, gz) in [at_range(x, lsb) for lsb in (16.4, 131.0)]
         else:
             assert (x, gx, gy, gz) == (0, 0, 0, 0)
-    # The level of the pin alternates, so no two successive edges have the same level; and times only
-    # increase.
+    # The levels after the pin's edges alternate, and the times of the edges only increase.
     assert [level for _, level in levels] == [i % 2 == 0 for i in range(len(levels))]
     assert [at for at, _ in levels] == sorted(at for at, _ in levels)
 
 
 @given(st.lists(st.integers(1, 40_000_000), min_size=1, max_size=20))
 def test_how_often_time_is_advanced_changes_nothing(steps):
-    """Skipping updates gives the same registers as running each update."""
+    """However often the time of the model is advanced, its registers are the same. In long steps it skips
+    updates.
+    """
     noise = NoiseSettings(window=10)
     often, seldom = (running(Fractional(noise), divider=3) for _ in range(2))
     now = 0

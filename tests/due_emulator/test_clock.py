@@ -1,5 +1,6 @@
-"""Clock tree, flash wait states, watchdog, resets and random numbers: correct use works, misuse ends the
-run."""
+"""Tests of clock tree, flash wait states, watchdog, resets and random numbers: correct use works, and misuse
+ends the run.
+"""
 
 import pytest
 

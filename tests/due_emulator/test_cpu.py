@@ -1,4 +1,4 @@
-"""The processor: time, memory, instruction counts, and the errors that end a run."""
+"""Tests of the emulated processor: time, memory, instruction counts, and the errors that end a run."""
 
 from itertools import pairwise
 
@@ -48,7 +48,7 @@ FORBIDDEN = [
     ("store 0xE000ED04, 0x04000000\n nop", "exception 15 has no handler"),
     ("movs r0, #2\n msr control, r0\n store 0xE000ED04, 0x04000000\n nop", "process stack"),
 ]
-"""What a program does (its code), and the reason with which its run ends."""
+"""Pairs of a program's code and the reason with which its run ends."""
 
 
 def test_an_empty_flash_is_said_to_be_one():
@@ -97,7 +97,7 @@ def test_polling_a_timer_goes_on_in_time():
 
 
 def test_a_loop_that_counts_its_turns_takes_the_time_of_its_instructions():
-    # Arduino's library Wire waits in this way for a flag that is never set: 20,000 iterations.
+    # A loop with 20,000 iterations that waits for a flag that is never set, as Arduino's library Wire does.
     waiting = """ldr r2, =0xE000E010
   ldr r3, =20000
 1: ldr r1, [r2]
@@ -203,7 +203,7 @@ def test_code_runs_at_the_new_clock_as_soon_as_it_changes():
         ).board.machine
         return machine.now_ps - machine.idle_ps
 
-    # At 84 MHz, with two instructions in each iteration.
+    # 840,000 more iterations of two instructions, at 84 MHz, take 20 ms.
     assert busy_ps(840_001) - busy_ps(1) == pytest.approx(20_000_000_000, abs=20_000)
     assert busy_ps(1) < 4_000_000_000, "the sources' start-up, and no more"
 

@@ -1,4 +1,6 @@
-"""Faults: the syntax of their texts, error messages, and the effect of each fault on the board."""
+"""Tests of scripted faults: the syntax of their texts, error messages, and the effect of each fault on the
+board.
+"""
 
 import pytest
 from fltea.records.errors import UsageError
@@ -9,7 +11,9 @@ from tools.due_emulator.machine import PS_PER_S
 
 
 class Board(SmallBoard):
-    """A small board that records the calls that faults make to parts of the board that are missing here."""
+    """A small board with the sensor's bus. It records the calls that faults make to those parts of a board
+    that it does not have.
+    """
 
     def __init__(self):
         super().__init__()
@@ -99,7 +103,7 @@ def test_sda_stuck_for_clocks():
     ],
 )
 def test_who_answers(fault, told):
-    """`told`: pairs of a time [us] to wait and the WHO_AM_I that is read then."""
+    """`told`: pairs of a time to wait [us], and the WHO_AM_I that is read after the wait."""
     board = Board().suffer(fault)
     for wait_us, who in told:
         board.wait_us(wait_us)

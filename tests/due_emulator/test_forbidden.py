@@ -1,7 +1,8 @@
-"""Forbidden uses of peripherals, in one table for the board's peripherals and one for the TWI.
+"""Tests that forbidden uses of peripherals end a run. One table has those of the board's peripherals, another
+those of the TWI.
 
-Before the forbidden access, a row can have steps. A step is a write (peripheral, register, value), a time in
-ms, or a function of `machine_support`.
+A row of a table can have steps before the forbidden access. A step is a write (peripheral, register, value),
+a time to pass in ms, or a function of `machine_support`.
 """
 
 import pytest
@@ -32,7 +33,7 @@ UNLOCKED = [wait_states, crystal, ("PMC", "CKGR_PLLAR", PLLA_168), HALVED, 0.5]
 
 
 def test_the_table_begins_where_nothing_is_refused():
-    """The steps that rows begin with are allowed.
+    """The steps with which rows of the tables begin are allowed.
 
     Otherwise a row could be refused for a reason other than its own.
     """
@@ -54,14 +55,14 @@ def play(board, steps):
 @pytest.mark.parametrize(
     ("before", "name", "register", "value", "text"),
     [
-        # Oscillators and the PLL
+        # Rows about the oscillators and the PLL
         ([], "PMC", "CKGR_MOR", 0x809, "without its key"),
         ([], "PMC", "CKGR_MOR", 0x0037_0801, "stops the RC oscillator"),
         ([("PMC", "CKGR_MOR", FAR)], "PMC", "CKGR_MOR", FAR | 1 << 24, "before it is ready"),
         ([crystal], "PMC", "CKGR_PLLAR", PLLA_168 & ~(1 << 29), "bit 29"),
         ([crystal], "PMC", "CKGR_PLLAR", 1 << 29 | 16 << 16 | 0x3F00 | 1, "204 MHz"),
         ([full_speed], "PMC", "CKGR_PLLAR", PLLA_168, "comes from PLLA"),
-        # Master clock
+        # Rows about the master clock
         (UNLOCKED, "PMC", "MCKR", 0x12, "not ready"),
         ([wait_states, plla], "PMC", "MCKR", 0x12, "CSS and PRES at once"),
         ([wait_states, plla, HALVED], "PMC", "MCKR", 0x12, "before its last change is done"),
@@ -77,7 +78,7 @@ def play(board, steps):
             for first, second in ((3, 4), (4, 3), (0, 4), (4, 0))
         ),
         ([full_speed], "EFC0", "FMR", 1 << 8, "FWS is 1, good for 34 MHz"),
-        # Clocks of peripherals, and keys
+        # Rows about the clocks of peripherals, and about keys
         ([("PMC", "PCDR0", 1 << 7)], "PMC", "PCER0", 1 << 7, "do not exist"),
         ([("PMC", "PCDR0", 1 << 2)], "PMC", "PCER0", 1 << 2, "do not exist"),
         ([("PMC", "PCDR1", 1 << 13)], "PMC", "PCER1", 1 << 13, "do not exist"),
@@ -85,7 +86,7 @@ def play(board, steps):
         ([], "EFC0", "FCR", 0x0000000E, "without its key"),
         ([], "EFC0", "FCR", 0x5A000003, "not modelled"),
         ([], "WDT", "MR", 1 << 13, "WDV = 0"),
-        # UART
+        # Rows about the UART
         (UART_CLOCK, "UART", "THR", 1, "transmitter is off"),
         ([*UART, ("UART", "THR", 1), ("UART", "THR", 2)], "UART", "THR", 3, "TXRDY is 0"),
         ([*UART, ("UART", "THR", 1)], "UART", "BRGR", 20, "while a byte is on the line"),
@@ -95,7 +96,7 @@ def play(board, steps):
         ([*UART, ("UART", "TPR", 0x30000000), ("UART", "TCR", 1)], "UART", "PTCR", 1 << 8, "no memory"),
         (UART, "UART", "TNCR", 4, "TCR is 0"),
         (UART, "UART", "PTCR", 1, "nothing is ever received"),
-        # Timers
+        # Rows about the timers
         *(
             ([TC], "TC0", register, value, "modelled")
             for register, value in (

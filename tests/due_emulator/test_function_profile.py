@@ -1,4 +1,4 @@
-"""Assign a program's instructions to functions and phases."""
+"""Tests of the profile that assigns the instructions of a run to functions and phases."""
 
 import pytest
 
@@ -56,7 +56,7 @@ def test_a_phase_that_goes_back_to_its_beginning_was_called_once(bench):
 
 
 def test_only_what_runs_between_the_two_moments_is_counted(bench):
-    # Count during the second of six calls of `leaf`, each of which takes 1.25 ms.
+    # Only the second of six calls of `leaf` is counted. Each call takes 1.25 ms.
     bench.run(0.0015)
     before = bench.board.cpu.instructions
     found = profiled(bench, 0.0022)

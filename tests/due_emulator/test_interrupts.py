@@ -1,4 +1,6 @@
-"""Exceptions, interrupts, sleep and their times, tested by small programs that store results."""
+"""Tests of exceptions, interrupts, sleep and their times. Small programs run on the emulator and store
+results in RAM.
+"""
 
 import re
 from pathlib import Path
@@ -11,7 +13,7 @@ PROGRAMS = sorted(Path(__file__).with_name("programs").glob("*.S"))
 
 
 def numbered(text: str) -> dict[int, str]:
-    """Return the words of a text such as "1 a, 2 b" by their numbers."""
+    """Return the words of a text such as "1 a, 2 b" as a dictionary by their numbers."""
     return {int(number): word for number, word in (pair.split() for pair in text.split(", "))} if text else {}
 
 

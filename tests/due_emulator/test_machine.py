@@ -1,4 +1,4 @@
-"""Virtual time and the registers that all peripherals share."""
+"""Tests of the emulator's virtual time, and of the registers that all peripherals have in common."""
 
 import pytest
 
@@ -171,5 +171,6 @@ def test_priorities_groups_and_basepri_decide():
     nvic.enter(low)
     nvic.pend(high)
     assert nvic.urgent() == high
-    nvic.priority_group = 4  # Bits 7 to 5 decide about preemption, so 0x50 and 0x40 count as equal.
+    # Only bits 7 to 5 of a priority decide about preemption, so 0x50 and 0x40 count as equal.
+    nvic.priority_group = 4
     assert nvic.urgent() is None

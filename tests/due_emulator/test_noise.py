@@ -1,4 +1,4 @@
-"""The simulated motion of the sensor: known noise, value by value, and recordings."""
+"""Tests of what the simulated sensor measures: known noise, value by value, and recordings."""
 
 import numpy as np
 import pytest
@@ -28,11 +28,11 @@ def test_seeds_differ_and_repeat():
 
 
 def test_counts_are_those_of_the_hosts_quantisation():
-    """Polling the chip at 100 Hz gives each value once, in the counts that `fltea` expects."""
+    """Polling the chip at 100 Hz gives each value of the noise once, in the counts that `fltea` expects."""
     chip = Mpu9250(fractional_world(QUERY))
     chip.write_register(0x19, 0, 1, 0x18, 0, 1)
     source = NoiseGenerator(parse_noise(QUERY + "&lsb_per_dps=0"))
-    source.step()  # Value 0 has passed before the first read.
+    source.step()  # Value 0 of the noise has passed before the first read.
     for k in range(1, 300):
         chip.advance(k * 10 * MS)
         counts = np.frombuffer(chip.read_block(0x43, 6), ">i2")
@@ -42,7 +42,7 @@ def test_counts_are_those_of_the_hosts_quantisation():
 def test_accelerometer_feels_one_g_and_a_little_noise():
     world = fractional_world("window=10")
     accel = np.array([world.at(k * 10 * MS).accel_g for k in range(2000)])
-    # The tolerance is 5 standard deviations of the mean.
+    # The tolerance is 5 standard deviations of the mean of 2,000 samples.
     assert accel.mean(axis=0) == pytest.approx([0, 0, 1], abs=5e-4)
     assert accel.std(axis=0) == pytest.approx([0.004] * 3, rel=0.1)
 

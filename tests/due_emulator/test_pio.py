@@ -1,6 +1,7 @@
-"""PIO controllers: outputs, open drain, inputs, interrupts and assignment to peripherals.
+"""Tests of the PIO controllers: outputs, open drain, inputs, interrupts and the assignment of pins to
+peripherals.
 
-SAM3X datasheet, chapter 31.
+Their source is the SAM3X datasheet, chapter 31.
 """
 
 import pytest
@@ -39,7 +40,7 @@ def test_output_levels():
     assert pio.read("PDSR") & LED
     pio.write("CODR", LED)
     assert not pio.read("PDSR") & LED
-    pio.write("ODSR", LED)  # OWSR does not permit this write.
+    pio.write("ODSR", LED)  # The register OWSR (output write status) does not permit this write.
     assert not pio.read("ODSR") & LED
     pio.write("OWER", LED)
     pio.write("ODSR", 0xFFFFFFFF)
@@ -84,7 +85,8 @@ def test_pull_ups_can_be_switched_off():
 def test_sampling_needs_the_clock(register):
     board = SmallBoard()
     board.machine.clocked = 0
-    board.pio.write("PDR", SDA)  # Writing PDR does not change the assignment.
+    # This write is allowed without the clock, and does not change the assignment of the pin.
+    board.pio.write("PDR", SDA)
     with pytest.raises(EmulationFault, match=rf"PIOB_{register} without its clock: bit 12 of PMC_PCER0"):
         board.pio.read(register)
     with pytest.raises(EmulationFault, match="PIOB_IER without its clock"):
@@ -92,7 +94,9 @@ def test_sampling_needs_the_clock(register):
 
 
 def pulse(board):
-    """Send a pulse to the pin; return whether the rising and the falling edge are detected."""
+    """Send a pulse to the INT pin. Return whether its rising edge is detected, and whether its falling edge
+    is.
+    """
     board.socket.int_wire.drive("sensor", True)
     rising = bool(board.pio.read("ISR") & INT)
     board.socket.int_wire.drive("sensor", False)

@@ -1,4 +1,6 @@
-"""Instructions that a Cortex-M3 refuses and Unicorn executes: they end a run, on either processor."""
+"""Tests of instructions that a Cortex-M3 refuses and the emulation library Unicorn executes. They end a run
+on both of the emulator's processors, the exact and the fast one.
+"""
 
 import pytest
 
@@ -44,7 +46,7 @@ def _each(table):
 def _same_on_both(text, seconds=0.01):
     """Return the reason that ends the program.
 
-    Check that both processors report it with the same text and time.
+    Check that both of the emulator's processors end it at the same time and with the same text.
     """
     first, alone = (Bench(program(f"{text}\n wait_forever")) for _ in range(2))
     alone.board.cpu.watch(lambda *_: None)
@@ -55,7 +57,9 @@ def _same_on_both(text, seconds=0.01):
 
 @pytest.mark.parametrize("instruction", _each(SEVERAL_WORDS))
 def test_several_words_at_an_address_that_is_no_multiple_of_4_end_the_run(instruction):
-    """By ARMv7-M, A3.2.1, this is always a UsageFault, whatever the register CCR says."""
+    """Access to several words at an address that is not aligned is always a UsageFault, whatever the register
+    CCR says (ARMv7-M, A3.2.1).
+    """
     assert WORDS in _same_on_both(f"{ODD}{COMPUTE}{instruction}")
 
 
@@ -68,14 +72,16 @@ def test_an_exclusive_halfword_at_an_odd_address_ends_the_run(instruction):
 def test_an_odd_address_is_found_in_whatever_way_it_came_about(way):
     """The fast processor checks registers at the start of a block of code.
 
-    So their changes within the block have to be tracked.
+    So changes of the registers within a block have to be tracked.
     """
     text = f"{ODD}{COMPUTE}nop\n {way}\n ldmia r5, {{r1, r2}}"
     assert "unaligned LDM" in _same_on_both(text)
 
 
 def test_a_copy_of_words_that_are_aligned_runs_on_the_second_processor():
-    """If this program needed the exact processor, each run would take several times as long."""
+    """A program that only copies aligned words runs on the fast processor. On the exact one, each run would
+    take several times as long.
+    """
     bench = run(
         f"""ldr r0, =0x20080000
   ldr r1, =0x20081000
@@ -122,7 +128,9 @@ def test_a_division_by_zero_ends_the_run_if_the_program_asked_for_that(division)
 
 @pytest.mark.parametrize("jump", ["bx r0", "blx r0", "push {r0}\n pop {pc}", "push {r0}\n ldr pc, [sp]"])
 def test_a_jump_without_the_thumb_bit_is_said_to_be_one(jump):
-    """The jump leaves Thumb state, so the next instruction is a UsageFault (ARMv7-M B1.4.2: INVSTATE)."""
+    """The jump leaves the Thumb state, so the instruction after it is a UsageFault (INVSTATE: ARMv7-M,
+    B1.4.2).
+    """
     reason = _same_on_both(f"{COMPUTE}adr r0, 1f\n{jump}\n nop\n.align 2\n1: nop")
     assert "jump to an address without bit 0" in reason
 
@@ -132,7 +140,9 @@ def test_faultmask_is_not_passed_over_in_silence():
 
 
 def test_an_exception_that_returns_out_of_thumb_is_found():
-    """The handler clears the T bit of the PSR on the stack. On a real board the next instruction faults."""
+    """The handler clears the T bit in the PSR that lies on the stack. On a real board, the instruction after
+    the return from the handler faults.
+    """
     reason = fault_of(
         "store 0xE000ED04, 0x04000000\n nop\n wait_forever\nbad: ldr r1, [sp, #28]\n bic r1, #1 << 24\n"
         " str r1, [sp, #28]\n bx lr",

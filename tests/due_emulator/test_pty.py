@@ -1,6 +1,6 @@
-"""The port of the emulated board as a pseudo-terminal.
+"""Tests of the emulated board's serial port as a pseudo-terminal.
 
-Opening it resets the board, baud rates matter, and a warning comes if the emulation is too slow.
+Opening the port resets the board, baud rates matter, and a warning comes if the emulation is too slow.
 """
 
 import json
@@ -21,8 +21,8 @@ TIMEOUT_S = 60
 """Longest time to wait for a process that hangs [s]. No assertion depends on it."""
 
 NOTICED_S = 1.0
-"""Time in which the emulator certainly notices that the port was closed [s]. It polls the port every few
-milliseconds, and cannot notice that a port was closed and opened between two polls.
+"""Time in which the emulator certainly notices that the port was closed [s]. The emulator polls the port
+every few milliseconds. If the port was closed and opened between two polls, it notices nothing.
 """
 
 COUNT_UP = """
@@ -73,9 +73,8 @@ def end(process, number):
 @pytest.mark.slow
 def test_opening_resets_the_board_each_time_and_a_signal_ends_it_cleanly(emulator):
     process, link = emulator
-    with serial.Serial(
-        str(link), 250_000
-    ) as port:  # The terminal keeps its settings. Until they are made, bytes are lost.
+    # A terminal keeps its settings after it is closed. Before the first settings are made, bytes are lost.
+    with serial.Serial(str(link), 250_000) as port:
         assert port.read(1)
     for _ in range(2):
         time.sleep(NOTICED_S)
@@ -116,7 +115,7 @@ def test_1200_baud_erases_the_flash(emulator):
 
 
 class FakePort:
-    """A fake port that seems to be open for a number of polls."""
+    """A fake port that seems to be open for the first `looks` polls."""
 
     def __init__(self, baud, looks):
         self.baud = baud
@@ -144,9 +143,9 @@ def test_a_board_whose_flash_was_erased_does_not_run(capsys):
 
 
 def told_of(speed, for_s, step_s=0.02):
-    """Return times and texts of the warnings for a board of a given speed.
+    """Return times and texts of the warnings that the emulator gives for a board of a given speed.
 
-    `speed(real_s)` is its speed relative to real time.
+    `speed(real_s)`: speed of the emulation relative to real time, as a function of real time [s].
     """
     pace, real_s, board_s, found = Pace(), 0.0, 0.0, []
     while real_s < for_s:

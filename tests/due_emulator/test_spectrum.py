@@ -1,6 +1,6 @@
-"""The board's running spectrum and fit, on the emulated Due.
+"""Tests of the board's running spectrum and fit on the emulated Due.
 
-The results have to be bitwise those of a PC, and the computing time is limited.
+The results have to be equal to those on a PC in every bit, and the computing time is limited.
 """
 
 import pytest

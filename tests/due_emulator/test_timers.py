@@ -1,4 +1,4 @@
-"""Timer counters: how they count, when they reach the compare value, and which uses are refused."""
+"""Tests of the timer counters: how they count, when they reach the compare value, which uses are refused."""
 
 import pytest
 
@@ -77,7 +77,7 @@ def test_a_compare_behind_the_count_waits_for_the_next_lap_and_setting_it_costs_
     board.machine.advance(US)
     assert not tc.read("SR0") & CPCS
     for _ in range(100):
-        board.machine.advance(PS_PER_S // 84_000_000)  # half the duration of a count
+        board.machine.advance(PS_PER_S // 84_000_000)  # half the time that one count of the timer takes
         tc.write("RC0", 100)
     assert tc.read("CV0") == 4242 + 49
     board.machine.advance(103 * PS_PER_S)

@@ -1,4 +1,6 @@
-"""The TWI as a master: SAM3X datasheet, chapter 33. Times are computed by hand from the bits on the wires."""
+"""Tests of the TWI as a master, by the SAM3X datasheet, chapter 33. Expected times are computed by hand from
+the bits on the wires.
+"""
 
 import pytest
 from hypothesis import given
@@ -42,20 +44,20 @@ def test_reads_and_writes_registers(board):
 
 @pytest.mark.parametrize(
     ("n", "bits"),
-    # Bits: START, address, register, START and address take 1 + 9 + 9 + 1 + 9, each byte takes 9, STOP takes
-    # 1.
+    # By hand: START, address, register, START and address take 1 + 9 + 9 + 1 + 9 bits, each byte that is read
+    # takes 9, and STOP takes 1.
     [(1, 39), (5, 75), (14, 156), (20, 210)],
 )
 def test_a_read_takes_its_time_on_the_wires(board, n, bits):
     assert len(board.read_block(0x3B, n)) == n
-    assert board.twi.busy_ps == bits * 2_500_000  # 14 bytes: 390 us
+    assert board.twi.busy_ps == bits * 2_500_000  # a read of 14 bytes takes 390 us
 
 
 @pytest.mark.parametrize(
     ("cwgr", "hz"),
     [
-        (101 << 8 | 101, 400_000),  # 84 MHz / (2 * 105)
-        (2 << 16 | 104 << 8 | 104, 100_000),  # 84 MHz / (2 * (104 * 4 + 4))
+        (101 << 8 | 101, 400_000),  # by hand: 84 MHz / (2 * (101 + 4))
+        (2 << 16 | 104 << 8 | 104, 100_000),  # by hand: 84 MHz / (2 * (104 * 4 + 4))
     ],
 )
 def test_bus_clock(board, cwgr, hz):
@@ -65,7 +67,7 @@ def test_bus_clock(board, cwgr, hz):
 
 def test_status_after_reset_and_after_msen(board):
     board.twi.write("CR", SWRST)
-    assert board.twi.read("SR") == 0xF009  # reset value in the vendor's description (SVD)
+    assert board.twi.read("SR") == 0xF009  # the value after reset, from the vendor's description (SVD)
     board.twi.write("CR", MSEN)
     assert board.twi.read("SR") & (TXCOMP | TXRDY) == TXCOMP | TXRDY
 
@@ -76,7 +78,7 @@ def test_nobody_at_the_address(board):
     seen = board.wait_for(TXCOMP)
     assert seen & NACK
     assert not seen & RXRDY
-    assert not board.twi.read("SR") & NACK  # The read before has cleared the flag.
+    assert not board.twi.read("SR") & NACK  # The last read of the register SR has cleared the flag.
     assert board.twi.busy_ps == (1 + 9 + 1) * 2_500_000
     assert board.read_block(0x75, 1) == b"\x71"
 
@@ -85,7 +87,7 @@ def test_refused_byte_of_a_write(board):
     board.socket.nacks_left = 0
     board.address(0x1B, False)
     board.twi.write("THR", 0x18)
-    board.wait_us(60)  # Meanwhile, address and register number have been sent.
+    board.wait_us(60)  # In this time, the chip's address and the register number are sent.
     board.socket.nacks_left = 1
     assert board.wait_for(TXCOMP) & NACK
     assert board.chip.read_block(0x1B, 1) == b"\x00"
@@ -98,11 +100,12 @@ def test_what_a_refused_write_leaves_is_sent_first_by_the_next_one(board, reset)
     assert board.wait_for(TXCOMP) & NACK
     if reset:
         board.set_up()
-    # A read is not affected by the byte that was left.
+    # A read is not affected by the byte that the refused write has left in the controller.
     assert board.read_block(0x75, 1) == b"\x71"
     board.begin_write(0x1B, 0x10)
     assert not board.wait_for(TXCOMP) & NACK
-    # The byte that was left goes into the register, and the new byte into the register after it.
+    # Unless the controller was reset, the byte that was left goes into the register, and the new byte into
+    # the register after that.
     assert board.chip.read_block(0x1B, 2) == (b"\x10\x00" if reset else b"\x18\x10")
     # After that, the byte that was left is gone.
     board.begin_write(0x1B, 0x08)
@@ -138,7 +141,9 @@ def test_a_write_waits_for_its_stop(board):
 
 
 def test_scl_waits_until_rhr_is_read(board):
-    """No overrun occurs: the second byte does not end before the first is read (33.8.5)."""
+    """The controller holds SCL until the received byte is read from RHR. So no overrun occurs: the second
+    byte does not end before the first is read (33.8.5).
+    """
     board.begin_read(0x75, START)
     assert board.wait_for(RXRDY)
     board.wait_us(500)
@@ -150,8 +155,9 @@ def test_scl_waits_until_rhr_is_read(board):
 
 @pytest.mark.parametrize(
     ("fetched", "waits"),
-    # SCL is held in the last bit, from 7.5 bits after the end of the byte before. Half a bit and the
-    # acknowledge follow.
+    # While the last byte waits in RHR, the controller holds SCL low in the last bit of the next byte, from
+    # 7.5 bits after the end of the byte in RHR. After RHR is read, half a bit and the acknowledge follow.
+    # `fetched`: when RHR is read; `waits`: how long SCL is held; both in bits.
     [(0.4, 0), (7.4, 0), (7.6, 0.1), (8.2, 0.7), (30, 22.5)],
 )
 def test_scl_waits_on_the_last_bit_for_as_long_as_rhr_is_full(board, fetched, waits):
@@ -191,9 +197,9 @@ def test_a_byte_is_acknowledged_unless_stop_was_set_before_its_last_bit_ended(bo
 
 
 def test_stop_set_too_late_is_a_fault(board):
-    """STOP is set only after the last byte was read.
+    """The program sets STOP only after it has read the last byte.
 
-    A further, unwanted byte is already on the wires then.
+    A further byte, which it does not want, is already on the wires then.
     """
     board.begin_read(0x3B, START)
     for _ in range(14):
@@ -206,9 +212,9 @@ def test_stop_set_too_late_is_a_fault(board):
 
 
 def test_a_stale_byte_shifts_the_next_read_that_does_not_drain_it(board):
-    """After a complete read, RXRDY stays set.
+    """After a complete read, the flag RXRDY may stay set, with a byte too many in the controller.
 
-    Controllers before the SAMA5D2 behave in this way (Linux, i2c-at91-master.c).
+    TWI controllers older than the SAMA5D2's behave in this way (Linux, i2c-at91-master.c).
     """
     board.wait_us(2000)
     burst = board.read_block(0x3B, 14)
@@ -252,7 +258,7 @@ def test_a_stale_byte_waits_for_the_last_byte_to_be_fetched(board):
 
 
 def test_stop_set_while_the_last_byte_arrives_is_in_time(board):
-    """The Arduino core sets STOP in this way, after reading the next-to-last byte."""
+    """The Arduino core sets STOP in this way, after reading the last byte but one."""
     board.begin_read(0x3B, START)
     for i in range(14):
         if i == 13:
@@ -306,7 +312,9 @@ def test_bus_load_counts_a_transfer_that_hangs(board):
 
 
 def test_a_burst_on_the_wires_is_of_one_instant(board):
-    """The read takes 390 us. At an output rate of 8 kHz, three updates happen meanwhile."""
+    """The read takes 390 us. At an output rate of 8 kHz, the chip updates its registers three times in that
+    time.
+    """
 
     class Counting:
         def at(self, now_ns):

@@ -1,6 +1,6 @@
-"""The two wires of the I²C bus, edge by edge, and the controller TWI in unusual cases.
+"""Tests of the two wires of the I²C bus, edge by edge, and of the controller TWI in unusual cases.
 
-A wire is held, the pins are reassigned, or the sensor vanishes.
+In these cases a wire is held, the pins are assigned to something else, or the sensor vanishes.
 """
 
 import pytest
@@ -89,7 +89,7 @@ def test_stuck_for_good():
         (0x80, 1, 7),
         (0x01, 3, 4),
         (0xFF, 0, 0),
-        (0xF0, 2, 0),  # The bit on the wire is a 1, so SDA is not held.
+        (0xF0, 2, 0),  # The bit at which the sensor was cut off is a 1, so SDA is not held.
     ],
 )
 def test_sensor_cut_off_in_a_byte_holds_sda_by_its_bits(byte, bits, clocks):
@@ -196,12 +196,12 @@ def test_recovery_by_clocks_and_stop(board):
 
 @pytest.mark.parametrize("how", ["SWRST", "pins", "reset"])
 def test_cut_off_in_mid_byte_leaves_the_sensor_holding_sda(board, how):
-    """The controller reads a register with 0x00.
+    """The controller is cut off while it reads a register whose value is 0x00.
 
-    Its zero bits hold SDA low until eight falling edges have passed.
+    The zero bits of the value hold SDA low until eight falling edges of SCL have passed.
     """
     board.begin_read(0x19, START | STOP)
-    board.wait_us(29 * 2.5 + 3 * 2.5 + 1)  # This is in the fourth bit of the first byte that is read.
+    board.wait_us(29 * 2.5 + 3 * 2.5 + 1)  # This moment is in the fourth bit of the first byte that is read.
     match how:
         case "SWRST":
             board.twi.write("CR", SWRST)
@@ -211,7 +211,7 @@ def test_cut_off_in_mid_byte_leaves_the_sensor_holding_sda(board, how):
             board.twi.reset()
     assert not board.lines.sda.level
     board.take_pins()
-    assert clocks_until_free(board) == 5  # the clocks of bits 4 to 7 and of the acknowledge
+    assert clocks_until_free(board) == 5  # five clocks: those of bits 4 to 7, and that of the acknowledge
     board.send_stop()
     board.set_up()
     assert board.read_block(0x75, 1) == b"\x71"
@@ -244,7 +244,7 @@ def test_unplugged_in_mid_burst(board):
     board.lines.unplug()
     board.twi.read("RHR")
     assert board.wait_for(RXRDY)
-    board.twi.read("RHR")  # This byte was on the wires already.
+    board.twi.read("RHR")  # This byte was on the wires before the sensor vanished.
     board.twi.write("CR", STOP)
     assert board.wait_for(RXRDY)
     assert board.twi.read("RHR") == 0xFF

@@ -23,7 +23,7 @@ def processes() -> Iterator[Processes]:
 
 @pytest.fixture
 def stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Stage]:
-    """Start brokers, servers and their clients, and stop them after the test."""
+    """Provide an object that starts MQTT brokers, servers and clients, and stops them after the test."""
     for name in ("FLTEA_MQTT_USER", "FLTEA_MQTT_PASSWORD"):
         monkeypatch.delenv(name, raising=False)
     with Stage(tmp_path) as one:

@@ -2,8 +2,8 @@
 
 Usage: `python -m tests.e2e.pi_launcher NOISE run …`.
 
-Behind the interface of smbus2, the chip model replaces the real bus, in real time. All else is as on a
-Raspberry Pi.
+The emulator's chip model replaces the real bus behind the interface of the library smbus2, and runs in real
+time. All else is as on a Raspberry Pi.
 """
 
 import sys
@@ -21,13 +21,14 @@ from tools.due_emulator.mpu9250 import Mpu9250
 from tools.due_emulator.noise import fractional_world
 
 LONGEST_NS = 200_000_000
-"""Longest pause that chip and program can see [ns]. It is shorter than the time in which the chip's FIFO
-fills, 0.36 s.
+"""Longest pause of the test machine that chip and program can see [ns]. It is shorter than the 0.36 s in
+which the chip's FIFO fills.
 """
 
 
 class RealHost:
-    """A host for the simulated bus, in real time: it tells the time, and a transfer takes some time.
+    """A host for the simulated bus, in real time. It tells the time, and lets time pass while a transfer
+    lasts.
 
     If the test machine pauses for longer than the FIFO takes to fill, samples would be lost whatever the
     program does. Chip and program therefore see no pause longer than `LONGEST_NS`.

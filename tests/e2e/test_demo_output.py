@@ -1,5 +1,6 @@
-"""The output of `make run`: one line a second without a terminal, the emulator's warning, the steps of set-
-up."""
+"""Tests of what `make run` prints: one line a second without a terminal, the emulator's warning, and the
+steps of set-up.
+"""
 
 import io
 import json
@@ -71,7 +72,7 @@ def test_the_truth_is_that_of_the_noise_and_what_is_said_of_it_holds() -> None:
     for seconds, alpha, f in demo.KNOWN:
         best = bound(noise.alpha, g_of(noise.alpha, noise.f, h), s2, noise.R, round(seconds / h), h)
         assert (alpha, f) == pytest.approx((1.96 * best.alpha, 1.96 * best.f), rel=0.16)
-    # In the range ±2000 deg/s, rounding to counts adds white noise, which must not hide this noise.
+    # In the range ±2000 deg/s, rounding to counts adds white noise, which must not hide the demo's own noise.
     assert 1 / 12 / (noise.R * 16.4**2) < 0.02
     assert device_name(f"serial:/tmp/folder/{demo.DEVICE}") == demo.DEVICE
 

@@ -1,4 +1,4 @@
-"""With as many devices as the limit of file descriptors permits, all are read and recorded.
+"""Tests with as many devices as the limit of file descriptors permits: all devices are read and recorded.
 
 With more devices, the program refuses to start.
 """
@@ -25,8 +25,8 @@ the interpreter.
 """
 
 LIMIT = RESERVE + OPEN_AT_START + 2 * DEVICES
-"""Limit of descriptors, with two for each device. If a serial port needed five, as with pyserial, only
-eighteen devices would fit.
+"""Limit of file descriptors, which has room for two for each device. If a serial port needed five
+descriptors, as with pyserial, only eighteen devices would fit.
 """
 
 HELLO = b"\0" + encode(WIRE_HELLO, 0, 0)
@@ -42,7 +42,7 @@ def terminals(tmp_path: Path) -> Iterator[list[Terminal]]:
 
 @pytest.fixture
 def limited(terminals: list[Terminal], tmp_path: Path) -> Iterator[Callable[[int], Program]]:
-    """Start the daemon on all devices with this limit of descriptors."""
+    """Start the daemon on all devices with this limit of file descriptors."""
     urls = [part for one in terminals for part in ("--source", f"serial:{one.link}")]
 
     def start(descriptors: int) -> Program:

@@ -1,4 +1,6 @@
-"""A simulated device that estimates, and the real command, connected by a pseudo-terminal."""
+"""Tests of a simulated device that computes estimates, and of the real command, connected by a
+pseudo-terminal.
+"""
 
 import os
 import select
@@ -16,9 +18,9 @@ from tests.rig.plain_decoder import decoded
 def test_the_stand_in_begins_again_for_a_program_that_empties_the_port_late(
     processes: Processes, tmp_path: Path
 ) -> None:
-    """The bytes that the device sends at first may be lost.
+    """A stand-in for a device begins again with a HELLO, since the first bytes that it sends may be lost.
 
-    pyserial empties the port, and on a busy machine does so late.
+    pyserial discards what a port has received when it opens the port, and on a busy machine does so late.
     """
     link = tmp_path / "device"
     processes.stand_in(link)

@@ -1,5 +1,6 @@
-"""`fltea doctor` and `fltea devices` as commands, on this machine and on a simulated board's pseudo-
-terminal."""
+"""Tests of the commands `fltea doctor` and `fltea devices`, on this machine and with a simulated board on a
+pseudo-terminal.
+"""
 
 import json
 from pathlib import Path

@@ -1,6 +1,6 @@
-"""The committed image on the emulated Due, without faults and in virtual time.
+"""Tests of the committed image of the firmware on the emulated Due, without faults and in virtual time.
 
-The host's modules read its bytes.
+The host's own modules read the bytes that the board sends.
 """
 
 import hashlib
@@ -24,7 +24,7 @@ def steps_us(run: DueRun) -> list[int]:
 
 @cache
 def quiet_for(seconds: int) -> DueRun:
-    """Run until a little more than this time after the first sample."""
+    """Run the emulated Due until a little more than `seconds` after the first sample."""
     return DueRun(image(), noise=NOISE).run_until(seconds + 0.35)
 
 
@@ -51,7 +51,9 @@ def test_so_many_seconds_give_as_many_samples_and_no_gap(quiet: DueRun) -> None:
 
 
 def test_its_first_sample_comes_soon_after_power_up(quiet: DueRun) -> None:
-    """The sensor's reset takes 100 ms and its start 50 ms. Then come its set-up and at most one period."""
+    """The sensor's reset takes 100 ms and its start 50 ms. The set-up of its registers and at most one
+    sampling period come in addition.
+    """
     assert 0.15 < quiet.of(wire.Sample)[0].at_s < 0.2
 
 
@@ -61,7 +63,8 @@ def test_its_steps_and_its_rate(quiet: DueRun) -> None:
     first, last = run.samples[0], run.samples[-1]
     rate_hz = (last.seq - first.seq) / (last.device_us - first.device_us) * 1e6
     assert rate_hz == pytest.approx(100.0, rel=1e-4)
-    # The clock of the emulated device is exact, so the rate is the same by the emulator's time.
+    # The clock of the emulated device is exact, so the rate by the device's clock is also the rate by the
+    # emulator's time.
     arrivals = run.of(wire.Sample)
     true_hz = (last.seq - first.seq) / (arrivals[-1].at_s - arrivals[0].at_s)
     assert true_hz == pytest.approx(100.0, rel=1e-4)
@@ -71,8 +74,8 @@ def test_its_samples_arrive_before_the_next_is_due(quiet: DueRun) -> None:
     run = quiet
     sent = run.boots[0].bursts
     delays_s = [a.at_s - b.at_ps / 1e12 for a, b in zip(run.of(wire.Sample), sent, strict=True)]
-    # The frame of a sample takes 1.1 ms on the wire. A HELLO before it takes 3.2 ms, a STATUS 1.4 ms, an
-    # ESTIMATE 3.9 ms.
+    # A SAMPLE frame takes 1.1 ms on the wire. If another frame is still being sent before it, a HELLO takes
+    # 3.2 ms, a STATUS 1.4 ms, and an ESTIMATE 3.9 ms.
     assert max(delays_s) < 0.008
 
 
@@ -121,13 +124,14 @@ def test_its_values_are_the_quantised_noise_one_by_one(quiet: DueRun) -> None:
 
 
 def test_the_identifier_is_the_chips_own(quiet: DueRun) -> None:
-    """In the emulator, the chip's unique identifier is derived from the seed of the run."""
+    """The board reports the chip's own identifier, which the emulator derives from the seed of the run."""
     assert quiet.hellos[0].device_id == hashlib.sha256(b"due 1").hexdigest()[:32]
 
 
 def test_the_sensor_is_set_up_as_its_hello_says(quiet: DueRun) -> None:
     chip = quiet.board.socket.chip
-    # Expected registers: 1 kHz, filters of 184 Hz, ±2000 deg/s, ±2 g, awake, clocked by the chip's PLL.
+    # The expected registers of the sensor: 1 kHz, filters of 184 Hz, ±2000 deg/s, ±2 g, awake, clocked by the
+    # chip's PLL.
     assert chip.read_block(reg.SMPLRT_DIV, 5).hex() == "0001180001"
     assert chip.read_block(reg.PWR_MGMT_1, 1)[0] == 1
 
@@ -140,9 +144,9 @@ def test_it_sleeps_when_there_is_nothing_to_do_and_the_bus_is_at_400_khz(quiet: 
 def test_the_watchdog_is_fed_by_the_main_loop_and_not_by_an_interrupt(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """The main loop feeds the watchdog.
+    """The main loop feeds the watchdog, and no interrupt handler does.
 
-    If an interrupt handler did, a main loop that hangs would go unnoticed.
+    If an interrupt handler fed it, a main loop that hangs would go unnoticed.
     """
     run = DueRun(image())
     watchdog, fed_in = run.board.watchdog, []
@@ -186,8 +190,8 @@ def test_with_the_data_ready_pin_each_conversion_is_read_once(by_edges: bytes, p
     assert (stats.sample_counts.lost, stats.sample_counts.duplicates, run.faults) == (0, 0, [])
     assert all(sample.flags == 0 for sample in run.samples)
     assert run.check_values() is None
-    # From the first edge that the board used, there is a sample with its own time for every edge of the INT
-    # pin.
+    # From the first edge of the INT pin that the board used, every edge has a sample whose time is that of
+    # the edge.
     used_ps = edges_ps[-len(arrivals) :]
     assert all(edge < arrival.at_ps for edge, arrival in zip(used_ps, arrivals, strict=True))
     device_us = [arrival.frame.device_us for arrival in arrivals]

@@ -1,4 +1,5 @@
-"""The emulated Due in extreme cases: interrupts at every instruction, clocks that wrap, and limits.
+"""Tests of the emulated Due in extreme cases: interrupts at every instruction, clocks that wrap, and limits
+of time and memory.
 
 These tests find functions and variables of the program by their names, so they need its ELF file.
 """
@@ -69,7 +70,9 @@ def timer(run: DueRun) -> Timer:
 
 
 def to_next_tick_ps(run: DueRun) -> int:
-    """Return the time until the next tick of the timer [ps]; 0 until this tick's sample has been taken."""
+    """Return the time until the next tick of the timer [ps], or 0 soon after a tick, when that tick's sample
+    may still have to be taken.
+    """
     passed = timer(run).channels[0].value % TICK_COUNTS
     return (TICK_COUNTS - passed) * PS_PER_S // 42_000_000 + PS_PER_US if passed > TICK_COUNTS // 10 else 0
 
@@ -77,7 +80,7 @@ def to_next_tick_ps(run: DueRun) -> int:
 def end_of_transfer_ps(run: DueRun) -> int:
     """Return the time until the PDC has sent the bytes of the UART that it was given [ps].
 
-    0 if it has none.
+    Return 0 if the PDC has no bytes to send.
     """
     left = run.board.uart.registers["TCR"]
     return (left + 2) * BITS_PER_BYTE * PS_PER_S // wire.BAUD if left else 0
@@ -86,17 +89,18 @@ def end_of_transfer_ps(run: DueRun) -> int:
 def between_transfers(time_ps: Callable[[DueRun], int]) -> Callable[[DueRun], int]:
     """Return a function like `time_ps` that returns 0 while the I²C bus is used.
 
-    No transfer may take so long.
+    Transfers are left alone, because none may last so long.
     """
     return lambda run: time_ps(run) if run.board.twi.field("SR", "TXCOMP") else 0
 
 
 class Stretch(NamedTuple):
-    """How interrupts come at every instruction of a function of the program.
+    """How a test lets interrupts come at every instruction of one function of the program.
 
-    `takes_ps`: returns how long handlers take at an instruction, or the time until an interrupt comes that
-    uses the same data as the function; 0 for no interrupt now. `times`: number of interrupts at each
-    instruction. `for_s`: time to wait for the instruction to run [s].
+    `takes_ps`: returns for how long the processor is stopped before an instruction, which is either the time
+    that handlers take or the time until an interrupt comes that uses the same data as the function. 0 stands
+    for no interrupt now. `times`: number of interrupts at each instruction. `for_s`: time to wait for the
+    instruction to run [s].
     """
 
     takes_ps: Callable[[DueRun], int]
@@ -106,7 +110,7 @@ class Stretch(NamedTuple):
 
 STRETCHES = {
     "DeviceClock::now_us": Stretch(between_transfers(to_next_tick_ps), for_s=0.012),
-    # This is longer than the time of a byte, so that the program is late for what the next byte needs.
+    # 30 us are longer than a byte takes on the bus, so the program is late for the next byte.
     "Twi::receive": Stretch(lambda _: 30 * PS_PER_US, times=40),
     "Twi::read": Stretch(lambda _: 20 * PS_PER_US, times=4),
     "Uart::room": Stretch(end_of_transfer_ps, for_s=0.11),
@@ -116,13 +120,13 @@ STRETCHES = {
 
 
 def interrupted(run: DueRun, address: int, stretch: Stretch) -> int:
-    """Let interrupts come before the instruction at an address; return how often they came."""
+    """Let interrupts come before the instruction at an address, and return how often they came."""
     cpu, came, end_s = run.board.cpu, 0, run.board.now_s + stretch.for_s
 
     def come() -> None:
         nonlocal came, end_s
-        # An interrupt that PRIMASK holds back would come only after the locked instructions, which are tested
-        # separately.
+        # While the program has disabled interrupts (PRIMASK), an interrupt would come only after these
+        # instructions. They are tested separately.
         if not cpu.masked and came < stretch.times and (takes_ps := stretch.takes_ps(run)):
             came, end_s = came + 1, run.board.now_s + takes_ps / PS_PER_S
             cpu.hang(takes_ps)
@@ -135,7 +139,7 @@ def interrupted(run: DueRun, address: int, stretch: Stretch) -> int:
 
 
 def lengths_of_reads(run: DueRun, monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Return a list to which each later transfer appends the number of bytes that the sensor gave."""
+    """Return a list to which each transfer from now on appends the number of bytes that the sensor gave."""
     lines, lengths, bytes_read = run.board.lines, [], [0]
     read, stop = lines.read, lines.stop
 
@@ -204,10 +208,10 @@ def test_what_is_shared_with_a_handler_is_used_under_a_lock(name: str, symbols: 
 
 
 class Wrap(NamedTuple):
-    """A number of the program that is about to wrap at 2^32.
+    """A variable of the program that is about to wrap at 2^32.
 
-    `variables`: values of variables when the program begins. `counter`: whether the timer's counter also
-    wraps: when the clock does, or 2 s later if the clock's wrap is far away.
+    `variables`: values that variables get when the program begins. `counter`: whether the timer's counter
+    also wraps. It wraps together with the clock or, if the clock's wrap is far away, 2 s after the start.
     """
 
     variables: dict[str, int]
@@ -219,8 +223,8 @@ WRAPS = {
     "the counter, every 102 s": Wrap({}, counter=True),
     "the clock, every 71.6 minutes": Wrap(CLOCK),
     "bytes, after 8 days": Wrap({"written": WRAP - 9000, "sent": WRAP - 9000}),
-    # In 2^32 ms the clock wraps a thousand times, and the counter 42,000 times. No other number of the
-    # program could wrap then.
+    # After 2^32 ms, the clock in microseconds wraps for the thousandth time and the timer's counter for the
+    # 42,000th time. The program has no other variable that could wrap at that time.
     "milliseconds, after 49.7 days": Wrap(CLOCK, counter=True),
     "signals, after 16 months": Wrap({"wake::count": WRAP - 300}),
 }
@@ -242,7 +246,7 @@ def begin_before(wrap: Wrap, run: DueRun, symbols: dict[str, Symbol]) -> None:
 def advance_counter(run: DueRun, symbols: dict[str, Symbol], left_us: int) -> None:
     """Advance the timer's counter so that it wraps `left_us` after the last tick.
 
-    The program's variables are changed with it, so that the program does not notice.
+    The program's variables are changed together with the counter, so that the program does not notice.
     """
     channel, registers = timer(run).channels[0], timer(run).registers
     count = variable(run, symbols["tick_count"])
@@ -278,14 +282,18 @@ def test_a_number_that_wraps_changes_nothing(wrap: str, symbols: dict[str, Symbo
 
 @cache
 def with_fits() -> tuple[DueRun, list[tuple[float, int]]]:
-    """Return a run with fits in its last seconds, and all changes of PIOB's pins with their times."""
+    """Return a run with noise fits in its last seconds, and all changes of the pins of controller PIOB with
+    their times.
+    """
     run, changes = DueRun(image(), noise=NOISE), []
     run.board.pios["PIOB"].on_output = lambda bit, _: changes.append((run.board.now_s, bit))
     return run.run_until(18), changes
 
 
 def test_the_stack_keeps_clear_of_its_limit() -> None:
-    """The stack has room for its deepest use, the frames of a handler on top of that, and a reserve."""
+    """The memory of the stack has room for its deepest use in a run, for a handler's frames on top of that,
+    and for a reserve.
+    """
     run, _ = with_fits()
     assert run.error is None
     reserved = int.from_bytes(image()[:4], "little") - RAM_BASE
