@@ -302,7 +302,8 @@ def test_the_stack_keeps_clear_of_its_limit() -> None:
 
 def test_the_led_on_pin_13_blinks_and_no_other_pin_is_driven() -> None:
     run, changes = with_fits()
-    # At boot the program frees the bus by driving its pins.
+    # At boot, the program drives the two pins of the I2C bus to free the bus, so the first 0.1 s are left
+    # out.
     later = [(at_s, bit) for at_s, bit in changes if at_s > 0.1]
     assert {bit for _, bit in later} == {LED_BIT}
     assert len(later) == pytest.approx(run.board.now_s * 1e6 / HALF_BLINK_US, abs=2)
@@ -310,9 +311,9 @@ def test_the_led_on_pin_13_blinks_and_no_other_pin_is_driven() -> None:
 
 
 def test_the_bus_keeps_the_times_of_fast_mode() -> None:
-    """By NXP UM10204, table 10, SCL is low for at least 1.3 us and high for at least 0.6 us.
+    """NXP UM10204, table 10, demands that SCL is low for at least 1.3 us and high for at least 0.6 us.
 
-    The rate is the full 400 kHz.
+    The clock of the bus has the full rate of 400 kHz.
     """
     twi = with_fits()[0].board.twi
     low_s, high_s = twi.half_bits_s

@@ -1,10 +1,11 @@
-"""Faults of sensor, wires, supply and host on the emulated Due.
+"""Tests of faults of sensor, wires, supply and host with the emulated Due.
 
 The board recovers, reports what happened, and counts losses.
 
-In every run, all samples also have to be accounted for (`Measured.wrong`). By the emulator's own clock every
-sampling instant is delivered, or counted as lost by the host, or was due after the last sample of a boot that
-a reset ended. Every sample is byte for byte what the sensor gave at that sample's time.
+In every run, all samples also have to be accounted for (`Measured.wrong`). Each sampling instant by the
+emulator's own clock has one of three fates. Its sample was delivered, or the host counted it as lost, or the
+instant came after the last sample before a reset. Every sample is byte for byte what the sensor gave at the
+sample's time.
 """
 
 from functools import cache
@@ -28,7 +29,7 @@ from tools.faults.board import DueExpected
 from tools.faults.case import cells, line
 
 LONG_S = 10.0
-"""Duration of a run [virtual s] from which on only the second tier of tests makes it."""
+"""Runs of this duration [virtual s] or longer are made only in the second tier of tests."""
 
 
 @pytest.fixture(params=[slow(case.name) if case.until_s > LONG_S else case.name for case in DUE_CASES])
@@ -41,8 +42,7 @@ def test_it_recovers_and_everything_adds_up(case: tuple[DueExpected, DueRun, Mea
     expected, run, row = case
     assert row.wrong is None
     assert expected.differences(row) == []
-    # In the last part of the run, all is as before the fault: every sample is present, on time and without a
-    # flag.
+    # At the end of the run, all is as before the fault: every sample is present, on time and without a flag.
     tail = run.samples[-20:]
     assert [s.seq for s in tail] == list(range(tail[0].seq, tail[0].seq + 20))
     assert {s.flags for s in tail} == {0}
@@ -81,14 +81,16 @@ def test_details_of_faults_say_which_line_and_which_chip() -> None:
     assert set(with_fault("SCL held for 1.2 s")[0].faults) >= {("bus_held", 2)}
     assert set(with_fault("sensor unplugged for 1.5 s")[0].faults) >= {("sensor_missing", 0x68)}
     assert set(with_fault("exchanged for an unknown chip for 1 s")[0].faults) >= {("sensor_unknown", 0x12)}
-    # Register GYRO_CONFIG, which is set to ±2000 deg/s, or the register before it, by which the firmware
-    # checks: all registers have fallen back to their defaults.
+    # After a brown-out, all registers of the sensor have fallen back to their defaults. The first guard
+    # register that differs from its setting is CONFIG (0x1A): it reads 0 instead of 1.
     ((name, detail),) = with_fault("sensor's supply sags")[0].faults
     assert (name, detail) == ("readback_mismatch", 0x1A << 16 | 1 << 8 | 0)
 
 
 def test_a_sensor_that_falls_asleep_is_noticed_and_set_up_again() -> None:
-    """The registers of the sensor keep their settings, except PWR_MGMT_1; its values stop changing."""
+    """A sensor that falls asleep keeps the settings of its registers, except PWR_MGMT_1. The firmware notices
+    that its values stop changing.
+    """
     run = DueRun(image()).run_until(1.0)
     run.board.socket.chip.write_register(0x6B, 0x41)
     run.board.socket.settle()
@@ -113,9 +115,9 @@ def test_a_sample_that_waited_for_a_hanging_program_is_late() -> None:
 
 
 def test_a_bus_that_needs_nine_clocks_is_freed_without_a_loss() -> None:
-    """The ninth clock comes with the STOP.
+    """The ninth clock, which frees the bus, comes with the STOP.
 
-    A sensor that is interrupted within a byte never needs more clocks.
+    A sensor that is interrupted within a byte never needs more than nine clocks.
     """
     run = DueRun(image(), faults=["sda_stuck at=1 clocks=10"]).run_until(2.3)
     assert (run.check(), run.gaps, run.status.bus_recoveries) == (None, [], 1)
@@ -134,7 +136,7 @@ def test_a_tick_during_a_step_that_hangs_is_not_slept_through() -> None:
 
 
 SETTINGS = {0x19: 0, 0x1A: 1, 0x1B: 0x18, 0x1C: 0, 0x1D: 1, 0x37: 0, 0x38: 0, 0x6B: 1, 0x6C: 0}
-"""Values of the sensor's registers after its set-up. PWR_MGMT_2 is left out, since it is 0."""
+"""Values of the sensor's registers after its set-up. Register PWR_MGMT_2 is 0, as after a reset."""
 
 
 @pytest.mark.parametrize("number", range(1 + 8))
@@ -143,7 +145,7 @@ def test_a_set_up_of_which_a_write_was_refused_sets_what_it_has_to(
 ) -> None:
     """One write to the sensor is refused.
 
-    The byte stays in the controller, and the next write would send it first.
+    The refused byte stays in the controller, and without a recovery the next write would send it first.
     """
     run = DueRun(image(), noise=NOISE)
     socket = run.board.socket
@@ -180,7 +182,9 @@ def test_a_relative_is_named_and_used_and_an_unknown_chip_is_refused() -> None:
 
 
 def test_the_bus_is_freed_by_as_many_clocks_as_it_needs() -> None:
-    """Each recovery has one more rising edge, for the STOP. One recovery happens at boot."""
+    """Five clocks free the bus. Each recovery has one more rising edge of SCL, for the STOP, and one recovery
+    happens at boot, so there are seven edges.
+    """
     assert with_fault("SDA held, 5 clocks free it")[0].board.lines.recovery_clocks == 5 + 2
 
 
@@ -203,7 +207,9 @@ def test_a_board_that_sags_in_mid_transfer_frees_the_bus() -> None:
 def test_the_readme_shows_the_figures_of_the_committed_image(
     case: tuple[DueExpected, DueRun, Measured],
 ) -> None:
-    """The figures in README.md are compared with those of the runs of the tests above."""
+    """The figures of faults in the README are compared with those of the runs of the other tests in this
+    file.
+    """
     readme = (ROOT / "firmware/README.md").read_text(encoding="utf-8")
     (name,) = (one.name for one in DUE_CASES if one.expected is case[0])
     row = line(cells(name, case[2].outcome))
@@ -212,7 +218,8 @@ def test_the_readme_shows_the_figures_of_the_committed_image(
 
 BIT_S = 2.5e-6
 BYTES = 14
-# The bits from the START on are: address, register, repeated START, address, each byte, STOP.
+# Moments within a read of the sensor, in bits since its START: address, register, repeated START, address,
+# each byte, STOP.
 PHASES = {
     "address": 5.0,
     "register": 14.0,
@@ -224,7 +231,7 @@ PHASES = {
     "stop": 29.0 + 9 * BYTES + 0.4,
 }
 STUCK = {
-    # The sensor releases SDA after at most as many clocks as a sensor in the middle of a byte needs.
+    # The sensor releases SDA after nine clocks, the most that a sensor in the middle of a byte needs.
     "SDA": "sda_stuck at={at:.7f} clocks=9",
     "SCL": "scl_stuck at={at:.7f} for=0.004",
 }

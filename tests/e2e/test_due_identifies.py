@@ -1,6 +1,7 @@
-"""The emulated Due estimates and fits in parallel to the host.
+"""Tests of the emulated Due that computes estimates and noise fits at the same time as the host.
 
-Its results are bitwise those of a PC, and computing them takes no more time than allowed.
+The board's results are equal to those of its code on a PC in every bit, and computing them takes no more time
+than allowed.
 """
 
 from functools import cache
@@ -25,7 +26,7 @@ CLOSE = 1e-4
 """Largest permitted difference between the order on the board and on the host, which computes in double
 precision.
 
-Within 3,000 samples, the difference was 4e-6.
+Within 3,000 samples, the largest difference that was seen is 4e-6.
 """
 
 UNPLUGGED_S, PORT_OPENED_S, HELD_S, END_S = 7.0, 18.7, 25.3, 27.0
@@ -40,7 +41,7 @@ FAULTS = (
 def with_faults() -> DueRun:
     """Return a run with three faults while the board estimates.
 
-    The sensor is unplugged for 5 s, the board is reset, and SDA is stuck.
+    The three faults are: the sensor is unplugged for 5 s, the board is reset, and SDA is stuck.
     """
     return DueRun(image(), noise=NOISE, faults=FAULTS, settings=BOTH).run_until(END_S)
 
@@ -72,7 +73,7 @@ def test_on_a_real_sensors_noise_it_agrees_with_the_host(recordings: Path, name:
             assert abs(axis.alpha_difference) < CLOSE
             assert abs(axis.f_difference) < 10 * CLOSE
 
-    # The estimates are bitwise those of the board's code on the machine that runs this test.
+    # The board's estimates are equal in every bit to those of its code on the machine that runs this test.
     counts = np.array([[f.message.gyro_x, f.message.gyro_y, f.message.gyro_z] for f in samples])
     rows = [Device("joint").run(counts[:, i]) for i in range(3)]
     messages = [arrival.frame.message for arrival in run.of(wire.Estimate)]
@@ -97,7 +98,7 @@ def test_status_says_what_it_costs() -> None:
     assert all(500 < status.longest_step < 2_000 for status in estimating)
     estimator = run.of(wire.Estimator)[-1].frame.message
     assert estimator.skipped == 0
-    # The longest step of an axis is the one that begins the spectra.
+    # The longest processing of one sample of one axis is the one that begins the spectra.
     assert 150 < estimator.longest_axis < 1000
 
 
@@ -113,7 +114,8 @@ def test_after_each_fault_it_begins_anew_or_goes_on_as_the_host_does() -> None:
         assert all(estimate.comparable for estimate in found)
         differences = [abs(axis.alpha_difference) for e in found for axis in e.axes.values()]
         assert max(differences) < CLOSE
-    # A bus that is freed by five clocks costs no sample, so the last epoch continues.
+    # Freeing the stuck bus takes five clocks and costs no sample, so the last epoch (stretch with one
+    # numbering of samples) continues.
     assert run.stats.sample_counts.lost > 500
     assert by_epoch[3][-1].axes["gyro_z"].age == by_epoch[3][-1].seq - STARTUP + 1
     begun = [arrival.frame.message.begun for arrival in run.of(wire.Estimator)]
@@ -137,11 +139,13 @@ def test_alone_its_estimates_are_what_is_published() -> None:
 
 FIRST_FIT_S = 31.0
 AHEAD = 100
-"""Number of future samples, one second, over which the bias is averaged."""
+"""Number of future samples, those of one second, over which the tracker's bias is averaged."""
 
 
 def steps(run: DueRun, but_at_s: float = -1.0) -> set[int]:
-    """Return the differences of time between consecutive samples, except around the time `but_at_s` [us]."""
+    """Return the differences of time between consecutive samples [us], except for samples within 0.05 s of
+    the time `but_at_s`.
+    """
     frames = [arrival.frame for arrival in run.of(wire.Sample)]
     samples = [frame for frame in frames if abs(frame.device_us * 1e-6 - but_at_s) > 0.05]
     assert not any(frame.message.flags & wire.SampleFlags.LATE for frame in samples)
@@ -149,7 +153,9 @@ def steps(run: DueRun, but_at_s: float = -1.0) -> set[int]:
 
 
 def track_as_a_pc_does(run: DueRun, fit_at: Arrival) -> list[wire.Estimate]:
-    """Check that the board tracks an axis between two fits exactly as a PC does; return the estimates."""
+    """Check that the board tracks an axis between two fits exactly as a PC does. Return the estimates of that
+    time.
+    """
     fit = fit_at.frame.message
     axis = wire.Axis(fit.axis).name.lower()
     samples = run.of(wire.Sample)
@@ -169,8 +175,8 @@ def track_as_a_pc_does(run: DueRun, fit_at: Arrival) -> list[wire.Estimate]:
     untracked = [one for one in sent if not one.flags & wire.EstimateFlags.TRACKED]
     assert {one[-4:] for one in untracked} == {(0.0,) * 4}
     assert tracked[0].sample - untracked[-1].sample == 10
-    # The tracker has begun at some sample between the last untracked and the first tracked estimate. The
-    # messages do not say at which.
+    # The tracker has begun at some sample between the last ESTIMATE without tracker and the first one with
+    # it. The messages do not say at which sample.
     wanted = [one[-4:] for one in tracked]
     found = []
     for begin in range(untracked[-1].sample - first + 1, tracked[0].sample - first + 1):
@@ -187,14 +193,14 @@ def track_as_a_pc_does(run: DueRun, fit_at: Arrival) -> list[wire.Estimate]:
 
 @pytest.mark.slow
 def test_its_fit_has_the_bits_of_a_pc_and_costs_no_sample() -> None:
-    # The faults happen during a model search, and no sample is lost by them.
+    # Both faults happen while the board searches a model, and no sample is lost.
     faults = ("nack_burst at=17.0 count=1", "sda_stuck at=19.3 clocks=5")
     settings = {"estimator.estimate_on": "both"}
     run = DueRun(image(), noise=NOISE, faults=faults, settings=settings).run_until(FIRST_FIT_S)
     assert run.check() is None
     assert (run.stats.sample_counts.lost, run.gaps, run.troubles) == (0, [], [])
-    # Freeing the bus delays the sample at 19.3 s by some milliseconds. Reading the sensor a second time takes
-    # 30 us.
+    # Freeing the bus delays the sample at 19.3 s by some milliseconds, so it is left out. The refused
+    # transfer at 17 s delays its sample by 30 us at most.
     waits = {abs(step - 10_000) for step in steps(run, but_at_s=19.3)}
     assert max(waits) <= 30, "a sample has waited for a fit"
     assert run.of(wire.Status)[-1].frame.message.dropped_frames == 0
@@ -209,7 +215,7 @@ def test_its_fit_has_the_bits_of_a_pc_and_costs_no_sample() -> None:
     ratios = fit.ratio_white, fit.ratio_relaxation, fit.ordinates
     assert ratios == (found.ratio_white, found.ratio_ar1, found.ordinates)
 
-    # The bins of the spectrum follow the fit, and the host assembles them.
+    # The board sends the bins of the fitted spectrum after the FIT, and the host assembles them.
     once, again = (record for record in run.records if isinstance(record, DeviceFits))
     assert once.axes["gyro_x"].host_verdict is not None
     spectrum = again.axes["gyro_x"].spectrum
@@ -263,7 +269,7 @@ def test_a_build_that_tunes_hands_its_fit_to_its_filters(tmp_path: Path) -> None
     tracked = track_as_a_pc_does(run, fits[0])
     assert len(tracked) > 25
     assert len({one.tracker_state for one in tracked}) > 25
-    # A fit on the host to the same bins gives the same order.
+    # The host's fit to the same bins gives the same order as the board's.
     whole = [record for record in run.records if isinstance(record, DeviceFits)][-1].axes["gyro_x"]
     assert whole.spectrum is not None
     assert abs(whole.alpha_of_bins - fit.alpha) < 0.1 * 1.96 * fit.alpha_std

@@ -1,6 +1,6 @@
-"""The emulated Due is turned about one axis, and its estimates for the other axes stay right.
+"""Test that the emulated Due is turned about one axis, and that its estimates for the other axes stay right.
 
-Computing them takes no more time than allowed.
+Computing the estimates takes no more time than allowed.
 """
 
 import pytest
@@ -15,7 +15,9 @@ RATE_HZ = 100
 
 
 class Turned(Fractional):
-    """A sensor that is turned by 20 deg/s about z. Half a percent of that rate also appears in x and y."""
+    """A sensor that is turned by 20 deg/s about z. Half a per cent of that rate also appears on the axes x
+    and y.
+    """
 
     def next_rate(self, k: int) -> Vector:
         x, y, z = super().next_rate(k)
@@ -38,7 +40,8 @@ def test_a_turn_about_z_leaves_the_bias_of_x_as_it_was() -> None:
     before = [bias for at_s, bias in tracked if at_s < TURNS_S][-1]
     during = [bias for at_s, bias in tracked if TURNS_S + 0.7 < at_s < ENDS_S]
     assert len(during) > 40
-    # The bias is the mean of the samples at rest only, without the newest of them.
+    # During the turn, the bias stays the mean of the samples at rest, without the newest of them, which may
+    # belong to the turn.
     assert len(set(during)) == 1
     assert during[0] == pytest.approx(before, abs=0.003)
     after = [bias for at_s, bias in tracked if at_s > ENDS_S + 1]

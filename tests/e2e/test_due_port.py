@@ -1,4 +1,4 @@
-"""The emulated Due on a pseudo-terminal in real time, and `fltea run` on it."""
+"""Tests of the emulated Due on a pseudo-terminal in real time, with `fltea run` reading it."""
 
 import contextlib
 import os
@@ -34,9 +34,9 @@ def session_of(leader: int) -> list[int]:
 def test_the_chain_publishes_what_the_engine_gives_on_the_quantised_noise(
     processes: Processes, tmp_path: Path
 ) -> None:
-    """Each estimate is bitwise that of an estimator that gets the samples directly.
+    """Each estimate is equal in every bit to that of an estimator that gets the samples directly.
 
-    The values pass through sensor, I2C, firmware, UART, port and daemon.
+    The samples of the compared estimates pass through sensor, I2C, firmware, UART, port and daemon.
     """
     link = tmp_path / "due"
     board = subprocess.Popen(

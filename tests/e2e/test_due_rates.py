@@ -1,5 +1,6 @@
-"""The Due at 200, 500 and 1,000 Hz by settings of the build: exact sampling instants, no gaps, estimates in
-time."""
+"""Tests of firmware for the Due that is built for 200, 500 and 1,000 Hz: exact sampling instants, no gaps,
+estimates in time.
+"""
 
 import json
 import subprocess
@@ -38,7 +39,7 @@ def compiled(*defines: str) -> subprocess.CompletedProcess[str]:
 
 
 def image_by_command(mode: str, folder: Path, *defines: str) -> bytes:
-    """Build the same image with `make`, as a user does.
+    """Build such an image with the command behind `make`, as a user does.
 
     `fltea flash` finds the id of the build in a file next to the image.
     """
@@ -63,7 +64,7 @@ def test_a_rate_is_exact_and_without_gaps(rate_hz: int, mode: str, tmp_path: Pat
     assert run.error is None
     samples = [arrival.frame for arrival in run.of(wire.Sample)]
     bursts = run.boots[-1].bursts
-    assert len(bursts) - 2 <= len(samples) <= len(bursts)  # The last samples have not arrived yet.
+    assert len(bursts) - 2 <= len(samples) <= len(bursts)  # The last two samples may not have arrived yet.
     assert [chip_bytes(s.message) for s in samples] == [bytes(b.data) for b in bursts[: len(samples)]]
     assert [s.sequence for s in samples] == list(range(len(samples)))
     assert {b.device_us - a.device_us for a, b in pairwise(samples)} == {1_000_000 // rate_hz}
@@ -112,7 +113,7 @@ def test_a_setting_that_cannot_be_does_not_compile(defines: tuple[str, ...], say
 def test_the_small_ring_of_arduino_bears_500_hz(tmp_path: Path) -> None:
     """The ring buffer can contain 127 bytes.
 
-    ESTIMATOR has 113 bytes, and a sample of 28 bytes comes every 2 ms.
+    The message ESTIMATOR has 113 bytes, and a sample of 28 bytes comes every 2 ms.
     """
     folder = ROOT / "tests/firmware/arduino_stub"
     make(folder, tmp_path, "SANITIZE=", "CXX=g++ -DFLTEA_RATE_HZ=500", tmp_path / "run-data_ready")

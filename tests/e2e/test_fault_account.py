@@ -1,6 +1,7 @@
-"""The tools that cause faults.
+"""Tests of the tools that cause faults (tools/faults).
 
-Tested are the accounts, which find uncounted losses, the report, and the connection that can be cut.
+The tests are about the accounts, which find losses that nothing has counted, about the report, and about the
+connection that can be cut.
 """
 
 import asyncio
@@ -61,7 +62,9 @@ def test_a_silence_that_was_the_boards_own_is_no_fault_of_the_daemon(board: Boar
 
 
 def records(board: Board, *, without: tuple[int, ...] = ()) -> list[dict[str, Any]]:
-    """Return the records, with statistics, of a daemon that receives all samples except `without`."""
+    """Return the records that a daemon would write, with statistics, if it received all samples except those
+    with the indexes `without`.
+    """
     found: list[dict[str, Any]] = [{"class": "epoch", "epoch": 1, "boot_id": 1}]
     for k, counts in enumerate(board.boots[0].counts):
         rates = [count / LSB_PER_DPS for count in counts]
@@ -141,7 +144,7 @@ def test_sums_that_are_no_sums(board: Board) -> None:
 
 
 class Worker:
-    """The records that a program has written, and how it ended."""
+    """A stand-in for a program: the records that it has written, and how it ended."""
 
     code, stderr = 0, ""
 
@@ -248,7 +251,8 @@ def test_what_breaks_is_a_wrong_outcome_and_what_it_started_ends() -> None:
 def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Run the command on faults of all outcomes.
 
-    Some are right, one has wrong counts, one cannot be caused here, and one has an unexpected result.
+    Some faults have the right outcome, one has wrong counts, one cannot be caused here, and one has an
+    unexpected result.
     """
     parts = {
         "right": command.Part(
@@ -310,7 +314,8 @@ def test_a_nats_server_whose_disk_holds_it_up_is_waited_for(stage: Stage, tmp_pa
 
     async def asked_of_one_that_stands_still(stream: JetStreamContext) -> int:
         server.pause()
-        asyncio.get_running_loop().call_later(6.0, server.go_on)  # The client's own time limit is 5 s.
+        # This is later than the time limit of the client library, 5 s.
+        asyncio.get_running_loop().call_later(6.0, server.go_on)
         return (await stream.account_info()).streams
 
     assert server._ask(asked_of_one_that_stands_still) >= 0
@@ -323,7 +328,7 @@ def test_a_nats_server_whose_disk_holds_it_up_is_waited_for(stage: Stage, tmp_pa
 def test_the_guides_tables_are_of_the_faults_that_are_played(page: str, part: str) -> None:
     """The guide's table has a row for each fault.
 
-    The row reports the expected outcome; its figures are those of one run.
+    The row of a fault reports the expected outcome. The row's figures are those of one run.
     """
     text = (ROOT / f"host/docs/guide/{page}.md").read_text("utf-8")
     found = {

@@ -1,4 +1,6 @@
-"""Play faults as `make faults` does: each leads to what stands with it, and every record is accounted for."""
+"""Play faults as `make faults` does. Each fault leads to the outcome that is stated with it, and every record
+is accounted for.
+"""
 
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -18,14 +20,14 @@ from tools.faults.outcome import LOST, Outcome
 from tools.faults.program import Skip
 
 AT_ONCE = {"daemon": 5, "fleet": 1, "ingest": 1}
-"""Parts whose faults are played here, and how many at a time. tests/e2e/test_due_faults.py plays the board's
-faults; those of a cluster are in tests/cluster.
+"""Parts of the system whose faults are played here, and how many faults of a part at a time.
+tests/e2e/test_due_faults.py plays the board's faults. Those of a cluster are in tests/cluster.
 """
 SERVERS = {"fleet": ("mosquitto",), "ingest": ("nats-server", "mosquitto")}
 
 
 class Fault(NamedTuple):
-    """A fault and its part."""
+    """A fault and the part of the system that it concerns."""
 
     part: str
     case: Case
@@ -39,7 +41,9 @@ Playing = Callable[[str], dict[str, "Future[Outcome]"]]
 
 @pytest.fixture(scope="module")
 def playing(request: pytest.FixtureRequest) -> Playing:
-    """Return a function that begins to play the requested faults of a part, several at a time, once."""
+    """Return a function that begins to play the requested faults of a part, several at a time. Later calls
+    for a part return the same outcomes.
+    """
     parameters = (getattr(item, "callspec", None) for item in request.session.items)
     wanted = [one.params.get("fault") for one in parameters if one is not None]
 

@@ -1,4 +1,6 @@
-"""`fltea fleet` as a user runs it, with a real broker, which has its usual limits, and a real browser."""
+"""Tests of `fltea fleet` as a user runs it, with a real MQTT broker, which has its usual limits, and a real
+browser.
+"""
 
 import base64
 import contextlib
@@ -82,9 +84,9 @@ def load(port: int, sensors: int = SENSORS, rounds: int = 1) -> dict[str, Any]:
 def test_of_200_sensors_the_three_bad_ones_stand_out(
     stage: Stage, broker: Mosquitto, start: Start, tmp_path: Path, chromium: Browser
 ) -> None:
-    """The broker holds all messages before the fleet connects.
+    """Before the fleet connects, the broker has the retained messages of all sensors.
 
-    It would drop most of them if the fleet requested all at once.
+    The broker would drop most of them if the fleet requested all at once.
     """
     assert load(broker.port)["acknowledged"] == 4 * SENSORS
     said = {"hello": {"rate_hz": 100.0, "sensor": HOSTILE}, "status": {"status": "online", "source": HOSTILE}}
@@ -101,7 +103,7 @@ def test_of_200_sensors_the_three_bad_ones_stand_out(
     watched = Watched(chromium, running.url)
     page = watched.page
     page.wait_for_selector("body[data-ready=yes]")
-    # The page lists both N and the density of this sensor.
+    # The page lists this sensor twice, with N and with the density of its white noise.
     assert page.locator("#odd li").count() == len(found["odd"])
     page.fill("#words", "odd")
     expect(page.locator("#total")).to_have_text("1 to 3 of 3", timeout=PATIENCE_MS)

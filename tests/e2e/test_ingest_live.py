@@ -1,4 +1,4 @@
-"""Frames of many devices pass through real servers.
+"""Tests in which frames of many devices pass through real servers.
 
 Workers share the devices, and every frame is accounted for.
 """
@@ -46,7 +46,7 @@ def worker(processes: Processes, url: str, name: str, *more: str) -> Daemon:
 class Boards:
     """Simulated boards that publish from an event loop in a thread.
 
-    Each message has one second of frames of a device.
+    Each message contains the frames of one device for one second.
     """
 
     def __init__(self, url: str, **options: Any) -> None:
@@ -61,7 +61,9 @@ class Boards:
         self.refused.append(str(error))
 
     def has_stream(self) -> bool:
-        """Wait until a worker has made the stream, since earlier messages would be lost."""
+        """Return whether a worker has made the stream in the server. Messages that are published before would
+        be lost.
+        """
         asked = self._client.jetstream().stream_info("FLTEA_FRAMES")
         try:
             return bool(self._loop.run_until_complete(asked))

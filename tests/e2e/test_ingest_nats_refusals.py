@@ -1,4 +1,6 @@
-"""Workers of a NATS server that forbids something, or whose streams or leases others have changed."""
+"""Tests of workers with a NATS server that forbids something, or in which somebody has changed streams or
+leases.
+"""
 
 from typing import Any
 
@@ -34,9 +36,9 @@ def test_what_an_account_may_not_do_is_told(
     start: Start,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """The server does not answer a forbidden request, as if it were busy.
+    """The server does not answer a request that it forbids, as if it were busy.
 
-    It reports the refusal separately.
+    The server reports the refusal separately.
     """
     for module in ("nats", "leases"):
         monkeypatch.setattr(f"fltea.service.ingest.{module}.LEASE_S", 1.0)
@@ -46,7 +48,7 @@ def test_what_an_account_may_not_do_is_told(
     worker = start(server(more=f"authorization {{ users: [ {user} ] }}"))
     wait_until(lambda: any(one == kind for one, _ in worker.told), "word of it")
     assert "this account may not do what a worker has to" in worker.texts(kind)
-    assert subject.lower() in worker.texts(kind)  # The library writes the subject in lower case.
+    assert subject.lower() in worker.texts(kind)  # The NATS library writes the subject in lower case.
     assert not worker.texts("nats_back")
 
 
@@ -84,7 +86,8 @@ def test_a_stream_that_cannot_be_pulled_from_is_told_once(
 def test_a_lease_that_lies_ends_no_partition(lease: bytes, server: Servers, start: Start) -> None:
     """The lease of a partition contains a message number that cannot be right.
 
-    No message can have the number, or it is of another stream. All messages in the stream are then read.
+    Either no message can have this number, or it is a number of another stream. All messages in the stream
+    are then read.
     """
     one = server()
     first = start(one)

@@ -1,4 +1,6 @@
-"""How a NATS server stores, refuses and maps messages, and what workers report about an unsuitable server."""
+"""Tests of how a NATS server stores, refuses and maps messages, and of what workers report about an
+unsuitable server.
+"""
 
 import asyncio
 import gc
@@ -173,7 +175,9 @@ def test_a_consumer_or_a_stream_that_somebody_deletes_is_made_again(
 def test_a_server_killed_before_it_read_all_is_a_lost_connection_and_no_traceback(
     serving: tuple[Server, Worker], caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Data that the library had still to send may fail in a task that no code awaits."""
+    """When the connection is lost, sending the library's remaining data may fail in a task that no code
+    awaits. Only the loss is reported.
+    """
 
     async def fail() -> None:
         raise ConnectionResetError(104, "Connection reset by peer")
@@ -185,7 +189,7 @@ def test_a_server_killed_before_it_read_all_is_a_lost_connection_and_no_tracebac
     loop = worker.frames.partitions._loop
     assert loop is not None
     loop.call_soon_threadsafe(lambda: loop.create_task(fail()))
-    # Wait until all messages are under way.
+    # Wait until the failing task and all messages are under way.
     asyncio.run_coroutine_threadsafe(asyncio.sleep(0.1), loop).result()
     one.kill()
     wait_until(lambda: bool(worker.told), "word of it")
@@ -202,7 +206,7 @@ def test_messages_that_came_while_a_lease_had_lapsed_come_again_in_their_order(
 ) -> None:
     """A worker was suspended and could not renew its lease.
 
-    Meanwhile no other worker took its partition.
+    Meanwhile no other worker took this worker's partition, so it goes on.
     """
     one, worker = serving
     worker.inbox.admission.admit("s1")
@@ -210,7 +214,7 @@ def test_messages_that_came_while_a_lease_had_lapsed_come_again_in_their_order(
     items: list[Any] = []
 
     def hears(last: int) -> bool:
-        """Process messages as the loop of the worker does; return whether the last one has come."""
+        """Process messages as the loop of the worker does. Return whether the message `last` has come."""
         for item in taken(worker, 0.1):
             items.append(item)
             if isinstance(item, Resumed):
@@ -239,7 +243,7 @@ def test_messages_that_came_while_a_lease_had_lapsed_come_again_in_their_order(
 def test_snapshots_are_used_whatever_the_clocks_of_their_workers_said(server: Servers, start: Start) -> None:
     """One snapshot comes from a worker whose clock is an hour ahead.
 
-    The snapshot of another device was deleted before.
+    The snapshot of another device was deleted before this.
     """
     one = server()
     first = start(one)
@@ -288,7 +292,9 @@ def test_a_clock_that_differs_is_told_and_no_message_waits_for_it(
 
 
 def test_a_board_publishes_under_its_own_name_only(stage: Stage, server: Servers) -> None:
-    """This holds for NATS and MQTT, with the accounts that tools/nats_users.py writes."""
+    """A board can publish only under its own name, by NATS and by MQTT, with the accounts that
+    tools/nats_users.py writes.
+    """
     names = ["s1", "s2", "board-7"]
     accounts = render(names, PARTITIONS)
     words = dict(zip(["worker", *names], accounts.split('password: "')[1:], strict=True))

@@ -1,4 +1,6 @@
-"""The whole way of samples: a simulated device, a pseudo-terminal, `fltea run` and its NDJSON output."""
+"""Tests of the whole way of samples: a simulated device, a pseudo-terminal, `fltea run` and its NDJSON
+output.
+"""
 
 import contextlib
 import fcntl
@@ -33,7 +35,7 @@ def port(tmp_path: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
-    """Return a command that has ended, with some two hundred estimates and their samples."""
+    """Yield a `fltea run` that has ended, with some two hundred estimates and their samples."""
     started, port = Processes(), tmp_path_factory.mktemp("live") / "device"
     device = started.stand_in(port, "--noise", NOISE)
     daemon = started.daemon("-s", f"serial:{port}", "--samples", *QUICK)
@@ -66,7 +68,9 @@ def test_every_sample_arrives_and_every_estimate_is_finite(run: Daemon) -> None:
 
 
 def test_the_wire_changes_no_value(run: Daemon) -> None:
-    """The estimates are bitwise those of an estimator that gets the same quantised samples directly."""
+    """The estimates are equal in every bit to those of an estimator that gets the same quantised samples
+    directly.
+    """
     config = load_config(None, {"estimator.window": 200, "estimator.startup": 50}).estimator
     noise, estimates = NoiseGenerator(parse_noise(NOISE)), run.of("estimate")
     counts = [noise.step() for _ in range(50 + len(estimates))]
@@ -119,10 +123,10 @@ def test_a_signal_ends_a_run_whose_output_nobody_reads(port: Path, processes: Pr
 
 @pytest.mark.slow
 def test_a_signal_ends_a_run_that_waits_for_its_reader_at_its_end() -> None:
-    """All samples are read and queued, and nothing reads the rest of the output."""
+    """The command reads and queues all samples, while nothing reads the rest of its output."""
     with unread("-s", "synthetic:?n=1000", "--pace", "fast", "--once") as (run, pipe):
         wait_until(lambda: _in_pipe(pipe) > 30_000, "the pipe to fill")
-        time.sleep(0.5)  # time for the processing to end, which cannot be observed from outside
+        time.sleep(0.5)  # by then all samples are processed, which cannot be observed from outside
         assert run.poll() is None
 
 

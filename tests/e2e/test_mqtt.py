@@ -1,6 +1,6 @@
-"""MQTT with the real mosquitto.
+"""Tests of MQTT with the real broker mosquitto.
 
-Tested are the messages that arrive, the losses that are counted, and the clients that are accepted.
+The tests are about the messages that arrive, the losses that are counted, and the clients that are accepted.
 """
 
 import json
@@ -29,7 +29,9 @@ from tests.rig.mosquitto_support import (
 )
 from tools.faults.server import free_port
 
-pytestmark = [  # The library leaves it to the garbage collector to close the socket of a failed handshake.
+# Warnings are ignored, since the MQTT library leaves it to the garbage collector to close the socket of a
+# failed handshake.
+pytestmark = [
     pytest.mark.filterwarnings("ignore:.*unclosed <ssl.SSLSocket:ResourceWarning"),
     pytest.mark.filterwarnings("ignore:.*<ssl.SSLSocket:pytest.PytestUnraisableExceptionWarning"),
 ]
@@ -172,7 +174,9 @@ def test_broker_that_is_absent_at_the_start_is_waited_for(stage: Stage) -> None:
 
 
 def test_frozen_broker_blocks_nobody_and_what_it_cannot_take_is_counted(stage: Stage) -> None:
-    """The network accepts the bytes, but no acknowledgement comes back, as if a cable were cut."""
+    """The broker is frozen. The network accepts the bytes, but no acknowledgement comes back, as if a cable
+    were cut.
+    """
     broker = stage.broker()
     watcher = stage.watcher(broker.port)
     driven = stage.drive(broker.port)

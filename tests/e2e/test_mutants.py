@@ -1,6 +1,7 @@
-"""`make mutants`: its listed bugs can be inserted into the sources, and its verdicts are right.
+"""Tests of `make mutants`, which inserts bugs into the sources: all its listed bugs can be inserted, and its
+verdicts are right.
 
-Tests also find its bugs in the host.
+The bugs that it inserts into the host's code are found by tests, too.
 """
 
 import ast

@@ -1,4 +1,4 @@
-"""The appearance of the live page in a real browser. All tests share a server with invented records."""
+"""Tests of how the live page looks in a real browser. All tests share a server with invented records."""
 
 import re
 import time
@@ -60,7 +60,7 @@ def as_of(record: AnyRecord, begin_ns: int, device: str = "due") -> AnyRecord:
 
 @pytest.fixture(scope="module")
 def seen(sink: DashboardSink, chromium: Browser) -> Iterator[Watched]:
-    """Return a page that the tests share; they do not close it.
+    """Return a page that all tests share and do not close.
 
     Each test leaves the page as it was, with nothing expanded.
     """
@@ -269,8 +269,8 @@ def test_the_theme_is_the_systems_or_the_one_chosen(sink: DashboardSink, chromiu
     light, dark = (Watched(chromium, sink.url, color_scheme=scheme) for scheme in ("light", "dark"))
     colours = [one.page.evaluate(ground) for one in (light, dark)]
     assert colours[0] != colours[1]
-    light.page.click("#theme")  # system → light
-    light.page.click("#theme")  # light → dark
+    light.page.click("#theme")  # changes the theme from "system" to "light"
+    light.page.click("#theme")  # changes the theme from "light" to "dark"
     assert light.page.evaluate(ground) == colours[1]
     light.page.reload()
     light.wait("document.querySelectorAll('.axis').length === 3")

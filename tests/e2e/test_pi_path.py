@@ -1,4 +1,6 @@
-"""The same noise is read by a Raspberry Pi and by the Due: set-up of the sensor and results are equal."""
+"""Tests in which a Raspberry Pi and the Due read the same noise: the set-up of the sensor and the results are
+equal.
+"""
 
 from functools import cache
 from itertools import pairwise
@@ -28,9 +30,9 @@ def gyro(samples: list[Sample]) -> list[tuple[float, ...]]:
 
 @cache
 def through_the_pi() -> Pi:
-    """Run the program on the simulated Pi with the same noise as the Due.
+    """Run the program on the simulated Pi with the same noise as on the Due.
 
-    The Pi is switched on so that its first sample is at the same point of the noise.
+    The Pi is switched on at such a time that its first sample is the same value of the noise.
     """
     noise = fractional_world(NOISE)
     first = gyro(through_the_due().samples)[:20]
@@ -90,6 +92,7 @@ def test_the_command(processes: Processes) -> None:
     counts = stats["sample_counts"]
     assert counts["delivered"] == len(samples)
     assert counts["delivered"] + counts["lost"] == numbers[-1] + 1
-    assert stats["board"]["overruns"] <= counts["lost"]  # The board's status is at most a second old.
+    # The board's status is up to a second old, so it may lack the newest overruns.
+    assert stats["board"]["overruns"] <= counts["lost"]
     assert set(command.errors()) == ({"fifo_overflow"} if counts["lost"] else set())
     assert said.count("\n") == said.count("fltea: fifo_overflow: ") == len(command.errors())

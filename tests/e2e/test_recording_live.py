@@ -1,4 +1,6 @@
-"""Recording as a user does it: with the command, a device on a pseudo-terminal, and a kill at any moment."""
+"""Tests of recording as a user does it: with the command, a device on a pseudo-terminal, and a kill at any
+moment.
+"""
 
 import json
 import random
@@ -62,7 +64,7 @@ def test_kill_9_costs_the_last_second(seed: int, processes: Processes, port: Pat
 
 @pytest.mark.slow
 def test_record_export_replay(processes: Processes, port: Path, tmp_path: Path) -> None:
-    """Run each command as in the README, one after the other."""
+    """Run the commands for recording, export and replay one after the other, as the README has them."""
     folder = tmp_path / "rec"
     device = processes.stand_in(port)
     result = fltea("record", "-s", f"serial:{port}", folder, "--for", "2", "--rotate-s", "0.8")

@@ -1,6 +1,6 @@
-"""Record each kind of source into several files.
+"""Tests in which each kind of source is recorded into several files.
 
-Each file is read completely, or it is named and the exit code is 1.
+Each file can then be read completely, or the file is named and the exit code is 1.
 
 If a kind of source cannot be recorded, the program says so, and what can be done instead.
 """
@@ -30,7 +30,7 @@ Source = contextlib.AbstractContextManager[list[str]]
 
 
 def boards(rate_hz: int = 500) -> Callable[[int], bytes]:
-    """Return the bytes that a board sends in a fiftieth of a second."""
+    """Return a function that gives the bytes that a board sends in each fiftieth of a second."""
     device = Device(parse_noise(f"seed=1&rate_hz={rate_hz}"), boot_id=1)
     return lambda turn: (
         (b"" if turn else device.booted()) + b"".join(device.next_frames() for _ in range(rate_hz // 50))
@@ -38,7 +38,7 @@ def boards(rate_hz: int = 500) -> Callable[[int], bytes]:
 
 
 def lines(turn: int) -> bytes:
-    """Return a fiftieth of a second of counts as text, which makes 500 lines a second."""
+    """Return the counts of a fiftieth of a second as text. That makes 500 lines a second."""
     return b"".join(b"%d,%d,%d\n" % tuple(row) for row in LINES[10 * turn : 10 * turn + 10].tolist())
 
 
@@ -148,7 +148,7 @@ def test_all_files_of_a_recording_are_used_or_named(
 def samples_of(folder: Path, lossless: bool) -> int:
     """Return how many samples `replay:` and `identify` find.
 
-    Also check that they are consecutive, if none was lost.
+    Also check that the samples are consecutive, if none was lost.
     """
     done = fltea_here(*REPLAY, "-s", f"replay:{folder}")
     assert done.returncode == 0, done.stderr

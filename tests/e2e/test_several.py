@@ -1,4 +1,4 @@
-"""One program with several devices and outputs: a fault of one of them does not affect the others."""
+"""Tests of one program with several devices and outputs: a fault of one does not affect the others."""
 
 import json
 import signal

@@ -1,4 +1,5 @@
-"""The bank of filters, compared with a plain Python oracle, and with itself for other blocks.
+"""Tests of the bank of filters (the filters of a sensor's axes). It is compared with a plain Python oracle,
+and with itself when the samples are divided into other blocks.
 
 The oracle processes one sample at a time.
 """
@@ -66,11 +67,14 @@ def test_equals_the_oracle_with_runaways_and_tells_each() -> None:
     found, expected = (f(y, config(**changes), LSB, {1200: 40}) for f in (by_bank, by_sample))
     assert sum(expected.restarts.values()) > 3
     assert expected.lost
-    assert_close(found, expected, 1e-6)  # a run that diverges amplifies any rounding
+    # the tolerance is wide because a run that diverges amplifies any rounding
+    assert_close(found, expected, 1e-6)
 
 
 def test_equals_the_oracle_where_the_guard_has_to_hold() -> None:
-    """The lane is invalid while a quarter of the samples are limited, and restarts later."""
+    """A lane (axis) is invalid while the guard limits more than a quarter of the last samples, and restarts
+    later.
+    """
     y = noise(2000)
     y[600:1100, 0] += 30 * np.random.default_rng(1).choice([-1, 1], 500)
     found = by_bank(y, config(), LSB)
@@ -118,7 +122,7 @@ def test_any_cut_of_the_rows_gives_the_same_to_the_bit(
 
 
 def test_each_row_tells_whether_the_innovations_are_white_however_rows_are_cut() -> None:
-    """It refers to the last full hundred of innovations.
+    """The test of whiteness in each row is that of the last full hundred of innovations.
 
     The three axes have noise behind a low-pass, white noise, and noise that is coloured for a while.
     """
@@ -160,15 +164,17 @@ def test_the_start_up_window_takes_no_more_than_it_needs() -> None:
 
 CLIMBING = [[1.0, 10.0], [2.0, 10.0], [3.0, 16.0]]
 BASELINES: list[tuple[Any, Any, float | None, list[list[float]], Baseline]] = [
-    # x: mean 2, variance (1 + 0 + 1)/2; y: mean 12, variance (4 + 4 + 16)/2.
+    # By hand: x has the mean 2 and the variance (1 + 0 + 1)/2, and y has the mean 12 and the variance (4 + 4
+    # + 16)/2.
     ("startup", "auto", None, CLIMBING, Baseline((2, 12), (1, 12), ())),
     ([0.5, -1], [0.02, 0.03], None, [], Baseline((0.5, -1), (0.02, 0.03), ())),
     ("none", 0.02, None, [], Baseline((0, 0), (0.02, 0.02), ())),
     (0.5, 0.02, None, [], Baseline((0.5, 0.5), (0.02, 0.02), ())),
     ([0.5, -1], "auto", None, [[1, 1], [3, 2]], Baseline((0.5, -1), (2, 0.5), ())),
-    # a constant axis, with R given in the settings
+    # a constant axis (x) is accepted if R is given in the settings
     ("startup", 0.1, None, [[1, 1], [1, 2]], Baseline((1, 1.5), (0.1, 0.1), ())),
-    # The resolution limits R from below: x hardly ever changes, y always does.
+    # The resolution of 0.6 limits R from below, to 0.6² / 12. This matters for x, which hardly ever changes,
+    # but not for y, which always does.
     (
         "startup",
         "auto",
@@ -177,7 +183,8 @@ BASELINES: list[tuple[Any, Any, float | None, list[list[float]], Baseline]] = [
         Baseline((0.006, 0.3), (0.03, 1 / 11), ()),
     ),
     ("startup", "auto", 0.6, [[0.6, 0], [0.6, 0.6], [0.6, 1.2]], Baseline((0.6, 0.6), (nan, 0.36), ("x",))),
-    # The computed mean of many values 0.1 is not exactly 0.1, so that the computed variance is not zero.
+    # x is constant, although its computed variance is not zero: the computed mean of many values 0.1 is not
+    # exactly 0.1.
     (
         "startup",
         "auto",
@@ -245,7 +252,9 @@ def test_samples_that_vary_beyond_measure_or_below_it() -> None:
 
 
 def test_losses_while_bridging_are_told() -> None:
-    """Without the guard, a prediction over a long gap can run away."""
+    """Losses of lanes are reported also while a gap is bridged. Without the guard, a prediction over a long
+    gap can run away.
+    """
     bank, lost = Bank(AXES, config(bias="none", R=1e-3, **PRINTED), H, None), []
     y = noise(400, quantised=False)
     for k in range(0, 400, 20):

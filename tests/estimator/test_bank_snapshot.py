@@ -1,4 +1,6 @@
-"""Snapshots of a bank of filters: valid ones continue bit by bit, all others are refused with a reason."""
+"""Tests of snapshots of a bank of filters. From a valid snapshot, a bank continues as before in every bit,
+and all other snapshots are refused with a reason.
+"""
 
 import math
 import struct
@@ -159,7 +161,9 @@ def with_engine(state: OnlineState, engine: bytes) -> OnlineState:
 def test_a_single_number_that_is_not_finite_is_refused_or_does_not_matter(
     changes: dict[str, object], data: st.DataObject, value: float
 ) -> None:
-    """An accepted snapshot continues as the original does: bytes of idle lanes and tables have no effect."""
+    """If a changed snapshot is accepted, its bank continues as the original does, because the change was in
+    bytes of idle lanes or tables, which have no effect.
+    """
     config = configured(**changes)
     _bank, state = saved(config)
     native = bytearray(state.engine)

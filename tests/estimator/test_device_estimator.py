@@ -1,10 +1,10 @@
-"""The device's estimator, compared with the host's.
+"""Tests in which the device's estimator is compared with the host's.
 
 The device computes in single precision, with integers in its memory. The host computes in double precision,
 with a memory of nine digits. Their results differ by rounding and by what the device's memory leaves out.
 When the guard acts, the two may come to different sides of a bound and differ for a while. They also differ
-from the moment when P or x exceeds what the device's memory can hold. Then the tests only require what must
-hold for any input.
+from the moment when P or x exceeds what the device's memory can store. In such cases, the tests only require
+what has to be true for any input.
 """
 
 from pathlib import Path
@@ -25,15 +25,18 @@ from numpy.typing import NDArray
 from tests.rig.device_probe import LSB_PER_DPS, STARTUP, VARIANTS, Device, host_baseline, host_engine
 from tests.rig.sample_by_sample import Supervisor
 
-# Examples are not shrunk: a failing one is as short as any other, and shrinking takes minutes.
+# Hypothesis does not shrink examples: a failing example is as short as any other, and shrinking takes
+# minutes.
 NO_SHRINKING = (Phase.explicit, Phase.generate)
 
 SAMPLES = 1_000
-"""Number of samples after the start-up window."""
+"""Number of samples after the start-up window in each example."""
 
 
 class Scenario(NamedTuple):
-    """What happens to one axis in the start-up window and in SAMPLES more samples."""
+    """An example for these tests: what happens to one axis in the start-up window and in SAMPLES more
+    samples.
+    """
 
     seed: int
     level: float
@@ -42,9 +45,9 @@ class Scenario(NamedTuple):
     """order of integration of the noise: 0 is white, 0.5 pink, 1 a random walk"""
     offset_dps: float
     spikes: list[tuple[int, float]]
-    """for each spike, its sample after the start-up window, and its height in deg/s"""
+    """for each spike: number of its sample since the start-up window, and height in deg/s"""
     gaps: list[tuple[int, int]]
-    """for each gap, its sample after the start-up window, and its number of samples"""
+    """for each gap: number of its first sample since the start-up window, and length in samples"""
 
     def counts(self) -> NDArray[np.int16]:
         n = STARTUP + SAMPLES
@@ -83,8 +86,9 @@ def host_run(variant: str, counts: NDArray[np.int16], missing: NDArray[np.bool_]
 
 
 def free(rows: dict[str, Array], host: Estimates, R: float) -> int:
-    """Return how many samples come before the guard first acts, or before P varies too much for the device's
-    memory."""
+    """Return how many samples come before the guard first acts or P first becomes too large for the device's
+    memory.
+    """
     parted = (sum(rows[cause] for cause in CAUSES) > 0) | (host.P[:, 0] > 128 * R)
     return int(np.argmax(parted)) if parted.any() else len(parted)
 
@@ -105,7 +109,8 @@ def assert_close(scenario: Scenario, variant: str, bound: float) -> None:
     for name, expected, unit in (
         ("alpha", host.alpha[:n, 0], 1),
         ("alpha_std", np.sqrt(host.alpha_var[:n, 0]), 1),
-        ("f", f, 5 * (1 + np.abs(f))),  # f is beta h^-alpha, so that an error of alpha is multiplied by ln h
+        # f = beta h^-alpha, so an error of alpha changes f by ln h times f times the error
+        ("f", f, 5 * (1 + np.abs(f))),
         ("state", host.x[:n, 0], 10 * np.sqrt(R)),
     ):
         worst = np.max(np.abs(rows[name][:n] - expected) / unit, initial=0)
@@ -116,7 +121,7 @@ def assert_close(scenario: Scenario, variant: str, bound: float) -> None:
 def test_like_the_hosts_without_gaps(variant: str) -> None:
     """The largest error of alpha in 2,700 random runs is 3.4e-5 (joint) and 9.6e-5 (triple).
 
-    Half of the errors are below 1e-6.
+    Half of the errors of alpha are below 1e-6.
     """
 
     @given(scenario=scenarios())
@@ -129,8 +134,9 @@ def test_like_the_hosts_without_gaps(variant: str) -> None:
 
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_like_the_hosts_with_gaps(variant: str) -> None:
-    """Largest error in 2,600 random runs: 1.9e-4 (joint), 1.5e-3 (triple), since P is no longer nearly
-    constant."""
+    """With gaps, P is no longer nearly constant, and the largest error of alpha in 2,600 random runs is
+    1.9e-4 (joint) and 1.5e-3 (triple).
+    """
 
     @given(scenario=scenarios(gaps=3))
     @settings(max_examples=40, phases=NO_SHRINKING)
@@ -142,9 +148,9 @@ def test_like_the_hosts_with_gaps(variant: str) -> None:
 
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_half_of_the_runs_agree_though_the_guard_acts(variant: str) -> None:
-    """Every guard acts on knocks of 20 to 100 sigma.
+    """On knocks of 20 to 100 sigma, the guard acts in every run.
 
-    Some runs then differ from the host's, and most of these agree again later.
+    Some runs of the device's estimator then differ from the host's, and most of these agree again later.
     """
     last = []
     for seed in range(40):
@@ -176,7 +182,9 @@ def test_whatever_comes_estimates_are_finite_and_in_the_box(variant: str) -> Non
 
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_counts_of_full_scale_from_one_end_to_the_other(variant: str) -> None:
-    """The start-up window has such counts, too: they give the largest sums, and an R of (1,600 deg/s)²."""
+    """All counts are at one of the two ends of the range, also in the start-up window. That gives the largest
+    sums, and an R of (1,600 deg/s)².
+    """
     counts = np.where(np.random.default_rng(1).integers(0, 2, STARTUP + 3_000) == 0, -32768, 32767)
     device = Device(variant)
     rows = device.run(counts)
@@ -189,8 +197,9 @@ def test_counts_of_full_scale_from_one_end_to_the_other(variant: str) -> None:
 
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_an_axis_is_withdrawn_and_begun_anew_as_on_the_host(variant: str) -> None:
-    """The sensor is turned for two seconds: the axis becomes invalid, and starts over once the sensor is at
-    rest."""
+    """The sensor is turned for two seconds. The axis becomes invalid, and starts over when the sensor is at
+    rest again.
+    """
     n = STARTUP + 3_000
     random = np.random.default_rng(3)
     rate = random.normal(0, 0.15, n)
@@ -201,8 +210,8 @@ def test_an_axis_is_withdrawn_and_begun_anew_as_on_the_host(variant: str) -> Non
     rows = device.run(counts)
     valid = rows["flags"].astype(int) & EstimateFlags.VALID != 0
 
-    # The host's rules are applied to the device's output. The guard's counts begin again at 0 when the axis
-    # restarts.
+    # The host's rules of the supervisor are applied to the device's output. The device's counts of what the
+    # guard did begin again at 0 when the axis restarts.
     supervisor, bound, expected, restarts = Supervisor(), 0.0, [], 0
     for count in rows["state_bound"].tolist():
         verdict = supervisor.judge(0, 0, 0, state_bound=count > bound)
@@ -218,7 +227,7 @@ def test_an_axis_is_withdrawn_and_begun_anew_as_on_the_host(variant: str) -> Non
     theirs = host.run(counts[STARTUP:, np.newaxis] / LSB_PER_DPS).valid[:, 0]
     assert host.restarts == {"x": 1}
     assert 100 < np.sum(~theirs) < 1_000
-    # R differs a little, so that they may become invalid at slightly different samples
+    # R differs a little, so that device and host may become invalid at slightly different samples
     assert np.sum(valid != theirs) <= 10
 
 
@@ -226,11 +235,11 @@ def test_an_axis_is_withdrawn_and_begun_anew_as_on_the_host(variant: str) -> Non
 @pytest.mark.parametrize("name", ["mpu6050_tomisuarez_100s", "mpu6050_sunsided_10min"])
 @pytest.mark.parametrize("rescaled", [True, False])
 def test_real_sensors(recordings: Path, name: str, variant: str, rescaled: bool) -> None:
-    """Noise of real sensors, at the device's sensitivity: with the same deg/s, or eight times as many.
+    """Noise of real sensors at the device's sensitivity. The rates are those of the recording or, if the
+    recording's counts are taken for the device's counts, eight times as large.
 
-    Largest error of alpha: 8.3e-6 (joint) and 3.6e-6 (triple) with the same deg/s. It is 1.9e-5 and 6.0e-5 if
-    the recording's counts are interpreted as the device's counts; then the guard acts up to 2,562 times on an
-    axis.
+    The largest error of alpha is 8.3e-6 (joint) and 3.6e-6 (triple) with the rates of the recording. With
+    eight times the rates it is 1.9e-5 and 6.0e-5, and the guard acts up to 2,562 times on an axis.
     """
     recording = open_npz(recordings / f"{name}.npz").whole()
     scale = LSB_PER_DPS / recording.lsb_per_dps if rescaled else 1.0

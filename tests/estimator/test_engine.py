@@ -1,5 +1,5 @@
-"""The native engine equals the numpy reference, gives the same results for any division into lanes, and
-scales as physics demands.
+"""Tests of the native engine: its results equal those of the numpy reference, do not depend on how series are
+divided into lanes, and scale with units as physics demands.
 """
 
 import itertools
@@ -42,7 +42,8 @@ def kind(engine_settings: LaneSettings) -> str:
 
 
 def relative_difference(estimates: Array, expected: Array) -> Array:
-    """Return the relative difference for each sample and quantity, (n, quantities).
+    """Return the relative difference of the estimates from the expected ones, for each sample and quantity,
+    as an array (n, quantities).
 
     Where an estimate is near zero, the difference is relative to the typical size of the quantity in the run.
     """
@@ -56,9 +57,9 @@ def relative_difference(estimates: Array, expected: Array) -> Array:
     ids=str,
 )
 def test_every_estimate_equals_the_reference(number: int, seed: int) -> None:
-    # The accuracy is limited by the sequence in which the past is summed, and by the last digit of h^α. Both
-    # stay near 1e-14 as long as the filters are stable; a filter that diverges amplifies them, in the
-    # reference as well.
+    # Two rounding errors limit the agreement: the order in which past states are summed, and the last digit
+    # of h^α. Both stay near 1e-14 as long as the filters are stable. A filter that diverges amplifies them,
+    # in the reference as well.
     n = 2500
     tuning = EXAMPLE if number else GYROSCOPE
     y, u = example(number, n, seed) if number else (white(n, 1, seed)[:, 0], np.zeros(n))
@@ -94,9 +95,10 @@ def test_compressed_agrees_with_direct_on_the_gyroscope() -> None:
 
 
 def test_white_noise_with_the_papers_settings_shows_the_papers_figures() -> None:
-    # White noise has no order; the estimate after 3,000 samples is a property of the algorithm. A prototype
-    # gave medians of 0.39 and -2.2 over 12 seeds. Sixty seeds in groups of 12 gave 0.39 to 0.43 and -2.3 to
-    # -2.8; single seeds scatter by 0.07 and 1.2. The tolerance is twice the scatter of the groups.
+    # White noise has no order. The estimates of α and f after 3,000 samples are a property of the algorithm.
+    # A prototype gave medians of 0.39 (α) and -2.2 (f) over 12 seeds of random noise. Sixty seeds in groups
+    # of 12 gave medians of 0.39 to 0.43 and -2.3 to -2.8. Single seeds scatter by 0.07 and 1.2. The tolerance
+    # is twice the scatter of the groups.
     estimates = run(GYROSCOPE, np.hstack([white(3000, 1, seed) for seed in range(12)]))
     assert np.median(estimates.alpha[-1]) == pytest.approx(0.39, abs=0.08)
     assert np.median(estimates.f[-1]) == pytest.approx(-2.4, abs=0.8)
@@ -146,7 +148,8 @@ def test_lanes_do_not_know_of_each_other(tuning: LaneSettings) -> None:
     for index in (order, order[:3], order[:1]):
         engine = Engine(len(index), with_(tuning, h=h[index], R=R[index]))
         assert same(engine.run(y[:, index], u[:, index], missing[:, index]), lane(every, index))
-    # The other lanes get bad data: their estimates overflow (guard off) or are limited at every sample.
+    # Every second lane gets bad data: its estimates overflow (guard off) or are limited at every sample. The
+    # lanes between must not notice.
     rubbish = y.copy()
     rubbish[:, ::2] = rng.choice([-1, 1], (n, 6)) * 10.0 ** rng.uniform(-100, 100, (n, 6))
     beside = Engine(lanes, with_(tuning, h=h, R=R)).run(rubbish, u, missing)

@@ -1,5 +1,5 @@
-"""The guard: no estimate leaves the bounds, every intervention is counted, and without an intervention
-nothing changes.
+"""Tests of the guard, which keeps the engine's estimates within bounds: no estimate leaves the bounds, every
+intervention is counted, and without an intervention nothing changes.
 """
 
 import itertools
@@ -41,7 +41,7 @@ def counted(estimates: Estimates) -> dict[str, int]:
 
 def assert_within_bounds(tuning: LaneSettings, estimates: Estimates, y: Array, missing: Flags) -> None:
     """Check that estimates are finite and within their bounds, that variances are not negative, and that the
-    state is near the measurement if there is one.
+    state is near the measurement at samples that have one.
     """
     for name in ESTIMATES:
         assert np.isfinite(getattr(estimates, name)[~missing if name == "innovation" else ...]).all(), name
@@ -97,7 +97,7 @@ def test_no_input_and_no_settings_leave_the_bounds(tuning: LaneSettings, data: A
 
 
 def wild_signals(n: int) -> Array:
-    """Return signals of a broken sensor, a wrong range or a wrong unit, (n, signals)."""
+    """Return signals of a broken sensor, a wrong range or a wrong unit, as an array (n, signals)."""
     noise = white(n, 1, 1)[:, 0]
     spikes = noise.copy()
     spikes[:: n // 9] = 2000.0
@@ -127,8 +127,8 @@ def test_wild_signals_leave_the_state_at_the_measurement(tuning: LaneSettings, r
 @pytest.mark.parametrize("guard", ["faithful", "consistent"])
 @pytest.mark.parametrize("variant", ["triple", "joint"])
 def test_a_prediction_cannot_run_away(guard: str, variant: str) -> None:
-    # h^α f = -4: the state quadruples with each sample. The printed filter would reach 1e300 in 500 missing
-    # samples.
+    # With α = 1 and h^α f = -4, the state is multiplied by h^α f + α = -3 at each sample. The filter of the
+    # paper reaches 1e300 after 630 missing samples.
     tuning = with_(
         GYROSCOPE,
         variant=variant,
@@ -168,7 +168,7 @@ def test_a_guard_that_is_never_needed_changes_no_bit(variant: str, memory: str) 
 
 
 class Walk(NamedTuple):
-    """Settings and state of the random walk of an order or parameter filter."""
+    """Settings and state of a filter that estimates the order or the parameter as a random walk."""
 
     value: float
     P: float
@@ -206,8 +206,9 @@ def unscented(walk: Walk, y: float, output: Callable[[float], float]) -> Walk:
 
 
 def test_consistent_equals_a_straight_loop() -> None:
-    # These are the printed filters with a variance of the state added to R: for KFo that of the weighted past
-    # at the last sample, for KFw the whole P̃ of KFx.
+    # The expected filters are those of the paper, but with a variance of the state added to R. KFo (the
+    # filter of the order) adds the variance of the weighted past at the last sample, and KFw (of the
+    # parameter) adds the whole predicted variance P̃ of KFx (of the state).
     n, h, Q, R = 60, 0.01, 0.15, 0.0235
     y = white(n, 1, 12)[:, 0]
     order, parameter = Walk(1.0, 0.01, 0.1, R, 0.5), Walk(0.0, 0.01, 0.1, R, 0.5)
@@ -239,8 +240,9 @@ def test_consistent_equals_a_straight_loop() -> None:
 
 
 def test_faithful_gate_softens_the_update_to_its_width() -> None:
-    # At sample 1, u = 1 and y is far away. The innovation is limited to `gate` standard deviations, so the
-    # correction is gate² Pαy / e.
+    # By hand: at sample 1, the input u is 1, and y is far from the prediction. The innovation e is limited to
+    # `gate` standard deviations by making its variance (e / gate)². The correction of α is therefore gate²
+    # Pαy / e, where Pαy is the covariance of α and y.
     gate, y = 4.0, np.array([[50.0]])
     tuning = with_(GYROSCOPE, guard="faithful", gate=gate, order__P0=0.001, order__Q0=0.001)
     estimates = run(tuning, y, np.array([[1.0]]))
@@ -252,13 +254,14 @@ def test_faithful_gate_softens_the_update_to_its_width() -> None:
     assert estimates.alpha[0, 0] == pytest.approx(expected, rel=1e-12)
     assert counted(estimates)["order_gate"] == 1
     assert counted(estimates)["state_bound"] == 1
-    # The innovation is limited to 4 standard deviations: |y - x| = 16 R / e.
+    # By hand: the state filter's innovation e is limited to 4 standard deviations by making its variance e² /
+    # 16. The state then stays at the distance |y - x| = 16 R / e from y.
     assert abs(50.0 - estimates.x[0, 0]) == pytest.approx(16 * 0.0235 / estimates.innovation[0, 0], rel=1e-9)
 
 
 @pytest.mark.parametrize("guard", ["faithful", "consistent"])
 def test_the_state_bound_begins_at_four_deviations(guard: str) -> None:
-    # With P0 = Q = 0 the prediction is certain, and the innovation's variance is R.
+    # With P0 = Q = 0, the prediction of the state is certain, so the variance of the innovation is R.
     R = 0.04
     tuning = with_(GYROSCOPE, guard=guard, state__P0=0, state__Q=0, R=R)
     y = np.array([[-3.99, 3.99, 4.01, -4.01]]) * R**0.5
@@ -270,9 +273,10 @@ def test_the_state_bound_begins_at_four_deviations(guard: str) -> None:
 
 @pytest.mark.parametrize("guard", ["faithful", "consistent"])
 def test_the_walk_learns_from_the_correction_that_the_box_left(guard: str) -> None:
-    # f0 = 0, x0 = 1: the model's output is α itself, so y = 3 pulls α from 1.9 to beyond 2. With delta = 1
-    # the walk's variance becomes the square of the change that the box allowed, 0.1, as if it had always been
-    # 0.01.
+    # With f0 = 0 and x0 = 1, the model's output is α itself, so y = 3 pulls α from 1.9 to beyond 2, the bound
+    # of the box of permitted values. With delta = 1, the variance of the random walk of α becomes the square
+    # of the change that the box allowed, which is 0.1² = 0.01. The later estimates are those of a filter
+    # whose variance was 0.01 from the beginning.
     state = StateSettings(x0=1, P0=0, Q=0)
     learning = OrderSettings(P0=0.2, Q0=0.1, alpha0=1.9, delta=1)
     told = OrderSettings(P0=0.29, Q0=0.01, alpha0=1.9, delta=0)

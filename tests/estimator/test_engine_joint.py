@@ -1,5 +1,5 @@
-"""The variant "joint", compared with a plain implementation with matrices, and tested on noise of known order
-and parameter.
+"""Tests of the engine's variant "joint", which estimates α and f together. It is compared with a plain
+implementation with matrices, and tested on noise of known order and parameter.
 """
 
 from collections.abc import Mapping
@@ -28,9 +28,10 @@ def straight_loop(
     limit: float = np.inf,
     changes: Mapping[int, tuple[float, float]] | None = None,
 ) -> Array:
-    """Return α, its variance, f, its variance, x and P of every sample; the settings must be plain numbers.
+    """Return α, the variance of α, f, the variance of f, x and P for every sample. The settings must be plain
+    numbers.
 
-    `changes`: Q and R that take effect at the given samples.
+    `changes`: values of Q and R by the number of the sample at which they take effect.
     """
     Q, R = state.Q, RESTING
     mean = np.array([tuning.alpha0, tuning.beta0], dtype=np.float64)
@@ -71,7 +72,8 @@ def straight_loop(
         expected = output(alpha, beta, drive)
         states.append(expected + P_state / (P_state + R) * (measured - expected))
         variances.append(P_state * R / (P_state + R))
-        slope = h**-alpha * np.array([-np.log(h) * beta, 1.0])  # derivative of f = beta h^-alpha
+        # derivative of f = beta h^-alpha by alpha and by beta
+        slope = h**-alpha * np.array([-np.log(h) * beta, 1.0])
         rows.append((alpha, P[0, 0], beta * h**-alpha, slope @ P @ slope, states[-1], variances[-1]))
     return np.array(rows)
 
@@ -117,7 +119,7 @@ def test_joint_finds_order_and_parameter_within_its_own_deviation(alpha: float, 
     beta = h ** estimates.alpha[-1] * estimates.f[-1]
     assert abs(estimates.alpha[-1].mean() - alpha) < 0.06
     assert beta.mean() == pytest.approx(h**alpha * f, abs=0.04)
-    # The reported standard deviation is right: the errors scatter by about as much.
+    # The reported standard deviation is right: the errors of the estimates scatter by about as much.
     alpha_errors = (estimates.alpha[-1] - alpha) / np.sqrt(estimates.alpha_var[-1])
     f_errors = (estimates.f[-1] - f) / np.sqrt(estimates.f_var[-1])
     assert np.sqrt(np.mean(alpha_errors**2)) < 2

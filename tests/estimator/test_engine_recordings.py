@@ -1,5 +1,5 @@
-"""The engine on long series: the compressed memory is compared with the exact one, and estimates are tested
-with lost samples.
+"""Tests of the engine on long series: the compressed memory is compared with the exact one, and estimates are
+tested with lost samples.
 """
 
 from pathlib import Path
@@ -24,7 +24,7 @@ from tests.rig.tiers import slow
     ],
 )
 def test_many_real_samples(recordings: Path, variant: str, guard: str, samples: int) -> None:
-    """The series is that of two axes of the ten-minute recording, one after the other.
+    """The series consists of two axes of a real recording of ten minutes, one after the other.
 
     The memory in use does not grow from the first half to the second.
     """
@@ -62,8 +62,8 @@ def fractional() -> np.ndarray:
     ("variant", "guard"), [("triple", "off"), ("triple", "consistent"), ("joint", "consistent")]
 )
 def test_random_losses_do_not_move_the_estimates(noise, variant: str, guard: str) -> None:
-    """The tolerance is the scatter of the lanes, which differ only in their noise, or the filter's σ if this
-    is larger.
+    """The tolerance for the effect of lost samples is the scatter between lanes, which differ only in their
+    noise, or the filter's σ if that is larger.
     """
     y = noise()
     settings = with_(GYROSCOPE, memory="compressed", variant=variant, guard=guard)

@@ -1,6 +1,7 @@
-"""Lanes under the supervisor equal a plain Python oracle, in blocks of any size.
+"""Tests that lanes (axes) with their supervisors give the results of a plain Python oracle, in blocks of any
+size.
 
-Their verdicts and estimates are compared.
+The supervisors' verdicts and the estimates are compared.
 """
 
 import math
@@ -28,7 +29,7 @@ def white(n: int, lanes: int, seed: int = 0) -> Array:
 
 
 def thrown_about(n: int, lanes: int) -> Array:
-    """Return motion that grows from lane to lane, and is zero at the end."""
+    """Return samples with motion, more of it from lane to lane, and none in the last third."""
     y = white(n, lanes)
     loud = np.random.default_rng(1).random(y.shape) < np.arange(lanes) / (2 * lanes)
     loud[2 * n // 3 :] = False
@@ -36,7 +37,7 @@ def thrown_about(n: int, lanes: int) -> Array:
 
 
 def on_and_off(n: int, lanes: int) -> Array:
-    """Return motion that begins again as soon as a lane is valid again.
+    """Return samples with motion that begins again as soon as a lane is valid again.
 
     The supervisor of the lane must have forgotten the earlier motion.
     """

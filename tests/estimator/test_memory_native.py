@@ -1,4 +1,6 @@
-"""The native memories of past samples: elementary functions, sums, compressed weights, invalid states."""
+"""Tests of the native memories of past samples: elementary functions, sums, compressed weights, invalid
+states.
+"""
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache
@@ -26,9 +28,10 @@ def history(n: int, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
 
 
 def exact_sums(a: float, x: np.ndarray, P: np.ndarray, window: int = 0) -> tuple[float, float]:
-    """Return the sums S and V with the weights of the numpy reference.
+    """Return the sums S (of states) and V (of variances) over past samples, with the weights of the numpy
+    reference.
 
-    X and P begin with the oldest sample.
+    The arrays `x` (states) and `P` (variances) begin with the oldest sample.
     """
     n = min(len(x), window) if window else len(x)
     if n == 0:
@@ -42,7 +45,9 @@ def exact_sums(a: float, x: np.ndarray, P: np.ndarray, window: int = 0) -> tuple
 
 @cache
 def exact_exp(kind: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return numbers of this kind, and their exponential to more digits than a double has."""
+    """Return numbers of this kind (f: float, else double), and their exponentials to more digits than a
+    double has.
+    """
     span = 86.9 if kind == "f" else 707.9
     random = np.random.default_rng(1)
     x = np.concatenate((random.uniform(-span, span, 3000), random.uniform(-3, 3, 3000), [0, -0.0, 1e-300]))
@@ -52,7 +57,7 @@ def exact_exp(kind: str) -> tuple[np.ndarray, np.ndarray]:
 
 @cache
 def exact_sine(kind: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return numbers of this kind, and sin(πx) to more digits than a double has."""
+    """Return numbers x of this kind (f: float, else double), and sin(πx) to more digits than a double has."""
     x = np.random.default_rng(2).uniform(-6, 6, 4000)
     x = x.astype(np.float32).astype(np.float64) if kind == "f" else x
     return x, to_more_digits(mpmath.sinpi, x)
@@ -111,7 +116,8 @@ def test_direct_sums_are_the_references(a: float, window: int, n: int, seed: int
     memory.push(x, P)
     S, V = memory.sums(a)
     c = weights(a, window)
-    # Rounding of nested sums is relative to the sum of the terms' magnitudes, not to the sum.
+    # The rounding error of nested sums is relative to the sum of the terms' magnitudes, not to the sum
+    # itself.
     expected_S, expected_V = exact_sums(a, x, P, window)
     assert abs(S[0] - expected_S) <= 1e-14 * (abs(c).sum() * (abs(x).max() if n else 0))
     assert abs(V[0] - expected_V) <= 1e-13 * expected_V
@@ -145,9 +151,10 @@ def test_integer_orders_are_ordinary_differences(digits: int, instruction_set: s
 def weight_errors(
     memory: Memory, ages: dict[float, list[int]]
 ) -> dict[float, tuple[list[float], list[float]]]:
-    """Return the relative errors of c_j and c_j^2 for each order at its ages j.
+    """Return the relative errors of the memory's weights c_j and of c_j^2 for each order, at the ages j of
+    that order.
 
-    They come from the response to an impulse.
+    The weights come from the memory's response to an impulse.
 
     One memory serves all orders, since only its sums depend on the order, not its content.
     """
@@ -168,22 +175,24 @@ def weight_errors(
 
 
 def bounds(order: float, digits: int) -> tuple[float, float]:
-    """Return the error that compressed_config() promises for c_j, and the resulting one for its square
-    (docs/theory/filters.md)."""
+    """Return the relative error that compressed_config() promises for the weights c_j, and the resulting
+    error of their squares (docs/theory/filters.md).
+    """
     state = 10.0**-digits * (1 if order <= 1 else 50)
     return state, 10.0**-digits * (100 if order <= 1 else 10_000)
 
 
 @pytest.mark.parametrize(("digits", "farthest"), [(6, 1e5), slow(3, 1e6), slow(6, 1e6), slow(9, 1e7)])
 def test_weights_over_millions_of_samples(digits: int, farthest: float) -> None:
-    """The finest memory, whose bounds are the closest, is tried at the farthest ages."""
+    """The memory with the most digits, whose error bounds are the closest, is tested at the greatest ages."""
     random = np.random.default_rng(3)
     ages: dict[float, list[int]] = {}
     for order in [-0.9, *random.uniform(-0.9, 3, 6), 0.999999, 1 + 1e-9, 2.9999]:
         far = np.unique(np.exp(random.uniform(3, np.log(farthest), 12)).astype(int)).tolist()
         ages[float(order)] = [1, 2, 14, 15, 16, 17, *far]
     for order, (state, variance) in weight_errors(Memory(digits), ages).items():
-        # 1e-8 allows for rounding over ten million samples, of weights that have become very small.
+        # The added 1e-8 (1e-9 for states) allows for rounding over ten million samples, of weights that have
+        # become very small.
         assert max(state[:4]) < 1e-14
         assert max(state) < bounds(order, digits)[0] + 1e-9
         assert max(variance) < bounds(order, digits)[1] + 1e-8
@@ -193,7 +202,7 @@ def test_weights_over_millions_of_samples(digits: int, farthest: float) -> None:
 @settings(max_examples=80)
 def test_weights_anywhere(order: float, j: int) -> None:
     if order in (0, 1, 2, 3) or min(abs(order - n) for n in range(4)) < 1e-100:
-        return  # there is no weight for a comparison
+        return  # the weights of integer orders are 0, so there is none for a comparison
     state, variance = weight_errors(Memory(8), {order: [j]})[order]
     assert state[0] < bounds(order, 8)[0]
     assert variance[0] < bounds(order, 8)[1]
@@ -243,9 +252,9 @@ def test_sums_are_those_of_the_direct_memory(window: int, kind: str) -> None:
 def assert_like_direct(
     memory: Memory, direct: Memory, orders: Iterable[float], S: Mapping[str, float], V: float
 ) -> None:
-    """Check S and V.
+    """Check the memory's sums S and V.
 
-    S has the tolerances for sums of states, and V the relative tolerance for sums of variances.
+    S may differ by the tolerances for sums of states, and V by the relative tolerance for sums of variances.
     """
     for order in orders:
         found, expected = memory.sums(order), direct.sums(order)
@@ -339,9 +348,9 @@ def test_float32_is_good_for_six_digits() -> None:
 
 
 def test_cost_in_modes() -> None:
-    """Digits and window determine the number of modes.
+    """Number of digits and length of the window determine the number of modes of a compressed memory.
 
-    The numbers are stated here, so that a change of the rule makes the test fail.
+    The expected numbers of modes are stated here, so that a change of the rule makes the test fail.
     """
     by_digits = [Memory(digits, 3000).modes for digits in (3, 6, 9, 11)]
     assert by_digits == [(16, 16), (32, 28), (48, 48), (64, 64)]

@@ -1,5 +1,6 @@
-"""Reference and engine compared with independent numbers: worked by hand, and in 50 digits
-(tools/make_golden.py)."""
+"""Tests in which the numpy reference and the engine are compared with independent numbers, computed by hand
+and in 50 digits (tools/make_golden.py).
+"""
 
 from fractions import Fraction as F
 from pathlib import Path
@@ -19,9 +20,10 @@ def near(*values: F | int) -> object:
 
 
 def two_step_filters() -> Fltea:
-    """Return the three filters of the sum by hand, before their first step."""
-    # h = 1/4, A(w) = [w 4; 0 -4], B = (1, 0)', C = [1 0]. With r the first row of A x + B u, the output at
-    # order a is Y(a) = h^a r - c_1(a) x1_{k-1} - c_2(a) x1_{k-2} - ..., c_1 = -a, c_2 = a(a-1)/2.
+    """Return the three filters of the calculation by hand, before their first step."""
+    # By hand: the system is h = 1/4, A(w) = [w 4; 0 -4], B = (1, 0)', C = [1 0]. Let r be the first row of A
+    # x + B u. The predicted output at the order a is Y(a) = h^a r - c_1(a) x1_{k-1} - c_2(a) x1_{k-2} - ...,
+    # with the weights of the past c_1 = -a and c_2 = a(a-1)/2.
     return Fltea(
         System(
             A=lambda w: np.array([[w[0], 4], [0, -4]]),
@@ -38,7 +40,7 @@ def two_step_filters() -> Fltea:
 
 def test_all_three_filters_for_two_steps() -> None:
     fltea = two_step_filters()
-    # k = 1, u_0 = 6, y_1 = 19/4. r = -8 + 4 + 6 = 2.
+    # By hand, step k = 1 with the input u_0 = 6 and the measurement y_1 = 19/4: r = -8 + 4 + 6 = 2.
     step = fltea.step(19 / 4, 6)
     # KFo: P̃o = 1/16 + 1/48 = 1/12, points 1/2 and 1/2 ± sqrt(3/12): 1/2, 1, 0.
     #   Y = 2 h^a + 2a = 2, 5/2, 2; ỹ = 4/3 + (5/2 + 2)/6 = 25/12; deviations -1/12, 5/12, -1/12.
@@ -60,7 +62,8 @@ def test_all_three_filters_for_two_steps() -> None:
     assert step.P.ravel() == near(1, F(1, 2), F(1, 2), F(11, 4))
     assert (step.innovation[0], step.innovation_variance[0, 0]) == near(F(3, 2), 4)
 
-    # k = 2, u_1 = 209/18, y_2 = 755/144. A x̂ + B u with w = -5/2: r = -10 + 11/2 + 209/18 = 64/9, then -11/2.
+    # By hand, step k = 2 with the input u_1 = 209/18 and the measurement y_2 = 755/144. The rows of A x̂ + B
+    # u with w = -5/2 are r = -10 + 11/2 + 209/18 = 64/9, and -11/2.
     step = fltea.step(755 / 144, 209 / 18)
     # KFo: P̃o = 13/192 + 17/64 = 1/3, points 3/2, 5/2, 1/2.
     #   Y = 64/9 h^a + 4a - a(a-1): 8/9 + 21/4 = 221/36; 2/9 + 25/4 = 233/36; 32/9 + 9/4 = 209/36;
@@ -86,12 +89,13 @@ def test_all_three_filters_for_two_steps() -> None:
 
 
 ROOT = Path(__file__).resolve().parents[2]
-# The files have the columns of engine_cases.ESTIMATES, in that order, without Q of the random walks.
+# Columns of the golden files with the quantities of engine_cases.ESTIMATES, in that order, without Q of the
+# random walks.
 COLUMNS = [4, 5, 7, 8, 2, 3]
 
 
 def golden(number: int) -> tuple[Array, Array, Array]:
-    """Return y, u and the expected estimates, (200, 6)."""
+    """Return y, u and the expected estimates of an example, the latter as an array (200, 6)."""
     table = np.loadtxt(ROOT / f"tests/estimator/golden/example_{number}.txt")
     return table[:, 0], table[:, 1], table[:, COLUMNS]
 

@@ -1,5 +1,5 @@
-"""The random walk of an offset in addition to the noise in the spectrum, and how wide it makes the interval
-of the heading.
+"""Tests of the random walk of an offset, which the tracker adds to the noise in the spectrum, and of how wide
+it makes the interval of the heading.
 """
 
 import math
@@ -36,7 +36,9 @@ def found_in(y: Array, *parts: Part) -> System:
 
 
 def predicted(s: System, y: Array, t_s: float) -> tuple[float, float]:
-    """Return the heading error `t_s` seconds after the samples y, and its standard deviation."""
+    """Return the heading error that is predicted for `t_s` seconds after the samples y, and its standard
+    deviation.
+    """
     tracker = Tracker([None])
     tracker.set(0, s)
     tracker.run(y[:, None])
@@ -46,7 +48,7 @@ def predicted(s: System, y: Array, t_s: float) -> tuple[float, float]:
 
 
 def width(s: System, t_s: float, *truth: Part) -> float:
-    """Return the σ of the heading as a ratio to that of a filter that knows the true noise."""
+    """Return the ratio of the system's σ of the heading to that of a filter that knows the true noise."""
     known = system(truth, H, N)
     known = known if known.walks else known.with_offset()
     return heading_std(s, rested(s, N), H, t_s) / heading_std(known, rested(known, N), H, t_s)
@@ -59,7 +61,8 @@ def test_a_ramp_goes_on_within_its_band(seed: int) -> None:
     heading, std = predicted(found_in(y, WHITE), y, 300.0)
     seen = 300 * (3.0 + slope * (N * H + 150))
     assert abs(heading - seen) < 2.6 * std
-    assert std < 1.0  # the ramp of the offset changes the heading by 4.3 deg
+    # the σ is small compared with 4.3 deg, by which the ramp of the offset changes the heading
+    assert std < 1.0
 
 
 def test_the_slope_is_that_of_the_verdict_with_its_interval() -> None:
@@ -77,7 +80,8 @@ def test_the_slope_is_that_of_the_verdict_with_its_interval() -> None:
     assert verdict.high is not None
     assert slope == pytest.approx(verdict.value, rel=0.03)
     half = 1.96 * abs(per_s) * math.sqrt(P[ramp, ramp])
-    # The tracker's interval is wider, since the offset may also walk.
+    # The tracker's interval of the slope is wider than the verdict's, since for the tracker the offset may
+    # also walk.
     assert 1 <= half / ((verdict.high - verdict.low) / 2) < 1.3
 
 

@@ -1,4 +1,6 @@
-"""The oracle's figures of innovations (plain Python); the native estimators reproduce them (test_bank)."""
+"""Tests of the figures of innovations that the oracle computes in plain Python. The native estimators are
+compared with them in test_bank.py.
+"""
 
 import math
 

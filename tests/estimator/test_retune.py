@@ -1,4 +1,4 @@
-"""Filters whose Q and R change while they run keep all of their memory."""
+"""Tests that filters keep all of their memory when their Q and R change while they run."""
 
 import math
 from typing import Literal
@@ -146,7 +146,7 @@ BELIEF = FilterModel(0.7, 0.05, 0.6, 0.02, -2.5, 0.8)
 def test_an_axis_goes_on_with_the_order_that_belongs_to_its_variances(
     variant: Literal["joint", "triple"],
 ) -> None:
-    """State and memory of the axis continue. An α that is certain stays as it is.
+    """After a change of Q and R, state and memory of the axis continue. An α that is certain stays as it is.
 
     The other axes are not affected.
     """
@@ -169,7 +169,8 @@ def test_deviations_count_what_the_fit_leaves_open_and_how_far_the_filter_has_go
     bank.retune({"gyro_y": Variances(0.003, 0.011)}, {"gyro_y": BELIEF})
     other, _ = begun()
     other.retune({"gyro_y": Variances(0.003, 0.011)}, {"gyro_y": BELIEF})
-    other.native.know([None] * 3)  # `other` then gives the results of the filters themselves
+    # `other` then forgets what the fit says, and gives the results of the filters themselves
+    other.native.know([None] * 3)
     found, own = bank.run(y), other.run(y)
     for std, own_std, value, believed, open_ in (
         (found.alpha_std, own.alpha_std, own.alpha, 0.7, 0.05),

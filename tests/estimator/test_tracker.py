@@ -1,4 +1,6 @@
-"""The tracker, compared with a Kalman filter in numpy, for everything that may happen to a sensor."""
+"""Tests in which the tracker of the bias is compared with a Kalman filter in numpy, for everything that may
+happen to a sensor.
+"""
 
 import itertools
 import math
@@ -15,7 +17,7 @@ from tests.rig.tiers import slow
 from tests.rig.tracker_support import SYSTEMS, kalman, lanes, run, simulated, tracker, white
 
 EXACT = 512
-"""Number of samples after a start for which the tracker's gains are exact."""
+"""For this many samples after a start, the tracker computes its gains at each sample."""
 every = pytest.mark.parametrize("name", SYSTEMS)
 
 
@@ -23,14 +25,15 @@ every = pytest.mark.parametrize("name", SYSTEMS)
 def test_it_is_the_filter_of_textbooks(name: str) -> None:
     s = SYSTEMS[name]
     y, _ = simulated(s, 4000, 1)
-    y[0] = 0  # the tracker subtracts the first sample from all samples
+    y[0] = 0  # the first sample is 0, because the tracker subtracts it from all samples
     found, expected = run(tracker(s), y), kalman(s, y)
     for column in ("state", "state_std", "bias", "bias_std", "innovation"):
         own, wanted = getattr(found, column), expected[column]
         np.testing.assert_allclose(own[:EXACT], wanted[:EXACT], rtol=1e-6, atol=1e-6, err_msg=column)
     scale = math.sqrt(expected["S"][-1])
     still = name in ("walk", "quantisation, walk", "relaxation, fixed offset", "walking offset")
-    # Later, the gains are computed only once in 256 samples. This makes a difference until they are steady.
+    # Later, the tracker computes its gains only once in 256 samples. Its results differ until the gains are
+    # steady.
     apart = (1e-3 if still else 0.05) * scale
     np.testing.assert_allclose(found.bias[EXACT:], expected["bias"][EXACT:], atol=apart)
     np.testing.assert_allclose(found.innovation[EXACT:], expected["innovation"][EXACT:], atol=apart)
@@ -112,7 +115,8 @@ def test_what_was_saved_goes_on_to_the_bit(modelled: bool, at: int) -> None:
     one.run(y[:at])
     other.load(one.save())
     assert other.save() == one.save()
-    newest = {"bias": None, "bias_std": None}  # for samples that this tracker has processed itself
+    # these two are only known for samples that this tracker has processed itself
+    newest = {"bias": None, "bias_std": None}
     assert other.figures() == [figures._replace(**newest) for figures in one.figures()]
     np.testing.assert_array_equal(lanes(other.run(y[at:])), lanes(one.run(y[at:])))
     assert other.save() == one.save()
@@ -121,7 +125,9 @@ def test_what_was_saved_goes_on_to_the_bit(modelled: bool, at: int) -> None:
 @settings(max_examples=20)
 @given(saved=st.integers(0, 600), gap=st.integers(0, 600))
 def test_the_gains_that_all_banks_share_give_the_bits_of_its_own(saved: int, gap: int) -> None:
-    """After loading, a bank of filters computes the gains from the covariance, as it does after each gap."""
+    """All banks of filters share their gains as long as they can. After a snapshot is loaded, and after each
+    gap, a bank computes its own gains from the covariance, which gives the same bits.
+    """
     y, one, other = disturbed()[:700], pair(False), pair(False)
     found: list[list[np.ndarray]] = [[], []]
     for low, high in itertools.pairwise(sorted({0, saved, gap, 700})):

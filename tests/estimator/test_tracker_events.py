@@ -1,4 +1,6 @@
-"""The tracker if a sensor moves, changes its offset or rounds samples, or if a fit finds another noise."""
+"""Tests of the tracker when a sensor moves, changes its offset or rounds samples, or when a fit finds another
+noise.
+"""
 
 import math
 from typing import Any
@@ -21,7 +23,7 @@ kinds = pytest.mark.parametrize("name", KINDS, ids=str)
 
 
 def measured(name: str | None) -> tuple[Array, float]:
-    """Return noise, and its standard deviation."""
+    """Return samples of noise around a bias of 3, and the standard deviation of the noise."""
     y, _ = simulated(SYSTEMS[name or "walk"], N, 5)
     return y + 3, float(y.std())
 
@@ -31,7 +33,7 @@ def made(name: str | None, **rules: Any) -> Tracker:
 
 
 def apart(found: Tracks, clean: Tracks) -> Array:
-    """Return the difference of two biases, in standard deviations."""
+    """Return the difference between the biases of two trackers, in standard deviations of the second."""
     return np.abs(found.bias - clean.bias) / clean.bias_std
 
 
@@ -48,7 +50,8 @@ def test_it_predicts_while_the_sensor_turns(name: str | None) -> None:
     assert AT <= moving[0] <= AT + 64
     assert AT + 300 <= moving[-1] <= AT + 400
     assert found.moving.sum() == one.figures()[0].moved == moving[-1] - moving[0] + 1
-    # The samples of the turn before its detection are undone; the bias continues from before the turn.
+    # What the tracker learned from samples of the turn before it was detected is undone. The bias continues
+    # from before the turn.
     still = slice(moving[0] + 1, moving[-1])
     before, during = found.bias_std[AT - 10], found.bias_std[still]
     assert np.all(np.diff(during) >= -1e-12)
@@ -96,7 +99,7 @@ def test_what_was_known_when_motion_began_is_known_in_it() -> None:
     y[600] = 1000
     found = run(made("white"), y)
     assert found.moving[600]
-    # At this time the gains are not computed anew, but the covariance is.
+    # After this disturbance, the gains are not computed anew, but the covariance is.
     np.testing.assert_allclose(found.bias_std[600:650], found.bias_std[599], rtol=0.03)
     assert abs(found.bias[650] - y[:600].mean()) < 0.02
 
@@ -148,7 +151,8 @@ def test_heavy_tails_are_no_motion(name: str | None) -> None:
         assert one.figures()[0].begun == 0
         late = slice(6000, None)
         errors.append(np.sqrt(np.mean((found.bias - state)[late] ** 2)))
-        if name != "white":  # white noise with a constant offset has only one bias
+        # white noise with a constant offset has only one bias, so there is nothing to count
+        if name != "white":
             assert 0.93 < np.mean(np.abs(found.bias - state)[late] < 2 * found.bias_std[late]) < 0.98
     assert errors[1] < 1.05 * errors[0] or name == "white"
     assert max(errors) < 3 / math.sqrt(6000) or name != "white"
@@ -266,7 +270,10 @@ def test_a_system_found_after_hours(s: System) -> None:
 
 @pytest.mark.parametrize("name", [slow("white"), slow("order"), "resonance"])
 def test_means_of_samples_tell_bounds_of_a_walk_as_the_samples_do(name: str) -> None:
-    """A relaxation changes within the time of a mean, and faster parts are not white in the means."""
+    """Likelihoods of bounded and unbounded walks (relaxations and a random walk), computed from means of
+    samples, differ about as much as those computed from all samples. They differ a little, because a
+    relaxation changes within the time of a mean, and faster parts of the noise are not white in the means.
+    """
     bare = {"white": white(1.0), "order": of(Order(0.7, -1.0, 0.3 / H**1.4)), "resonance": RESONANT}[name]
     q, a = 2e-3, math.exp(-1 / 1000)
 
@@ -329,7 +336,8 @@ def test_systems_of_which_no_filter_can_be_made_change_nothing() -> None:
 
 
 def test_an_order_with_a_slow_pole_pair_behind_a_sharpening_is_filtered_or_refused() -> None:
-    """The filter for means of its samples has no valid covariance.
+    """For this noise, the filter for means of samples has no valid covariance. The noise is then filtered
+    otherwise, or refused.
 
     Once, every bias was NaN because of this.
     """

@@ -1,4 +1,4 @@
-"""A model has the same effect on a tracker if another thread has computed it."""
+"""Tests that a model has the same effect on a tracker if another thread has computed it."""
 
 import threading
 from collections.abc import Callable
@@ -31,12 +31,12 @@ MODELS: dict[str, tuple[System, System | None, float]] = {
 
 
 def noise(n: int, seed: int = 1) -> Array:
-    """Return white samples of one axis, (n, 1)."""
+    """Return n samples of white noise of one axis, as an array (n, 1)."""
     return np.random.default_rng(seed).normal(size=(n, 1))
 
 
 def after(tracker: Tracker) -> Tracks:
-    """Return all outputs of a tracker for the next samples."""
+    """Return all outputs of a tracker for 3,000 further samples."""
     return tracker.run(noise(3000, seed=9))
 
 
@@ -69,7 +69,7 @@ def test_what_was_filtered_before_the_last_samples_is_the_same_to_the_bit(
 
 
 def knocked(tracker: Tracker) -> None:
-    """Give the tracker samples of a sensor that is moved."""
+    """Give the tracker samples of a sensor that is moved, and check that it reports motion."""
     tracker.run(noise(100, seed=2) + 500 * np.sin(np.arange(100.0))[:, None])
     assert tracker.events[0].kind == EventKind.MOVES
 
