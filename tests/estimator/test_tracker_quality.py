@@ -1,8 +1,10 @@
-"""How close the tracker is to the optimum, and whether its σ is right, on independently generated noise.
+"""Tests of how close the tracker's estimates are to the optimum, and whether its σ is right, on noise that is
+generated independently.
 
-The generators and the optimum share no code with the filter. States are made of white noise by
-`scipy.signal.lfilter`, or from their spectrum by circulant embedding (Davies & Harte, 1987). The optimum is
-the linear estimate from the last samples, computed from the covariances by Levinson's recursion.
+The generators of the noise and the optimum share no code with the tracker's filter. States are made of white
+noise by `scipy.signal.lfilter`, or from their spectrum by circulant embedding (Davies & Harte, 1987). The
+optimum is the best linear estimate from the last samples, computed from the covariances by Levinson's
+recursion.
 """
 
 import math
@@ -33,9 +35,9 @@ def covariances(spectrum: Callable[[Array], Array], n: int) -> Array:
 
 
 class Family(NamedTuple):
-    """A kind of noise: the covariances of its state and of its other noise, and the model.
+    """A kind of noise: the spectra of its state and of its other noise, and the parts of its model.
 
-    Those of a state are None for a random walk.
+    `state` is None for a random walk.
     """
 
     parts: Sequence[p.AnyPart]
@@ -112,7 +114,9 @@ def best(name: str, known: int = 4000) -> float:
 
 
 def made(spectrum: Callable[[Array], Array], n: int, rng: np.random.Generator, lanes: int = SERIES) -> Array:
-    """Return series of n samples with this spectrum, (lanes, n), each cut from a ring many times longer."""
+    """Return series of n samples with this spectrum, as an array (lanes, n). Each series is cut from a
+    periodic one that is many times longer.
+    """
     ring = 2 ** math.ceil(math.log2(8 * n))
     lam = 2 * np.pi * (np.arange(ring // 2) + 0.5) / ring
     scale = np.sqrt(spectrum(lam) * ring / 2)
@@ -130,7 +134,7 @@ LONG, SHORT = 12_000, 3000
 
 @cache
 def drawn(name: str) -> tuple[Array, Array]:
-    """Return states and measurements, (SERIES, LONG), which all tests of a noise share."""
+    """Return the states and the measurements that all tests of a noise share, as arrays (SERIES, LONG)."""
     n = LONG
     family, rng = FAMILIES[name], np.random.default_rng(list(name.encode()))
     if family.state is None:
@@ -154,7 +158,7 @@ def no_series_left() -> Iterator[None]:
 
 
 class Quality(NamedTuple):
-    """Figures of the estimated states between two sample numbers, over 60 series."""
+    """Figures of the quality of the estimated states between two sample numbers, over 60 series."""
 
     rmse: float
     over_best: float
@@ -196,7 +200,7 @@ def test_with_the_right_model_it_is_the_best_possible(name: str, offset: float |
 
 
 HARD = {"order .3 -2, 1": (1.5, 0.1)}
-"""Expected figures of noise that no test can distinguish from white noise within half a minute."""
+"""Other limits for noise that no test can distinguish from white noise within half a minute."""
 
 
 @pytest.mark.slow
@@ -237,7 +241,7 @@ def test_innovations_of_any_noise_are_white_and_as_small_as_can_be(name: str) ->
     figures = one.figures()
     assert np.mean([each.nis or 0 for each in figures]) == pytest.approx(1, abs=0.06)
     assert sum(describes(each.innovations, each.ljung_box or math.inf) for each in figures) >= lanes - 1
-    # Kolmogorov's bound of the innovation variance is the geometric mean of the spectrum.
+    # Kolmogorov's lower bound for the variance of innovations is the geometric mean of the spectrum.
     lam = np.pi * (np.arange(4096) + 0.5) / 4096
     bound = math.exp(np.mean(np.log(p.spectrum(parts, lam, H))))
     assert np.mean(innovations**2) < 1.03 * bound

@@ -1,4 +1,6 @@
-"""Steps of a bias: how soon they are detected, how the estimate follows them, and what is not a step."""
+"""Tests of steps of a bias: how soon they are detected, how the estimate follows them, and what is not a
+step.
+"""
 
 import math
 
@@ -32,7 +34,9 @@ def steps(one: Tracker) -> list[TrackerEvent]:
 @pytest.mark.parametrize("before", [12_000, 100_000])
 @pytest.mark.parametrize("size", [1.0, 0.3])
 def test_a_step_is_seen_about_as_soon_as_any_test_can_see_it(size: float, before: int) -> None:
-    """Lorden's bound for steps of size δ is 30 (σ/δ)² samples, at one false alarm a week."""
+    """By Lorden's bound, no test with one false alarm a week detects steps of size δ sooner than after 30
+    (σ/δ)² samples on average.
+    """
     rng = np.random.default_rng(1)
     one = of(WHITE)
     one.run(rng.standard_normal((before, LANES)))
@@ -65,7 +69,7 @@ def test_the_bias_after_a_step_is_that_of_the_samples_since_then() -> None:
     since = 14_000 - (event.row + 1 - event.ago)
     assert found.bias[-1, 0] == pytest.approx(y[-since:].mean(), abs=0.01)
     assert found.bias_std[-1, 0] == pytest.approx(1 / math.sqrt(since), rel=0.05)
-    # σ becomes larger at once, before the estimate has been wrong for long.
+    # The tracker's σ becomes larger at once, before the estimate has been wrong for long.
     assert found.bias_std[event.row + 1, 0] > 10 * found.bias_std[11_999, 0]
 
 
@@ -103,7 +107,7 @@ NOISES = {
 
 @pytest.mark.parametrize("name", NOISES)
 def test_there_are_no_false_steps(name: str) -> None:
-    """The test has three hours of six axes.
+    """This test processes half an hour of six axes, which is three hours of one axis.
 
     At one false step a week, one in ten such tests would show one.
     """
@@ -222,7 +226,7 @@ def eventful() -> tuple[Array, Array]:
 
 @pytest.mark.parametrize("name", ["relaxation", "walking offset", "order", "low-pass"])
 def test_the_bias_is_the_mean_of_what_comes(name: str) -> None:
-    """It equals the mean that the state of a filter in numpy predicts for the next samples."""
+    """The tracker's bias is the mean that the state of a filter in numpy predicts for the next samples."""
     s, ahead = SYSTEMS[name], 50
     y, _ = simulated(s, 500, 1)
     y[0] = 0

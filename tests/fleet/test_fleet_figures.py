@@ -1,6 +1,7 @@
-"""Figures of an axis: which of them the verdict permits, and how often their intervals hold the truth.
+"""Tests of the figures of an axis in a fleet: which figures the verdict permits, and how often their
+intervals contain the truth.
 
-Also: which sensors are outliers.
+Also tested is which sensors count as outliers.
 """
 
 import math
@@ -41,7 +42,8 @@ def test_every_noise_with_white_noise_in_it_has_a_density(kind: str) -> None:
 
 
 def test_of_white_noise_19_of_20_intervals_of_the_density_hold_it() -> None:
-    """At least 34 of 40 intervals hold it, with a probability of at least 0.99.
+    """If 95 % of intervals contain the true density, at least 34 of 40 do so with a probability of at least
+    0.99.
 
     The intervals are at most twice as wide as necessary.
     """
@@ -66,9 +68,9 @@ def test_a_density_stays_between_curves() -> None:
 
 
 def test_the_angle_random_walk_of_one_noise_is_the_same_in_all_records() -> None:
-    """The Allan curve of this noise has the slope -1/2 over two ranges.
+    """The Allan curve of this noise has the slope -1/2 over two ranges of averaging time.
 
-    Either of them may be the longer one.
+    Either range may be the longer one in a record, but N always comes from the same range.
     """
     records = [fitted(NOISES["fractional"], 100_000, seed) for seed in (0, 1)]
     records += [fitted(NOISES["fractional"], 400_000, seed) for seed in (2, 3)]
@@ -80,9 +82,10 @@ def test_the_angle_random_walk_of_one_noise_is_the_same_in_all_records() -> None
 def test_where_noise_may_have_an_order_and_its_white_noise_is_unknown_there_is_no_density(
     verdict: str, kept: set[str]
 ) -> None:
-    """For a new sensor with fractional noise, √2 N was once 1.8 times its density.
+    """If noise may have an order and its white noise is unknown, no density is given. For a new sensor with
+    fractional noise, √2 N was once given, which is 1.8 times the density.
 
-    That is thirteen standard deviations off.
+    That was thirteen standard deviations off.
     """
     fit, _ = of_white()[0]
     R = fit.R if verdict == "white" else Interval(fit.R.value, 0.0, fit.R.high)
@@ -109,7 +112,9 @@ def test_a_curve_of_a_hundred_thousand_points_costs_no_more_than_a_usual_one() -
     ],
 )
 def test_an_order_counts_once_it_is_known(alpha: Interval, f: Interval, kept: set[str]) -> None:
-    """Fits of the same noise differed much: f was -0.18 (-0.53 to 0) or -1, α 0.16 (0.14 to 0.21) or 0.6."""
+    """An order counts only if its interval is narrow. Fits of the same noise once differed much: f was -0.18
+    (-0.53 to 0) or -1, and α was 0.16 (0.14 to 0.21) or 0.6.
+    """
     assert set(figures_of(AxisFit("fractional", "text", "deg/s", alpha, f), RATE_HZ, {})) == kept
 
 
@@ -131,7 +136,7 @@ def test_any_numbers_at_all(
 
 
 def alarms(sensors: int, spread: float, fleets: int) -> float:
-    """Return the share of fleets without an outlier in which some sensor is called an outlier."""
+    """Return the proportion of fleets without an outlier in which some sensor is called an outlier."""
     rng = np.random.default_rng(sensors)
     found = 0
     for _ in range(fleets):
@@ -144,7 +149,7 @@ def alarms(sensors: int, spread: float, fleets: int) -> float:
 @pytest.mark.parametrize("sensors", [8, 200])
 @pytest.mark.parametrize("spread", [0.0, 2.0])
 def test_false_alarms_are_as_rare_as_stated(sensors: int, spread: float) -> None:
-    """One of 1000 fleets is expected to raise an alarm; three of 150 would be more than chance."""
+    """One of 1,000 fleets is expected to raise a false alarm. Three of 150 would be more than chance."""
     assert alarms(sensors, spread, 150) <= 2 / 150
 
 
@@ -201,7 +206,9 @@ def test_figures_that_are_no_numbers_are_left_out(R: float, rate_hz: float) -> N
 
 
 def test_an_interval_that_is_far_too_narrow_makes_nobody_odd() -> None:
-    """If the likelihood has two maxima, a value may be far from the others, with too narrow an interval."""
+    """If the likelihood of a fit has two maxima, a sensor's value may be far from the others, with too narrow
+    an interval. Such a sensor does not count as an outlier.
+    """
     rng = np.random.default_rng(8)
     std = np.full(40, 0.1)
     value = rng.normal(0, std)
@@ -210,7 +217,9 @@ def test_an_interval_that_is_far_too_narrow_makes_nobody_odd() -> None:
 
 
 def test_a_distance_is_in_deviations_of_an_interval_of_95_percent() -> None:
-    """The distance is in standard deviations of the estimate if the sensors themselves do not differ."""
+    """The distance of a sensor from its fleet is in standard deviations of the sensor's estimate if the other
+    sensors do not differ.
+    """
     value = np.zeros(20)
     value[7] = 100.0
     half = 1.96 * 2

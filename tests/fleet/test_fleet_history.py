@@ -1,4 +1,6 @@
-"""The history: what is stored, how old rows are deleted, and that faults do not damage it."""
+"""Tests of the fleet's history of fits and alerts: what is stored, how old rows are deleted, and that faults
+do not damage it.
+"""
 
 import contextlib
 import math
@@ -52,10 +54,11 @@ def test_fits_are_kept_now_and_then_and_at_each_change(tmp_path: Path) -> None:
     assert (found[1]["N"], found[1]["N_low"], found[1]["K"]) == (60.0, 59.9, None)
     assert [row["unix_s"] for row in rows_of(history, "a", most=2)] == [1130.0, 1190.0]
     assert rows_of(history, "b") == []
-    assert write_out(history, 1125.0) == 4  # three fits and the alert
+    assert write_out(history, 1125.0) == 4  # the four deleted rows are three fits and the alert
     assert times_of(history, "a") == [1130.0, 1190.0]
     assert history.alerts().result() == []
-    history.add(500.0, "a", {"gyro_x": axis("drift")})  # the clock was set back
+    # this time is before all others: the clock was set back
+    history.add(500.0, "a", {"gyro_x": axis("drift")})
     write_out(history)
     assert times_of(history, "a") == [500.0, 1130.0, 1190.0]
     history.close()
@@ -91,7 +94,7 @@ def test_kill_9_leaves_whole_transactions(tmp_path: Path) -> None:
     rows = list(history._database.rows(f"SELECT {', '.join(COLUMNS)} FROM fit ORDER BY unix_s"))
     numbers = [row[COLUMNS.index("samples")] for row in rows]
     assert numbers == [number for number in range(len(rows) // 3) for _ in range(3)]
-    assert len(rows) // 3 >= told + 1  # all rows that were reported as stored are there
+    assert len(rows) // 3 >= told + 1  # at least the rows that were reported as stored are there
     history.close()
 
 
@@ -113,7 +116,7 @@ def test_rows_wait_for_room_on_a_full_disk(history: History, monkeypatch: pytest
 def test_rows_that_find_their_place_taken_are_counted(
     history: History, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Rows were being sent to a database that went away, and further rows came meanwhile."""
+    """The database went away while rows were sent to it, and further rows came meanwhile."""
     monkeypatch.setattr(histories, "MOST_WAITING", 3)
 
     def away(commands: object) -> None:
@@ -143,7 +146,7 @@ def test_a_device_that_alternates_or_renames_its_axes_fills_nothing(tmp_path: Pa
     for number in range(100):
         history.add(5000.0, "b", {f"axis{number}": axis()})
     write_out(history)
-    assert len(rows_of(history, "a")) == 20  # one row each minute
+    assert len(rows_of(history, "a")) == 20  # one row for each minute is stored
     assert (len(rows_of(history, "b")), history.lost) == (6, 94)
     history.forget(["b"])
     add(history, 5000.0, device="b")
@@ -168,7 +171,8 @@ def test_files_that_are_no_history(tmp_path: Path) -> None:
         ("text", "", "cannot be used as a history"),
         ("newer", "PRAGMA user_version = 9", "another version"),
         ("foreign", "CREATE TABLE bookmarks (url TEXT)", "another program"),
-        ("marked", "PRAGMA application_id = 252006674", "another program"),  # a Fossil checkout
+        # the application id of a Fossil checkout
+        ("marked", "PRAGMA application_id = 252006674", "another program"),
     ):
         path = tmp_path / name
         if command:
@@ -216,7 +220,7 @@ def test_a_row_that_no_database_takes_is_lost_alone(history: History) -> None:
 
 
 def test_a_database_that_hangs_holds_up_nobody(history: History, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Only the database's thread waits, and so do requests to it. All other work continues."""
+    """If the database is locked, only its thread waits, and requests to it. All other work continues."""
     go = threading.Event()
     write = database(history).write
     monkeypatch.setattr(database(history), "write", lambda commands: (go.wait(PATIENCE_S), write(commands)))

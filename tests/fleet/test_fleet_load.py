@@ -1,4 +1,6 @@
-"""The simulated fleet: its fits are those of a daemon, and only its bad sensors are outliers."""
+"""Tests of the simulated fleet for load tests: its fits are those of a daemon, and only its bad sensors are
+outliers.
+"""
 
 import msgspec
 import numpy as np
@@ -48,9 +50,9 @@ def test_the_bad_ones_are_exactly_those_that_stand_out(sensors: int, bad: int) -
     seen = compare(roll, 1.0)
     found = {(int(odd.device_id, 16), odd.axis) for odd in seen.odd}
     assert found == {(one.place, one.axis) for one in ones}
-    assert len(counts(roll, 1.0)["axes"]) >= 9  # verdicts
+    assert len(counts(roll, 1.0)["axes"]) >= 9  # the sensors have at least nine different verdicts
     assert not roll.bad
-    assert compare(roll, 1000.0).odd == []  # all sensors are silent, so they are not compared
+    assert compare(roll, 1000.0).odd == []  # after 1,000 s all sensors are silent, so they are not compared
     if (sensors, bad) == (200, 3):
         assert {one.quantity for one in seen.odd} >= {"N", "density", "B", "K"}
         total, first = table(rows(roll, seen, 1.0), "K", "down", "odd", 0, 50)
@@ -63,7 +65,8 @@ def test_an_alert_needs_three_looks_and_ends_after_three() -> None:
     roll, _ = fleet(60, 1)
     alerts, seen, nothing = Alerts(), compare(roll, 1.0), Comparison([], {})
     told = [alerts.update(roll, seen, 1.0, float(number)) for number in range(LOOKS)]
-    assert [len(one) for one in told] == [0, 0, 2]  # two alerts: N and the density of the white noise
+    # the third comparison raises two alerts, for N and for the density of the white noise
+    assert [len(one) for one in told] == [0, 0, 2]
     assert {alert.state for alert in told[-1]} == {"raised"}
     assert len(alerts.raised()) == 2
     told = [alerts.update(roll, nothing, 1.0, float(number)) for number in range(LOOKS)]

@@ -1,4 +1,6 @@
-"""The history on a PostgreSQL server that stops and comes back, refuses commands, or has changed tables."""
+"""Tests of the fleet's history on a PostgreSQL server that stops and comes back, refuses commands, or has
+changed tables.
+"""
 
 import contextlib
 import itertools
@@ -36,7 +38,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
 
 @dataclass
 class Lab:
-    """A database of the server that one test uses."""
+    """A database of the shared server that only one test uses."""
 
     server: Server
     name: str
@@ -151,7 +153,9 @@ def test_rows_wait_while_the_server_refuses_them(
     history = keep(lab)
 
     def change(command: str) -> None:
-        """Change a setting of a database; it takes effect for new connections only."""
+        """Change a setting of a database, and connect again, because the change takes effect for new
+        connections only.
+        """
         lab.ask(command.format(name=lab.name))
         postgres(history)._connection.close()
         write_out(history)
@@ -171,7 +175,7 @@ def test_rows_wait_while_the_server_refuses_them(
 def test_a_connection_that_ends_at_a_commit_leaves_each_row_once(
     is_committed: bool, lab: Lab, keep: Keep
 ) -> None:
-    """The lost connection does not show whether the server has executed the COMMIT."""
+    """A connection that is lost during a COMMIT does not show whether the server has executed it."""
     history = keep(lab)
     database = postgres(history)
     add(history, 1.0)
@@ -215,7 +219,8 @@ def test_what_the_server_is_still_writing_is_not_written_twice(lab: Lab, keep: K
         other.rollback()
     write_out(history)
     assert times_of(history, "a") == [1.0]
-    postgres(history)._unsure = 10**15  # a transaction number from another server, which had counted further
+    # the number of an uncertain transaction from another server, whose numbers were larger
+    postgres(history)._unsure = 10**15
     add(history, 2.0)
     write_out(history)
     assert times_of(history, "a") == [1.0, 2.0]

@@ -1,4 +1,4 @@
-"""The fleet's program with a broker that stops and comes back."""
+"""Tests of the program behind `fltea fleet` with an MQTT broker that stops and comes back."""
 
 import json
 import re
@@ -18,9 +18,9 @@ OFFLINE = b'{"status":"offline","reason":"connection_lost"}'
 
 
 class Broker:
-    """Takes the place of the listener.
+    """A simulated broker, which takes the place of the fleet's class `Listener`.
 
-    `published`: topic and content of each message that it received.
+    `published`: topic and content of each message that the fleet published.
     """
 
     def __init__(self, *_: object) -> None:
@@ -100,7 +100,8 @@ def test_an_outage_of_the_broker_makes_nobody_silent(stage: Stage) -> None:
 def test_what_the_broker_took_meanwhile_is_asked_for(stage: Stage) -> None:
     """The broker retains the newest fit of each sensor.
 
-    If the fleet did not request it, it would wait for the next fit.
+    When the broker is back, the fleet requests the retained fits. Otherwise it would have to wait for the
+    next ones.
     """
     for payload, kind in ((HELLO, "hello"), (ONLINE, "status"), (FIT, "fit")):
         stage.fleet.take(f"fltea/a/{kind}", payload)
@@ -149,7 +150,7 @@ def test_a_history_that_cannot_be_written_is_told_once_and_its_end_too(stage: St
         stage.wait(1)
         stage.fleet.history.settle()
     assert [line.partition(":")[0] for line in stage.said] == ["history_lost", "history_back"]
-    # It is not determined whether the writing thread has already written the row of OFFLINE at this time.
+    # At this time, the row of OFFLINE may or may not have been written by the writing thread.
     assert re.search(r"Rows that wait: [01]; lost: 0\.$", stage.said[0])
     assert stage.fleet.history.alerts().result()[0]["kind"] == "offline"
 

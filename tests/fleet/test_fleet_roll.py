@@ -1,4 +1,6 @@
-"""The list of all sensors: which messages it accepts, how its size is limited, and what it reports."""
+"""Tests of the fleet's list of all sensors: which messages it accepts, how its size is limited, and what it
+reports.
+"""
 
 import json
 
@@ -135,7 +137,7 @@ def test_bad_messages_are_counted_by_their_reason(topic: str, payload: bytes, re
 
 
 def known(roll: Roll, name: str, text: str = "online", reason: str | None = None, now: float = 0.0) -> None:
-    """Let a sensor state its identity and its status."""
+    """Let a sensor of the list state its identity and its status."""
     roll.take(f"fltea/{name}/hello", HELLO, now)
     roll.take(f"fltea/{name}/status", status(text, reason), now)
 
@@ -177,7 +179,9 @@ def test_a_flood_of_names_takes_nobodys_place_and_is_named() -> None:
 
 
 def test_one_thing_said_again_and_again_makes_no_sensor() -> None:
-    """The broker sends its retained messages at every request."""
+    """A sensor counts only when it has sent different messages. The same message may come again and again,
+    since the broker sends its retained messages at every request.
+    """
     roll = Roll()
     for _ in range(10):
         roll.take("fltea/a/hello", HELLO, 0.0)
@@ -196,11 +200,11 @@ def test_a_full_roll_makes_room_by_those_who_are_silent_longest() -> None:
         roll.take(f"fltea/n{number}/fit", fit(), float(number))
     known(roll, "late", now=10.0)
     assert (roll.refused, "late" in roll.sensors) == (2, False)
-    assert roll.forget(1000.0, 1e6) == []  # no sensor has been silent for long
+    assert roll.forget(1000.0, 1e6) == []  # no sensor has been silent for long, so none is forgotten
     assert roll.forget(4000.0, 1e6) == ["n0"]
     known(roll, "late", now=4000.0)
     assert list(roll.sensors) == ["n1", "n2", "late"]
-    assert roll.forget(8000.0, 1e6) == ["late"]  # this sensor never had a fit
+    assert roll.forget(8000.0, 1e6) == ["late"]  # this sensor is forgotten first, because it never had a fit
 
 
 def test_a_sensor_that_floods_is_named_until_it_stops() -> None:
@@ -222,7 +226,9 @@ def test_a_sensor_that_floods_is_named_until_it_stops() -> None:
 
 
 def test_two_programs_under_one_name() -> None:
-    """Their fits alternate, so the numbers decrease repeatedly; a restart decreases them once."""
+    """If two programs use one name, their fits alternate, so the numbers of samples decrease repeatedly. A
+    restart of one program decreases the number once.
+    """
     roll = Roll()
     for turn in range(4):
         roll.take("fltea/a/fit", fit(1000 + turn), turn * 10.0)
@@ -244,7 +250,8 @@ def test_states() -> None:
     assert roll.sensors["a"].state(1000.0) == "offline"
     assert roll.forget(99.0, 100.0) == []
     assert roll.forget(101.0, 100.0) == ["a"]
-    assert roll.take("fltea/a/status", b"", 2.0) is None  # a retained message that was deleted
+    # an empty message, as it comes when a retained message is deleted
+    assert roll.take("fltea/a/status", b"", 2.0) is None
 
 
 def test_silence_and_a_loss_are_alerts_and_an_orderly_end_is_none() -> None:
@@ -276,7 +283,7 @@ def test_alerts_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("words", "count"),
     [
-        ("line", 4),  # "line" is a part of "online" and of a verdict
+        ("line", 4),  # finds four: "line" is a part of the word "online" and of a verdict
         ("state:online", 3),
         ("state:line", 0),
         ('verdict:"line or resonance"', 1),
@@ -298,7 +305,8 @@ def test_nobody_is_silent_whom_nobody_could_hear() -> None:
     times = {"steady": 0.0}
     clock, roll = Clock(lambda: 0.0, lambda: times["steady"]), Roll()
     times["steady"] = 50.0
-    assert clock.hearing() == 0.0  # the broker has not been there yet
+    # the time of hearing stands still, because the broker has not been there yet
+    assert clock.hearing() == 0.0
     clock.hear(True)
     known(roll, "a", now=clock.hearing())
     times["steady"] = 60.0

@@ -1,4 +1,6 @@
-"""Several recordings are compared: a star marks a figure only if it differs by more than chance."""
+"""Tests of the comparison of several recordings: a star marks a figure only if it differs by more than
+chance.
+"""
 
 import json
 import math
@@ -31,7 +33,7 @@ def alike() -> AxisReport:
 
 
 def times(axis: AxisReport, factor: float) -> AxisReport:
-    """Return the result after N was multiplied by a factor."""
+    """Return the axis's result after its N was multiplied by a factor."""
     N = axis.result.level.N
     larger = Interval(*(None if end is None else end * factor for end in (N.value, N.low, N.high)))
     return replace(axis, result=replace(axis.result, level=replace(axis.result.level, N=larger)))
@@ -65,7 +67,7 @@ def test_a_recording_beside_itself_differs_in_nothing(alike: AxisReport) -> None
 def test_a_ratio_and_its_interval(alike: AxisReport, factor: float) -> None:
     """The interval of a ratio combines both relative errors in quadrature.
 
-    If the files are exchanged, its ends are inverted.
+    If the two files are exchanged, the ratio and the ends of its interval are inverted.
     """
     N = alike.result.level.N
     assert N.value is not None
@@ -95,8 +97,8 @@ def test_what_differs_has_a_star_and_a_sentence(alike: AxisReport) -> None:
 @pytest.mark.parametrize(
     ("N", "other", "ratio", "differs"),
     [
-        # One side of an interval may be much longer than the other. The side towards the other figure
-        # decides.
+        # One side of an interval may be much longer than the other side. The side towards the figure of the
+        # other file decides.
         ((0.986, 0.698, 0.999), (1.15, 1.13, 1.16), (1.166, 1.141, 1.65), True),
         ((0.302, 0.0, 0.303), (1.19, 1.18, 1.21), (3.94, 3.90, None), True),
         ((1.19, 1.18, 1.21), (0.302, 0.0, 0.303), (0.2538, 0.0, 0.256), True),
@@ -121,9 +123,9 @@ def test_intervals_that_are_longer_on_one_side(
 
 
 def test_more_comparisons_need_more_to_differ(alike: AxisReport) -> None:
-    """Among many equal sensors some figure differs much by chance.
+    """Among many equal sensors, some figure differs much by chance.
 
-    So the limit applies to all comparisons together.
+    So the limit of what counts as a difference grows with the number of comparisons.
     """
     N = alike.result.level.N
     assert N.high is not None
@@ -168,7 +170,7 @@ def two(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 
 def test_the_command_says_json_and_the_report(two: list[Path], tmp_path: Path) -> None:
-    """For a sensor with twice the noise, text, JSON and report agree."""
+    """Text, JSON and report agree on a sensor with twice the noise."""
     small, large = two
     folder = tmp_path / "report"
     flags = ("--channels", "gyro_x,gyro_z", "--shuffles", 1)

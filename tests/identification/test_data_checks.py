@@ -1,4 +1,4 @@
-"""Data checks find each fault that was added to noise, and none in clean noise."""
+"""Tests that data checks find each fault that was added to noise, and none in clean noise."""
 
 import functools
 
@@ -22,7 +22,7 @@ QUIET = Counts(1000, 1000, 0, 1, *[0] * 9)
 
 
 def kinds(y: Array, lsb: float | None = None) -> dict[str, str]:
-    """Return the severity of each kind of finding, except for the kind "short"."""
+    """Return the severity of each kind of finding of the data checks, except for the kind "short"."""
     return {
         data_check.kind: data_check.severity
         for data_check in axis_data_checks(y, H, lsb)
@@ -87,7 +87,8 @@ def test_drift(change: float) -> None:
 )
 @pytest.mark.parametrize("known", [True, False])
 def test_quantisation(sigma_lsb: float, severity: str | None, known: bool) -> None:
-    # if the size of a count is not known, steps of a power of ten count as decimals of the file
+    # the size of a count is no power of ten: if it is not known, steps of a power of ten count as decimals of
+    # the file
     lsb = 1 / 16.4
     y = np.rint(white(20_000, 1, 1)[0] * sigma_lsb) * lsb
     assert kinds(y, lsb if known else None).get("quantisation") == severity
@@ -118,7 +119,9 @@ def test_torn_reads(sign: int) -> None:
 @pytest.mark.parametrize("width", [100, 20])
 @pytest.mark.parametrize("tails", ["laplace", "standard_cauchy"])
 def test_heavy_tails_are_no_torn_reads(tails: str, width: float) -> None:
-    """In noise with a large σ, any outlier may differ from its neighbours by about 256 counts."""
+    """A difference of about 256 counts suggests a torn read. But in noise with a large σ, any outlier may
+    differ from its neighbours by that much.
+    """
     rng = np.random.default_rng(3)
     y = counts(width * LSB * np.clip(getattr(rng, tails)(size=20_000), -50, 50))
     assert "torn reads" not in kinds(y, LSB)
@@ -161,7 +164,7 @@ def test_repeated_reads(every: int, severity: str, lsb: float | None) -> None:
     y[1::every] = y[:-1:every][: len(y[1::every])]
     (data_check,) = held(list(y.T), [lsb] * 3, H)
     assert (data_check.kind, data_check.severity) == ("repeated", severity)
-    # if one axis changes, the sample was not an old one
+    # if one axis changes, the sample is a new one, and the equal values of the other axes are chance
     y[:, 2] = white(6000, 1, 9)[0]
     assert held(list(y.T), [lsb] * 3, H) == ()
 

@@ -1,4 +1,4 @@
-"""The comparison of a gyroscope with its data sheet uses the density and the wording of the sheet."""
+"""Tests that the comparison of a gyroscope with its data sheet uses the density as the sheet defines it."""
 
 import json
 import math
@@ -18,13 +18,15 @@ RATE_HZ = 100.0
 
 
 def level(density: float, known_to: float = 0.01) -> Level:
-    """Return the figures of an axis whose one-sided density is known to 1 %."""
+    """Return the figures of an axis whose one-sided density of white noise is known to `known_to`."""
     N = density / math.sqrt(2)
     return Level(Interval(N, (1 - known_to) * N, (1 + known_to) * N))
 
 
 def test_the_density_is_of_positive_frequencies_as_in_a_sheet() -> None:
-    """σ² is the density squared times half the sample rate."""
+    """Data sheets use the density of positive frequencies: σ² of white noise is the density squared times
+    half the sample rate.
+    """
     y = 0.01 * math.sqrt(RATE_HZ / 2) * np.random.default_rng(3).standard_normal(20_000)
     found = compare("MPU-9250", identify_axis(y, 1 / RATE_HZ).level, RATE_HZ)
     assert found.density.value == pytest.approx(0.01, rel=0.02)
@@ -57,9 +59,9 @@ def test_what_a_low_pass_lets_through_is_counted(
 
 
 def test_what_a_fast_relaxation_may_be_of_it_makes_no_sensor_better() -> None:
-    """Behind a filter of one pole, N may be close to zero.
+    """Behind a filter of one pole, a fast relaxation takes up most of the noise, and N may be close to zero.
 
-    The sheet's density includes the fast relaxation, too.
+    The density of a data sheet includes that fast relaxation, so the lower end of N makes no sensor better.
     """
     N = 0.02 / math.sqrt(2)
     found = compare("MPU-9250", Level(Interval(N, 0.0, 1.01 * N)), RATE_HZ)
@@ -96,7 +98,7 @@ def test_the_numbers_that_are_shown_say_what_the_verdict_says(
 def test_no_number_that_is_shown_contradicts_a_verdict(low_pass_hz: float | None) -> None:
     """Rounded densities and ratios in the text do not contradict the verdict.
 
-    They lie on the same side of the limits as it says.
+    The rounded numbers lie on the same side of the limits as the verdict says.
     """
     rng = np.random.default_rng(11)
     kinds = set()

@@ -1,4 +1,4 @@
-"""The forecast of the heading error, compared with the second half of a recording."""
+"""Tests of the forecast of the heading error, which is compared with the second half of a recording."""
 
 import math
 
@@ -82,7 +82,9 @@ def test_what_is_no_goal_is_said_with_one_that_is(text: str) -> None:
 
 
 def test_how_long_to_rest_is_as_long_as_white_noise_takes() -> None:
-    """The variance is σ² h t (1 + t / rest) after a rest, since for white noise the bias is a mean."""
+    """For white noise, the bias is the mean of the samples of the rest, so the variance of the heading after
+    a time t is σ² h t (1 + t / rest).
+    """
     R, h, t_s = 0.02, 0.01, 60.0
     y = np.random.default_rng(3).normal(0, math.sqrt(R), 60_000)
     goal, white = Goal(0.4, t_s), [White(R)]
@@ -112,7 +114,7 @@ def _white(seed: int = 3) -> tuple[np.ndarray, FittedSystem]:
 
 
 def test_how_long_a_heading_is_good_is_as_long_as_white_noise_lets_it() -> None:
-    """The variance is σ² h t (1 + t / rest), solved for t."""
+    """The expected time t comes from the variance of the heading, σ² h t (1 + t / rest), solved for t."""
     (y, whole), R, h, rest_s = _white(), 0.02, 0.01, 30.0
     drive = Drive(1.0, rest_s)
     _, found_ = found(whole, y, h, "deg/s", lambda half: fitted_system([White(R)], half, h), drive)

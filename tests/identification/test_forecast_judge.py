@@ -1,4 +1,4 @@
-"""The check of forecasts accepts right models and rejects wrong ones."""
+"""Tests that the check of forecasts accepts right models and rejects wrong ones."""
 
 import math
 
@@ -34,7 +34,8 @@ def fails(found: Judgement) -> tuple[bool, bool]:
 
 @pytest.mark.slow
 def test_right_models_hold() -> None:
-    # amplitude that the relaxation has in a spectrum that does not show its corner
+    # K of the random walk that a relaxation of 0.05 and 8 s looks like in a spectrum that does not reach its
+    # corner
     slow = 0.05 * math.sqrt(2 / 8)
     failed = 0
     for seed in range(12):
@@ -74,13 +75,14 @@ def test_the_mean_of_the_rate_about_the_bias_is_of_both() -> None:
 def test_noise_that_a_filter_has_coloured_is_not_in_the_bias() -> None:
     """Bias(T) does not contain the present noise, although the filter knows some of it.
 
-    The mean of the rate contains it.
+    The mean of the rate, with which Bias(T) is compared, contains that noise.
     """
     deviations = [
         [one.deviations for one in of_half(_filtered(seed), White(0.01), LowPass(8.0, 2.0)).bias[:4]]
         for seed in range(8)
     ]
-    assert np.abs(np.mean(deviations, axis=0)).max() < 1.1  # three standard deviations of a mean of 8 values
+    # the limit is three standard deviations of a mean of 8 values
+    assert np.abs(np.mean(deviations, axis=0)).max() < 1.1
 
 
 def _filtered(seed: int) -> Array:

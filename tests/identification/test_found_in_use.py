@@ -1,4 +1,4 @@
-"""Faults that users found; each of these results was wrong once."""
+"""Tests of faults that were found in use: each of these results was wrong once."""
 
 from pathlib import Path
 
@@ -35,7 +35,9 @@ def data_checks(found: AxisReport) -> dict[str, str]:
 
 @pytest.mark.parametrize("seed", range(5))
 def test_relaxations_with_quantisation_are_not_fractional(seed: int) -> None:
-    """In an earlier version, no model of relaxations was chosen if the density rose anywhere."""
+    """Relaxations with quantisation noise are not fractional noise. In an earlier version, no model of
+    relaxations was chosen if the density rose with frequency anywhere.
+    """
     truth = Truth(0.005, ((0.0175, 1.0), (0.0175, 0.1), (0.0175, 0.02)), Q=1.4e-4)
     assert identify_axis(composite(truth, 60_000, H, seed), H, None, OPTIONS).verdict.kind != "fractional"
 
@@ -48,7 +50,9 @@ def test_a_model_that_is_exported_is_read_again(tmp_path: Path) -> None:
 
 
 def test_the_table_writes_figures_as_the_first_line_does() -> None:
-    """The table once wrote 1.08e+03 where the first line wrote 1080, and had fewer digits."""
+    """The table of the output once wrote 1.08e+03 where the output's first line wrote 1080, and had fewer
+    digits.
+    """
     found = identified(white(3000, 1, 2)[0])
     level = Level(Interval(18.0, 17.9, 18.2), K_at_most=0.0071)
     found = msgspec.structs.replace(found, result=msgspec.structs.replace(found.result, level=level))
@@ -60,7 +64,9 @@ def test_the_table_writes_figures_as_the_first_line_does() -> None:
 
 
 def test_an_axis_that_is_constant_at_first_is_judged() -> None:
-    """All results exist except FLTEA's, since its start-up window is without noise."""
+    """The axis is constant at first. All results exist except those of the algorithm FLTEA, whose start-up
+    window is without noise.
+    """
     y = np.concatenate([np.full(500, 0.3), white(59_500, 1, 1)[0]])
     found = identified(y)
     assert found.result.verdict.kind == "white"
@@ -75,7 +81,7 @@ def test_an_axis_that_is_constant_at_first_is_judged() -> None:
 def test_a_sensor_that_was_moved(hz: float) -> None:
     """The sensor is rocked at 30 deg/s for 30 of 120 s, or turned.
 
-    This is not reported as a spectral line, mains or motor.
+    Such motion is not reported as a spectral line, mains or motor.
     """
     t = np.arange(12_000) * H
     y = 0.1 * white(12_000, 1, 3)[0]
@@ -112,9 +118,9 @@ def test_the_null_test_says_its_level() -> None:
 
 
 def test_one_record_is_said_to_be_long_enough() -> None:
-    """Only one length of a record is recommended.
+    """If a record is too short, the output recommends only one length of a record.
 
-    It is ten minutes by the data check "short", or more if the verdict needs it.
+    The length is ten minutes by the data check "short", or more if the verdict needs it.
     """
     found = identified(white(6000, 1, 1)[0])
     assert "Record ten minutes or more" in data_checks(found)["short"]

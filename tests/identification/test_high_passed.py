@@ -1,4 +1,4 @@
-"""Statements on bias, heading and walk are true even if a high-pass has removed slow noise."""
+"""Tests that statements on bias, heading and random walk are true if a high-pass has removed slow noise."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,9 @@ OPTIONS = IdentifyOptions(shuffles=0)
 
 
 def coupled(n: int, seed: int) -> np.ndarray:
-    """Return white noise behind one pole, from a sensor whose bias of 1 walks."""
+    """Return the output of a sensor behind a high-pass of one pole. The sensor has white noise, and a bias of
+    1 that does a random walk.
+    """
     rng, pole = np.random.default_rng((51, seed)), np.exp(-2 * np.pi * CORNER_HZ * H)
     y = 1.0 + SIGMA * rng.standard_normal(n + 10_000)
     y += K * np.sqrt(H) * np.cumsum(rng.standard_normal(len(y)))
@@ -43,9 +45,11 @@ def test_nothing_is_said_of_a_walk(report: AxisReport) -> None:
 
 
 def test_the_forecast_holds_for_the_samples_and_says_so(report: AxisReport) -> None:
-    """The angle of white noise then stops walking: it is σ √(h / (4π f)), and not N √t.
+    """Behind a high-pass with the corner frequency f, the angle of white noise stops walking: its standard
+    deviation is σ √(h / (4π f)), and not N √t.
 
-    What the filter leaves of the bias's random walk is white at low frequencies, with the density K / (2π f).
+    What the high-pass leaves of the bias's random walk is white at low frequencies, with the density K / (2π
+    f).
     """
     assert report.forecast is not None
     assert not any(one.fails for one in (*report.forecast.judged, *report.forecast.bias))
@@ -60,7 +64,8 @@ def test_of_independent_records_the_heading_is_in_the_band(report: AxisReport) -
     at = dict(zip(report.forecast.t_s, report.forecast.heading_std, strict=True))
     off = [H * np.cumsum(coupled(6_000, seed)[:6_000])[[999, 5_999]] for seed in range(100, 160)]
     rms = np.sqrt(np.mean(np.square(off), axis=0))
-    # 60 segments give the standard deviation to within a tenth. The bias of the filter is 0.
+    # 60 records give the standard deviation to within a tenth. The mean behind the high-pass is 0, so no bias
+    # is subtracted.
     np.testing.assert_allclose(rms, [at[10.0], at[60.0]], rtol=0.4)
 
 

@@ -1,6 +1,6 @@
-"""The Allan deviation agrees with published values and with the noises of allantools.
+"""Tests that the Allan deviation agrees with published values, and with the noises that allantools generates.
 
-It claims no more than the data show.
+Also tested is that no figure is claimed that the data do not show.
 """
 
 import allantools
@@ -27,13 +27,17 @@ def _seeded() -> None:
 
 
 def random_walk(K: float, n: int = N) -> Array:
-    """Return a rate whose variance grows by K² a second: S(f) = (K / 2π)² / f², one-sided twice that."""
+    """Return a rate that does a random walk, so that its variance grows by K² a second. Its two-sided
+    spectrum is S(f) = (K / 2π)² / f², and the one-sided spectrum, which allantools uses, is twice that.
+    """
     walk = allantools.noise.brown(n, b_minus2=2 * (K / (2 * np.pi)) ** 2, fs=1 / H)
     return np.asarray(walk)
 
 
 def test_published_values() -> None:
-    """W. J. Riley, Handbook of Frequency Stability Analysis, NIST SP 1065 (2008), 12.4 and table 31."""
+    """The series and its Allan deviations are those of W. J. Riley, Handbook of Frequency Stability Analysis,
+    NIST SP 1065 (2008), 12.4 and table 31.
+    """
     state, series = 1234567890, []
     for _ in range(1000):
         series.append(state / 2147483647)
@@ -44,7 +48,7 @@ def test_published_values() -> None:
 
 def test_white_noise_has_n_and_nothing_else() -> None:
     N_true = 0.01
-    y = allantools.noise.white(N, b0=2 * N_true**2, fs=1 / H)  # `b0` is one-sided
+    y = allantools.noise.white(N, b0=2 * N_true**2, fs=1 / H)  # `b0` is the one-sided spectrum
     found = allan([y + 4.5], H)
     assert found.N.value == pytest.approx(N_true, rel=0.02)
     assert found.N.low < N_true < found.N.high
@@ -63,7 +67,7 @@ def test_random_walk_has_k_and_no_n() -> None:
 
 def test_flicker_has_b() -> None:
     B_true = 0.01
-    # Kasdin and Walter's generator, which also returns the Allan deviation of its noise.
+    # The generator of Kasdin and Walter also returns the Allan deviation of its noise.
     generator = allantools.Noise(nr=2**14, qd=1e-4, b=-3)
     generator.generateNoise()
     y = np.diff(generator.time_series)
@@ -73,9 +77,10 @@ def test_flicker_has_b() -> None:
 
 
 def test_a_higher_flat_is_not_the_floor() -> None:
-    """A relaxation makes a maximum, where the curve is flat, and a minimum, which is less certain.
+    """A relaxation makes a maximum of the Allan deviation, where the curve is flat, and a later minimum,
+    which is less certain.
 
-    B belongs to the minimum.
+    B comes from the minimum.
     """
     tau = np.geomspace(0.01, 1000, 60)
     falls = 0.3 * np.clip(np.log(tau / 100) / np.log(4), 0, 1)
@@ -96,7 +101,7 @@ def test_all_at_once() -> None:
     found = allan([y], H)
     assert found.N.value == pytest.approx(0.01, rel=0.03)
     assert found.K.value == pytest.approx(0.02, rel=0.35)
-    # The lowest point of N²/τ + K²τ/3, which a data sheet calls bias instability.
+    # The root of the lowest value of N²/τ + K²τ/3 is what a data sheet calls bias instability.
     assert found.B.value * 0.6643 == pytest.approx(np.sqrt(2 / np.sqrt(3) * 0.01 * 0.02), rel=0.15)
     assert 0.3 < found.B.tau_from_s < 3
     assert found.N.tau_to_s < found.B.tau_from_s < found.K.tau_to_s
@@ -143,7 +148,9 @@ def test_what_cannot_be_analysed(y: Array, h: float, word: str) -> None:
 
 
 def test_intervals_are_those_of_allantools() -> None:
-    """allantools truncates the sums for the degrees of freedom, while ours leave out terms evenly."""
+    """For the degrees of freedom, allantools truncates its sums, while the sums of fltea leave out terms
+    evenly.
+    """
     for y in (white(3000, 1, 1)[0], random_walk(0.02), white(30_000, 1, 2)[0]):
         found = allan([y], H)
         slope = local_slopes(np.array(found.tau_s), np.array(found.deviation))
@@ -195,7 +202,7 @@ def test_a_model_of_another_power() -> None:
 
 
 def test_of_samples_that_recur_exactly_there_is_nothing_to_compare() -> None:
-    """At the period of the samples the Allan deviation is 0."""
+    """The samples recur exactly. At the averaging time of their period, the Allan deviation is 0."""
     curve = allan([np.tile([3.0, -1.0], 1500)], H)
     with pytest.raises(ValueError, match="nothing to compare"):
         reproduction(curve, H, MODELS["white"])

@@ -1,4 +1,4 @@
-"""The whole result for one axis, on noise of known kinds and on real recordings."""
+"""Tests of the whole result of `identify` for one axis, on noise of known kinds and on real recordings."""
 
 from pathlib import Path
 
@@ -40,7 +40,9 @@ def test_white_noise() -> None:
 
 
 def test_as_json_and_back() -> None:
-    """The names are those that the README promises; every value can be written in JSON."""
+    """Every value of a result can be written in JSON and read back, and the names are those that are
+    documented.
+    """
     found = identify_axis(long_recursion(0.6, -0.19, 1000, 1), H, None, QUICK)
     copies = estimate(white(1000, 1, 1)[0], H, QUICK.estimator, None, range(3), 0)
     found = with_copies(found, [copies])
@@ -54,9 +56,9 @@ def test_as_json_and_back() -> None:
 
 
 def test_broad_resonance_is_not_called_white() -> None:
-    """The resonance is at a middle frequency and too broad for a peak.
+    """The resonance in this noise is at a middle frequency, and too broad to count as a peak.
 
-    The null test's orders up to 1 cannot describe it.
+    The null test finds nothing, because orders up to 1 cannot describe such a resonance.
     """
     seen = examined(ar((0.0, -0.25), 3000, 1, 0)[0], H).evidence
     assert seen.p_all > 0.05
@@ -88,7 +90,7 @@ def test_notch_and_from_hz_leave_out() -> None:
     assert not seen.evidence.peaks
     assert seen.band.from_hz == 1.0
     ((low, high),) = seen.band.notch_hz
-    # the side lobes of Hann's window
+    # the notch at 20 Hz is as wide as the side lobes of Hann's window reach
     assert (low, high) == (pytest.approx(18.4, abs=0.02), pytest.approx(21.6, abs=0.02))
     assert seen.ordinates == pytest.approx(46 * 60 * 0.94, rel=0.06)
     assert examined(y, H).evidence.peaks
@@ -101,7 +103,9 @@ def peaks(*bands: tuple[float, float]) -> tuple[Peak, ...]:
 
 
 def test_peaks_without_end_leave_half_of_the_ordinates(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Only as many of the weakest peaks as necessary stay in the fit."""
+    """Peaks are left out of the fit as long as half of the ordinates remain. Only as many of the weakest
+    peaks as necessary stay in the fit.
+    """
     y = white(1000, 1, 1)[0]
     found = peaks((5, 15), (20, 30), (35, 37), (38, 48))
     monkeypatch.setattr("fltea.identification.fine_peaks.find_peaks", lambda p: found)
@@ -112,9 +116,10 @@ def test_peaks_without_end_leave_half_of_the_ordinates(monkeypatch: pytest.Monke
 
 
 def test_a_short_record_keeps_enough_ordinates_to_fit(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The peak stays in the fit.
+    """In this short record, the peak stays in the fit.
 
-    Without it, more than half of the ordinates would be left, but fewer than a periodogram needs.
+    Without the peak, more than half of the ordinates would be left, but fewer than a fit of the periodogram
+    needs.
     """
     monkeypatch.setattr("fltea.identification.fine_peaks.find_peaks", lambda p: peaks((10, 25)))
     seen = examined(white(180, 1, 2)[0], H)
@@ -123,7 +128,7 @@ def test_a_short_record_keeps_enough_ordinates_to_fit(monkeypatch: pytest.Monkey
 
 
 def test_drift_is_not_among_what_is_fitted() -> None:
-    """The fitted ordinates begin at ten periods per record.
+    """The fitted ordinates begin at the frequency with ten periods per record.
 
     The p-value for all ordinates is stored separately.
     """
@@ -131,7 +136,8 @@ def test_drift_is_not_among_what_is_fitted() -> None:
     y = white(n, 1, 3)[0] + 0.1 * np.sin(2 * np.pi * 5 * np.arange(n) / n)
     seen = examined(y, H)
     assert seen.band.from_hz == pytest.approx(1 / 30)
-    assert 4 <= seen.ordinates - seen.band.ordinates <= 6  # ordinates 4 to 9 are in use, but not fitted
+    # ordinates 4 to 9 count as evidence, but are not fitted
+    assert 4 <= seen.ordinates - seen.band.ordinates <= 6
     assert seen.evidence.p_all < 1e-3
     assert seen.evidence.p_clean > 0.05
     assert decide(seen.evidence).kind == "drift"

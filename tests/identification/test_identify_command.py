@@ -1,4 +1,4 @@
-"""`fltea identify` as a user runs it: table, JSON, files, exit codes."""
+"""Tests of `fltea identify` as a user runs it: table, JSON, files, exit codes."""
 
 import json
 import re
@@ -39,7 +39,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def here(*arguments: object, exit_code: int = 0) -> tuple[str, str]:
-    """Run the command in this process, which has loaded all modules; return its stdout and stderr."""
+    """Run the command in this process, which has loaded all modules. Return its stdout and stderr."""
     done = fltea_here("identify", *arguments, *FAST, columns=300)
     assert done.returncode == exit_code, done.stderr
     assert "Traceback" not in done.stderr
@@ -75,8 +75,8 @@ def test_json(recording: Path) -> None:
 def test_every_data_check_is_told(tmp_path: Path) -> None:
     """The three axes have different faults.
 
-    They are drift, torn reads and a resonance on the first, coarse counts on the second, outliers and a
-    spectral line on the third.
+    The first axis has drift, torn reads and a resonance, the second has coarse counts, and the third has
+    outliers and a spectral line.
 
     Samples are repeated on all axes.
     """
@@ -116,7 +116,7 @@ def test_from_a_bag_to_imu_yaml_with_its_topic(tmp_path: Path) -> None:
 def test_both_sensors_in_one_command(tmp_path: Path) -> None:
     """For imu.yaml the accelerometer is identified, too, except an axis that is constant.
 
-    All files have both sensors.
+    All written files have both sensors, the gyroscope and the accelerometer.
     """
     accel = counts(900, seed=3)
     accel[:, 1] = 0
@@ -141,7 +141,9 @@ def test_both_sensors_in_one_command(tmp_path: Path) -> None:
 
 
 def test_table_files_and_notch(recording: Path, tmp_path: Path) -> None:
-    """Without the spectral line both axes are white; models and imu.yaml satisfy their readers."""
+    """With the spectral line left out (--notch), both axes are white. The written models and imu.yaml satisfy
+    the programs that read them.
+    """
     model, yaml = tmp_path / "model.json", tmp_path / "imu.yaml"
     flags = ("--notch", "20±0.5", "--variant", "triple", "--export-model", model, "--imu-yaml", yaml)
     out, _ = here(recording, *flags, "--details")
@@ -154,7 +156,8 @@ def test_table_files_and_notch(recording: Path, tmp_path: Path) -> None:
     assert out.count("\n  White noise. The null test does not reject") == 2
     for text in ("3,000 samples, 30.0 s", "FLTEA triple α", "FLTEA joint α", "shuffled gives", "undefined"):
         assert text in out
-    assert out.index("FLTEA triple α") < out.index("FLTEA joint α")  # the requested one comes first
+    # the variant that was requested comes first
+    assert out.index("FLTEA triple α") < out.index("FLTEA joint α")
     assert "too short to separate an order" in out
     assert list(read_models(model).axes) == ["gyro_x", "gyro_y"]
     assert "gyroscope_noise_density:" in yaml.read_text()
@@ -169,7 +172,9 @@ def test_what_was_found_is_told_before_a_file_fails(recording: Path, tmp_path: P
 
 
 def test_how_long_to_rest_and_to_drive(recording: Path) -> None:
-    """Both questions are answered together, in words and as JSON. Either option includes the forecast."""
+    """Both questions, `--rest-for` and `--drive-for`, are answered together, in words and as JSON. Either
+    option includes the forecast.
+    """
     out, err = here(recording, "--rest-for", "2@60", "--drive-for", "1@30", "--channels", "gyro_x")
     assert err == ""
     assert re.search(
@@ -186,7 +191,9 @@ def test_how_long_to_rest_and_to_drive(recording: Path) -> None:
 
 
 def test_a_bad_file_among_others(recording: Path, tmp_path: Path) -> None:
-    """The other files are identified; the failure is reported in its place and at the end; exit code 2."""
+    """The other files are identified. The failure is reported in its place among them and again at the end,
+    and the exit code is 2.
+    """
     bad = tmp_path / "bad.npz"
     bad.write_bytes(b"PK no")
     out, err = here(tmp_path / "away.npz", recording, bad, "--channels", "gyro_x", exit_code=2)
@@ -197,7 +204,7 @@ def test_a_bad_file_among_others(recording: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["away.npz", "bad.npz", "short.npz"])
 def test_of_a_refused_recording_there_is_no_report(name: str, recording: Path, tmp_path: Path) -> None:
-    """Earlier, the report of such a recording was an empty page.
+    """In an earlier version, the report of a refused recording was an empty page.
 
     If there is another recording, both are in the report: the refused one with its error, without figures.
     """

@@ -1,5 +1,5 @@
-"""The address of a Dask scheduler: an impossible one is refused and plain TCP gets a warning, both
-immediately.
+"""Tests of the address of a Dask scheduler. An impossible address is refused and plain TCP gets a warning,
+both at once.
 
 Dask's messages are pickles, which run code that their sender chooses.
 """
@@ -90,7 +90,9 @@ def test_nothing_is_made_before(tmp_path: Path, options: list[str], text: str) -
 
 
 def test_nobody_listens(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
-    """The error helps the user, and Dask's own threads print no traceback, either."""
+    """If no scheduler listens at the address, the error says what to do, and Dask's own threads print no
+    traceback.
+    """
     import gc
 
     from fltea.identification import dask_workers
@@ -157,9 +159,9 @@ def test_workers_that_are_none_of_ours_are_left_at_once(
 def test_a_worker_of_another_version_that_joins_later_ends_the_work(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """If a worker joins after the check of versions, its answers are rejected.
+    """If a worker of another version joins after the check of versions, its answers are rejected.
 
-    This is not reported as a fault of a file.
+    The rejection is not reported as a fault of a file.
     """
 
     def joined(task: Callable[..., Any], *arguments: Any) -> "Future[Any]":

@@ -1,4 +1,4 @@
-"""A Dask scheduler that hangs: its connection stays open, so only a time limit reveals it."""
+"""Tests with a Dask scheduler that hangs. Its connection stays open, so only a time limit reveals it."""
 
 from contextlib import closing
 

@@ -1,5 +1,6 @@
-"""A Dask cluster with TLS, set up as in host/docs/guide/verdict.md, accepts only clients with its
-certificate."""
+"""Tests that a Dask cluster with TLS, set up as in host/docs/guide/verdict.md, accepts only clients with its
+certificate.
+"""
 
 import json
 import os
@@ -22,7 +23,7 @@ QUICK = ("--shuffles", "0", "--window", "100", "--startup", "100")
 
 
 def make_certificate(folder: Path) -> Path:
-    """Make a certificate with the documented command."""
+    """Make a certificate with the command that the documentation gives."""
     folder.mkdir()
     key = ["-x509", "-newkey", "rsa:2048", "-nodes", "-keyout", folder / "key.pem"]
     openssl("req", *key, "-out", folder / "cert.pem", "-days", "365", "-subj", "/CN=dask")
@@ -30,7 +31,7 @@ def make_certificate(folder: Path) -> Path:
 
 
 def documented(authority: Path, own: Path | None = None, key: Path | None = None) -> dict[str, str]:
-    """Return the documented settings.
+    """Return the settings that the documentation gives.
 
     `own`: folder of the certificate that is presented. `key`: folder of its key.
     """
@@ -74,7 +75,7 @@ def address(folder: Path) -> Iterator[str]:
 def connect(
     address: str, settings: dict[str, str], monkeypatch: pytest.MonkeyPatch, patience_s: float = 5.0
 ) -> None:
-    """Connect from this process with these environment variables."""
+    """Connect to a scheduler from this process, with these environment variables."""
     import dask
     from fltea.identification import dask_workers
 
@@ -108,14 +109,14 @@ def test_a_foreign_certificate_does_not(
 
 
 def test_nor_without_one(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A client with TLS switched off, for which a setting is needed, is not accepted either."""
+    """A client in which TLS is switched off by a setting is not accepted either."""
     plain = address.replace("tls://", "tcp://")
     with pytest.raises(UsageError, match=r"no scheduler answers there .* with certificates tls://"):
         connect(plain, {}, monkeypatch, patience_s=1.0)
 
 
 def test_settings_that_cannot_be_used(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each error is reported before anything is connected."""
+    """Each mistake in the settings is reported before anything is connected."""
     nowhere = "tls://192.0.2.1:8786"
     with pytest.raises(UsageError, match=r"certificates cannot be used \(.*No such file.*CA_FILE"):
         connect(nowhere, documented(folder / "nothing"), monkeypatch)

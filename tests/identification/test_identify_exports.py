@@ -1,4 +1,6 @@
-"""Files for other programs: a navigation filter's file and imu.yaml agree with all other outputs."""
+"""Tests of files for other programs: the file for a navigation filter and imu.yaml agree with all other
+outputs.
+"""
 
 import json
 from pathlib import Path
@@ -67,7 +69,7 @@ def entry_of(axis: AxisReport) -> NavigationAxis:
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Write a recording with three kinds of noise.
 
-    gyro_x has two parts and quantisation noise, gyro_y is white, and gyro_z has an order.
+    gyro_x has two noise parts and quantisation noise, gyro_y is white, and gyro_z has an order.
     """
     n = 60_000
     return saved(
@@ -106,17 +108,18 @@ def test_what_a_filter_reads(known: AxisReport) -> None:
 
 
 def test_white_noise_that_a_fast_part_took_in_is_not_near_nothing() -> None:
-    """With N = 1e-8, a filter would expect errors that are a million times too small.
+    """A fast relaxation may take up the white noise, so that the fit gives N = 1e-8. With that, a filter
+    would expect errors that are a million times too small.
 
-    So N is null, and the measured density is given.
+    So the file has null for N, and the density that was measured.
     """
     y = composite(Truth(0.0, ((0.05, 0.0055),)), 60_000, H, 1)
     found = identify_series(Series(y, GYRO_UNIT, None), H, OPTIONS, False)
     entry = entry_of(found)
     assert entry.N.value is None
     assert entry.knee_hz == pytest.approx(1 / (2 * np.pi * 0.0055), rel=0.5)
-    # The power density of such a part at its corner is half of that at frequency 0. Its root is σ √(2 τ) /
-    # √2.
+    # By hand: the power density of a relaxation at its corner frequency is half of that at frequency 0. The
+    # root of this is σ √(2 τ) / √2.
     assert entry.knee_density == pytest.approx(0.05 * np.sqrt(0.0055), rel=0.5)
     assert "cannot be told from other fast noise" in found.result.level.reason
     shown = axis_noise(found).N
@@ -147,7 +150,9 @@ def test_one_result_wherever_it_is_read(axis: str, report: FileReport) -> None:
 
 
 def assert_one_result(found: AxisReport) -> None:
-    """Check that text, table, JSON, model, curve and filter have the same parts, N, K and order."""
+    """Check that the text, the table, the JSON, the model, the curve and the filter of a result have the same
+    noise parts, N, K and order.
+    """
     r = found.result
     assert found.model.parts == r.models[r.stands].parts
     named = {str(part.__struct_config__.tag): part for part in found.model.parts}
@@ -188,9 +193,9 @@ def assert_one_result(found: AxisReport) -> None:
 
 
 def random_parts(share: st.SearchStrategy[float]) -> st.SearchStrategy[tuple[AnyPart, ...]]:
-    """Draw white noise of variance 1 and one or two further parts.
+    """Return a strategy that draws models: white noise of variance 1 and one or two further noise parts.
 
-    Sometimes all of them pass a filter.
+    In some models, all noise parts pass a filter.
     """
     beside = st.one_of(
         st.builds(Relaxation, sigma=share, tau_s=st.floats(0.02, 3.0)),
@@ -232,7 +237,9 @@ LEVELS = {
 
 
 def test_imu_yaml() -> None:
-    """The worst axis decides. An unknown value is written as a comment, and hostile names do no harm."""
+    """In imu.yaml, the worst axis decides. An unknown value is written as a comment, and hostile names do no
+    harm.
+    """
     hostile = 'a: b # "c'
     assert yaml.safe_load(imu_yaml(LEVELS, 100.0, "rest.npz", rostopic=hostile))["rostopic"] == hostile
     assert "\nx:" not in imu_yaml(LEVELS, 100.0, "rest.npz", rostopic="/imu\nx: 1")
@@ -247,7 +254,7 @@ def test_imu_yaml() -> None:
 
 
 def test_imu_yaml_of_both_sensors() -> None:
-    """Four entries in the units of Kalibr, and the effect of inflation on them."""
+    """The four entries of imu.yaml are in the units of Kalibr, and inflation has its effect on them."""
     gyro = {"gyro_x": AxisNoise(Shown(0.02), Shown(0.5))}
     accel = {"accel_y": AxisNoise(Shown(0.03), Shown(0.05))}
     found = yaml.safe_load(imu_yaml(gyro, 100.0, "rest.npz", accel=accel))
@@ -267,7 +274,9 @@ def test_imu_yaml_of_both_sensors() -> None:
 
 
 def sound_and_bad(folder: Path) -> Path:
-    """Write a table whose gyro_z was rounded to 0.01 rad/s, a tenth of its noise; the others are sound."""
+    """Write a table of three axes. gyro_z was rounded to steps of 0.01 rad/s, which is 5.7 times its σ, and
+    the other axes are sound.
+    """
     y = 0.1 * white(3000, 3, 1).T
     y[:, 2] = np.degrees(np.round(np.radians(y[:, 2] + 0.3), 2))
     np.savetxt(folder / "rest.csv", y, "%.9g", ",", header="gyro_x_dps,gyro_y_dps,gyro_z_dps", comments="")
@@ -276,7 +285,9 @@ def sound_and_bad(folder: Path) -> Path:
 
 @pytest.mark.parametrize("flag", ["--export-model", "--imu-yaml", "--gauss-markov"])
 def test_nothing_is_written_of_bad_data(flag: str, tmp_path: Path) -> None:
-    """Once an imu.yaml was written from pure rounding, alongside a data check that said "bad"."""
+    """No file is written from bad data. In an earlier version, an imu.yaml was written from pure rounding,
+    although a data check said "bad".
+    """
     command = ("identify", sound_and_bad(tmp_path), "--rate", "100", "--shuffles", "0", "--jobs", "1")
     done = fltea_here(*command, flag, tmp_path / "out", columns=300)
     assert done.returncode == 1
@@ -295,7 +306,7 @@ def test_nothing_is_written_of_bad_data(flag: str, tmp_path: Path) -> None:
 def test_no_figure_goes_on_from_an_axis_that_is_bad(tmp_path: Path) -> None:
     """Comparison with a data sheet, forecast and heading do not use the bad axis.
 
-    The other axes have these results.
+    The sound axes have these results.
     """
     path = sound_and_bad(tmp_path)
     command = ("identify", path, "--rate", "100", "--shuffles", "0", "--jobs", "1", "--report", tmp_path)
@@ -320,9 +331,9 @@ def test_no_figure_goes_on_from_an_axis_that_is_bad(tmp_path: Path) -> None:
 
 
 def test_what_is_wrong_with_all_of_a_recording_withholds(tmp_path: Path) -> None:
-    """If the rows of two sensors alternate, the data check concerns the whole recording.
+    """If the rows of two sensors alternate, a data check concerns the whole recording.
 
-    It withholds the files of each axis.
+    Because of this check, no axis is written to files.
     """
     y = 0.1 * white(3000, 2, 1).T + np.resize([0.2, -0.2], 3000)[:, None]
     np.savetxt(tmp_path / "a.csv", y, "%.9g", ",", header="gyro_x_dps,gyro_y_dps", comments="")

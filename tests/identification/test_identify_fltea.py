@@ -1,4 +1,6 @@
-"""FLTEA on a recording: its figures are the daemon's. Shuffled copies and tests of the innovations."""
+"""Tests of the algorithm FLTEA on a recording: its figures equal those of the daemon. Also tested are
+shuffled copies and tests of the innovations.
+"""
 
 from typing import Literal
 
@@ -36,12 +38,12 @@ def config(**more: object) -> EstimatorConfig:
 
 
 def counts(seed: int, n: int = 900) -> np.ndarray:
-    """Return noise of a sensor with an offset, in whole counts."""
+    """Return the noise of a sensor with an offset, rounded to whole counts."""
     return np.rint((1.7 + 0.14 * white(n, 1, seed)[0]) / LSB) * LSB
 
 
 def disturbed(stop: int) -> np.ndarray:
-    """Return the same noise with violent motion from sample 300 to `stop`.
+    """Return the noise of counts(1), with violent motion from sample 300 to `stop`.
 
     The guard intervenes, and the supervisor rejects the estimate.
     """
@@ -56,7 +58,7 @@ SETTINGS: list[tuple[Variant, Guard, dict[str, object]]] = [
     ("triple", "off", {}),
     ("joint", "consistent", {"bias": 1.7, "R": 0.02}),
     ("joint", "consistent", {"memory": "direct"}),
-    ("triple", "off", {"R": 0.002}),  # the estimate runs away, and FLTEA starts over
+    ("triple", "off", {"R": 0.002}),  # in this case, the estimate runs away, and FLTEA starts over
 ]
 
 
@@ -114,7 +116,7 @@ def test_a_record_that_is_too_short_is_refused() -> None:
 
 
 def test_axes_side_by_side_give_what_each_gives_alone() -> None:
-    """Results are equal to the bit for axes that are run together or alone.
+    """Results are equal in every bit, whether axes are processed together or alone.
 
     The axes have different lengths and settings, lost samples, and one is constant at first.
     """
@@ -143,7 +145,9 @@ def band(y: np.ndarray, settings: EstimatorConfig, copies: int) -> ShuffledBand:
 
 
 def test_a_copy_is_what_the_daemon_gives_for_it() -> None:
-    """For a single copy the quantiles are its estimate, as exact as the compressed memory is."""
+    """With a single shuffled copy, the quantiles are the estimate of that copy, to the accuracy of the
+    compressed memory.
+    """
     y = counts(2)
     settings = config()
     found = shuffled_band([estimate(y, H, settings, LSB, range(3, 4), 5)], 0.1, -0.1)
@@ -175,7 +179,9 @@ def test_shuffles_follow_the_seed() -> None:
 
 
 def test_copies_do_not_depend_on_their_group() -> None:
-    """The results are equal to the bit in any group, even if one copy of the group diverges."""
+    """The results of a shuffled copy are equal in every bit in any group of copies, even if one copy of the
+    group diverges.
+    """
     y = counts(1)
     for settings in (config(), config(variant="triple", guard="off", R=0.001)):
         whole = estimate(y, H, settings, LSB, range(11), 1)
@@ -205,9 +211,9 @@ def test_copies_that_run_away_are_counted_and_left_out() -> None:
 
 
 def test_innovations_that_are_white() -> None:
-    """The p-values of Ljung and Box's test are uniform.
+    """For white innovations, the p-values of Ljung and Box's test are uniform.
 
-    The other two figures have their expected values.
+    The other two figures of the innovations have their expected values.
     """
     found = [innovations(2 * e, np.full(1000, 2.0)) for e in white(1000, 200, 1)]
     p = np.array([i.ljung_box_p for i in found if i is not None])

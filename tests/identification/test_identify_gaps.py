@@ -1,5 +1,6 @@
-"""Records with missing samples: all stretches are used, and the result agrees with that of the complete
-record."""
+"""Tests of records with missing samples: all stretches are used, and the result agrees with that of the
+complete record.
+"""
 
 import math
 from pathlib import Path
@@ -50,7 +51,7 @@ from tests.rig.one_fltea import fltea_fit
 def lose(y: Array, keep: NDArray[np.bool_]) -> tuple[Array, Gaps]:
     """Return the samples of y to keep, and where samples are missing.
 
-    The first and the last are always kept.
+    The first and the last sample are always kept.
     """
     keep[[0, -1]] = True
     places = np.flatnonzero(keep)
@@ -60,12 +61,12 @@ def lose(y: Array, keep: NDArray[np.bool_]) -> tuple[Array, Gaps]:
 
 
 def at_random(y: Array, share: float, seed: int = 0) -> tuple[Array, Gaps]:
-    """Drop this share of the samples at random."""
+    """Drop the proportion `share` of the samples, at random."""
     return lose(y, np.random.default_rng(seed).random(len(y)) >= share)
 
 
 def in_gaps(y: Array, gaps: int, length: int) -> tuple[Array, Gaps]:
-    """Drop samples in this number of gaps of this length, which are spread evenly."""
+    """Drop samples in `gaps` gaps of `length` samples each, which are spread evenly."""
     keep = np.ones(len(y), dtype=bool)
     for begin in np.linspace(length, len(y) - 2 * length, gaps).astype(int):
         keep[begin : begin + length] = False
@@ -93,12 +94,12 @@ def test_every_sample_keeps_its_place(kept: list[bool], longest: int) -> None:
 def test_bridges_leave_the_samples_alone() -> None:
     y = np.rint(4 * white(3000, 1, 2)[0])
     (same,) = bridged(y, no_gaps())
-    assert same.y is y  # unbroken records are unchanged
+    assert same.y is y  # samples of a record without gaps are not even copied
     seen, gaps = at_random(y, 0.02)
     (one,) = bridged(seen, gaps)
     _, missing = spread(seen, gaps)
     np.testing.assert_array_equal(one.y[~missing], seen)
-    assert np.isin(one.y[missing], y).all()  # filled-in samples are whole counts, too
+    assert np.isin(one.y[missing], y).all()  # samples that fill gaps are whole counts, too
     seen, gaps = in_gaps(y, 3, LONGEST_BRIDGE + 1)
     assert [len(one.y) for one in bridged(seen, gaps)] == np.diff([0, *gaps.at, len(seen)]).tolist()
     unknown = Gaps(np.array([1000]), np.array([0]))
@@ -107,14 +108,16 @@ def test_bridges_leave_the_samples_alone() -> None:
 
 
 def with_gaps(y: Array, seed: int) -> tuple[Array, float, float, tuple[()], Gaps]:
-    """Return the arguments that `examined` takes."""
+    """Return the arguments of `examined` for samples y of which 1 % were lost at random."""
     seen, gaps = at_random(y, 0.01, seed)
     return seen, H, 0.0, (), gaps
 
 
 @pytest.mark.parametrize("phi", [0.0, 0.9, -0.6])
 def test_what_is_drawn_is_like_the_rest(phi: float) -> None:
-    """A filled gap has the same variance and correlation with its neighbours as the other samples."""
+    """The samples that fill a gap have the same variance as the other samples, and the same correlation with
+    their neighbours.
+    """
     y = ar((phi,), 20_000, 1, 9)[0]
     seen, gaps = in_gaps(y, 300, 5)
     (one,) = bridged(seen, gaps)
@@ -133,7 +136,9 @@ def slow(n: int, seed: int) -> Array:
 
 @pytest.mark.parametrize("coloured", [False, True])
 def test_one_percent_lost(coloured: bool) -> None:
-    """Verdict and white noise do not change. Straight lines over the gaps would tilt the spectrum by 4 %."""
+    """If 1 % of the samples are lost, verdict and white noise do not change. Straight lines across the gaps
+    would tilt the spectrum by 4 %.
+    """
     n = 30_000
     y = slow(n, 3) if coloured else white(n, 1, 3)[0]
     seen, gaps = at_random(y, 0.01)
@@ -148,7 +153,9 @@ def test_one_percent_lost(coloured: bool) -> None:
 
 
 def test_the_null_test_keeps_its_level() -> None:
-    """In 40 records of white noise with 1 % of the samples lost, about two have a p-value below 5 %."""
+    """The null test keeps its level of 5 %: of 40 records of white noise with 1 % of the samples lost, about
+    two have a p-value below 5 %, and at most six do.
+    """
     found = [examined(*with_gaps(white(6000, 1, seed)[0], seed)).evidence.p_all for seed in range(40)]
     assert sum(p < 0.05 for p in found) <= 6
     assert 0.3 < float(np.median(found)) < 0.7 or max(found) == 1.0
@@ -162,8 +169,8 @@ def test_fifty_gaps_of_a_second() -> None:
     assert sums.used > 0.95 * len(y)
     whole, broken = examined(y, H), examined(seen, H, gaps=gaps)
     assert decide(broken.evidence).kind == decide(whole.evidence).kind
-    # Relaxations that are slower than the distance of the gaps are lost. Those faster than a third of it are
-    # found.
+    # Relaxations that are slower than the time between gaps are not found any more. Those faster than a third
+    # of that time are found.
     assert len(broken.evidence.candidates.data.lam) > 0.3 * len(whole.evidence.candidates.data.lam)
 
 
@@ -183,7 +190,9 @@ def moments(spectrum: Periodogram) -> tuple[float, ...]:
 
 
 def test_allan_deviation_of_stretches() -> None:
-    """The result is the average over the stretches between gaps, weighted by their numbers of differences."""
+    """The Allan deviation is the average over the stretches between gaps, weighted by their numbers of
+    differences.
+    """
     parts = [white(n, 1, n)[0] + offset for n, offset in ((400, 3.0), (150, -8.0), (30, 0.0), (1, 5.0))]
     factors = np.array([1, 3, 10, 100])
     found = overlapping(parts, factors)
@@ -202,9 +211,9 @@ def test_allan_deviation_of_stretches() -> None:
 
 
 def test_fltea_predicts_and_begins_again() -> None:
-    """As in live use, three lost samples are predicted.
+    """As in live use, the algorithm FLTEA predicts three lost samples.
 
-    After 101 lost samples FLTEA starts over, and the longest part counts.
+    After 101 lost samples, FLTEA starts over, and the longest part of the record counts.
     """
     y = white(3000, 1, 6)[0]
     keep = np.ones(3000, dtype=bool)
@@ -223,7 +232,7 @@ def test_fltea_predicts_and_begins_again() -> None:
 def test_nothing_stands_out_across_a_gap() -> None:
     """Across a gap, slow noise changes by much more than from one sample to the next.
 
-    This is no outlier. A knock elsewhere is still found, at its time.
+    This change is no outlier. A knock elsewhere is still found, at its time.
     """
     y = np.cumsum(white(4000, 1, 7)[0]) / 30 + white(4000, 1, 8)[0] / 1000
     y[2000:] += 20
@@ -239,7 +248,7 @@ def test_nothing_stands_out_across_a_gap() -> None:
 
 
 def test_a_recording_with_losses(tmp_path: Path) -> None:
-    """The whole way from a file to figures, with shuffled copies and curves.
+    """This test goes the whole way from a file to figures, with shuffled copies and curves.
 
     1 % of the samples are lost at random, and there are two long gaps.
     """
@@ -276,9 +285,10 @@ AS_BEFORE = {
         (0.5687, 0.009387381033015063),
     ),
 }
-"""The p-value of the fitted ordinates, and N, in an earlier version that used only one stretch.
+"""For each recording and axis: the p-value of the fitted ordinates and N, as an earlier version computed
+them, which used only one stretch.
 
-Ordinates weigh less since then.
+Since that version, ordinates have a smaller weight.
 """
 
 

@@ -1,4 +1,4 @@
-"""Read recordings of every kind into axes, with the positions of missing samples."""
+"""Tests that recordings of every kind are read into axes, with the positions of missing samples."""
 
 from pathlib import Path
 
@@ -21,7 +21,7 @@ def test_npz_in_deg_per_s(tmp_path: Path) -> None:
     found = load(Request((npz(tmp_path / "a.npz", raw),)))
     assert list(found.axes) == ["gyro_x", "gyro_y", "gyro_z"]
     assert found.h == 0.01
-    assert found.clock_ppm is None  # the file has no arrival times
+    assert found.clock_ppm is None  # not known, because the file has no arrival times
     for i, series in enumerate(found.axes.values()):
         np.testing.assert_array_equal(series.y, raw[:, i] / LSB_PER_DPS)
         assert (series.unit, series.lsb) == ("deg/s", 1 / LSB_PER_DPS)
@@ -31,9 +31,9 @@ def test_npz_in_deg_per_s(tmp_path: Path) -> None:
 
 
 def test_all_stretches(tmp_path: Path) -> None:
-    """Three samples are missing after 100, and a restart follows 250 samples later.
+    """Three samples are missing after the first 100, and a restart follows 250 samples later.
 
-    All stretches are used and reported.
+    All stretches between these breaks are used and reported.
     """
     raw = counts(500)
     seq = np.arange(500) + np.where(np.arange(500) >= 100, 3, 0)
@@ -52,7 +52,9 @@ def test_all_stretches(tmp_path: Path) -> None:
 
 
 def test_so_many_short_gaps_are_bridged_by_nothing(tmp_path: Path) -> None:
-    """Every fifth sample is lost, so filled-in samples would be a large share of the record."""
+    """Every fifth sample is lost. The gaps are not filled, because the samples to fill them would be a large
+    part of the record.
+    """
     seq = np.arange(200) * 5 // 4
     path = npz(tmp_path / "a.npz", counts(200), time_s=seq / RATE_HZ, seq=seq)
     found = load(Request((path,)))
@@ -94,7 +96,7 @@ def test_ndjson_with_a_new_scale(told: bool, tmp_path: Path) -> None:
 
 
 def test_mcap_session(tmp_path: Path) -> None:
-    """Frames 60, 61 and 150 of 400 are lost; the file and its folder give the same result."""
+    """Frames 60, 61 and 150 of 400 are lost. The file and its folder give the same result."""
     mcap_support.record(tmp_path / "rec", mcap_support.transport(400))
     found = load(Request((tmp_path / "rec",)))
     assert found.counts.lost == 3

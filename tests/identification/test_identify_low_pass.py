@@ -1,4 +1,6 @@
-"""Noise behind a low-pass: an α without meaning is never given with a small σ and without a warning."""
+"""Tests of noise behind a low-pass, for which FLTEA's α has no meaning: it is never given with a small σ and
+without a warning.
+"""
 
 import math
 
@@ -18,7 +20,7 @@ N = 6_000
 
 
 def behind(name: str, seed: int, std: float = 0.14) -> np.ndarray:
-    """Return white noise through a low-pass, at 100 Hz."""
+    """Return white noise behind one of the low-pass filters, at 100 Hz."""
     b, a = butter(*FILTERS[name], fs=1 / H)
     y = lfilter(b, a, white(N + 500, 1, seed)[0])[500:]
     return np.asarray(y * (std / y.std()))
@@ -32,7 +34,7 @@ def test_no_alpha_behind_a_low_pass_goes_unmarked(name: str) -> None:
 
 
 def test_what_the_filter_describes_is_not_marked() -> None:
-    """An AR(1) process is a fractional state of order 1."""
+    """An AR(1) process is a fractional state of order 1, so FLTEA's filter describes this noise."""
     phi, rng = 0.6, np.random.default_rng(3)
     ar1 = lfilter([1.0], [1.0, -phi], 0.14 * rng.standard_normal(20_000))
     one = Interval(1.0, 0.9, 1.1)
@@ -41,7 +43,7 @@ def test_what_the_filter_describes_is_not_marked() -> None:
 
 @pytest.mark.parametrize("walk", [0.0, 2e-4])
 def test_white_innovations_do_not_make_an_order(walk: float) -> None:
-    """White noise, alone or with a walking offset: there is no order, and the innovations are white."""
+    """White noise, alone or with a walking offset, has no order, although FLTEA's innovations are white."""
     y, rng = 0.14 * white(20_000, 1, 4)[0], np.random.default_rng(3)
     y = y + walk * rng.standard_normal(len(y)).cumsum()
     found, innovations = fltea_fit(y, H, EstimatorConfig(variant="joint"))
@@ -64,9 +66,9 @@ def test_an_order_that_is_not_the_fits_does_not_describe_the_noise() -> None:
 
 
 def test_both_are_needed() -> None:
-    """An effect must be both significant and large.
+    """Correlated innovations count against the filter only if the correlation is both significant and large.
 
-    In a record of a day every effect is significant; in 200 samples chance effects are large.
+    In a record of a day, every correlation is significant. In 200 samples, correlations by chance are large.
     """
     assert describes(8_000_000, 8_000_000 * 0.05**2)
     assert not describes(8_000_000, 8_000_000 * 0.11**2)

@@ -1,4 +1,4 @@
-"""Models that were identified are written and read, and noise is simulated from them."""
+"""Tests that identified models are written to files and read again, and that noise is simulated from them."""
 
 import json
 from pathlib import Path
@@ -160,16 +160,16 @@ def test_noise_has_the_spectrum_of_its_model(name: str) -> None:
     data = binned(periodogram(drawn, H))
     fine = periodogram(drawn[0], H)
     expected = binned(fine._replace(power=model_spectrum(model, fine.lam, H))).power[0]
-    use = data.lam > 0.02  # at lower frequencies, leakage from the lowest ones matters
+    use = data.lam > 0.02  # at lower frequencies, leakage from the lowest frequencies matters
     off = (data.power.mean(axis=0) / expected - 1)[use] * np.sqrt(series * data.counts[use])
     assert np.abs(off).max() < 6
     assert abs(off.mean()) < 1
 
 
 def test_a_walk_goes_as_far_as_a_walk_does() -> None:
-    """The variance is right even over the whole record.
+    """The variance of how far a simulated random walk goes is right even over the whole record.
 
-    Periodic noise alone would have three quarters of it.
+    Periodic noise alone would have three quarters of that variance.
     """
     n = 1 << 14
     many = draws(AxisModel((Walk(1.0),)), H, n, np.random.default_rng(2))
@@ -263,7 +263,9 @@ def test_the_command_writes_what_run_reads(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_the_offset_walks_in_a_simulation_as_in_the_forecast() -> None:
-    """The walk is not one of the parts of the noise. The simulated recording still has the same forecast."""
+    """The walk of the offset is not one of the parts of the noise in the model. The simulated recording still
+    gives the same forecast.
+    """
     y = draw(AxisModel((White(0.01), Walk(0.0007))), H, 60_000, np.random.default_rng(2))[0]
     found = identify_series(Series(y, GYRO_UNIT, None), H, OPTIONS, False)
     assert "walk" not in found.result.made_of

@@ -1,4 +1,4 @@
-"""The report's page with its pictures, which needs no other file."""
+"""Tests of the report: one page with its pictures, which needs no other file."""
 
 import html
 import re
@@ -37,7 +37,7 @@ SVG = "{http://www.w3.org/2000/svg}"
 def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[FileReport], list[Path]]:
     """Write the report of two recordings.
 
-    One is white noise of a gyroscope and an accelerometer; the other is no recording.
+    One file is white noise of a gyroscope and an accelerometer. The other is no recording.
     """
     folder = tmp_path_factory.mktemp("report")
     path = npz(folder / NAME, counts(2000, 1), accel_raw=counts(2000, 3, seed=5), accel_lsb_per_g=16384.0)
@@ -138,7 +138,7 @@ def test_the_heading_says_after_how_long_a_rest(
 def test_the_bias_is_shown_where_it_is_known_with_steps_and_motion(
     made: tuple[Path, list[FileReport], list[Path]],
 ) -> None:
-    """The range of the picture is that of the bias while its σ is small.
+    """The vertical range of the picture is that of the bias while its σ is small.
 
     Otherwise the range would be that of the first second.
     """
@@ -219,8 +219,9 @@ def test_folder_that_cannot_be_written(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_page_in_a_browser(made: tuple[Path, list[FileReport], list[Path]]) -> None:
-    """On a phone nothing exceeds the width; light and dark differ; all figures are shown; nothing is
-    fetched."""
+    """On a phone, nothing is wider than the screen. Light and dark differ, all figures are shown, and nothing
+    is fetched.
+    """
     if CHROMIUM is None:
         missing("no Chromium: apt-get install chromium")
     from playwright.sync_api import sync_playwright
@@ -248,7 +249,9 @@ def test_page_in_a_browser(made: tuple[Path, list[FileReport], list[Path]]) -> N
 
 
 def test_curves_agree_with_the_result() -> None:
-    """FLTEA's estimates over time end at the result. The profile gives the same interval of the order."""
+    """The curve of FLTEA's estimates over time ends at the result. The profile of the likelihood gives the
+    same interval of the order as the result.
+    """
     x = long_recursion(0.7, -0.12, 3000, 3) + 0.3 * white(3000, 1, 4)[0]
     options = IdentifyOptions(estimator=QUICK, shuffles=30)
     copies = estimate(x, H, QUICK, None, range(30), 0)

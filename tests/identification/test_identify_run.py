@@ -1,4 +1,4 @@
-"""Many recordings are identified: results are in order, and failures do not affect other recordings.
+"""Tests of identifying many recordings: results are in order, and failures do not affect other recordings.
 
 Nothing is lost or counted twice if a worker dies.
 """
@@ -58,15 +58,15 @@ Known = tuple[list[Request], list[dict[str, Any]]]
 
 @pytest.fixture(scope="module")
 def known(tmp_path_factory: pytest.TempPathFactory) -> Known:
-    """Return recordings of one, two and three axes, and their results if this process alone does the work."""
+    """Return recordings of one, two and three axes, and the results that this process alone finds."""
     requests = files(tmp_path_factory.mktemp("known"), 3)
     return requests, document(identify_all(requests, settings(), Here()))["files"]
 
 
 def test_order_and_failures(known: Known, tmp_path: Path) -> None:
-    """Bad files change nothing in the results of the others.
+    """Bad files change nothing in the results of the other files.
 
-    One is missing, one is no recording, and one has a constant axis.
+    One of the bad files is missing, one is no recording, and one has a constant axis.
     """
     dead = counts(N, 1)
     dead[:] = 7
@@ -99,7 +99,7 @@ def test_order_and_failures(known: Known, tmp_path: Path) -> None:
 
 
 def test_the_number_of_processes_does_not_matter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The assignment of tasks and the order of results do not change the results."""
+    """Results do not depend on which process does which task, nor on the order in which tasks end."""
     raw = np.rint(16 * long_recursion(0.6, -0.19, N, 1)).astype(np.int32)[:, np.newaxis]
     requests = [Request((npz(tmp_path / "a.npz", raw, accel_raw=counts(N, 3), accel_lsb_per_g=16384.0),))]
     lanes = 8
@@ -166,7 +166,9 @@ def test_settings_that_no_filter_can_work_with_are_told_whatever_is_asked_for(tm
 
 
 class LastFirst(Here):
-    """Runs its tasks only when a caller waits for them, the last task first."""
+    """A stand-in for worker processes. It runs its tasks only when a caller waits for them, the last task
+    first.
+    """
 
     slots = 100
 
@@ -194,7 +196,8 @@ def test_numbers_of_an_axis() -> None:
     listed = Settings(settings().options, EstimatorConfig(bias=[0.1, 0.2, 0.3], R=[1.0, 2.0, 3.0]))
     channels = ("gyro_x", "accel_y", "gyro_z")
     found = listed.of_axis("gyro_z", channels).estimator
-    assert (found.bias, found.R) == (0.2, 2.0)  # the second axis of the gyroscope
+    # the second numbers, since gyro_z is the second axis of the gyroscope here
+    assert (found.bias, found.R) == (0.2, 2.0)
     assert listed.of_axis("accel_y", channels).estimator.bias == "startup"
     short = Settings(settings().options, EstimatorConfig(bias=[0.1]))
     with pytest.raises(UsageError, match="bias: has 1 numbers, but gyro_z is axis 2"):
@@ -202,7 +205,7 @@ def test_numbers_of_an_axis() -> None:
 
 
 def test_a_process_that_dies_costs_nothing(known: Known, tmp_path: Path) -> None:
-    """A process dies once at one recording.
+    """A worker process dies once, at one of the recordings.
 
     All recordings have the same result as if this process did all the work.
     """
@@ -242,7 +245,9 @@ def test_closing_ends_what_is_under_way() -> None:
 
 
 def test_ctrl_c_while_the_processes_load() -> None:
-    """Processes that load modules ignore the signal from the start, and print no traceback."""
+    """Worker processes ignore the signal of Ctrl-C from the start, also while they load modules, and print no
+    traceback.
+    """
     script = """
 from multiprocessing import forkserver
 from fltea.identification.workers import Processes
@@ -285,7 +290,7 @@ def test_workers_that_are_gone_are_noticed(tmp_path: Path, monkeypatch: pytest.M
 
 @pytest.fixture
 def cluster() -> Iterator[Any]:
-    """Start two worker processes."""
+    """Start two worker processes for `identify`."""
     with two_workers() as found:
         yield found
 
@@ -314,14 +319,14 @@ def test_dask_with_a_worker_killed(known: Known, cluster: Any) -> None:
         reports = identify_all(requests, settings(), workers, Here(), kill_one)
     assert killed
     assert document(reports)["files"] == alone
-    # Tasks: each file, each axis, events of each sensor, a group of copies, the bias of each axis, FLTEA for
-    # each file.
+    # Numbers of tasks: one for each file, each axis, the events of each sensor, each group of shuffled
+    # copies, the bias of each axis, and FLTEA for each file.
     assert len(told) == len(set(told)) == 3 + 6 + 3 + 6 + 6 + 3
 
 
 @pytest.mark.slow
 def test_a_second_ctrl_c_does_not_tear_down_what_ends(tmp_path: Path) -> None:
-    """No thread in native code is left when the interpreter ends."""
+    """After a second Ctrl-C, no thread is in native code when the interpreter ends, which would crash."""
     path = npz(tmp_path / "a.npz", counts(1_500_000))
     command = [sys.executable, "-m", "fltea", "identify", path, "--json", "--shuffles", "400"]
     for second_s in (0.05, 0.2, 0.4):

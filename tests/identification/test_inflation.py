@@ -1,4 +1,6 @@
-"""`--inflate auto` enlarges the noise figures until the forecast holds for their own recording."""
+"""Tests of `--inflate auto`, which enlarges the noise figures until the forecast is true for the recording
+from which they come.
+"""
 
 import math
 from pathlib import Path
@@ -19,9 +21,9 @@ from hypothesis import strategies as st
 
 from tests.rig.host_support import fltea_here
 
-N, H = 60000, 0.01  # ten minutes at 100 Hz
+N, H = 60000, 0.01  # number of samples in ten minutes at 100 Hz
 U = np.clip((np.arange(N) * H - 300) / 300, 0, None)
-"""A ramp that is 0 in the first half, and then rises to 1 at the end."""
+"""A drift of the bias that is 0 in the first half of a record, and then rises to 1 at the end."""
 
 
 def at_rest(seed: int, warms_up_by: float = 0.0, walk: float = 0.0) -> np.ndarray:
@@ -54,7 +56,7 @@ def piece(t_s: float, pieces: int, needed: float, deviations: float = 9.0, said:
 
 
 def axis(*pieces: Piece, whole: float = 0.01, unit: str = "deg/s", judged: str = "white noise") -> Axis:
-    """Return an axis whose forecast and observed error are given.
+    """Return the result of an axis whose forecast and observed error are given.
 
     `whole`: the forecast from the whole recording.
     """
@@ -115,7 +117,9 @@ def test_the_band_is_as_wide_as_95_percent_need(errors: list[float]) -> None:
 
 
 def test_each_axis_has_its_own_factor_and_the_worst_counts() -> None:
-    """The axis with more noise may give the smaller figure, if the other one has a larger factor."""
+    """Each axis is enlarged by its own factor, and then the worst axis counts. The axis with more noise may
+    then have the smaller figure.
+    """
     gyro = {"gyro_x": AxisNoise(Shown(0.02), Shown(0.5)), "gyro_y": AxisNoise(Shown(0.03), Shown(0.4))}
     own = Inflation(1.0, 1.0, {"gyro_x": 2.0, "gyro_y": 1.0}, ("gyro_x: times 2: for this.",))
     text = imu_yaml(gyro, 100.0, "rest.npz", inflation=own)

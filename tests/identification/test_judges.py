@@ -1,4 +1,4 @@
-"""Data checks find data that are not what they are read as, and no fault in clean noise."""
+"""Tests that data checks find data that are not what they are read as, and find no fault in clean noise."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -51,7 +51,7 @@ def said(question: Question, evidence: Evidence) -> tuple[Answer, ...]:
 @pytest.mark.parametrize("lsb", [None, 0.03])
 @pytest.mark.parametrize("values", [(-32438, 0, 32438), (-32768, 32767), (0, 16384, 255)])
 def test_reads_that_are_no_measurements(values: tuple[int, ...], lsb: float | None) -> None:
-    """Data with only full-scale values were once called "white noise"."""
+    """In an earlier version, data with only full-scale values were called "white noise"."""
     y = 0.03 * np.random.default_rng(1).choice(values, (3, 6000))
     found = judge(gyro(y).__getitem__, dict.fromkeys(AXES, lsb), H, no_gaps())
     broken = [data_check for data_check in found if data_check.kind == "broken reads"]
@@ -84,7 +84,9 @@ def test_a_sensor_that_was_turned_has_no_broken_reads() -> None:
 @pytest.mark.parametrize("of", ["gyro", "accel"])
 @pytest.mark.parametrize("colour", ["white", "slow"])
 def test_sensors_by_turns(sensors: int, of: str, colour: str) -> None:
-    """Alternating samples of two equal sensors were once called "anti-persistent", with a "line at 50 Hz"."""
+    """In an earlier version, alternating samples of two equal sensors were called "anti-persistent", with a
+    "line at 50 Hz".
+    """
     y = white(N, 3, 1) if colour == "white" else ar((0.95,), N, 3, 1) / 3
     biases = np.random.default_rng(sensors).normal(0, 1.0, sensors)
     turns = np.resize(biases, N)
@@ -98,7 +100,7 @@ def test_sensors_by_turns(sensors: int, of: str, colour: str) -> None:
 
 
 def test_sensors_by_turns_with_a_gap() -> None:
-    """After a lost row the sensors continue to alternate, one row later."""
+    """After a lost row, the two sensors continue to alternate, one row later."""
     y = white(N, 1, 1) + np.resize([0.5, -0.5], N)
     lost = 2001
     gaps = Gaps(np.array([lost]), np.array([1]))
@@ -109,7 +111,7 @@ def test_sensors_by_turns_with_a_gap() -> None:
 def test_rows_between_samples_alternate(noise: str) -> None:
     """Every second row is interpolated, which doubles the rate.
 
-    Such noise was once called "low-pass, the sensor's own".
+    In an earlier version, such noise was called "low-pass, the sensor's own".
     """
     rng = np.random.default_rng(3)
     y = white(N // 2 + 1, 3, 1) + (gauss_markov(rng, N // 2 + 1, H, 1.0, 1.0) if noise == "slow" else 0)
@@ -120,9 +122,10 @@ def test_rows_between_samples_alternate(noise: str) -> None:
 
 @pytest.mark.parametrize("hz", [49.9, 49.99, 33.3, 25.02])
 def test_a_line_near_a_part_of_the_rate_is_none(hz: float) -> None:
-    """Mains near half the sample rate beats slowly against it.
+    """A spectral line near half the sample rate, such as mains, looks like two values that alternate, but its
+    amplitude rises and falls slowly.
 
-    Alternating sensors do not.
+    The difference between two alternating sensors stays the same.
     """
     y = white(60_000, 1, 1) + 0.5 * np.sin(2 * np.pi * hz * np.arange(60_000) * H + 1)
     assert "alternates" not in judged(gyro(y))
@@ -130,7 +133,9 @@ def test_a_line_near_a_part_of_the_rate_is_none(hz: float) -> None:
 
 @pytest.mark.parametrize("every", [100, 50, 33])
 def test_a_glitch_in_each_period_is_no_sensor_by_turns(every: int) -> None:
-    """All glitches fall on the same sample of a pattern of four, two or three."""
+    """All glitches fall on the same row of a pattern of four, two or three rows, as if one of so many sensors
+    were different.
+    """
     y = white(60_000, 3, 1)
     y[:, ::every] += 5.0 * float(y.std())
     assert "alternates" not in judged(gyro(y))
@@ -162,11 +167,11 @@ def test_reads_that_fail_by_chance_have_no_rate() -> None:
 
 @pytest.mark.parametrize("places", [2, 3, 4])
 def test_one_axis_with_few_decimals_has_no_repeats(places: int) -> None:
-    """In an earlier version, 27 of 30 clean series had repeated samples."""
+    """In an earlier version, 27 of 30 clean series with few decimals were said to have repeated samples."""
     for seed in range(30):
         y = np.round(0.2 + 0.2 * white(N, 1, seed)[0], places)
         assert [data_check.kind for data_check in judge_one(y, "deg/s", None, H)] == []
-        uneven = np.round(np.rint(y * 131) / 131, 3)  # counts of 1/131, then rounded to decimals
+        uneven = np.round(np.rint(y * 131) / 131, 3)  # counts of 1/131 deg/s, then rounded to three decimals
         assert [data_check.kind for data_check in judge_one(uneven, "deg/s", None, H)] == []
 
 
@@ -184,7 +189,9 @@ def test_one_axis_with_few_decimals_has_no_repeats(places: int) -> None:
     ],
 )
 def test_gravity(length: float, severity: str | None, what: str) -> None:
-    """An accelerometer in g was once read as m/s² without a remark, and imu.yaml was written."""
+    """In an earlier version, an accelerometer in g was read as m/s² without a remark, and imu.yaml was
+    written.
+    """
     data_check = judged(accel(length)).get("gravity")
     assert (data_check and data_check.severity) == severity
     if data_check is not None:
@@ -201,7 +208,7 @@ def test_gravity_takes_all_axes() -> None:
 
 @pytest.mark.parametrize(("N_deg", "mean"), [(0.43, 0.3), (1.5, 0.1), (0.12, 0.4)])
 def test_a_gyroscope_that_no_mems_is(N_deg: float, mean: float) -> None:
-    """A bag in deg/s is read as rad/s by convention: the rates are 57.3 times too large."""
+    """A ROS bag with rates in deg/s is read as rad/s by convention, so the rates are 57.3 times too large."""
     y = (N_deg / 60 / np.sqrt(H) * white(N, 3, 1) + mean) * IN_RAD_S
     data_check = judged(gyro(y), reading=said("unit", "convention"))["unit"]
     assert data_check.severity == "bad"
@@ -215,15 +222,16 @@ def test_a_gyroscope_that_no_mems_is(N_deg: float, mean: float) -> None:
 
 @pytest.mark.parametrize("scale", [131.0, 1000.0, 0.02 * 1000])
 def test_whatever_other_unit_would_fit(scale: float) -> None:
-    """Counts, mrad/s and others that are read as rad/s by convention."""
+    """Rates in counts, mrad/s and other units are read as rad/s by convention."""
     y = (0.7 / 60 / np.sqrt(H) * white(N, 3, 1) + 0.6) * IN_RAD_S * scale
     assert judged(gyro(y), reading=said("unit", "convention"))["unit"].severity == "bad"
 
 
 def test_a_sensor_that_moves_is_not_doubted() -> None:
-    """A quiet part of the record is used if there is one.
+    """The unit is judged by a quiet part of the record if there is one.
 
-    If the sensor shakes in all parts, the accelerometer shows it.
+    If the sensor shakes in all parts of the record, the accelerometer shows that, and the unit is not
+    doubted.
     """
     y = 10.0 * white(N, 3, 1)
     assert "unit" in judged(gyro(y), reading=said("unit", "convention"))
@@ -252,8 +260,8 @@ def test_decimals_are_told_from_counts(quantum: float, unit: str, written: str) 
 
 @pytest.mark.parametrize("sigma", [0.02, 0.12])
 def test_rounding_by_decimals_is_not_the_sensors(sigma: float) -> None:
-    """White noise rounded to 0.01 rad/s once led to a file for a filter, and to the advice "choose a smaller
-    range".
+    """In an earlier version, white noise rounded to 0.01 rad/s led to a file for a filter, and to the advice
+    "choose a smaller range".
     """
     y = np.round(0.01 * (sigma * white(N, 1, 1)[0] + 0.47), 2) * IN_RAD_S
     (data_check,) = (
@@ -318,9 +326,10 @@ def test_no_alarm(seed: int, kind: str, sigma_lsb: float | None, axes: int, know
 @pytest.mark.slow
 @pytest.mark.parametrize("rate_hz", [50.0, 200.0, 1000.0])
 def test_no_alarm_in_many_clean_records(rate_hz: float) -> None:
-    """The check is made on a hundred records of 100 s to 20 min.
+    """The data checks find nothing in a hundred clean records of 100 s to 20 min.
 
-    They are of both sensors, with coarse and fine counts, and white and coloured noise.
+    The records are of gyroscopes and accelerometers, with coarse and fine counts, and with white and coloured
+    noise.
     """
     for seed in range(100):
         rng = np.random.default_rng((int(rate_hz), seed))

@@ -1,6 +1,6 @@
-"""Long records are processed in pieces or with fewer samples.
+"""Tests of long records, which are processed in pieces or with fewer samples.
 
-The results are those of the full computation.
+The results have to be those of the full computation.
 """
 
 import numpy as np
@@ -83,7 +83,7 @@ def test_copies_of_a_long_record_do_not_depend_on_their_group(monkeypatch, varia
     assert np.ptp(some.alpha) > 0
     monkeypatch.setattr(shuffled, "LONGEST", 4000)
     longer = shuffled.estimate(y, H, config, None, range(4, 8), 1)
-    # this variant uses all samples in any case
+    # the variant "triple" uses all samples in any case
     assert np.array_equal(longer.alpha, some.alpha) == (variant == "triple")
 
 

@@ -1,4 +1,4 @@
-"""A plain Kalman filter that uses only the exported file predicts the error of the heading."""
+"""Tests that a plain Kalman filter that uses only the exported file predicts the error of the heading."""
 
 import json
 import re
@@ -58,15 +58,16 @@ def test_the_page_s_filter_says_what_the_file_says(name: str, tmp_path: Path) ->
     plain = navigation_filter(tracked(y), y, H)
     for told in plain.heading_std[:3]:
         drift, std = by_the_page(plain, y[:0], told.t_s, tmp_path)
-        assert std == pytest.approx(told.filter, rel=0.03)  # one is a sum over samples, the other an integral
+        # they differ a little, because one is a sum over samples and the other an integral
+        assert std == pytest.approx(told.filter, rel=0.03)
         assert drift == pytest.approx(plain.bias * told.t_s)
 
 
 @pytest.mark.parametrize("name", [*NOISES, "EMA"])
 def test_the_filter_s_heading_is_the_forecast_s(name: str) -> None:
-    """Both σ agree after a minute.
+    """The σ of the heading by the exported filter and by the forecast agree after a minute.
 
-    Before, the forecast is better, since it uses the states at the end of the record.
+    In the first minute, the forecast is better, since it uses the states at the end of the record.
     """
     for seed in range(2):
         y = noise(name, N, np.random.default_rng(seed))
@@ -80,7 +81,9 @@ def test_the_filter_s_heading_is_the_forecast_s(name: str) -> None:
 
 @pytest.mark.slow
 def test_the_heading_is_as_far_off_as_it_says() -> None:
-    """The root mean square of error / σ is checked for all noises after 10, 60 and 300 s."""
+    """The ratio of the heading's error to its σ has the right root mean square over all noises, after 10, 60
+    and 300 s.
+    """
     squares = []
     for seed in range(8):
         for name in (*NOISES, "EMA"):
@@ -99,9 +102,10 @@ def test_the_heading_is_as_far_off_as_it_says() -> None:
 
 
 def test_a_slope_is_a_walk_of_the_bias() -> None:
-    """The slope is 0.05 deg/s in ten minutes.
+    """The bias has a slope of 0.05 deg/s in ten minutes.
 
-    The heading error is half the slope times t², as the filter predicts.
+    The heading error is therefore half the slope times t², and the filter's random walk of the bias predicts
+    errors of this size.
     """
     slope = 0.05 / 600
     squares = []
@@ -122,7 +126,7 @@ def test_what_a_low_pass_takes_away_is_in_n_as_it_was_before(name: str) -> None:
     y = noise(name, N, np.random.default_rng(2))
     plain = navigation_filter(tracked(y), y, H)
     density = np.sqrt(0.01 * H) if name == "EMA" else np.sqrt(0.02 * H)
-    # the slower states belong to the offset
+    # states slower than 1 s belong to the offset and do not count here
     fast = (state for state in plain.gauss_markov if state.tau_s < 1)
     slow = sum(2 * state.sigma**2 * state.tau_s for state in fast)
     assert np.sqrt(plain.N**2 + slow) == pytest.approx(density, rel=0.05)

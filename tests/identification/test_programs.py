@@ -1,4 +1,4 @@
-"""Noise figures in the units of other programs, checked with those programs' own examples."""
+"""Tests of noise figures in the units of other programs, which are checked with those programs' examples."""
 
 import math
 from pathlib import Path
@@ -29,7 +29,7 @@ PAGE = Path(__file__).parents[2] / "host/docs/cookbook/which_figure.md"
 
 @pytest.mark.parametrize("name", PROGRAMS)
 def test_its_own_examples_come_out(name: str) -> None:
-    """A default or documented value converts to the figure it stands for, and back."""
+    """A program's default or documented value converts to the noise figure that it means, and back."""
     program = PROGRAMS[name]
     assert program.checked
     for one in program.checked:
@@ -53,7 +53,7 @@ def test_a_row_of_the_table_is_whole(name: str) -> None:
 
 @pytest.mark.parametrize("name", PROGRAMS)
 def test_help_and_the_page_know_it(name: str) -> None:
-    """Every program in the table is found by its name."""
+    """Every program in the table is named in the command's help and on the documentation's page."""
     shown = fltea_here("identify", "--help").stdout
     assert name in "".join(shown.replace("│", " ").split())
     page = PAGE.read_text(encoding="utf-8")
@@ -94,9 +94,10 @@ def test_the_worst_axis_counts_or_each_for_itself() -> None:
     assert vins["gyr_n"] == pytest.approx(math.radians(0.02) * math.sqrt(200), rel=1e-6)
     assert vins["acc_w"] == pytest.approx(3e-4 * math.sqrt(200), rel=1e-6)
     gins = yaml.safe_load(text("kf-gins"))["imunoise"]
-    assert gins["arw"] == pytest.approx([0.6, 1.2, 0.9], rel=1e-6)  # deg/√h, from deg/√s times 60
+    assert gins["arw"] == pytest.approx([0.6, 1.2, 0.9], rel=1e-6)  # in deg/√h, which is deg/√s times 60
     assert gins["corrtime"] == pytest.approx(100 / 3600, rel=1e-6)
-    # one correlation time for all axes, which leaves the random walk unchanged
+    # KF-GINS has one correlation time for all axes; sigmas of the bias follow from it so that the random
+    # walks stay unchanged
     walks = [one * math.sqrt(100 / 2) for one in (0.002, 0.001, 0.003)]
     assert gins["gbstd"] == pytest.approx([3600 * one for one in walks], rel=1e-6)
     px4 = dict(line.split()[2:4] for line in text("px4").splitlines() if line.startswith("param"))
@@ -148,7 +149,9 @@ def relaxing() -> AxisReport:
 
 
 def test_what_a_filter_allows_for_a_walk_that_is_not_seen_is_no_figure() -> None:
-    """For white noise, a filter state that was only not excluded was once written as a known random walk."""
+    """A filter may have a state for a random walk that the data only do not exclude. In an earlier version,
+    such a state was written as a known random walk, even for white noise.
+    """
     states = (FilterState(0.01, 6.0), FilterState(0.01, 100.0))
     axis = replace(AXIS, filter=NavigationFilter(0.011, 0.0, states, 0.0, 0.1, ()))
     found = filter_figures(axis)

@@ -1,4 +1,6 @@
-"""What identify writes can be read by pyarrow, polars and pandas, as tables or as documents."""
+"""Tests that files written by `identify` can be read by pyarrow, polars and pandas, as tables or as
+documents.
+"""
 
 import json
 from pathlib import Path
@@ -42,7 +44,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("name", ["identify.json", *(f"{flag[2:]}.json" for flag in MODELS)])
 def test_a_document(name: str, folder: Path) -> None:
-    """The file can be read as one object, even if its axes have different fields."""
+    """The JSON file can be read as one object, even if its axes have different fields."""
     text = (folder / name).read_text()
     expected: dict[str, Any] = json.loads(text)
     parse = pyarrow.json.ParseOptions(newlines_in_values=True)
@@ -61,13 +63,14 @@ def test_a_document(name: str, folder: Path) -> None:
 
 
 def test_the_filters_of_the_axes_are_a_table(folder: Path) -> None:
-    """All rows have one shape: no number is null, and each row has the same keys."""
+    """The filters of all axes have one shape: no number is null, and each has the same keys."""
     axes = json.loads((folder / "gauss-markov.json").read_text())["axes"]
     table = pd.DataFrame({name: axis["filter"] for name, axis in axes.items()}).T
     assert list(table.index) == list(AXES)
     numbers = table[["N", "K", "bias", "bias_std"]].astype(float)
     assert np.isfinite(numbers.to_numpy()).all()
-    for states, least in zip(table.gauss_markov, (0, 1), strict=True):  # the offset may add another state
+    # there may be more states than those of the noise, because the offset may add one
+    for states, least in zip(table.gauss_markov, (0, 1), strict=True):
         assert len(states) >= least
     assert pl.DataFrame([axis["filter"] for axis in axes.values()]).height == 2
 

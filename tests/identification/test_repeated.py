@@ -1,6 +1,6 @@
-"""Samples that were delivered twice are found.
+"""Tests that samples that were delivered twice are found.
 
-They are not confused with values that are equal by rounding, filters or vibration.
+Such samples are not confused with values that are equal because of rounding, filters or vibration.
 """
 
 import functools

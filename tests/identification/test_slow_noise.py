@@ -1,6 +1,6 @@
-"""Figures of noise that is slower than a spectrum shows.
+"""Tests of the figures of noise that is slower than a spectrum shows.
 
-They are K and its bound, B, the drift rate, and the states that a filter needs.
+The figures are K and its bound, B, the drift rate, and the states that a filter needs.
 """
 
 import csv
@@ -47,7 +47,7 @@ def walk(K: float) -> Noise:
 def flicker(B: float) -> Noise:
     """Return white noise plus 1/f noise with the two-sided spectrum B²/(2πf).
 
-    The latter is an eighth of a period of periodic noise.
+    The 1/f noise is cut from periodic noise, of which it is an eighth of a period.
     """
 
     def draw(rng: np.random.Generator, n: int) -> Array:
@@ -91,7 +91,7 @@ def test_b_of_flicker_noise_is_that_of_the_spectrum() -> None:
 
 @pytest.mark.slow
 def test_the_interval_of_b_holds_the_truth() -> None:
-    """Of 60 intervals 57 are expected to contain the truth; 50 are four standard deviations less."""
+    """Of 60 intervals of B, 57 are expected to contain the truth. 50 are four standard deviations less."""
     found = [allan_of(one, GYRO_UNIT).B for one in looks(flicker(0.01), 30_000, 60, 2)]
     known = [one for one in found if one.of == "spectrum" and one.value is not None]
     assert len(known) >= 45
@@ -182,7 +182,7 @@ def test_a_walk_that_only_the_tracker_sees_is_in_all_figures() -> None:
 
 @pytest.mark.slow
 def test_k_is_the_middle_of_what_is_likely() -> None:
-    """The median K of 20 axes is known to some 5 %."""
+    """The median of K over 20 axes is known to some 5 %."""
     found = []
     for one in looks(walk(1e-3), 60_000, 20, 8):
         tracked = tracked_of(one)
@@ -223,7 +223,8 @@ def test_only_n_where_the_curve_is_that_of_white_noise() -> None:
 def test_an_interval_of_several_variances() -> None:
     assert around(1.0, [4.0], [1.0]).high == pytest.approx(1 + 2 * 1.96, rel=1e-3)
     both = around(0.0, [1.0, 100.0], [0.5, 0.5]).high
-    # 10 % of the second normal distribution are outside this interval
+    # By hand: the second of two normal distributions has σ = 10 and the weight 1/2. 5 % of the mixture are 10
+    # % of this distribution, and 10 % of it are outside ±1.645 σ = 16.45
     assert both == pytest.approx(16.45, rel=1e-3)
     assert around(0.0, [0.0], [1.0]) == Interval(0.0, 0.0, 0.0)
 
@@ -245,7 +246,7 @@ def test_a_ramp_is_seen_in_white_noise() -> None:
     "noise", [walk(1e-3), relaxing, flicker(0.01)], ids=["walk", "relaxation", "flicker"]
 )
 def test_the_drift_rate_holds_the_truth(noise: Noise) -> None:
-    """Of 40 intervals 38 are expected to contain the truth; 33 are four standard deviations less."""
+    """Of 40 intervals, 38 are expected to contain the truth. 33 would be four standard deviations less."""
     found = [drift_rate(one) for one in looks(noise, 30_000, 40, 13)]
     assert sum(one.low < 0 < one.high for one in found) >= 34
 

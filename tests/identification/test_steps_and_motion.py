@@ -1,4 +1,6 @@
-"""`fltea identify` reports steps of the bias and motion; neither distorts the noise figures."""
+"""Tests that `fltea identify` reports steps of the bias and motion, and that neither distorts the noise
+figures.
+"""
 
 import math
 from pathlib import Path
@@ -69,7 +71,7 @@ def test_white_noise_with_a_step_is_white_noise_and_the_step_is_told(size: float
 
 
 def test_a_step_is_that_of_a_gap_free_time_and_the_bias_is_that_of_the_setting() -> None:
-    """Times in the report include the time of lost samples."""
+    """The times of steps in the report include the time of lost samples."""
     y = white(3)
     y[30_000:] += 0.2
     found = identified(y, Gaps(np.array([10_000, 20_000]), np.array([50, 5000])))
@@ -82,7 +84,9 @@ def test_a_step_is_that_of_a_gap_free_time_and_the_bias_is_that_of_the_setting()
 
 @pytest.mark.parametrize(("seed", "size"), [(1, 0.2), (3, 0.2), (2, 0.3)])
 def test_popcorn_noise_is_named_and_what_is_between_is_white(seed: int, size: float) -> None:
-    """The steps are telegraph noise with a mean stay of 20 s, whose spectrum is that of a relaxation."""
+    """The steps are telegraph noise, which stays for 20 s on average at a level, and whose spectrum is that
+    of a relaxation.
+    """
     rng = np.random.default_rng(seed)
     y = SIGMA * rng.standard_normal(SAMPLES)
     jumps = np.cumsum(rng.exponential(2000, 200)).astype(int)
@@ -100,7 +104,7 @@ def test_popcorn_noise_is_named_and_what_is_between_is_white(seed: int, size: fl
 
 @pytest.mark.parametrize("seed", [1, 4])
 def test_steps_of_a_deviation_to_and_fro_are_all_found(seed: int) -> None:
-    """The first model search finds a relaxation, which hides some of the steps."""
+    """All steps are found, although the first model search finds a relaxation, which hides some of them."""
     found = identified(white(seed) + SIGMA * (np.arange(SAMPLES) // 2000 % 2))
     np.testing.assert_allclose([step.at_s for step in found.bias_steps], np.arange(20, 600, 20), atol=1.0)
     assert popcorn_noise(found.bias_steps) is not None
@@ -180,7 +184,9 @@ def test_a_turn_about_z_is_motion_of_all_axes_and_in_no_figure(tmp_path: Path) -
 
 @pytest.mark.slow
 def test_a_tilt_that_only_the_accelerometer_shows_is_motion_of_the_gyroscope(tmp_path: Path) -> None:
-    """This holds even if the accelerometer is not identified, too. In the API it always is."""
+    """A tilt that only the accelerometer shows counts as motion of the gyroscope, even if the accelerometer
+    itself is not identified. In the API, the accelerometer is always identified.
+    """
     accel = still()
     accel[20_000:21_000, 0] += np.linspace(0, 2, 1000)
     accel[21_000:, 0] += 2
@@ -212,7 +218,7 @@ def test_the_api_tells_the_same_as_the_command(tmp_path: Path) -> None:
 
 
 def test_a_filter_of_white_noise_with_steps_needs_more_than_N() -> None:
-    """Earlier the filter claimed that its bias was known exactly."""
+    """In an earlier version, the filter claimed that its bias was known exactly."""
     rng = np.random.default_rng(1)
     y = np.cumsum(rng.random(30_000) < 0.0005) % 2 * 3 * SIGMA + SIGMA * rng.standard_normal(30_000)
     found = identified(y)

@@ -1,4 +1,6 @@
-"""Telegraph noise with almost no other noise is recognised, and the heading's forecast includes its steps."""
+"""Tests that telegraph noise with almost no other noise is recognised, and that the heading's forecast
+includes its steps.
+"""
 
 import math
 from pathlib import Path
@@ -22,7 +24,7 @@ N = 20_000
 
 
 def levels(rng: np.random.Generator, n: int, stay_s: float, count: int = 2, apart: float = 0.2) -> Array:
-    """Return levels in random order, each for a random time."""
+    """Return samples of telegraph noise: levels in random order, each for a random time."""
     stays = rng.exponential(stay_s / H, 20 + int(3 * n * H / stay_s)).astype(np.int64) + 1
     names = np.cumsum(rng.integers(1, count, len(stays))) % count
     return np.asarray(apart * (np.repeat(names, stays)[:n] - (count - 1) / 2), dtype=np.float64)
@@ -58,14 +60,14 @@ def test_more_levels_and_coarse_counts(count: int, noise: float, lsb: float | No
     assert len(found.levels) == count
     assert found.every_s == pytest.approx(2.0, rel=0.35)
     assert found.sigma == pytest.approx(0.1 if count == 2 else 0.2 * math.sqrt(2 / 3), rel=0.15)
-    # With m levels in random order, the correlation decays m / (m - 1) times as fast as levels are left.
+    # With m levels in random order, the correlation decays m / (m - 1) times as fast as the levels change.
     assert found.tau_s == pytest.approx(2.0 * (count - 1) / count, rel=0.4)
 
 
 def test_the_heading_has_the_steps_to_come() -> None:
-    """In 95 % of independent minutes the heading is inside its interval.
+    """In 95 % of independent minutes, the heading is inside its interval.
 
-    This holds both with the mean of the record and with the exported filter.
+    This is true both with the mean of the record as the bias and with the exported filter.
     """
     inside: list[bool] = []
     for seed in range(4):

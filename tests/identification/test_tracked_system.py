@@ -1,4 +1,6 @@
-"""Whether an offset walks: three possible answers, and their effect on imu.yaml."""
+"""Tests of whether an offset does a random walk: there are three possible answers, which have effects on
+imu.yaml.
+"""
 
 import numpy as np
 import pytest
@@ -23,7 +25,9 @@ OPTIONS = IdentifyOptions(shuffles=0)
 
 
 def walking(share: float, seed: int, n: int = N) -> Array:
-    """Return white noise of 0.1 whose offset walks; `share` as in `fltea.estimator.offset_walk`."""
+    """Return white noise with σ = 0.1 whose offset does a random walk. `share`: size of the walk, as defined
+    in `fltea.estimator.offset_walk`.
+    """
     rng = np.random.default_rng((seed, 3))
     return np.asarray(rng.normal(size=n) * 0.1 + np.cumsum(rng.normal(size=n)) * np.sqrt(share) * 0.1 / n)
 
@@ -33,7 +37,7 @@ def report(y: Array) -> AxisReport:
 
 
 def test_three_answers() -> None:
-    """A constant offset is hardly ever said to walk. If no walk is reported, its upper bound is."""
+    """A constant offset is hardly ever said to walk. If no walk is reported, an upper bound is."""
     counts = {share: {"walks": 0, "likely constant": 0, "not told": 0} for share in (0.0, 100.0, 3000.0)}
     bounded, told = 0, 0
     for share, count in counts.items():
@@ -82,9 +86,9 @@ def test_what_kalibr_gets_where_the_verdict_says_drift_alone() -> None:
 
 
 def test_kalibr_gets_all_of_a_walk_that_has_bounds_in_the_filter() -> None:
-    """In a minute, the verdict makes a relaxation of 1 s a random walk.
+    """In a record of a minute, the verdict takes a relaxation of 1 s for a random walk.
 
-    The filter has a state for it, and almost no walk.
+    The filter has a state for the relaxation, and almost no random walk.
     """
     rng = np.random.default_rng(0)
     axis = report(rng.normal(size=6000) + gauss_markov(rng, 6000, H, 1.0, 1.0))
@@ -106,7 +110,9 @@ def test_no_record_is_said_to_have_no_walk() -> None:
 
 
 def test_what_n_leaves_out_is_beside_it() -> None:
-    """The noise is white of 0.01 deg/√s, plus a relaxation of 0.04 that shows from 0.3 s on."""
+    """The noise is white noise with N = 0.01 deg/√s, plus a relaxation with which the density is 0.04 at 0.3
+    s. N contains only the white noise, and the density at 0.3 s is given next to N.
+    """
     rng = np.random.default_rng(4)
     y = rng.normal(size=60_000) * 0.1 + gauss_markov(rng, 60_000, H, 0.05, 0.3)
     noise = axis_noise(report(y))

@@ -1,6 +1,7 @@
-"""Data checks find values that are too frequent: dead bands, one value in place of others, clipping.
+"""Tests that data checks find values that are too frequent: dead bands, one value in place of others,
+clipping.
 
-Plain rounding is not reported.
+Plain rounding to counts or decimals is not reported.
 """
 
 import fltea
@@ -86,9 +87,10 @@ def test_rounding_is_none_of_them(noise: str) -> None:
     for counts in (0.2, 0.3, 0.5, 0.7, 1, 1.5, 2, 3, 5, 20):
         for offset in (0.0, 0.25, 0.5):
             rounded = np.rint(counts * y + offset)
-            written = np.round(rounded * 0.061, 2)  # the steps between these values are unequal
+            # counts of 0.061 rounded to two decimals: the steps between these values are unequal
+            written = np.round(rounded * 0.061, 2)
             found = [*kinds(rounded), *kinds(written)]
-            # Slow noise of two or three counts has few values, and counts as coarse.
+            # Slow noise over two or three counts has few different values, and is reported as coarse.
             assert set(found) <= ({"few values"} if counts < 1 and noise in ("walk", "slow") else set())
 
 

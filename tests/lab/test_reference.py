@@ -21,7 +21,7 @@ def scalar(w: Array) -> Array:
 
 
 def example_1(window: int) -> Fltea:
-    """Return the algorithm with the settings of the paper's section 6.1."""
+    """Return the algorithm FLTEA with the settings of the paper's section 6.1."""
     return Fltea(System(scalar, np.eye(1), np.eye(1), 0.001), ORDER, PARAMETER, STATE, window)
 
 
@@ -36,9 +36,9 @@ def same(a: Step, b: Step) -> bool:
 
 
 def test_parameters_that_enter_linearly_follow_a_plain_kalman_filter() -> None:
-    # A(w) x is linear in w. So the output is linear, too, with H = h^α d(A x)/dw, and filtering by sigma
-    # points is exact. If the order is constant, the filters KFw and KFx predict the same output, so they have
-    # the same innovation.
+    # In this system, A(w) x is linear in the parameters w. So the output is linear in w, too, with the matrix
+    # H = h^α d(A x)/dw, and filtering by sigma points is exact. If the order α is constant, the filters KFw
+    # (of the parameters) and KFx (of the state) predict the same output, so they have the same innovation.
     h, order, R, delta = 0.25, 0.5, np.diag([0.2, 0.3]), 0.3
     P = np.array([[0.5, 0.2, 0.1], [0.2, 0.4, 0.0], [0.1, 0.0, 0.3]])
     Q = np.diag([0.01, 0.02, 0.03])
@@ -83,7 +83,8 @@ def test_two_outputs_are_one_with_their_combined_noise() -> None:
 
 
 def test_two_separate_systems_in_one_keep_apart() -> None:
-    # With a constant order and A = diag(w), the filter of two uncoupled states is equivalent to two filters.
+    # With a constant order and A = diag(w), one filter of two uncoupled states is equivalent to two separate
+    # filters.
     order = OrderSettings(P0=0, Q0=0, alpha0=0.6, R=1, delta=0)
 
     def start(w: list[float]) -> Fltea:
@@ -129,7 +130,8 @@ def test_covariances_stay_symmetric_and_non_negative(
         assert not step.finite or step.order_variance >= 0
         assert not step.finite or all(np.array_equal(P, P.T) for P in covariances)
         if not (step.finite and abs(step.order) < 3 and max(np.abs(P).max() for P in covariances) < 1e6):
-            # if the filter diverges, F P F' loses more digits by cancellation than the bound below allows
+            # if the filter diverges, computing the variance F P F' loses more digits by cancellation than the
+            # bound below allows
             break
         steps += 1
         assert all(np.linalg.eigvalsh(P).min() >= -1e-12 * np.abs(P).max() for P in covariances)
@@ -180,7 +182,8 @@ def test_a_prediction_is_what_the_next_measurement_is_compared_with() -> None:
 
 
 def test_divergence_is_told_and_never_raised() -> None:
-    # The settings of section 7.1, with one absurd but finite sample, whose square is too large for a float.
+    # The filters have the settings of the paper's section 7.1. One sample is absurd but finite, and its
+    # square is too large for a float.
     fltea = Fltea(
         System(scalar, None, np.eye(1), 0.01),
         OrderSettings(P0=0.01, Q0=0.1, alpha0=1, R=0.0235, delta=0.5),
@@ -193,7 +196,7 @@ def test_divergence_is_told_and_never_raised() -> None:
     finite = [step.finite for step in steps]
     assert finite[0]
     assert not finite[-1]
-    # After the first estimate that is not finite, all are so, with or without measurements.
+    # After the first estimate that is not finite, no later estimate is finite, with or without measurements.
     assert sorted(finite, reverse=True) == finite
     assert not fltea.step(None).finite
     assert fltea.step(0.0).finite is False

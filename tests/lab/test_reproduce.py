@@ -36,7 +36,7 @@ def make_outcome(lost: list[bool], far: list[bool] | None = None, **values: list
     return Outcome(not_finite=np.array(lost), far_off=np.array(far or [False] * len(lost)), **arrays)
 
 
-# The data of the experiments
+# --- the data of the experiments ---
 
 
 @pytest.mark.parametrize("number", [1, 2, 3])
@@ -65,12 +65,13 @@ def test_the_noises_have_the_papers_variances() -> None:
     for values, variance in ((data.y - data.x, 1e-3), (data.u, 0.1)):
         assert values.var() == pytest.approx(variance, rel=5 * np.sqrt(2 / count))
         assert values.mean() == pytest.approx(0, abs=5 * np.sqrt(variance / count))
-    # ω is computed from the system's equation, solved for ω.
+    # The system's noise ω is computed from the data by solving the system's equation for ω. Its variance must
+    # be 1e-5.
     omega = []
     for k in range(2, 300):
         c = weights(float(scenario.alpha[k - 1]), k - 1)
         gain = paper.H ** scenario.alpha[k - 1]
-        difference = c @ data.x[k - 1 :: -1]  # c_0 x_k + c_1 x_{k-1} + ...; x_k is in row k - 1
+        difference = c @ data.x[k - 1 :: -1]  # this is c_0 x_k + c_1 x_{k-1} + ..., where x_k is in row k - 1
         omega.append(difference / gain - paper.PARAMETER * data.x[k - 2] - data.u[k - 1])
     drawn = np.array(omega)
     assert drawn.var() == pytest.approx(1e-5, rel=5 * np.sqrt(2 / drawn.size))
@@ -121,7 +122,7 @@ def test_the_fractional_source_is_of_its_order() -> None:
     assert data.y[:, 0] == pytest.approx(x[:, 0] + v)
 
 
-# Gyroscope
+# --- gyroscope ---
 
 
 def test_without_a_recording_each_axis_is_white_noise_of_the_papers_variance() -> None:
@@ -176,7 +177,7 @@ def sample(k: int, rate: float) -> dict[str, object]:
             How(columns=["gx"], units="mdps", rate_hz=50.0),
             1e-3,
         ),
-        # fltea's own output
+        # the output of fltea itself
         (
             "c.ndjson",
             map(json.dumps, [HELLO, *(sample(k, rate) for k, rate in enumerate(RATES))]),
@@ -208,7 +209,7 @@ def test_recordings_that_will_not_do_are_refused(tmp_path: Path) -> None:
             gyroscope.recorded(path)
 
 
-# Runs
+# --- runs of the algorithm ---
 
 
 def test_errors_are_sums_of_squares_against_the_truth() -> None:
@@ -231,7 +232,8 @@ def test_without_a_truth_lengths_are_compared_with_the_longest() -> None:
     long, brief = (estimate(scenario, data, length, Options()) for length in (3000, 1500))
     assert result[1500].order == pytest.approx(np.sum((long.alpha - brief.alpha) ** 2, axis=0), rel=1e-9)
     assert np.all(result[1500].state < 1e-5)
-    # For the first 1,500 samples, both lengths of the memory include all samples.
+    # In the first 1,500 samples, the memories of both lengths include all past samples, so the estimates are
+    # equal.
     assert np.array_equal(long.f[:1500], brief.f[:1500])
 
 
@@ -278,7 +280,7 @@ def test_lost_runs_are_counted_and_guards_prevent_them() -> None:
 
 
 def test_a_finite_run_that_is_far_off_stays_in_every_statistic() -> None:
-    # With a saw-tooth of ±1.2, the state of the printed algorithm leaves the range of 10 sqrt(R) for a sixth
+    # With a saw-tooth of ±1.2, the state of the paper's algorithm is off by more than 10 sqrt(R) for a sixth
     # of the seeds, but stays finite.
     scenario = replace(short(2, 4000, SawTooth(1.2)), lengths=(4000,))
     printed = outcomes(scenario, range(32), Options(), quiet)[4000]
@@ -293,7 +295,7 @@ def test_joint_runs_too() -> None:
     assert np.isfinite(result.order).all()
 
 
-# Rows
+# --- rows of the tables ---
 
 
 def test_medians_are_of_all_that_are_finite() -> None:
@@ -305,7 +307,7 @@ def test_medians_are_of_all_that_are_finite() -> None:
     spread = {"median": 2.0, "p05": pytest.approx(1.1), "p95": pytest.approx(2.9), "paper": 2.5}
     assert row["state"] == spread | {"percentile": pytest.approx(200 / 3)}
     assert row["parameter"]["percentile"] == 100
-    # an error equal to the printed one counts as one half
+    # an error equal to the one in the paper counts as one half in the percentile
     assert (row["order"]["paper"], row["order"]["percentile"]) == (1.0, 50)
 
 

@@ -121,7 +121,7 @@ def test_figures_are_drawn_and_not_blank(fltea: Call, tmp_path: Path) -> None:
         pixels = image.imread(tmp_path / "pictures" / f"{name}.png")[..., :3]
         assert pixels.shape[0] > 400
         assert pixels.shape[1] > 800
-        # some pixels are dark, so the page shows a curve
+        # some pixels are dark, so the page of the PDF shows a curve
         assert 0.001 < np.mean(pixels.min(axis=-1) < 0.9) < 0.9
         coloured = np.ptp(pixels, axis=-1) > 0.2
         assert coloured.sum() > 500

@@ -1,4 +1,4 @@
-"""Tests of the evidence that the paper exchanged tables 3 and 4, which belong to examples 2 and 3."""
+"""Tests of the evidence that the paper exchanged its tables 3 and 4, which belong to examples 2 and 3."""
 
 from dataclasses import replace
 from typing import Any
@@ -12,11 +12,12 @@ from fltea.lab.reproduce.scenarios import SawTooth, example
 
 
 def made_up(table: int, size: float, seeds: int, lost: int = 0, spread: float = 0.3) -> dict[int, Outcome]:
-    """Draw outcomes around the numbers printed in a table, multiplied by `size`.
+    """Draw outcomes around the numbers in a table of the paper, multiplied by `size`.
 
-    From one memory length L to the other, they change roughly as the numbers in the table do.
+    From one memory length L to the other, the outcomes change roughly as the numbers in the table do.
 
-    `spread`: standard deviation of the logarithms. `lost`: number of seeds whose outcome is not finite.
+    `spread`: standard deviation of the logarithms of the outcomes. `lost`: number of seeds whose outcome is
+    not finite.
     """
     rng = np.random.default_rng(table)
     printed = {3: paper.TABLE_3, 4: paper.TABLE_4}[table]
@@ -84,9 +85,9 @@ def test_an_order_that_stays_at_0_is_nearer_than_the_printed_errors() -> None:
     assert 2 * exchange.zero_order_error() < paper.TABLE_3[4000].order < paper.TABLE_4[4000].order
 
 
-# For the printed errors of state and parameter, the fraction of seeds of an independent implementation that
-# have smaller errors (800 seeds, ../shared/paper/tables.md). `levels`: of the errors at L = 4,000. `changes`:
-# of how the errors change at L = 2,000.
+# For the paper's errors of state and parameter, the fraction of seeds of an independent implementation whose
+# errors are smaller (800 seeds, ../shared/paper/tables.md). `levels`: fractions for the errors at L = 4,000.
+# `changes`: fractions for how the errors change at L = 2,000.
 OTHERS_SEEDS = 800
 OTHERS = [
     # table, example, amplitude of the saw-tooth, `levels` and `changes` as above
@@ -127,7 +128,8 @@ def test_percentiles_are_those_of_an_independent_implementation(
     row: Row
     for row, expected in ((first, levels), (last["change"], changes)):
         for name, share in zip(("state", "parameter"), expected, strict=True):
-            likely = np.clip(share, 0.01, 0.99)  # even a fraction of 0 or 1 has a sampling error
+            # the fractions are limited, because even a fraction of 0 or 1 has a sampling error
+            likely = np.clip(share, 0.01, 0.99)
             error = np.sqrt(likely * (1 - likely) * (1 / SEEDS + 1 / OTHERS_SEEDS))
             assert row[name]["percentile"] / 100 == pytest.approx(share, abs=4 * error), name
     assert row["order"]["percentile"] is not None

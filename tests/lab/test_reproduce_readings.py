@@ -1,4 +1,4 @@
-"""Tests of the printed algorithm in several interpretations, since the paper leaves some choices open."""
+"""Tests of the paper's algorithm in several interpretations, since the paper leaves some choices open."""
 
 import json
 from collections.abc import Callable
@@ -36,9 +36,10 @@ def test_the_states_variance_is_that_of_the_guard_consistent() -> None:
 
 
 def by_hand(kappa: float, first: int, y: float, u: float) -> tuple[float, float, float, float]:
-    """Return order and parameter, and their variances, after one sample of example 1.
+    """Return the order, the variance of the order, the parameter and the variance of the parameter, after one
+    sample of example 1.
 
-    They are computed as section 5.1 of the paper prints it.
+    These are computed by the formulas in section 5.1 of the paper.
     """
     h, R, x0 = 1e-3, 1e-3, 0.4
 
@@ -73,8 +74,8 @@ def test_kfw_first_takes_the_order_of_the_step_before() -> None:
     filters = example(1, SawTooth()).filters
     data = Data(np.array([[0.2]]), np.array([[1.0]]))
     after, before = (readings.run(filters, Reading(parameter_first=b), data) for b in (False, True))
-    # With x_0 = 0, the first sample has no information on f, and KFo uses the same model whichever filter
-    # comes first.
+    # With x_0 = 0, the first sample has no information on f. KFo (the filter of the order) therefore uses the
+    # same model, whichever filter comes first.
     assert after.f == before.f == 0
     assert after.alpha == before.alpha
     data = Data(np.array([[0.2], [0.3]]), np.array([[1.0], [1.0]]))
@@ -91,7 +92,7 @@ def test_noise_outside_the_gain_is_added_to_the_state() -> None:
     gain = paper.H**0.6
     added = outside.x[0] - gain * outside.u[0]
     assert gain * added == pytest.approx(inside.x[0] - gain * inside.u[0])
-    assert 1e-4 < np.abs(added).mean() < 1e-2  # sqrt(1e-5) = 3e-3
+    assert 1e-4 < np.abs(added).mean() < 1e-2  # ω has the variance 1e-5, so its standard deviation is 3e-3
 
 
 def test_every_choice_changes_what_it_says_and_is_told() -> None:

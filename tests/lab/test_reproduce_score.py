@@ -1,4 +1,6 @@
-"""Tests of the comparison of the guards: what it counts, and that no run with a guard diverges."""
+"""Tests of the comparison of the guards, which keep estimates within bounds: what the comparison counts, and
+that no run with a guard diverges.
+"""
 
 import json
 from dataclasses import replace
@@ -13,7 +15,7 @@ from fltea.lab.reproduce.score import GUARDS, RESTING, SAWTEETH, document, drive
 
 @pytest.fixture
 def short(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Replace the driven cases by two short ones. In one of them the printed algorithm diverges."""
+    """Replace the cases with an input by two short ones. In one of these, the paper's algorithm diverges."""
     cases = [replace(example(n, SawTooth(a), 600), lengths=(600,)) for n, a in ((1, 1.0), (2, 20.0))]
     monkeypatch.setattr(module, "driven", lambda: cases)
 
@@ -44,7 +46,7 @@ def test_without_a_lost_run_both_medians_are_the_same(short: None) -> None:
     rows = score(4, Options(memory="compressed"), lambda *_: None)
     assert rows[1]["guard"] == rows[4]["guard"] == "faithful"
     assert rows[1]["kept"] == {name: rows[1][name] for name in ("state", "parameter", "order")}
-    # In the second case, every run of the printed algorithm diverges, so there is no run to compare with.
+    # In the second case, every run of the paper's algorithm diverges, so there is no run to compare with.
     assert set(rows[4]["kept"].values()) == {None}
     assert rows[4]["state"] is not None
 

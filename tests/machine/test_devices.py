@@ -1,4 +1,6 @@
-"""Checks which connected devices are found, including those with kernel drivers, and how they are printed."""
+"""Tests of which connected devices `fltea devices` finds, including those with kernel drivers, and how it
+prints them.
+"""
 
 import json
 import os
@@ -299,7 +301,9 @@ def test_a_sensor_that_is_ready(system: FakeSystem, tmp_path: Path) -> None:
 
 
 def test_the_driver_of_the_mpus(system: FakeSystem, tmp_path: Path) -> None:
-    """This driver accepts only its own trigger, and sets its low-pass filter by the sampling rate."""
+    """The driver in this test accepts only its own trigger, and sets the sensor's low-pass filter by the
+    sampling rate.
+    """
     device = imu(tmp_path)
     (device.folder.parent / "driver").symlink_to(tmp_path / "sys/bus/i2c/drivers/inv-mpu6050-i2c")
     device.trigger("fltea", 1)

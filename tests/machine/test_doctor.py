@@ -1,4 +1,4 @@
-"""Tests `fltea doctor` on simulated machines: each finding, and the advice with it."""
+"""Tests of `fltea doctor` on simulated machines: each finding, and the advice that comes with it."""
 
 import os
 import socket
@@ -216,7 +216,7 @@ def test_a_folder_that_cannot_be_one(system: FakeSystem, tmp_path: Path) -> None
     assert levels(outputs(system, state__file=str(tmp_path))) == {"state": "problem"}
     tilde = finding_of(
         outputs(system, record__folder="~/rec"), "disk"
-    )  # `fltea run` takes this text for the name of a folder
+    )  # `fltea run` takes "~/rec" literally as the name of a folder
     assert " free for ~/rec:" in tilde.message
 
 

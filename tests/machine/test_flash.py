@@ -39,7 +39,9 @@ UNKNOWN = "--erase-unknown-board"
 
 
 class Desk:
-    """What a test needs: a board, an image, and a folder of tools, which is the command's whole PATH."""
+    """What a test of `fltea flash` needs: a board, an image, and a folder of tools, which is the command's
+    whole PATH.
+    """
 
     def __init__(self, folder: Path, board: SpeakingPort) -> None:
         self.folder, self.board = folder, board
@@ -76,7 +78,8 @@ class Desk:
 def desk(tmp_path: Path, board: SpeakingPort, monkeypatch: pytest.MonkeyPatch) -> Desk:
     monkeypatch.setenv("PATH", str(tmp_path / "bin"))
     monkeypatch.setenv("HOME", str(tmp_path))
-    monkeypatch.setattr(flash, "HOLD_S", 1e-3)  # this shortens the wait only for commands within this process
+    # this shortens the waits of the command, but only within this process
+    monkeypatch.setattr(flash, "HOLD_S", 1e-3)
     monkeypatch.setattr(flash, "SETTLE_S", 1e-3)
     return Desk(tmp_path, board)
 
@@ -263,7 +266,7 @@ def test_a_port_that_nothing_names_a_due_is_opened_only_with_the_flag(
 ) -> None:
     """Opening a port at 1200 baud erases the board.
 
-    The option `--yes` alone does not say which board may be erased.
+    So the option `--yes` alone does not suffice for a port that may not be a Due.
     """
     ports(monkeypatch, (desk.board.port, *usb_id))
     desk.add("bossac")
@@ -283,7 +286,7 @@ def test_the_flag_does_not_open_a_native_port(board: SpeakingPort, monkeypatch: 
 
 
 def test_a_due_needs_no_flag(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
-    """`make flash PORT=PORT` calls `fltea flash` without this option."""
+    """A Due needs no further option. `make flash PORT=PORT` calls `fltea flash` without it."""
     ports(monkeypatch, (desk.board.port, *DUE))
     desk.add("bossac")
     done = fltea_here("flash", "--port", desk.board.port, "--image", desk.image, "--yes")

@@ -1,5 +1,5 @@
-"""Tests what happens before the flashing tool runs: which files are accepted as an image, and in which order
-the port is opened and closed at 1200 baud.
+"""Tests of what happens before the flashing tool runs: which files are accepted as an image, and in which
+order the port is opened and closed at 1200 baud.
 """
 
 import errno

@@ -1,4 +1,6 @@
-"""Tests listening to a device (a pseudo-terminal that sends), and comparing its clock with the host's."""
+"""Tests of listening to a device (a pseudo-terminal that sends), and of comparing the device's clock with the
+host's.
+"""
 
 from collections.abc import Iterator
 
@@ -22,7 +24,7 @@ def speaker() -> Iterator[SpeakingPort]:
 
 
 def frames(turn: int, hello: wire.Hello = WIRE_HELLO) -> bytes:
-    """Return the frames of one turn: a sample, but none in every tenth turn.
+    """Return the frames that the device sends in one turn: a sample, but none in every tenth turn.
 
     In every fifth turn, HELLO and STATUS come before the sample.
     """

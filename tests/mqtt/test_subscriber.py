@@ -19,7 +19,7 @@ GRANTED, NOT_AUTHORIZED = 1, 0x87
 class FakeBroker:
     """A broker that accepts each connection, and answers each subscription with the same reason codes.
 
-    `sends`: packets that follow each answer to a subscription.
+    `sends`: packets that the broker sends after each answer to a subscription.
     """
 
     def __init__(self, reasons: Sequence[int], sends: bytes = b"") -> None:
@@ -43,7 +43,7 @@ class FakeBroker:
     def _serve(self, peer: socket.socket) -> None:
         with peer, peer.makefile("rb") as packets:
             while kind := packets.read(1):
-                # in these tests, packets are so short that their length is one byte
+                # packets in these tests are so short that the length in their header takes one byte
                 body = packets.read(packets.read(1)[0])
                 if kind[0] == CONNECT:
                     peer.sendall(CONNACK)

@@ -1,4 +1,6 @@
-"""Allan deviation of a spectrum, compared with closed forms (40 digits) and with simulated noise."""
+"""Tests of the Allan deviation that follows from a spectrum. It is compared with closed forms (40 digits) and
+with simulated noise.
+"""
 
 import mpmath
 import numpy as np
@@ -21,9 +23,9 @@ def ar1(lam: np.ndarray, phi: float) -> np.ndarray:
 
 
 def ar1_deviation(phi: float, m: float) -> float:
-    """Return the Allan deviation of x_k = φ x_{k-1} + noise of variance 1.
+    """Return the Allan deviation of the process x_k = φ x_{k-1} + noise of variance 1.
 
-    It follows from the variances of sums of m and of 2m values.
+    The deviation follows from the variances of sums of m and of 2m values.
     """
     with mpmath.workdps(40):
         p = mpmath.mpf(phi)
@@ -48,9 +50,10 @@ def test_ar1(phi, factors):
 
 
 def test_a_random_walk_at_its_corner():
-    """σ² = s2 (2 m² + 1) / (6 m) for a random walk.
+    """The Allan variance of a random walk with steps of variance s2, at m samples, is s2 (2 m² + 1) / (6 m).
 
-    The corner frequency of the relaxation that stands for it is far lower.
+    A relaxation stands for the random walk, because its corner frequency is far lower than these averaging
+    times show.
     """
     m = OCTAVES[:12]
     found = model_adev(lambda lam: ar1(lam, 1 - 1e-9), m)

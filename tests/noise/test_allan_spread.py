@@ -1,4 +1,6 @@
-"""The scatter of Allan variances, compared with simulations and with the known sums for power-law spectra."""
+"""Tests of the scatter of Allan variances. It is compared with simulations, and with the known sums for
+power-law spectra.
+"""
 
 import itertools
 
@@ -35,9 +37,10 @@ MODELS = {
 
 @pytest.mark.parametrize("name", slow_but(["relaxation", "order", "wide line"], MODELS))
 def test_mean_and_spread_are_those_of_simulations(name: str) -> None:
-    """Mean and degrees of freedom agree within their errors.
+    """Mean and degrees of freedom of Allan variances agree with those of simulations within the errors of the
+    latter.
 
-    The error of the latter takes skewness into account.
+    The error of the simulated degrees of freedom takes skewness into account.
     """
     model, factors = MODELS[name], averaging_factors(N)
     deviation, degrees = expected(model, H, factors, differences(factors, [N]))
@@ -54,9 +57,10 @@ def test_mean_and_spread_are_those_of_simulations(name: str) -> None:
 
 @pytest.mark.parametrize("power", [0, -1, -2])
 def test_degrees_of_powers_of_the_frequency_are_those_of_their_sums(power: int) -> None:
-    """They equal the sums of Greenhall and Riley, at averaging times of many samples.
+    """The degrees of freedom equal those by the sums of Greenhall and Riley, at averaging times of many
+    samples.
 
-    At such times, sampling does not matter.
+    At such averaging times, sampling does not matter.
     """
     samples, factors = 1 << 15, np.array([64, 200, 1000, 4000, 8192])
 
@@ -71,7 +75,9 @@ def test_degrees_of_powers_of_the_frequency_are_those_of_their_sums(power: int) 
 
 
 def test_of_neighbours_of_white_noise_it_is_exact() -> None:
-    """For differences of neighbouring samples r is 1 and -1/2, which gives M / (1 + 2/4) degrees."""
+    """By hand: for differences of neighbouring samples of white noise, the correlation r is 1 at lag 0 and
+    -1/2 at lag 1. M differences therefore have M / (1 + 2/4) degrees of freedom.
+    """
     found = allan_degrees(np.ones_like, [1], [1.0], [10**6])
     assert found == pytest.approx(10**6 / 1.5, rel=1e-5)
 
@@ -86,9 +92,9 @@ def test_a_line_alone_has_two_degrees_for_each_time_that_it_remembers(
 
 
 def test_the_deviation_of_a_narrow_line_is_that_of_its_cosine() -> None:
-    """The deviation varies with the averaging time as sin².
+    """The Allan deviation of a narrow spectral line varies with the averaging time as sin².
 
-    This needs panels of the quadrature as narrow as the spectral line.
+    To compute it from the spectrum, the panels of the quadrature have to be as narrow as the spectral line.
     """
     line = Lorentzian(7.3, 1e-5, 2.0)
     factors = np.array([1, 3, 10, 31, 100])

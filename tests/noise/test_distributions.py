@@ -1,4 +1,6 @@
-"""Tails and quantiles compared with scipy's, which only the tests need."""
+"""Tests of the tails and quantiles of distributions. They are compared with those of scipy, which only the
+tests need.
+"""
 
 import math
 from statistics import NormalDist
@@ -23,9 +25,9 @@ DEGREES = st.floats(math.log(0.3), math.log(1e6)).map(math.exp)
 
 @given(st.floats(1e-3, 10), DEGREES)
 def test_the_tail_of_chi_squared(ratio: float, degrees: float) -> None:
-    """The absolute error is small.
+    """The absolute error of the tail is small.
 
-    In the far tail the relative error is small as well, as far as the digits of lgamma reach.
+    In the far tail, the relative error is small as well, as far as the digits of lgamma permit.
     """
     expected = stats.chi2.sf(ratio * degrees, degrees)
     found = chi2_tail(ratio * degrees, degrees)
@@ -62,14 +64,16 @@ def test_what_has_no_quantile(probability: float, degrees: float) -> None:
 @given(st.floats(0, 50), DEGREES, DEGREES)
 def test_the_tail_of_f(ratio: float, first: float, second: float) -> None:
     expected = stats.f.logsf(ratio, first, second)
-    if expected > -600:  # scipy's own function underflows below this
+    if expected > -600:  # below this, the tail computed by scipy underflows
         assert math.exp(f_log_tail(ratio, first, second)) == pytest.approx(math.exp(expected), abs=1e-8)
     if -600 < expected < -0.01 and max(first, second) < 1e4:
         assert f_log_tail(ratio, first, second) == pytest.approx(expected, rel=1e-8)
 
 
 def test_the_tail_of_f_where_it_has_a_closed_form() -> None:
-    """With two degrees of freedom the tail is (1 + 2 ratio / second)^(-second / 2), even where it is tiny."""
+    """If the first number of degrees of freedom is two, the tail of F is (1 + 2 ratio / second)^(-second / 2)
+    in closed form, even where it is tiny.
+    """
     for ratio in (3.0, 1e9):
         assert f_log_tail(ratio, 2, 96) == pytest.approx(-48 * math.log1p(ratio / 48), rel=1e-12)
     assert f_log_tail(-1.0, 2, 96) == 0
