@@ -187,7 +187,8 @@ void NoiseFit::tell(Fit& fit) {
     fit.ordinates = found.ordinates;
     fit.alpha = found.alpha;
     fit.alpha_std = found.alpha_std;
-    fit.f = found.g * math::exp(found.alpha * math::log(kRateHz));  // f = g h^-α
+    // the parameter f = g h^-α, where h is the sampling period
+    fit.f = found.g * math::exp(found.alpha * math::log(kRateHz));
     fit.s2 = found.s2 / (kLsb * kLsb);
     fit.r = found.R / (kLsb * kLsb);
     fit.ratio_white = found.ratio_white;

@@ -68,7 +68,7 @@ class NoiseFit {
     alignas(8) unsigned char storage_[kBytes];
     Stage stage_ = Stage::idle;
     size_t axis_ = 0;  // axis that is being fitted
-    // number of batches of counts that entered the octaves since begin(), over all axes
+    // number of batches of counts that have entered the octaves of the spectra of all axes since begin()
     uint32_t passages_ = 0;
     uint32_t gathered_ = 0;  // value of passages_ when the bins were begun
     uint32_t age_ = 0;       // number of samples since the start-up window, including lost ones
@@ -76,7 +76,7 @@ class NoiseFit {
     uint32_t bins_age_ = 0;  // value of age_ when the bins were begun
     uint32_t bins_used_ = 0;
     int told_ = 0;             // number of bins of the present spectrum that were sent
-    size_t passing_axis_ = 0;  // axis whose counts are on their way through the octaves
+    size_t passing_axis_ = 0;  // axis whose counts are on their way through the octaves of its spectrum
     uint8_t started_ = 0;      // one bit per axis: whether it is started
     bool passing_ = false;
 };

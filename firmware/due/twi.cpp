@@ -79,8 +79,7 @@ I2cResult Twi::write(uint8_t chip, uint8_t reg, uint8_t value) {
     address(chip, reg, 0);
     TWI1_THR::write(value);
     TWI1_CR::write(TWI1_CR::STOP);
-    // The status register TWI_SR shows the end of this transfer only after the register THR (byte to send)
-    // has become empty.
+    // TWI_SR shows the end of this transfer only after the register THR (byte to send) has become empty.
     return finish(wait_for(TWI1_SR::TXRDY));
 }
 

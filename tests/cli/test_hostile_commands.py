@@ -1,6 +1,6 @@
 """Tests of malicious command lines and files: they give an exit code and a message, never a traceback.
 
-Every option of every command, and every setting by --set, is tried with words of `WORDS`.
+Every option of every command, and every setting by --set, is tried with hostile words from the list `WORDS`.
 """
 
 import os

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from tests.rig.chip_support import MS, Ramp, running, words
 from tools.due_emulator.noise import Fractional
 
-# Data-ready flag and INT pin, registers 55, 56, 58
+# Tests of the data-ready flag and the INT pin: registers 55, 56 and 58
 
 
 def test_any_read_clears_the_flag_if_asked_to():
@@ -84,7 +84,7 @@ def test_time_does_not_run_backwards():
         chip.advance(4)
 
 
-# FIFO, registers 35, 106, 114 to 116
+# Tests of the FIFO: registers 35, 106 and 114 to 116
 
 
 def filling(sources, *arguments, **options):
@@ -158,7 +158,7 @@ def test_mpu6050_resets_its_fifo_only_while_it_is_off():
     assert fifo_count(chip) == 0
 
 
-# Arbitrary sequences of operations
+# Tests of arbitrary sequences of register accesses
 
 READ_ONLY = [*range(0x3B, 0x61), 0x75]
 SETTINGS = [0x19, 0x1A, 0x1B, 0x23, 0x37, 0x38, 0x6A, 0x6B]

@@ -258,7 +258,7 @@ def test_a_stale_byte_waits_for_the_last_byte_to_be_fetched(board):
 
 
 def test_stop_set_while_the_last_byte_arrives_is_in_time(board):
-    """The Arduino core sets STOP in this way, after reading the last byte but one."""
+    """The Arduino core sets STOP after it has read the last byte but one, as this test does."""
     board.begin_read(0x3B, START)
     for i in range(14):
         if i == 13:

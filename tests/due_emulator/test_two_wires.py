@@ -201,7 +201,7 @@ def test_cut_off_in_mid_byte_leaves_the_sensor_holding_sda(board, how):
     The zero bits of the value hold SDA low until eight falling edges of SCL have passed.
     """
     board.begin_read(0x19, START | STOP)
-    board.wait_us(29 * 2.5 + 3 * 2.5 + 1)  # This moment is in the fourth bit of the first byte that is read.
+    board.wait_us(29 * 2.5 + 3 * 2.5 + 1)  # until the fourth bit of the first byte that is read
     match how:
         case "SWRST":
             board.twi.write("CR", SWRST)

@@ -254,8 +254,8 @@ def test_faithful_gate_softens_the_update_to_its_width() -> None:
     assert estimates.alpha[0, 0] == pytest.approx(expected, rel=1e-12)
     assert counted(estimates)["order_gate"] == 1
     assert counted(estimates)["state_bound"] == 1
-    # By hand: the state filter's innovation e is limited to 4 standard deviations by making its variance e² /
-    # 16. The state then stays at the distance |y - x| = 16 R / e from y.
+    # By hand: the state filter's innovation e is limited to 4 standard deviations by making its variance
+    # (e / 4)². The state then stays at the distance |y - x| = 16 R / e from y.
     assert abs(50.0 - estimates.x[0, 0]) == pytest.approx(16 * 0.0235 / estimates.innovation[0, 0], rel=1e-9)
 
 

@@ -129,7 +129,7 @@ def made(spectrum: Callable[[Array], Array], n: int, rng: np.random.Generator, l
 
 
 LONG, SHORT = 12_000, 3000
-"""Lengths of a series for a filter that knows the noise, and for one that does not [samples]."""
+"""Numbers of samples in a series: for a tracker that knows the noise, and for one that does not."""
 
 
 @cache

@@ -28,7 +28,7 @@ They run only in the build by clang, which belongs to the second tier of tests.
 
 
 def made_by(compiler: str, goal: str) -> Path:
-    """Build targets of the core's tests; return the build folder."""
+    """Build a target of the tests of firmware/core with a compiler, and return the build folder."""
     for tool in (compiler, "make"):
         assert shutil.which(tool), f"{tool} is missing: tools/setup.sh names the packages that the tests need"
     folder = BUILD / "tests-firmware" / compiler.rstrip("+")

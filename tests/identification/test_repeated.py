@@ -17,7 +17,7 @@ from tests.rig.identify_support import H, ar, white
 
 
 def low_passed(hz: float, n: int, axes: int, seed: int) -> Array:
-    """Apply two real poles at `hz`, as a sensor's filter does."""
+    """Apply a low-pass with two real poles at `hz` to a series, as a sensor's own filter does."""
     pole = float(np.exp(-2 * np.pi * hz * H))
     y = ar((2 * pole, -(pole**2)), n, axes, seed)
     return y / y.std(axis=1, keepdims=True)

@@ -223,8 +223,9 @@ def test_only_n_where_the_curve_is_that_of_white_noise() -> None:
 def test_an_interval_of_several_variances() -> None:
     assert around(1.0, [4.0], [1.0]).high == pytest.approx(1 + 2 * 1.96, rel=1e-3)
     both = around(0.0, [1.0, 100.0], [0.5, 0.5]).high
-    # By hand: the second of two normal distributions has σ = 10 and the weight 1/2. 5 % of the mixture are 10
-    # % of this distribution, and 10 % of it are outside ±1.645 σ = 16.45
+    # By hand: in a mixture of two normal distributions with σ = 1 and σ = 10 and equal weights, only the wide
+    # one reaches beyond 10. The 5 % of the mixture outside of the interval are 10 % of the wide one, which
+    # lie beyond 1.645 σ = 16.45.
     assert both == pytest.approx(16.45, rel=1e-3)
     assert around(0.0, [0.0], [1.0]) == Interval(0.0, 0.0, 0.0)
 

@@ -90,7 +90,7 @@ def test_an_order_that_stays_at_0_is_nearer_than_the_printed_errors() -> None:
 # `changes`: fractions for how the errors change at L = 2,000.
 OTHERS_SEEDS = 800
 OTHERS = [
-    # table, example, amplitude of the saw-tooth, `levels` and `changes` as above
+    # each row: table of the paper, example, amplitude of the saw-tooth, `levels` and `changes`
     (2, 1, 1.0, (0.93, 0.74), (0.29, 0.49)),
     (2, 1, 1.2, (0.81, 0.74), (0.30, 0.42)),
     (3, 2, 1.0, (0.0, 0.0), (0.05, 0.11)),

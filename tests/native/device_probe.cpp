@@ -1,6 +1,6 @@
 // The device's estimator of one axis behind a C interface, for tests and benchmarks in Python. A shared
-// library is built for each variant. The code of each is a single source file, so that its dependencies are
-// known.
+// library is built for each variant of the estimator. The code of each is a single source file, so that its
+// dependencies are known.
 #include <cstddef>
 
 #include "axis_estimator.cpp"

@@ -295,7 +295,7 @@ TEST_CASE("sliced fit: without ordinates, or without power in them, there is no 
                           found.ratio_ar1, found.ordinates}) {
             CHECK(one == 0);
         }
-        // As soon as a stretch is long enough, its spectrum is fitted.
+        // As soon as a stretch of samples is long enough, its spectrum is fitted.
         axis->octaves.skip(1000);
         for (int k = 0; k < 2000; ++k) axis->octaves.add(next());
         axis->fit_now();

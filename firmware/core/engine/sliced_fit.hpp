@@ -59,7 +59,7 @@ class SlicedFit {
         begin_model();
     }
 
-    // Evaluates a few bins. Returns true when the fit is done.
+    // Evaluates the likelihood at a few more bins of the spectrum. Returns true when the fit is done.
     bool work(const Bins& bins) {
         if (!busy_) return true;
         if (possible_ && !target_.add(bins, model_.family, at_.natural, kBinsAtOnce)) return false;

@@ -2,12 +2,12 @@
 // with the gains that the filter has in its steady state. A fractional order is approximated by a sum of
 // relaxations with fixed poles. The design is done in small slices, so that sampling does not wait.
 //
-// If there are only relaxations, no Riccati equation has to be solved. The model's spectrum is R + Σ q_i / |1
-// - a_i e^-iλ|²: white noise of variance R, and relaxations with poles a_i whose innovations have the
-// variances q_i. As a function of s = -|1 - e^-iλ|² it has real poles and zeros, one zero b next to each pole
-// a. It therefore equals S Π|1 - b_i e^-iλ|² / Π|1 - a_i e^-iλ|², where S is the variance of the filter's
-// innovations. The zeros b are found by bisection, and the gains are the residues of Π(1 - b_i z) / Π(1 - a_i
-// z).
+// If there are only relaxations, no Riccati equation has to be solved. The model's spectrum is
+// R + Σ q_i / |1 - a_i e^-iλ|²: white noise of variance R, and relaxations with poles a_i whose innovations
+// have the variances q_i. As a function of s = -|1 - e^-iλ|² it has real poles and zeros, one zero b next to
+// each pole a. It therefore equals S Π|1 - b_i e^-iλ|² / Π|1 - a_i e^-iλ|², where S is the variance of the
+// filter's innovations. The zeros b are found by bisection. The gains are the residues of
+// Π(1 - b_i z) / Π(1 - a_i z).
 #ifndef FLTEA_STEADY_FILTER_HPP
 #define FLTEA_STEADY_FILTER_HPP
 

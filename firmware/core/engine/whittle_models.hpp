@@ -119,7 +119,7 @@ void bounds(const Model<R>& model, R* low, R* high) {
     if (model.hold == kHoldFeedback && model.held <= -1) low[0] = math::log2(-model.held) + R(kBelowHighest);
     if (model.hold == kHoldParameter && model.held <= -1 && model.log_h < 0)
         low[0] = math::log(-model.held) / (R(0.6931471805599453) - model.log_h) + R(kBelowHighest);
-    if (model.hold == kHoldWeight) {  // bounds of log -g
+    if (model.hold == kHoldWeight) {  // the first free parameter is log -g
         low[0] = math::log(math::fmax(lowest_order(model.held) - model.held, R(kSmallest)));
         high[0] = math::log(high[0] - model.held);
         return;

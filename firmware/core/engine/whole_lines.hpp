@@ -99,7 +99,7 @@ class WholeLines {
         // Mean squares of the orthogonal polynomials over the samples. The mean square of the linear one, t,
         // is (n² - 1) / 3.
         const float n = static_cast<float>(n_), nn = n * n, level = (nn - 1) / 3;
-        const float bend = (3 * nn - 7) / 5;  // mean of t⁴ divided by the mean of t²
+        const float bend = (3 * nn - 7) / 5;  // mean of t⁴ over the samples, divided by that of t²
         const float square = 4.0f * (nn - 1) * (nn - 4) / 45;
         const float cube = 4.0f * (nn - 1) * (nn - 4) * (nn - 9) / 175;
         const float mean = fixed::to_float(sum, 0) / n;
