@@ -53,7 +53,8 @@ def test_headings_of_many_simulated_sensors_spread_as_is_said(name: str) -> None
     s, rest, more, many = _system(name), 300, 137, 4000
     rng = np.random.default_rng(29)
     root = np.linalg.cholesky(s.Q + 1e-30 * np.eye(len(s.a)))
-    # The true states are drawn from the prior distribution, in which the bias may be large.
+    # The true initial states are drawn from the filter's prior distribution (variances `P0`), so the bias may
+    # be large.
     x = rng.normal(size=(many, len(s.a))) * np.sqrt(np.diag(s.P0))
     mean, P, angle = np.zeros_like(x), s.P0, np.zeros(many)
     for k in range(rest + more):
@@ -67,7 +68,7 @@ def test_headings_of_many_simulated_sensors_spread_as_is_said(name: str) -> None
         x = x @ s.A.T + rng.normal(size=x.shape) @ root.T
         mean, P = mean @ s.A.T, s.A @ P @ s.A.T + s.Q
     expected = heading_std(s, rested(s, rest), H, more * H)
-    # 3.5 standard errors of a standard deviation of 4000 values
+    # tolerance: 3.5 standard errors of a standard deviation that is estimated from 4000 values
     assert angle.std() == pytest.approx(expected, rel=0.04)
 
 
@@ -128,14 +129,15 @@ def test_a_drive_may_be_none_and_may_have_no_end() -> None:
 
 
 def _summed(s: System, samples: int) -> tuple[np.ndarray, float]:
-    """Return row and variance of the mean of the bias.
+    """Return the expectation and the variance of the mean of the next `samples` biases.
 
-    They are summed sample by sample, without matrix powers.
+    The expectation is a row, to be multiplied by the state now. Both are summed sample by sample, without the
+    matrix powers of the tested code.
     """
     rows = [s.bias]
     for _ in range(samples):
         rows.append(rows[-1] @ s.A)
-    # A step of the state that comes j samples before the last one affects j + 1 of the biases.
+    # A step of the state that occurs j samples before the last sample affects j + 1 of the biases.
     to_come = np.cumsum(rows[:-1], axis=0)
     variance = sum(float(one @ s.Q @ one) for one in to_come)
     return np.sum(rows[1:], axis=0) / samples, variance / samples**2

@@ -86,7 +86,9 @@ def test_a_state_that_grows_has_no_spectrum() -> None:
 
 @given(st.floats(-0.99, 0.99))
 def test_aliases(phi: float) -> None:
-    """α = 0 with g = φ, α = 1 with g = φ - 1, and AR(1) by its textbook formula are the same process."""
+    """An order α = 0 with g = φ, an order α = 1 with g = φ - 1, and an autoregression AR(1) with coefficient
+    φ by the textbook's formula all have the same spectrum.
+    """
     textbook = 1 / (1 - 2 * phi * np.cos(LAM) + phi**2)
     np.testing.assert_allclose(spectrum.fractional(LAM, 0.0, phi), textbook, rtol=1e-9)
     np.testing.assert_allclose(spectrum.fractional(LAM, 1.0, phi - 1), textbook, rtol=1e-7)

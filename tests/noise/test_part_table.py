@@ -24,13 +24,15 @@ from tests.rig.model_support import EXAMPLES, PARTS, bins
 LAM = np.geomspace(1e-4, np.pi, 300)
 SAMPLES = 200_000
 EXACT_SHARE = 0.06
-"""Largest relative error of a system's spectrum at low frequencies."""
+"""Largest permitted relative error of the spectrum of a part's linear system at low frequencies."""
 
 kinds = pytest.mark.parametrize("kind", p.CODES, ids=lambda kind: kind.tag())
 
 
 def defines(kind: type[Part], method: str) -> bool:
-    """Whether a part defines this method itself. The method of the base class only raises an error."""
+    """Return whether a part of noise defines this method itself. The method of the base class only raises an
+    error.
+    """
     return getattr(kind, method).__qualname__ != getattr(Part, method).__qualname__
 
 
@@ -96,9 +98,10 @@ def test_a_part_is_a_system(kind: type[Part]) -> None:
 
 @kinds
 def test_a_part_is_found_and_said(kind: type[Part]) -> None:
-    """In the exact spectrum of a part, the search finds the part, and the verdict describes it.
+    """If the spectrum is exactly that of a part of noise, the model search finds the part, and the verdict
+    describes it.
 
-    Its parameters have intervals.
+    The fitted parameters of the part have intervals.
     """
     if kind in (p.White, p.Floor):
         return  # these parts only occur together with other parts

@@ -9,7 +9,9 @@ H = 0.01
 
 
 def spectrum(omega: np.ndarray, alpha: float, f: float, Q: float, R: float) -> np.ndarray:
-    """Return the spectrum for unlimited memory: S = h^2α Q / |(1 - z)^α - h^α f z|² + R, z = e^-iω."""
+    """Return the spectrum of a noise of order α whose memory is unlimited: S = h^2α Q / |(1 - z)^α - h^α f
+    z|² + R, where z = e^-iω and h is the sampling period.
+    """
     z = np.exp(-1j * omega)
     return H ** (2 * alpha) * Q / np.abs((1 - z) ** alpha - H**alpha * f * z) ** 2 + R
 
@@ -22,11 +24,13 @@ def test_mean_variance_and_spectrum_are_the_models(alpha: float, f: float) -> No
         [FractionalNoise(alpha, f, Q, R, H, 2 * n, seed, warmup=n).samples(n)[0] for seed in range(series)]
     )
     omega = 2 * np.pi * np.arange(n // 2 + 1) / n
-    # The three lowest ordinates are left out, since they contain leakage and depend on the finite warm-up.
+    # The three lowest ordinates of the periodogram are left out, since they contain leakage and depend on the
+    # finite warm-up of the simulation.
     keep = slice(3, n // 2)
     ratio = (np.abs(np.fft.rfft(y)) ** 2 / n)[:, keep] / spectrum(omega[keep], alpha, f, Q, R)
-    # Each ordinate is exponential with mean 1: 16 series x 1021 ordinates give a standard error of 0.8 %, an
-    # eighth of the band 2.2 %. Tolerance: five of them.
+    # The ratio of an ordinate to the spectrum has an exponential distribution with mean 1. So the mean over
+    # 16 series x 1021 ordinates has a standard error of 0.8 %, and the mean over an eighth of the band has
+    # one of 2.2 %. The tolerances are five standard errors.
     assert ratio.mean() == pytest.approx(1, abs=0.04)
     for band in np.array_split(ratio, 8, axis=1):
         assert band.mean() == pytest.approx(1, abs=0.11)
@@ -41,7 +45,8 @@ def test_mean_variance_and_spectrum_are_the_models(alpha: float, f: float) -> No
 
 
 def test_order_0_is_an_autoregression_and_order_1_its_alias() -> None:
-    # (0, φ) and (1, (φ - 1)/h) with the noise scaled by 1/h are the same process.
+    # An order α = 0 with f = φ, and an order α = 1 with f = (φ - 1)/h whose driving noise is scaled by 1/h,
+    # are the same process.
     phi, n = 0.7, 4000
     y, x = FractionalNoise(0, phi, 1.0, 0.5, H, seed=3).samples(n)
     alias = FractionalNoise(1, (phi - 1) / H, 1 / H**2, 0.5, H, seed=3).samples(n)
@@ -60,12 +65,14 @@ def test_without_process_noise_it_is_white() -> None:
 
 
 def test_a_driven_system_of_changing_order_worked_by_hand() -> None:
-    # h = 1, f = 0, no noise: x_1 = 1; order 2 (c = 1, -2, 1): x_2 = 1 + 2 x_1; order 1/2 (c = 1, -1/2, -1/8):
-    # x_3 = 1 + x_2/2 + x_1/8, and with a window of one sample x_3 = 1 + x_2/2.
+    # By hand, with period h = 1, f = 0, no noise and input 1 at each step: x_1 = 1. Order 2 (weights of the
+    # past c = 1, -2, 1) gives x_2 = 1 + 2 x_1. Order 1/2 (c = 1, -1/2, -1/8) gives x_3 = 1 + x_2/2 + x_1/8,
+    # or x_3 = 1 + x_2/2 if the window has one sample.
     for window, last in ((10, 1 + 1.5 + 0.125), (1, 1 + 1.5)):
         system = FractionalNoise([1, 2, 0.5], 0, 0, 0, 1.0, window)
         assert [system.step(1) for _ in range(3)] == [(x, x) for x in (1, 3, last)]
-    # h = 1/4, order 1/2, f = -1: x_1 = (0 + 4)/2 = 2; x_2 = (-2 + 2)/2 + 2/2 = 1.
+    # By hand, with period h = 1/4 (h^α = 1/2), order 1/2, f = -1 and inputs 4 and 2: x_1 = (0 + 4)/2 = 2,
+    # then x_2 = (-2 + 2)/2 + 2/2 = 1.
     system = FractionalNoise(0.5, -1, 0, 0, 0.25, 10)
     assert [system.step(u)[1] for u in (4, 2)] == [2, 1]
 
@@ -100,7 +107,7 @@ def test_warmup_starts_near_the_stationary_variance() -> None:
         ]
         return float(np.var(starts))
 
-    # With 300 runs, the variance has a relative standard error of 8 %.
+    # The variance of the first values of 300 runs has a relative standard error of 8 %.
     assert first(500) == pytest.approx(stationary, rel=0.3)
     assert first(0) < 0.7 * stationary
 
@@ -128,7 +135,8 @@ def test_the_rule_of_stationarity(alpha: float, f: float, expected: bool) -> Non
 
 
 def test_the_rule_of_stationarity_agrees_with_the_recursion() -> None:
-    # Just inside and outside of -2^α < g: the impulse response decays or grows.
+    # The process is stationary if g = h^α f is above -2^α. Just inside of this limit, the impulse response
+    # decays. Just outside, it grows.
     alpha = 0.6
     for factor, stable in ((0.97, True), (1.03, False)):
         f = -factor * 2**alpha / H**alpha

@@ -22,9 +22,11 @@ LOW = LAM < 1
 
 
 def ratio(parts: list[p.Part], samples: int = N) -> np.ndarray:
-    """Return the ratio of the system's spectrum to that of its parts, at LAM.
+    """Return the ratio of the linear system's spectrum to the spectrum of the noise's parts, at the
+    frequencies LAM.
 
-    Zeros of filters are left out.
+    Near zeros of a filter, the difference of the spectra is divided by a small limit instead, so the ratio
+    remains near 1.
     """
     wanted = p.spectrum(parts, LAM, H)
     found: np.ndarray = 1 + (system(parts, H, samples).spectrum(LAM) - wanted) / np.maximum(
@@ -104,9 +106,10 @@ HIGH_PASSED: dict[str, list[p.Part]] = {
 
 @pytest.mark.parametrize("name", HIGH_PASSED)
 def test_behind_a_high_pass_it_is_right_but_for_what_no_filter_can_do_without(name: str) -> None:
-    """The error is small compared with the noise before the filter.
+    """The error of the system's spectrum is small compared with the noise before the high-pass filter.
 
-    At the frequencies that the filter stops, only a small R is left, without which no Kalman filter works.
+    At the frequencies that the filter stops, the system has only a small white noise R. No Kalman filter
+    works without it.
     """
     parts = HIGH_PASSED[name]
     s = system(parts, H, N)
@@ -156,7 +159,7 @@ def test_any_sentence_is_a_system(parts: list[p.Part], samples: int) -> None:
     s = system(parts, H, samples)
     check(s)
     check(s.with_offset())
-    # P0 is the stationary covariance of all states that have a stationary covariance.
+    # In the initial covariance P0, all states that have a stationary covariance have that covariance.
     still = np.hypot(s.a, s.b) < 1
     apart = s.A @ s.P0 @ s.A.T + s.Q - s.P0
     np.testing.assert_allclose(apart[np.ix_(still, still)], 0, atol=1e-9 * np.abs(s.P0).max(initial=1.0))
@@ -191,7 +194,9 @@ def test_what_is_not_stationary_is_refused() -> None:
 
 @pytest.mark.parametrize("poles", [2.1215274861128472, 2.132277290972571, 2.0276815574736102])
 def test_coordinates_do_not_cancel_each_other(poles: float) -> None:
-    """Two nearly equal poles once had powers 10⁷ times that of their sum, and the filter diverged."""
+    """If two poles were nearly equal, the states of the two once had variances 10⁷ times that of their sum,
+    and the Kalman filter diverged.
+    """
     s = system([p.White(0.019), p.LowPass(21.0, poles), p.Walk(0.1164)], H, 4096)
     of_noise = s.signal == 0
     assert np.trace(s.P0[np.ix_(of_noise, of_noise)]) < 100 * 0.019
@@ -200,11 +205,14 @@ def test_coordinates_do_not_cancel_each_other(poles: float) -> None:
 @pytest.mark.parametrize(
     ("parts", "signal"),
     [
-        ([p.White(1e-10), p.Relaxation(0.0335, 0.045)], [0.0]),  # an exponential average of white noise
-        ([p.White(2e-6), p.Relaxation(0.0335, 0.045)], [0.0]),  # the same, rounded to counts
+        # white noise behind a filter in the sensor that averages exponentially
+        ([p.White(1e-10), p.Relaxation(0.0335, 0.045)], [0.0]),
+        # filtered white noise that was rounded to counts
+        ([p.White(2e-6), p.Relaxation(0.0335, 0.045)], [0.0]),
         ([p.White(1e-10), p.Relaxation(0.0335, 0.045), p.Relaxation(0.05, 2.0)], [0.0, 1.0]),
         ([p.White(1e-10), p.Relaxation(0.0335, 0.045), p.Walk(0.01)], [0.0, 1.0]),
-        ([p.White(0.01), p.Relaxation(0.05, 0.2)], [1.0]),  # white noise is visible as a floor
+        # there is white noise, seen as a floor of the spectrum, so no filter
+        ([p.White(0.01), p.Relaxation(0.05, 0.2)], [1.0]),
         # this relaxation is slower than any filter of a sensor
         ([p.White(1e-10), p.Relaxation(0.05, 2.0)], [1.0]),
     ],

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 
-# Order 48 is included since 49 * (1/49) is not 1 in floating-point numbers: the factor that has to be 0 might
-# not be 0.
+# The weights of an integer order end with a factor 1 - (order + 1) / j that has to be exactly 0. Order 48 is
+# included, since 49 * (1/49) is not 1 in floating-point numbers.
 @pytest.mark.parametrize("order", [*range(9), 48])
 def test_integer_orders_are_signed_binomials_and_end_in_exact_zeros(order: int) -> None:
     c = weights(float(order), 100)
@@ -23,8 +23,9 @@ def test_integer_orders_are_signed_binomials_and_end_in_exact_zeros(order: int) 
 @settings(derandomize=True, deadline=None, max_examples=60)
 @given(st.floats(-0.9, 3))
 def test_real_orders_against_arbitrary_precision(order: float) -> None:
-    # Each factor is rounded three times. At j = 5000 these errors add up to 5000 * 3 * 1.1e-16 = 1.7e-12 at
-    # worst. The absolute bound is for orders so near to 0 that even 40 digits are not enough.
+    # Weight j is a product of j factors, each of which is rounded three times. At j = 5000 these errors add
+    # up to 5000 * 3 * 1.1e-16 = 1.7e-12 at worst. The absolute tolerance is for orders so near to 0 that even
+    # the 40 digits of the exact value are not enough.
     c = weights(order, 5000)
     for j in (0, 1, 2, 3, 4, 10, 100, 1000, 5000):
         with mpmath.workdps(40):

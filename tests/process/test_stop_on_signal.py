@@ -1,4 +1,6 @@
-"""A signal asks for an orderly end once the program is ready for it, and stops it at once before that."""
+"""A signal such as SIGTERM asks the program for an orderly end. Before the program is ready to end in order,
+the signal stops it at once.
+"""
 
 import signal
 

@@ -1,6 +1,7 @@
 """Tests of the code generator.
 
-`--check` names the files that are out of date. A mistake in the definition is named.
+With `--check` the generator names the generated files that are out of date. Its errors name the mistake in
+the definition of the protocol.
 
 `make lint` checks the committed files with `--check`.
 """

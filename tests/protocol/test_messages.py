@@ -30,8 +30,8 @@ def decode(data: bytes) -> Frame | Refused | BadFrame:
 @fixed(300)
 def test_decode_undoes_encode(message: wire.Message, sequence: int, device_us: int) -> None:
     frame = decode(encode(message, sequence, device_us))
-    # They are compared as text, in which a NaN equals itself, and -0.0 differs from 0.0. The text also has
-    # the class.
+    # The two frames are compared as text, in which a NaN equals itself and -0.0 differs from 0.0. The text
+    # also contains the message's class, so the classes are compared, too.
     assert repr(frame) == repr(Frame(message.TYPE, sequence, device_us, message))
 
 
@@ -69,7 +69,7 @@ BEYOND = 2.0**128 - 2.0**103
     ("number", "rounded"),
     [
         (0.1, 0x3DCCCCCD),
-        (1 + 2.0**-24, 0x3F800000),  # half-way: rounded to even
+        (1 + 2.0**-24, 0x3F800000),  # half-way between two 32-bit floats, so rounded to the even one
         (1 + 3 * 2.0**-24, 0x3F800002),
         (math.nextafter(BEYOND, 0.0), 0x7F7FFFFF),
         (2.0**-150, 0x00000000),

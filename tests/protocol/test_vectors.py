@@ -42,7 +42,8 @@ def test_good_frame(record: list[tuple[str, str]]) -> None:
     assert encode_frame(kind, sequence, device_us, payload) == on_wire
     assert _native.encode_frame(kind, sequence, device_us, payload) == on_wire
     (found,) = in_chunks(BlockReader(), [on_wire])
-    assert repr([found]) == repr(decoded(on_wire))  # a NaN equals itself only as text
+    # compared as text, since a NaN does not equal itself as a number
+    assert repr([found]) == repr(decoded(on_wire))
     if kind not in wire.MESSAGES:
         assert found == Found(BadFrame("unknown_type", on_wire[:-1]), len(on_wire))
         return
@@ -80,7 +81,9 @@ def test_bad_frame(record: list[tuple[str, str]]) -> None:
 
 @pytest.mark.parametrize("record", STREAMS, ids=names(STREAMS))
 def test_stream(record: list[tuple[str, str]]) -> None:
-    """Each decoder gets the stream once. Another test divides streams into arbitrary chunks."""
+    """Each decoder decodes the vector's stream of bytes once, in one division into chunks. Another test
+    divides streams into arbitrary chunks.
+    """
     data = b"".join(bytes.fromhex(value) for key, value in record if key == "bytes")
     expected = [f"{key} {value}" for key, value in record if key in ("frame", "bad", "refused")]
     counts = Counter({v.split()[0]: int(v.split()[1]) for key, v in record if key == "count"})

@@ -30,7 +30,7 @@ doc = "what boards of before do not know"
 NEXT = protocol_definition.load(
     DEFINITION.replace(f"minor = {PROTOCOL.minor}", f"minor = {MINOR}")
     .replace("# ----", ADDED_FIELD + "# ----", 3)
-    .replace(ADDED_FIELD, "", 1)  # the first mark precedes HELLO, so no message ends there
+    .replace(ADDED_FIELD, "", 1)  # no message ends before the first `# ----`, which precedes HELLO
     .replace(
         "data_ready = { value = 1",
         f'later = {{ value = 9, since = {MINOR}, doc = "x" }}\ndata_ready = {{ value = 1',
@@ -126,8 +126,9 @@ def test_the_next_native_decoder_reads_this_board_and_the_one_after_it(tmp_path:
     ("major", "minor", "schema", "readable"),
     [
         (1, PROTOCOL.minor, wire.SCHEMA_HASH, True),
-        (1, PROTOCOL.minor, 0xDEADBEEF, False),  # the definition was changed without a new version
-        (1, PROTOCOL.minor - 1, 0xDEADBEEF, False),  # versions before `oldest` changed existing messages
+        (1, PROTOCOL.minor, 0xDEADBEEF, False),  # same version but another hash: the definition was changed
+        # a version before `oldest`: later versions changed its messages
+        (1, PROTOCOL.minor - 1, 0xDEADBEEF, False),
         (1, MINOR, 0xDEADBEEF, True),
         (2, MINOR, 0xDEADBEEF, False),
         (2, PROTOCOL.minor, wire.SCHEMA_HASH, False),

@@ -24,7 +24,9 @@ COUNT = itertools.count()
 
 
 def table(folder: Path, content: Any, **how: Any) -> Stored:
-    """Write columns, in several batches, to a Parquet and a Feather file; return what both give alike."""
+    """Write columns, in several batches, to a Parquet file and to a Feather file. Check that both are read
+    with equal rates and times, and return the recording that was read.
+    """
     made = content if isinstance(content, pa.Table) else pa.table(content)
     path = folder / f"{next(COUNT)}.parquet"
     parquet.write_table(made, path, row_group_size=128)

@@ -1,4 +1,6 @@
-"""The first error asks for all missing facts, and the command in it, once completed, reads the file."""
+"""The first error about a file asks for all facts that are missing, and shows a command. With its question
+marks filled in, this command reads the file.
+"""
 
 from pathlib import Path
 

@@ -136,9 +136,9 @@ def test_messages_in_two_files_of_a_bag_count_once(kind: str, how: str, tmp_path
 
 @pytest.mark.parametrize("stamped", [True, False])
 def test_messages_that_only_have_the_times_of_others_are_no_copies(stamped: bool, tmp_path: Path) -> None:
-    """The clock of one sensor began again.
+    """With stamps, the clock of one sensor began again, so later messages repeat earlier stamps.
 
-    Another sensor has no stamps, so that only arrival times could show copies.
+    Without stamps, only equal arrival times could show that messages are copies.
     """
     rest = even(60)
     if stamped:

@@ -1,5 +1,5 @@
-"""The figures that an error message shows about a file are correct, and it shows no value that nothing
-states.
+"""An error message shows candidates for what a file does not state (units, rates). Its figures are correct,
+and no value is suggested without evidence.
 """
 
 import math
@@ -32,7 +32,9 @@ OPTION = re.compile(r"--([\w-]+) (\S+)")
 
 
 def lines_of(table: str) -> dict[str, tuple[str, list[float], list[float]]]:
-    """Return the rows of a table of units, by unit: name of the figure, its values, and the means."""
+    """Return the rows of a printed table of candidate units, by unit. Each consists of the name of the noise
+    figure (N or σ), its value on each axis, and the mean of each axis.
+    """
     found = {}
     for line in table.split("\n"):
         if (option := OPTION.search(line)) is not None:
@@ -56,7 +58,9 @@ LOGARITHM = st.floats(-3, 3).map(lambda exponent: 10**exponent)
 def test_noise_and_mean_are_those_of_the_data(
     n: tuple[float, ...], mean: tuple[float, ...], rate_hz: float | None, unit: str, slope: float
 ) -> None:
-    """The data are white noise with a density N in deg/√h, with a drift. The table shows two digits."""
+    """The rates are white noise with a density N in deg/√h, and a drift. The tolerance includes rounding,
+    since the table of units shows two digits.
+    """
     std = np.array(n) * math.sqrt(rate_hz or 3600) / 60
     drift = slope * std * np.linspace(-0.5, 0.5, ROWS)[:, np.newaxis] * 20
     dps = NOISE * std + drift + mean
@@ -94,7 +98,9 @@ def test_too_few_rows_show_nothing() -> None:
 
 
 def test_steps_of_a_coarse_sensor_are_noise_too() -> None:
-    """Most of the steps between samples are 0, so the median step is 0."""
+    """Most of the differences between neighbouring samples are 0. The median difference is 0, too, but the
+    noise shown is not.
+    """
     values = (np.random.default_rng(1).random((ROWS, 3)) < 0.2).astype(float)
     figures = lines_of(units_table(values, None))["deg/s"][1]
     assert figures == pytest.approx(values.std(axis=0), rel=0.1)
@@ -107,8 +113,9 @@ OF_COUNTS = {f"lsb:{g}": float(g) for g in GRAVITY_COUNTS}
 
 
 def at_rest(direction: tuple[float, ...], offset: tuple[float, ...], g: float) -> np.ndarray:
-    """Return an accelerometer's data with offsets as fractions of 1 g, at most 5 % in all, and 5 mg of
-    noise."""
+    """Return samples of an accelerometer at rest, with 5 mg of noise and an offset on each axis. The offsets
+    are fractions of 1 g, at most 5 % in all.
+    """
     there = np.array(direction) / math.hypot(*direction)
     off = np.array(offset) / math.sqrt(3)
     return g * (there + off + 0.005 * NOISE[:200])
@@ -128,7 +135,9 @@ def test_gravity_tells_the_unit_whatever_the_orientation(
 def test_whole_numbers_may_be_counts_and_are_never_taken_for_others(
     direction: tuple[float, ...], offset: tuple[float, ...], unit: str
 ) -> None:
-    """Slightly more than 8192 counts could also be 9,807 mm/s². In this case, no unit is shown."""
+    """A gravity of slightly more than 8192 counts could also be one of 9,807 mm/s². In this case, no unit is
+    shown.
+    """
     g = OF_COUNTS.get(unit) or GRAVITY[unit]
     found = gravity_units(np.rint(at_rest(direction, offset, g)))
     alike = ["mg", "cm/s^2"] if unit == "mg" else [unit]
@@ -186,7 +195,8 @@ def test_units_of_times_are_shown_with_the_rate_that_each_means(step: float) -> 
         rate_hz = 1 / (step * unit_s)
         if PLAUSIBLE_HZ[0] <= rate_hz <= PLAUSIBLE_HZ[1]:
             assert float(shown[unit]) == pytest.approx(rate_hz, rel=1e-5)
-        elif unit in shown:  # somewhat slower or faster sampling rates are shown, too
+        # units that give a somewhat slower or faster sampling rate than usual may be shown, too
+        elif unit in shown:
             assert PLAUSIBLE_HZ[0] / 6 < rate_hz < PLAUSIBLE_HZ[1] * 3
     assert times_table(-step) == times_table(0.0) == []
 

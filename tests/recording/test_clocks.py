@@ -1,4 +1,6 @@
-"""Tests which times count as a sensor's clock: rounded ones, bursts, wrong units, times of day as numbers."""
+"""Tests which columns of times count as a sensor's clock. The times are rounded, come in bursts, are in a
+wrong unit, or are times of day written as numbers.
+"""
 
 import math
 from collections.abc import Sequence
@@ -171,7 +173,9 @@ def test_losses_and_pauses_are_no_bursts(seed: int, loss: float, pauses: int, pa
 
 @given(st.sampled_from([*range(150, 1000, 13), 476, 833, 952, 990, 999]), st.floats(0, 1), SEEDS)
 def test_rounded_times_tell_the_rate_and_no_losses(rate_hz: float, begin: float, seed: int) -> None:
-    """952 Hz in whole ms must not be read as 1000 Hz with every twentieth sample missing."""
+    """Samples at 952 Hz whose times are in whole ms must not be read as 1000 Hz with every twentieth sample
+    missing.
+    """
     elapsed = Elapsed("ms")
     values = np.random.default_rng(seed).normal(size=(N, 1))
     times, begins = elapsed.add(np.floor(begin + np.arange(N) * 1000 / rate_hz), values)
@@ -196,7 +200,7 @@ def test_rounded_times_tell_samples_that_are_missing(rate_hz: float, loss: float
 
 
 def test_a_clock_that_is_just_coarser_than_the_samples_is_refused(tmp_path: Path) -> None:
-    """At 1010 Hz in whole ms, every hundredth sample repeats the time before it."""
+    """At 1010 Hz with times in whole ms, every hundredth sample repeats the time of the sample before it."""
     text = table(np.floor(np.arange(N) / 1.01).astype(int), "time_ms")
     asked = refusal(tmp_path, text)
     assert_asks_the_rate(asked)

@@ -89,7 +89,8 @@ def test_columns_that_have_the_length_of_gravity_are_no_rates(
         tmp_path, text, units="dps", **how
     )
     assert stored(tmp_path, text, units="dps", overrule=True, **how).samples == N
-    in_g = table("a,b,c", ACCEL / 9.81)  # such values would be a usual offset of a gyroscope in deg/s
+    # as rates in deg/s, these values would be a usual offset of a gyroscope
+    in_g = table("a,b,c", ACCEL / 9.81)
     assert stored(tmp_path, in_g, units="dps", **how).samples == N
     assert "gravity in g" in refusal(tmp_path, in_g, units="rad/s", **how)
     assert stored(tmp_path, text.replace("a,b,c", "gx [dps],gy [dps],gz [dps]"), rate_hz=100.0).samples == N

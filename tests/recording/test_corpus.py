@@ -35,7 +35,7 @@ SLOW = {"asam.mf4"}
 NOT_LIVE = {*BY_NAME, "excel_unicode.txt", "xsens_mtw.txt"}
 """Text files that cannot be read as live text: a pipe has no file name, and nobody sends UTF-16 line by line.
 
-In addition, the first few rows do not show that a column of times is empty.
+One text file has a column of times that is empty, which its first few rows do not show.
 """
 LIVE = [name for name in READ if name.endswith((".txt", ".csv", ".gcsv")) and name not in NOT_LIVE]
 
@@ -76,8 +76,8 @@ def test_a_file_of_each_kind_is_read(name: str, monkeypatch: pytest.MonkeyPatch)
 
 @pytest.mark.parametrize("name", [name for name in READ if OPTIONS[name]])
 def test_what_a_file_does_not_say_is_asked_for(name: str) -> None:
-    """Each file is read without any of its options, and then without each single one, since nothing in the
-    file states what the option states.
+    """Each file is read without all of its options, and then without one of them at a time. Nothing in the
+    file states what a missing option states, so the error has to ask for it.
     """
     truth = pairs(OPTIONS[name])
     for left_out in (set(truth), *({flag} for flag in truth)):

@@ -26,8 +26,8 @@ OTHER = np.random.default_rng(2).normal(scale=0.02, size=(N, 3)).astype(np.float
 
 
 def opened(kind: str, path: Path, **how: Any) -> Stored:
-    """Open a file with a reader process, since these libraries keep files open, or are patched so that they
-    write no files.
+    """Open a log. All kinds but ULog are opened in a reader process, since their libraries keep files open,
+    or are patched for the whole process so that they write no files.
     """
     return (
         open_here(kind, path, **how)
@@ -107,7 +107,8 @@ def queue(counts: Iterable[int], true_us: float, dt_us: float) -> tuple[bytes, A
     for count in counts:
         one = np.zeros((3, 32), np.int16)
         one[:, :count] = raw[end : end + count].T
-        one[:, count:] = 9999  # entries of the message after its samples are left over from earlier messages
+        # the message's entries after its last sample stand for old values, left over from earlier messages
+        one[:, count:] = 9999
         end += count
         last_us = round((end - 1) * true_us) + 1_000_000
         rows.append((0, "QIffB96h", last_us + 90, last_us, 7, dt_us, 0.001, count, *one.reshape(-1)))
@@ -146,7 +147,7 @@ def test_one_of_several_ardupilot_sensors_is_asked_for_by_number(tmp_path: Path)
     data = dataflash({"IMU": IMU_FORM}, [row for pair in pairs for row in pair])
     text = refusal("ardupilot", path, data)
     assert "which sensor is meant of IMU:0 (240 messages), IMU:1 (240 messages)" in text
-    with pytest.raises(NotStated):  # the message of this error shows the whole command
+    with pytest.raises(NotStated):  # `NotStated` is the error whose message shows a whole command
         opened("ardupilot", path)
     for topic, values in (("IMU:1", OTHER), ("0", RADS), ("IMU[1]", OTHER)):
         found = opened("ardupilot", path, topic=topic)
@@ -177,7 +178,7 @@ def test_ardupilots_raw_messages_come_before_the_filtered_ones(tmp_path: Path) -
 def test_batches_of_ardupilot_have_a_scale_and_a_rate(tmp_path: Path) -> None:
     """Batches of the accelerometer and of other sensors stand between those of the gyroscope.
 
-    One message is lost.
+    One message of a batch of the gyroscope is lost.
     """
     rng, rows, expected = np.random.default_rng(4), [], []
     for batch in range(6):

@@ -38,7 +38,7 @@ of_each = pytest.mark.parametrize("one", TABLE, ids=lambda one: one.name)
 
 
 class Seen(NamedTuple):
-    """What was known of a file when its dialect was determined."""
+    """What was known of a file when its dialect was determined: the arguments of `dialect_of`."""
 
     names: Sequence[str]
     facts: Facts
@@ -47,8 +47,8 @@ class Seen(NamedTuple):
 
     @property
     def columns(self) -> Sequence[str]:
-        """Return the names of columns, with those that neighbouring lines give, or positions without
-        names.
+        """Return the names of the file's columns, and the names that neighbouring lines give. If there are no
+        names, return the columns' positions.
         """
         return (*self.names, *self.facts.beside) or [str(place + 1) for place in range(self.fields)]
 
@@ -56,7 +56,7 @@ class Seen(NamedTuple):
         return dialect_of(self.names, self.facts, tag=self.tag, fields=self.fields)
 
     def all(self) -> list[Dialect]:
-        """Return all dialects that match the file, not only the first."""
+        """Return all dialects of the table that match the file, not only the first one that matches."""
         return [one for one in TABLE if dialects._is_in(one, self.names, self.facts, self.tag, self.fields)]
 
 
@@ -150,7 +150,9 @@ def test_each_column_of_a_row_is_in_one_of_its_files(one: Dialect) -> None:
 
 @of_each_file
 def test_of_several_rows_for_a_file_the_special_one_stands_first(one: Dialect, name: str) -> None:
-    """This means that some example file of the general row does not match the special row."""
+    """If several rows of the table match a file, the first one is the most special. So some example file of
+    each other row does not match the first row.
+    """
     first, *others = seen(name).all()
     assert first is one
     for other in others:
@@ -246,7 +248,9 @@ def test_numbers_of_a_head(head: str, number: float | None) -> None:
 
 
 def test_two_columns_of_one_axis_are_a_doubt() -> None:
-    """Such columns are ambiguous, unless the beginning of the sensor's column names distinguishes them."""
+    """Two columns that match the same axis are ambiguous, unless the prefix of one sensor's column names
+    distinguishes them.
+    """
     assert columns_of([["a", "b", "c"], ["p|q", "r", "s"]], ["s", "r", "q"]) == (2, 1, 0)
     assert columns_of([["a", "b", "c"]], ["a", "b"]) == ()
     assert columns_of([["p|q", "r", "s"]], ["p", "q", "r", "s"]) == ()

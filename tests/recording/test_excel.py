@@ -23,7 +23,9 @@ pytestmark = pytest.mark.filterwarnings(
 
 @pytest.fixture(autouse=True)
 def closed_files() -> Iterator[None]:
-    """Close at once the files that the reader left open, and not in the middle of another test."""
+    """Close the files that the reader left open as soon as a test ends. Otherwise Python would close them in
+    the middle of another test, with a warning.
+    """
     yield
     gc.collect()
 

@@ -42,7 +42,9 @@ def states_unit(case: Case, found: Figures) -> bool:
 
 
 def times_alone(case: Case, found: Figures) -> bool:
-    """Return whether all times are falsified, and the reading shows that the rate comes from them."""
+    """Return whether all times of the file are falsified, and the result says that the rate comes from these
+    times.
+    """
     return case.what == "all of them" and found.says("clock", "measured", "the times of")
 
 
@@ -56,9 +58,9 @@ def head_is_shown(case: Case, found: Figures) -> bool:
 
 
 def given(case: Case, found: Figures) -> bool:
-    """Return whether the user's option decides, as a note says.
+    """Return whether the user's option decides about the falsified fact, and a note of the result says so.
 
-    It decides if the file states nothing, or if only the logger's dialect contradicts the option.
+    The option decides if the file states nothing, or if only the logger's dialect contradicts the option.
     """
     flag = case.kind.removeprefix("claimed ")
     noted = f"as {flag} says" in found.notes or flag in pairs(case.of.options)
@@ -82,8 +84,8 @@ UNDETECTABLE: dict[str, tuple[str, Shown]] = {
         lambda case, found: found.says("accelerometer", "missing"),
     ),
 }
-"""Falsifications that change the resulting figures, since the file stays consistent: for each, the reason,
-and a function that tells whether the reading shows it.
+"""Falsifications that change the resulting figures without an error, since the file stays consistent. Each
+has the reason, and a function that returns whether the result shows the falsified value.
 """
 
 OTHER_CLOCK_WITHOUT_UNIT = {
@@ -97,7 +99,9 @@ OTHER_CLOCK_WITHOUT_UNIT = {
 
 
 def is_of_one_fact(case: Case, found: Figures, truth: Figures) -> bool:
-    """Return whether only the rate differs, or all axes differ by the same factor."""
+    """Return whether the result differs from the truth as it does after a change of one fact: only the
+    sampling rate differs, or all axes differ by the same factor.
+    """
     if case.kind in ("two sensors by turns", "names of the sensors swapped"):
         return True
     factors = found.noise / truth.noise
@@ -107,9 +111,10 @@ def is_of_one_fact(case: Case, found: Figures, truth: Figures) -> bool:
 
 
 def wrong_in_silence(case: Case, truth: Figures, read: Callable[[], Figures]) -> str:
-    """Return a text on the result if it is wrong and nothing shows that it is. Otherwise, return "".
+    """Return a text that describes the result of reading a file if the result is wrong and nothing shows that
+    it is. Otherwise, return "".
 
-    The result is right if the file is refused, or is read as before the change.
+    The result is right if the falsified file is refused, or if it is read as before the falsification.
     """
     try:
         found = read()
@@ -152,8 +157,8 @@ def renamed(names: dict[str, str]) -> Columns:
 class Table(NamedTuple):
     """A table in which one fact is falsified.
 
-    `columns`: arrays, and single numbers, which are sampling rates. `shows`: question, evidence and value of
-    the answer that shows the change.
+    `columns`: arrays by name, and single numbers, which are sampling rates. `shows`: question, evidence and
+    value of the answer in which the reader shows the change, or None if the file is refused.
     """
 
     columns: Columns
@@ -222,7 +227,8 @@ def read_here(path: Path, how: How) -> Figures:
 def test_no_falsified_table_is_wrong_in_silence(name: str, fact: str, tmp_path: Path) -> None:
     table, write = TABLES[fact], WRITERS[name]
     if name == "rest.parquet" and not all(np.size(one) == len(TIMES_S) for one in table.columns.values()):
-        # such a file cannot exist, since its columns all have the same length, and it holds no single numbers
+        # such a Parquet file cannot exist, since all columns of a Parquet file have the same length, and it
+        # holds no single numbers
         return
     write(tmp_path / name, WHOLE)
     truth = read_here(tmp_path / name, How())

@@ -107,7 +107,9 @@ COLUMNS = {"columns": ["t", "gx", "gy", "gz", "ax"], "units": ["s", *["rad/s"] *
 
 
 def beside(array: str, attributes: dict[str, Any], mark: str) -> dict[str, Any]:
-    """Return facts about an array, as its attributes (`mark` @) or as neighbouring arrays (`mark` _)."""
+    """Return facts about an array by the name that they get in the file: attributes of the array if `mark` is
+    "@", neighbouring arrays if it is "_".
+    """
     return {f"{array}{mark}{name}": value for name, value in attributes.items()}
 
 

@@ -142,7 +142,8 @@ def test_what_begins_as_a_document_in_a_file_is_not_called_a_stream(tmp_path: Pa
 
 
 def test_the_table_is_cheap_to_load() -> None:
-    """Help texts list all endings of file names, so each start of the program loads the table.
+    """Help texts list the endings of file names of all formats, so each start of the program loads the table
+    of formats. This must not load numpy or a format's library.
 
     On a Raspberry Pi, the start already takes a second.
     """

@@ -1,4 +1,4 @@
-"""HDF5 files whose data are in other files: those are not read, and the message says so."""
+"""HDF5 files may refer to data in other files. The other files are not read, and the message says so."""
 
 import os
 from collections.abc import Callable
@@ -105,7 +105,9 @@ def test_parts_of_a_table_of_pandas(kind: str, tmp_path: Path, other: Path) -> N
 
 
 def test_a_group_that_only_says_it_is_a_table_of_pandas(tmp_path: Path) -> None:
-    """The group lacks the fields and the attributes that PyTables writes."""
+    """An HDF5 group claims to be a table of pandas, but lacks the fields and the attributes that PyTables
+    writes.
+    """
     path = tmp_path / "a.h5"
     with h5py.File(path, "w") as file:
         file.create_group("imu").attrs["pandas_type"] = "frame_table"

@@ -1,4 +1,6 @@
-"""If a header is repeated before each row, its columns are chosen only once, and no new run begins."""
+"""If the header of a text file is repeated before each row, its columns are chosen only once, and no row is
+taken for the beginning of a new run of the logger.
+"""
 
 import pytest
 from fltea.recording import text_layout

@@ -1,4 +1,6 @@
-"""If a recording has holes or wrong lengths in the middle, everything before and after them is read."""
+"""If an MCAP recording has holes of zeros or records with wrong lengths, all that is intact before and after
+the damage is read.
+"""
 
 import re
 from itertools import chain
@@ -25,8 +27,8 @@ from tests.rig.mcap_support import files, kill, record, replay, transport
 class Case:
     """A recording in many chunks, for each test to change.
 
-    `places`: kind, begin and end of each record. `chunks`: begin and end of each chunk. `messages`: messages
-    in each chunk.
+    `places`: kind of each record of the file, with the offsets of its begin and end. `chunks`: begin and end
+    of each chunk. `messages`: messages in each chunk.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -120,7 +122,8 @@ def test_any_hole_costs_the_chunks_that_it_touches_and_no_other(case: Case, at: 
     begin = first + int(at * (last - first))
     end = min(begin + size, last)
     case.punch(begin, end)
-    # A chunk of which only the length is hit is read, since its fields tell the length, too.
+    # If the hole covers only the length of a chunk, the chunk is still read, since its other fields tell the
+    # length, too.
     kept = [
         messages
         for (b, e), messages in zip(case.chunks, case.messages, strict=True)
@@ -136,7 +139,9 @@ LIES = [0, 1, 20, 1000, WINDOW_BYTES, 10**6, 2**31, 2**40, 2**63, 2**64 - 1]
 @settings(max_examples=20, deadline=None)
 @given(which=st.integers(0, 10_000), lie=st.one_of(st.sampled_from(LIES), st.integers(0, 200_000)))
 def test_a_length_that_lies_costs_no_chunk_and_is_named(case: Case, which: int, lie: int) -> None:
-    """A chunk's fields show its true length, and all other skipped bytes are searched."""
+    """The length of one record is wrong. If it is a chunk's, the chunk's fields show the true length. After
+    any other record, the bytes that the wrong length skips are searched for chunks.
+    """
     first, *_, last = (k for k, (kind, _, _) in enumerate(case.places) if kind == Opcode.CHUNK)
     kind, begin, end = case.places[first + which % (last - first)]
     if lie == end - begin - HEAD.size:
@@ -150,7 +155,9 @@ def test_a_length_that_lies_costs_no_chunk_and_is_named(case: Case, which: int, 
 
 
 def test_an_index_whose_wrong_length_ends_where_a_later_record_begins_costs_no_chunk(case: Case) -> None:
-    """The chunk behind the index ends there, and would be lost in silence."""
+    """A wrong length of a message index makes the index end exactly where the chunk behind it ends. A reader
+    that trusted the length would lose this chunk without notice.
+    """
     first = next(k for k, (kind, _, _) in enumerate(case.places) if kind == Opcode.MESSAGE_INDEX)
     begin = case.places[first][1]
     end = next(end for kind, at, end in case.places if kind == Opcode.CHUNK and at > begin)
@@ -175,7 +182,9 @@ def test_of_a_wrong_length_it_is_not_said_that_the_recording_is_short(case: Case
 
 
 def test_a_search_among_chunks_that_are_none_has_an_end(case: Case) -> None:
-    """False chunk headers within chunks cost a few passes over the file in all, not one pass each."""
+    """The file holds many bytes that look like headers of chunks but are none. Together they cost a few
+    passes over the file, not one pass each.
+    """
     size, fake = 3_000_000, bytearray()
     while len(fake) < size:
         length = min(10**6, size - len(fake))

@@ -1,5 +1,5 @@
-"""Whatever size a file claims, it is refused with little memory, with exit code 2 and a reason, and never
-with a traceback.
+"""A file that claims to be huge is refused with exit code 2 and a reason. This takes little memory, and there
+is never a traceback.
 """
 
 import json
@@ -28,8 +28,8 @@ from tests.rig.tiers import slow_but
 RIG = Path(__file__).parents[1] / "rig"
 SMALL = ["--set", "estimator.startup=2", "--format", "none", "--once"]
 MOST_MB = 350
-"""Largest growth of the process [MB]: twice the limit of 64 MB, which is in memory twice for a moment, and
-the modules that the commands load.
+"""Largest permitted growth of the process [MB]. It allows for data up to the limit of 64 MB, which are in
+memory twice for a moment, and for the modules that the commands load.
 """
 
 
@@ -73,12 +73,13 @@ def test_a_chunk_that_lies_about_its_size_is_damaged_and_costs_little(name: str,
     record(tmp_path, transport(samples=60), channels=())
     (path,) = tmp_path.glob("*.mcap")
     data = path.read_bytes()
-    # the bytes are inserted before everything that was recorded
+    # the false bytes are inserted behind the 8 bytes of the file's magic, before all records
     path.write_bytes(data[:8] + hostile_files.MCAP_LIES[name]() + data[8:])
     results, grown_mb = probed(["info", path], ["recover", path, "--in-place"])
     assert [code for code, _ in results] == [1, 0], results
     assert grown_mb < MOST_MB
-    assert recover(path, in_place=False).out is None  # the file is now complete
+    # `recover` has nothing left to do: the file is complete now
+    assert recover(path, in_place=False).out is None
 
 
 @pytest.mark.parametrize("kind", slow_but([6], hostile_files.SPARSE_KINDS))
@@ -102,7 +103,7 @@ def test_the_limit_of_a_chunk_can_be_raised(tmp_path: Path) -> None:
     assert len(samples_of(ReplaySource(path, limits=high).events())) > 190
     for command in all_commands(path, tmp_path / "out.npz"):
         if command[0] == "identify":
-            continue  # two seconds of samples are too few for this command
+            continue  # the file's two seconds of samples are too few for `identify`
         results, _ = probed(
             [*command, "--set", "replay.max_chunk_mb=0.001"],
             [*command, "--set", "replay.max_chunk_mb=1"],
@@ -146,9 +147,10 @@ def test_the_limit_of_arrays_can_be_raised(tmp_path: Path) -> None:
 
 
 def test_a_day_at_100_hz_passes_as_it_is() -> None:
-    """The recording of a day has everything that `export` writes.
+    """A recording of a day with all columns that `export` writes is within the default limits.
 
-    These are counts and m/s² of three axes, two times, sequence number and epoch.
+    The columns are the rates of three axes in counts, the accelerations of three axes in m/s², two times,
+    sequence number and epoch.
     """
     rows = 24 * 3600 * 100
     assert rows * 8 * (3 + 3 + 4) < Limits().whole_bytes

@@ -61,7 +61,7 @@ def test_one_label_a_line_is_a_sample_of_three(form: str, between: list[str], tm
 def test_a_lost_line_does_not_mix_samples(tmp_path: Path) -> None:
     make = FORMS["teleplot with times"][0]
     lines = [*of_samples(make)]
-    for lost in (100, 201, 302):  # the x of one sample, the y of another, and the z of a third
+    for lost in (100, 201, 302):  # the x of one sample is lost, the y of another, and the z of a third
         lines[lost] = ""
     found = read(tmp_path, lines, units="deg/s").whole()
     kept = [k for k in range(N) if k not in (100 // 3, 201 // 3, 302 // 3)]
@@ -119,7 +119,7 @@ def test_one_axis_alone_is_one_axis(tmp_path: Path) -> None:
     cuts=st.lists(st.integers(0, 40), max_size=4),
 )
 def test_lines_are_as_many_as_there_were(lines: list[str], cuts: list[int]) -> None:
-    """However the text is cut into pieces, only numbers before the first whole sample are lost."""
+    """However the text is cut into pieces, only the lines before the first complete sample are lost."""
 
     def run(pieces: list[list[str]]) -> list[str]:
         labels = LabelLines()
@@ -157,7 +157,9 @@ def test_lines_of_a_log_with_colours(tmp_path: Path) -> None:
 
 
 def test_positions_of_objects_are_those_of_the_table(tmp_path: Path) -> None:
-    """This includes objects that follow an object of another kind."""
+    """The positions that an error shows for the fields of JSON objects are those of the table's columns, even
+    if an object with other fields comes first.
+    """
     rows = [{"id": k, "t_ms": 10 * k, "v": row} for k, row in enumerate(GYRO.tolist())]
     lines = [json.dumps(row) for row in [{"a": 1, "b": 2, "c": 3, "d": 4, "e": 5}, *rows]]
     with pytest.raises(NotStated, match="3  v_x: mean"):

@@ -35,8 +35,8 @@ from fltea.sources.text_events import TextEvents
 from tests.rig.tiers import slow_but
 
 ROWS = 4000
-"""Number of rows. It exceeds the number of first rows by which the columns' meaning is found, since these are
-examined repeatedly.
+"""Number of rows in the smaller of two texts. The first rows of a text, by which the meaning of the columns
+is found, are examined repeatedly. There have to be many more rows than these.
 """
 
 HEADER = "time_s,gyro_x_dps,gyro_y_dps,gyro_z_dps\n"
@@ -113,9 +113,10 @@ def sensors(n: int) -> Iterator[str]:
 
 
 def by_position(before: int) -> dict[str, Any]:
-    """Return options that name columns by their positions behind `before` other columns.
+    """Return options that name the columns of the rates by their positions. `before` other columns stand in
+    front of them.
 
-    The first of the named columns holds the times.
+    The first column of the table holds the times.
     """
     columns = [str(before + place) for place in (1, 2, 3)]
     return {"columns": columns, "units": "dps", "time_column": "1", "time_unit": "s"}
@@ -192,7 +193,9 @@ def work(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
 
 
 def assert_linear(done: list[Counter[str]]) -> None:
-    """Check that twice as many rows take at most twice the work, apart from the beginning of a file."""
+    """Check that twice as many rows take at most twice the work. The beginning of a file may take additional
+    work.
+    """
     small, large = done
     for what, count in large.items():
         assert count <= 2.1 * small[what] + 200, f"{what}: {small[what]} and {count}"
@@ -289,7 +292,9 @@ def test_a_line_that_is_no_row_costs_a_few_calls(name: str, head: str, tmp_path:
 
 
 def test_the_columns_have_to_be_named_in_the_first_lines(tmp_path: Path) -> None:
-    """This holds however short the first lines are, and however many bytes have been read."""
+    """The columns have to be named within a fixed number of first lines. Neither the length of these lines
+    nor the number of bytes that have been read counts.
+    """
     path = tmp_path / "rest.csv"
     path.write_text("x\n" * (HEAD_LINES - 2) + "".join(plain(100)))
     assert open_csv(path).samples == 100
@@ -314,7 +319,9 @@ def test_lines_that_are_none_of_a_recording_are_looked_at_once(end: str, work: C
 
 
 def test_a_document_that_never_ends_is_not_joined_again_and_again() -> None:
-    """Each piece is a part of one line; joining all pieces each time would take hours."""
+    """All pieces are parts of one endless line. Joining all earlier pieces whenever a piece arrives would
+    take hours.
+    """
     documents = text_forms.YamlDocuments()
     for _ in range(20_000):
         documents.feed(b"0123456789")

@@ -11,7 +11,9 @@ PERIOD_NS = 5_000_000
 
 
 def kept(seed: int, share: float, longest: int = 1) -> Times:
-    """Return the numbers of the samples that remain after some were lost."""
+    """Return the numbers of the samples that remain of N. Losses begin at a random proportion `share` of the
+    samples, and each loses up to `longest` samples.
+    """
     rng = np.random.default_rng(seed)
     lost = rng.random(N) < share
     for begin in np.flatnonzero(lost):
@@ -58,7 +60,7 @@ def test_samples_that_are_stamped_when_a_batch_is_read(seed: int, batch: int) ->
 def test_late_stamps_are_no_gap() -> None:
     stamps = np.arange(N) * PERIOD_NS
     late = stamps.copy()
-    # the computer was busy at these samples: 20 messages waited, and were then stamped together
+    # from each of these samples on, the computer was busy: 20 messages waited, and were then stamped together
     for begin in (100, 700, 1500):
         late[begin : begin + 20] = np.maximum(late[begin : begin + 20], stamps[begin + 20] - 20_000)
     found = judge(late, None)
@@ -80,12 +82,13 @@ def test_a_gap_between_late_stamps() -> None:
 def test_late_stamps_just_before_and_after_a_gap() -> None:
     number = np.setdiff1d(np.arange(N), np.arange(1000, 1007))
     stamps = number * PERIOD_NS
-    # the stamps are increasingly late, but none by a whole period
+    # the stamps before the gap become later from sample to sample, but none is late by a whole period
     stamps[997:1000] += np.array([4, 8, 12]) * PERIOD_NS // 10
     assert judge(stamps, None).missing.tolist() == [7]
     stamps[1000:1003] += np.array([19, 14, 9]) * PERIOD_NS // 10
     assert judge(stamps, None).missing.tolist() == [7]
-    stamps[999] += 3 * PERIOD_NS  # it cannot be known on which side of this stamp the samples were lost
+    # now the stamp is so late that the samples may have been lost on either side of it
+    stamps[999] += 3 * PERIOD_NS
     assert judge(stamps, None).missing.sum() == 7
 
 
@@ -143,7 +146,7 @@ def test_a_stamp_that_repeats_the_one_before_is_no_lost_sample(
     n = 24_000
     number = np.arange(n) + lost * (np.arange(n) >= 12_000)
     stamps = number * PERIOD_NS + np.rint(rng.normal(0, jitter_ns, n)).astype(np.int64)
-    # next to a gap, it cannot be decided whether a stamp is old
+    # stamps near the gap stay as they are: there it cannot be decided whether a stamp is old
     places = np.setdiff1d(np.arange(2, n - 2, 3), np.arange(11_990, 12_010))
     again = rng.choice(places, 48, replace=False)
     stamps[again] = stamps[again - 1] + behind_ns

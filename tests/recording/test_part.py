@@ -1,4 +1,6 @@
-"""What a file of a recording states about its messages equals what the MCAP library's own writer states."""
+"""An MCAP file that fltea writes has the same messages and the same summary as a file that the MCAP library's
+own writer makes of the same messages.
+"""
 
 import io
 from pathlib import Path

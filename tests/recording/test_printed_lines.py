@@ -24,7 +24,9 @@ NAMED = How(units="dps", time_unit="s")
 
 
 def fed(parts: Sequence[bytes], how: How) -> tuple[np.ndarray, TextReader]:
-    """Return the values in all rows (the axes, then the time), and the reader that read them."""
+    """Feed pieces of text to a reader. Return the reader, and the values in all rows: first the axes, then
+    the time.
+    """
     reader = TextReader("rest", how)
     rows = [one.values for part in parts for one in reader.feed(part)]
     rows += [one.values for one in reader.finish()]
@@ -271,7 +273,9 @@ def test_messages_may_be_cut_anywhere(tool: str, places: list[int], windows: boo
 
 @given(st.sampled_from([*ECHOED]), st.integers(1, 800))
 def test_a_message_that_is_cut_off_is_told_and_never_a_sample(tool: str, missing: int) -> None:
-    """The last number of the message may be cut, too: 0.002 may be the beginning of 0.00204."""
+    """A message that was cut off is reported and never becomes a sample. This holds even if all its numbers
+    are there: 0.002 at the end may be the beginning of 0.00204.
+    """
     data = echoed(ECHOED[tool], 4)[:-missing]
     values, reader = fed([data], How())
     whole, rest = data.count(b"\n---"), data.rpartition(b"\n---")[2]

@@ -126,13 +126,15 @@ def test_what_a_reader_takes_too_much_of_ends_it() -> None:
     assert ended_by(ProcessLimits(here, 1, 60, GB), "busy") == -signal.SIGXCPU
     assert ended_by(ProcessLimits(here, 60, 1, GB), "sleep") == -signal.SIGALRM
     assert ended_by(ProcessLimits(here, 60, 1, GB), "wait") == 0
-    # the parent process of this process has ended
+    # the limits name another parent process: for the reader, its parent has ended
     assert ended_by(ProcessLimits(here + 1, 60, 60, GB), "sleep") == 1
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="prctl(2) is of Linux")
 def test_a_reader_ends_with_who_started_it() -> None:
-    """The stdout that both processes hold open reaches its end when both have ended."""
+    """A reader process ends when the process that started it ends. Both hold one stdout open, so this stdout
+    reaches its end when both have ended.
+    """
     words = [sys.executable, "-c", PARENT, HELD]
     with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as parent:
         assert parent.stdout is not None

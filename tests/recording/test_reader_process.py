@@ -128,7 +128,9 @@ def test_json_in_json_without_end(tmp_path: Path) -> None:
 def test_code_in_the_current_folder_is_not_run(
     entry: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The folder of a recording may hold files that are named like modules of Python or of a library."""
+    """The folder of a recording may hold files that are named like modules of Python or of a library. A
+    reader process must not run them.
+    """
     for name in ("resource", "random", "numpy", "pyarrow"):
         (tmp_path / f"{name}.py").write_text(f"open({str(tmp_path / 'has_run')!r}, 'w')\n")
     shutil.copy(HERE / "pandas.parquet", tmp_path)
@@ -140,7 +142,9 @@ def test_code_in_the_current_folder_is_not_run(
 
 
 def test_what_a_library_prints_is_not_what_it_sends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """C code prints to file descriptor 1, even if Python has redirected its own stdout."""
+    """What a library prints must not mix with the results that a reader process sends. C code prints to file
+    descriptor 1 even if Python has redirected its own stdout.
+    """
     (tmp_path / "pyulog.py").write_text(
         "import os, sys\n"
         "os.write(1, b'Warning: no subscription found for message id 77.\\n')\n"

@@ -1,6 +1,7 @@
-"""Any bytes, and real files with changes anywhere, give records or an error with a reason.
+"""Readers of recordings get files of random bytes, and real files with changes anywhere. The result is
+records, or an error with a reason.
 
-No other result is possible.
+A crash, a hang or huge memory is a fault.
 """
 
 import contextlib
@@ -42,14 +43,16 @@ from tests.rig.tiers import slow, slow_but
 
 LIMITS = Limits(max_chunk_mb=1, max_mb=1)
 MOST_BYTES = 40_000_000
-"""Largest memory that reading may take [bytes]: twice the limits, and what a recording within the limits
-needs.
+"""Largest memory that reading may take [bytes]: twice the limits for data, and the memory that a recording
+within these limits needs besides.
 """
 
 Change = tuple[float, bytes, int]
 places = st.floats(0, 1, exclude_max=True)
 LENGTHS = [byte * count for byte in (b"\x00", b"\xff") for count in (1, 2, 4, 8)]
-"""The smallest and the largest length that a format can state before its data, in 1, 2, 4 or 8 bytes."""
+"""The bytes of the smallest and of the largest length that a format can state, in a field of 1, 2, 4 or 8
+bytes.
+"""
 holes = st.tuples(places, st.integers(13, 3000)).map(lambda hole: (hole[0], bytes(hole[1]), hole[1]))
 """Holes of zeros, as in a file that was truncated while it was written, or in a sparse file."""
 
@@ -186,9 +189,9 @@ def test_the_real_files_are_read(name: str, real: Files, folder: Path) -> None:
 
 @pytest.mark.parametrize("name", slow_but(["rest.npy"], KINDS))
 def test_files_that_were_changed_anywhere(name: str, real: Files, folder: Path) -> None:
-    """Files that a library reads get as few examples as the logs below.
+    """Files that a library reads are changed in as few examples as the logs further below.
 
-    Only the handling of the library's errors is tested.
+    For these files, the test only covers how errors of the library are handled.
     """
 
     @given(how=changes)
@@ -257,7 +260,7 @@ ARRAYS = [name for name in NPZ_ARRAYS if name not in ("gyro_dps", "accel_ms2")]
 def test_npz_with_odd_numbers(
     real: Files, folder: Path, name: str, value: Any, row: int | None, kind: str
 ) -> None:
-    """The unusual value stands in one row, or in all rows."""
+    """One array of a recording gets an unusual value, in one row or in all rows."""
     with np.load(io.BytesIO(real["rest.npz"])) as archive:
         arrays = {key: archive[key] for key in archive.files}
     with np.errstate(all="ignore"):
@@ -279,7 +282,7 @@ def test_npz_with_odd_numbers(
 @given(how=changes, name=st.sampled_from(ARRAYS))
 @settings(max_examples=50)
 def test_npz_with_changed_arrays(real: Files, folder: Path, how: list[Change], name: str) -> None:
-    """The arrays are changed, with correct checksums in the archive."""
+    """One array is changed before the archive is written, so the checksums in the archive are correct."""
     with zipfile.ZipFile(io.BytesIO(real["rest.npz"])) as archive:
         arrays: dict[str, Any] = {key[:-4]: archive.read(key) for key in archive.namelist()}
     arrays[name] = changed(arrays[name][:300], how) + arrays[name][300:]
@@ -357,9 +360,9 @@ def test_mcap_with_an_odd_head(real: Files, folder: Path, key: str, value: str) 
 @given(key=st.integers(0, 40), value=odd)
 @settings(max_examples=25)
 def test_mcap_with_an_odd_hello(real: Files, folder: Path, key: int, value: Any) -> None:
-    """The HELLO in the metadata at the file's beginning is changed.
+    """A field of the HELLO is changed in the metadata at the beginning of an MCAP file.
 
-    The bytes after it are those of a real device.
+    The recorded bytes that follow come from a correct device.
     """
     hello = next(json.loads(line) for line in real["run.ndjson"].splitlines() if b'"hello"' in line)
     hello[sorted(hello)[key % len(hello)]] = value

@@ -54,7 +54,8 @@ def test_hdf5_never_reads_another_file(
             file.create_group("imu").attrs.update({"pandas_type": "frame", "nblocks": 1})
             file["imu/block0_items"] = [b"gyro_x_dps"]
         for place, kind, target in places:
-            with contextlib.suppress(ValueError, OSError, RuntimeError):  # a link of this name exists already
+            # raised if a link of this name exists already
+            with contextlib.suppress(ValueError, OSError, RuntimeError):
                 _put(file, place, kind, target)
     before = os.getcwd()
     os.chdir(folder)
@@ -63,7 +64,7 @@ def test_hdf5_never_reads_another_file(
         with contextlib.suppress(FlteaError, KeyError, ValueError):
             sheet = hdf5.read(path, "")
             for block in sheet.blocks(range(len(sheet.names))):
-                # the block holds no values of the other files, and no invented values
+                # values of another file, or values that HDF5 fills in, would be 0
                 assert not (block == 0).any()
     finally:
         os.chdir(before)
@@ -128,7 +129,9 @@ def test_messages_of_any_width(
 )
 @settings(max_examples=6)
 def test_a_session_with_little_of_anything(name: str, addresses: int, seconds: int) -> None:
-    """The file is read, or refused with a message that blames the login session's limits and not the file."""
+    """In a login session with little address space and processor time, a file is read, or refused with a
+    message that blames the session's limits and not the file.
+    """
     session = {resource.RLIMIT_AS: addresses, resource.RLIMIT_CPU: seconds}
     said: FlteaError | None = None
     with pytest.MonkeyPatch.context() as patch:

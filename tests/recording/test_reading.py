@@ -1,5 +1,5 @@
-"""Tests each question about a file with each kind of evidence: the strongest decides, and contradictions are
-reported.
+"""Tests the answers to each question about a file (unit, clock, axes …) from each kind of evidence. The
+strongest evidence decides, and contradictions are reported.
 """
 
 import shlex
@@ -54,7 +54,7 @@ def refusal(*arguments: Any, **how: Any) -> str:
 
 
 def said(chosen: Chosen, question: str) -> Answer:
-    """Return the answer to a question; check that there is only one."""
+    """Return the answer that the reader gives to a question about the file. Check that there is only one."""
     (found,) = [answer for answer in chosen.answers if answer.question == question]
     return found
 
@@ -159,7 +159,7 @@ MAYBE = st.none() | st.sampled_from(UNITS)
 
 
 def expected(given_: str | None, stated: set[str], told: str | None) -> tuple[str, str] | None:
-    """Return the expected unit and its evidence.
+    """Return the unit that the reader should choose, and the evidence for it.
 
     Return ("", reason) for a contradiction, and None if the unit is missing.
     """

@@ -1,4 +1,6 @@
-"""Bias steps and motions in recordings are stored as channels, counted by `info`, and exported as tables."""
+"""Steps of the bias and motions are stored in a recording as channels of their own. `info` counts them, and
+`export` writes them as tables.
+"""
 
 import csv
 from pathlib import Path
@@ -39,11 +41,11 @@ def test_they_are_channels_with_schemas(tmp_path: Path) -> None:
         if topic.endswith(("/step", "/motion"))
     ]
     assert {topic for topic, _ in found} == {"/due/step", "/due/motion"}
-    # these fields are null, so messages leave them out
+    # messages leave out fields that are null
     null = {"/due/step": {}, "/due/motion": {"samples": None, "largest": None}}
     said = [null[topic] | msgspec.json.decode(message.data) for topic, message in found]
     again = [msgspec.convert(one, Step | Motion) for one in said]
-    # in the order in which readers sort them
+    # sorted by time, as readers of MCAP return the messages
     wanted = sorted(of(Step | Motion, live), key=lambda one: one.host_ns)
     assert again == wanted
     assert [message.log_time for _, message in found] == [one.host_ns for one in wanted]

@@ -74,7 +74,9 @@ def test_npz_of_counts(tmp_path: Path) -> None:
 
 
 def test_npz_of_rates_and_numbers_in_brackets(tmp_path: Path) -> None:
-    """In a file with rates in deg/s, the scale is ignored. A single number may be an array of length one."""
+    """If an .npz file has rates in deg/s, it needs no scale. A single number, such as the sampling rate, may
+    be an array of length one.
+    """
     rates = {"gyro_dps": np.ones((2, 1)), "fs_hz": np.array([99.0])}
     found = open_npz(npz_file(tmp_path, gyro_raw=None, lsb_per_dps=None, **rates)).whole()
     assert (found.rate_hz, found.lsb_per_dps, found.gyro.shape) == (99.0, None, (2, 1))
@@ -172,7 +174,9 @@ def test_other_files_are_no_npz(data: bytes | None, tmp_path: Path) -> None:
 
 
 def test_damaged_npz_is_told_as_such(tmp_path: Path) -> None:
-    """Any changed byte gives a usage error or the original samples. A truncated file gives a usage error."""
+    """Reading an .npz file in which any one byte is changed gives a usage error or the original samples. A
+    truncated file gives a usage error.
+    """
     path = tmp_path / "rest.npz"
     gyro = np.random.default_rng(1).integers(-99, 99, (8, 1))
     np.savez_compressed(path, **{**GOOD, "gyro_raw": gyro})

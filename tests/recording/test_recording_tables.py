@@ -41,7 +41,9 @@ def exported(folder: Path, what: str) -> tuple[list[dict[str, str]], dict[str, n
 
 
 def comparable(records: list, kind: type[Any]) -> list[tuple]:
-    """Return estimates without host times and numbers, which a file without a host's clock lacks."""
+    """Return epoch and axes of each estimate. Its host time and number are left out, since a file without a
+    host's clock lacks them.
+    """
     return [(r.epoch, r.axes) for r in of(kind, records)]
 
 
@@ -91,7 +93,7 @@ def test_samples_as_they_were_and_an_npz_replays_to_the_same_estimates(tmp_path:
         assert (np.diff(found) > 0).all()
         assert found[297] - found[296] == pytest.approx(
             7.0, abs=0.1
-        )  # the port was lost for this time, by the host's clock
+        )  # the port was lost for 7 s by the host's clock
         assert found[60] - found[59] == pytest.approx(0.03)
     again = replay(tmp_path / "out.npz")
     assert comparable(again, Estimate) == comparable(live, Estimate)
@@ -122,7 +124,7 @@ def test_csv_replays_to_the_same_estimates_where_nothing_is_lost(tmp_path: Path)
 
 @pytest.mark.slow
 def test_estimates_are_those_that_were_published(tmp_path: Path) -> None:
-    """The exported estimates include the result of the whiteness test."""
+    """Exported estimates equal the published ones, including the result of the whiteness test."""
     live, _ = record(tmp_path / "rec", transport(samples=1_100))
     rows, data = exported(tmp_path, "estimates")
     first = ["time_s", "epoch", "seq", "device_us", "host_ns", "bias_gyro_x_dps", "bias_std_gyro_x_dps"]
@@ -249,7 +251,7 @@ def test_a_sum_counts_what_the_live_run_counted(tmp_path: Path) -> None:
     assert found.hello.device == "due"
     assert (
         of(Hello, live)[-1].host_ns <= found.hello.host_ns <= of(Sample, live)[-1].host_ns
-    )  # this is the last one that was received
+    )  # the summary has the last HELLO that was received
     assert found.duration_s == pytest.approx(13.0, abs=0.1)
     assert found.rate_hz == pytest.approx(100.0, rel=1e-3)
     text = as_text(found)
@@ -302,7 +304,7 @@ def test_a_torn_file_becomes_whole_beside_itself(tmp_path: Path) -> None:
     kill(sink)
     path = files(tmp_path)[0]
     with path.open("ab") as file:
-        file.write(b"\6\xff\xff")  # these bytes are the beginning of a record
+        file.write(b"\6\xff\xff")  # the beginning of an MCAP record, which was never completed
     before = path.read_bytes()
     found = recover(path, in_place=False)
     assert found.out == path.with_name(f"{path.stem}.recovered.mcap")
@@ -338,7 +340,7 @@ def test_nothing_to_save_and_nothing_there(tmp_path: Path, capsys: pytest.Captur
     with pytest.raises(UsageError, match="cannot be read"):
         recover(tmp_path / "none.mcap", in_place=False)
     record(tmp_path, transport(samples=60))
-    # this error is reported after everything else is done
+    # this error about one file is reported after all other files are done
     with pytest.raises(UsageError, match=r"empty\.mcap: nothing in it"):
         cli_record.recover([tmp_path])
     assert "is whole" in capsys.readouterr().out

@@ -1,4 +1,6 @@
-"""Tests as what another program's file is recognised, and the error for a file that is no recording."""
+"""Tests that files of other programs are recognised for what they are, and that the error for a file that is
+no recording says so.
+"""
 
 import json
 import shlex

@@ -91,7 +91,9 @@ def test_packed_bags(tmp_path: Path, kind: str, packed: str) -> None:
 @pytest.mark.parametrize("profile", ["ros1", "ros2", ""])
 @pytest.mark.parametrize("packed", [CompressionType.NONE, CompressionType.LZ4, CompressionType.ZSTD, None])
 def test_mcap_by_other_hands(tmp_path: Path, profile: str, packed: CompressionType | None) -> None:
-    """Programs write MCAP files with or without chunks, with messages of ROS 1, or without a profile."""
+    """MCAP files of other programs are read: with or without chunks, with the profile of ROS 1 or of ROS 2,
+    or without a profile.
+    """
     rest = even(50)
     how = {"compression": packed or CompressionType.NONE, "use_chunking": packed is not None}
     path = write_mcap(tmp_path / "a.mcap", rest, profile=profile, chunk_size=4000, **how)
@@ -142,14 +144,15 @@ def test_messages_are_read_as_rosbags_writes_them(
 @pytest.mark.parametrize("frame", ["imu", "imu0", "imu_link", ""])
 def test_messages_of_xcdr_2_are_aligned_to_four_bytes(frame: str) -> None:
     ((_, data),) = serialised(Messages([START_NS], [[1.5, 2.5, 3.5]], [[4.5, 5.5, 6.5]], frame=frame), False)
-    # CDR header, two numbers, the length of a text, and the text with its final zero
+    # length of the message up to the end of the frame id: CDR header, two numbers and the text's length, then
+    # the text and its final zero
     text = 4 + 12 + len(frame) + 1
     numbers = data[len(data) - 37 * 8 :]
     packed = b"\0\7\0\0" + data[4:text] + bytes(-text % 4) + numbers
     found = read_imu([packed], "cdr")
     assert found.gyro.tolist() == [[1.5, 2.5, 3.5]]
     assert found.accel.tolist() == [[4.5, 5.5, 6.5]]
-    # the header states a parameter list, which is not read
+    # a CDR header that states a parameter list: such messages are not read
     assert not len(read_imu([b"\0\2\0\0" + packed[4:]], "cdr").row)
 
 

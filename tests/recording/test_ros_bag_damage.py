@@ -116,14 +116,14 @@ def test_a_bag_that_is_cut_gives_what_it_holds(
     size = int(share * (len(data) - 1))
     events = read_anything(folder / f"cut.{'bag' if kind == 'lz4' else kind}", data[:size])
     if events is None:
-        # bags of these kinds have a single chunk, which is truncated
+        # these bags have a single chunk, which is truncated, so nothing is left
         assert share < 0.5 or kind in ("mcap", "lz4")
         return
     troubles = [event for event in events if isinstance(event, Trouble)]
     assert "cut_recording" in {event.kind for event in troubles}
     blocks = [event for event in events if isinstance(event, RawBlock)]
     rows = np.concatenate([block.gyro for block in blocks])
-    # of a page that was cut in half, the later rows are left
+    # if a page of a database is cut in half, only its later rows remain, so rows are found by their numbers
     number = np.concatenate([block.sequence for block in blocks])
     np.testing.assert_allclose(np.radians(rows), np.asarray(even(N).gyro_rads)[number], rtol=1e-14)
     if kind == "bag":

@@ -118,9 +118,9 @@ def test_types_of_px4(tmp_path: Path, kind: str, name: str) -> None:
 
 
 def test_a_layout_of_px4_that_is_not_known_is_refused(tmp_path: Path) -> None:
-    """The layout is that of a later release of PX4, with an additional field.
+    """A message of a later release of PX4 has an additional field.
 
-    If the bag holds its definition, it is read.
+    The message is read if the bag holds its definition, and refused otherwise.
     """
     kind, definition, make = "SensorGyro", PX4_GYRO.format("bool is_external\n"), sample
     messages = [{"is_external": False, **make(k)} for k in range(N)]
@@ -143,7 +143,7 @@ def test_samples_of_a_fifo_are_those_of_one_axis_each(tmp_path: Path) -> None:
         time = TIMES_US[k]
         head = {"timestamp": time + 9, "timestamp_sample": time, "device_id": 7, "dt": dt_us, "scale": scale}
         messages.append({**head, "samples": many, **arrays})
-    messages[50]["samples"] = 200  # this message is damaged, since it holds at most 32 samples
+    messages[50]["samples"] = 200  # damaged: a message can hold at most 32 samples
     topics = {"/fifo": ("px4_msgs/msg/SensorGyroFifo", PX4_FIFO, messages)}
     for kind in ("mcap", "db3"):
         stored = open_bag(write_types(tmp_path / f"a.{kind}", topics, ARRIVALS))
@@ -207,7 +207,9 @@ def test_a_type_that_its_definition_describes(tmp_path: Path, kind: str) -> None
 
 
 def test_a_type_that_is_made_for_it_comes_first(tmp_path: Path) -> None:
-    """Messages of other types may hold estimates, so the type that is made for sensors is preferred."""
+    """A bag has a topic of the type Imu and a topic of its own type with angular rates. The type that is made
+    for sensors is preferred, since messages of other types may hold estimates.
+    """
     other = custom_bag(tmp_path / "a.db3", "rad/s")
     imu = write_bag(tmp_path / "b.db3", {"/imu": even(90)})
     for first, second in ((other, imu), (imu, other)):

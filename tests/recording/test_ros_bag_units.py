@@ -1,4 +1,6 @@
-"""Tests units, rates and clocks of bags: who states what about them, and what the numbers show."""
+"""Tests units, rates and clocks of ROS bags: what the bag or the user states about them, and what the numbers
+show.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -109,9 +111,10 @@ def test_a_bag_in_radians_is_not_doubted(noise: float, bias: float, seed: int) -
 
 @pytest.mark.parametrize(("unit", "one"), [("lsb:131", 131.0), ("mrad/s", np.radians(1000.0)), ("mdps", 1e3)])
 def test_other_units_than_the_conventions_are_asked_for(tmp_path: Path, unit: str, one: float) -> None:
-    """The user is asked even if another unit would fit.
+    """If the rates of a bag are not in rad/s, the convention of ROS, the user is asked for the unit, even if
+    another unit would fit.
 
-    No gyroscope at rest gives such figures in rad/s.
+    What shows it is that no gyroscope at rest has such figures in rad/s.
     """
     gyro = at_rest() * one
     gyro = np.rint(gyro) if unit.startswith("lsb:") else gyro
@@ -132,9 +135,10 @@ def test_rates_that_no_gyroscope_has_are_refused_by_whomever_their_unit_is(tmp_p
 
 @pytest.mark.parametrize("rests", [False, True])
 def test_a_robot_that_moves_is_not_doubted(tmp_path: Path, rests: bool) -> None:
-    """Vibration looks like noise, but it also shakes the accelerometer.
+    """The unit of a robot's rates is not doubted because the rates are large. Vibration looks like noise, but
+    it also shakes the accelerometer.
 
-    A robot that rests at times has quiet stretches.
+    If the robot rests at times, its recording also has quiet stretches.
     """
     rng = np.random.default_rng(5)
     moving = rng.normal(0, 0.2, (N, 3))
@@ -293,7 +297,9 @@ def test_ros_in_json_has_its_convention(tmp_path: Path, kind: str) -> None:
 
 
 def described(**texts: str) -> dict[str, Any]:
-    """Return a schema that describes the message (`root`), the field, an axis, or another field."""
+    """Return a JSON Schema of a message. Its texts describe the message (`root`), the field of the rates
+    (`field`), each axis (`axis`), or an unrelated field (`other`).
+    """
     axis = {"type": "number", **({"description": texts["axis"]} if "axis" in texts else {})}
     field = {"type": "object", "properties": dict.fromkeys("xyz", axis)}
     if "field" in texts:
@@ -376,7 +382,7 @@ def test_a_name_and_a_schema_that_differ(tmp_path: Path) -> None:
 )
 def test_a_unit_in_each_message(tmp_path: Path, beside: dict[str, Any]) -> None:
     some = objects(at_rest(), **beside)
-    some[40] = objects(at_rest())[40]  # the unit of this message is not stated
+    some[40] = objects(at_rest())[40]  # one message does not state the unit
     path = write_objects(tmp_path / "a.mcap", some, STAMPS)
     stored = open_bag(path)
     assert answers(stored)["unit"] == ("deg/s", "stated")
@@ -482,7 +488,8 @@ def test_arrivals_tell_the_unit_of_times(tmp_path: Path, unit_s: float) -> None:
 
 
 def test_a_unit_of_times_that_nothing_tells(tmp_path: Path) -> None:
-    some = stamped((np.arange(N) * 7.0).tolist())  # these times are a counter of unknown meaning
+    # times that count by 7 from message to message, in no known unit
+    some = stamped((np.arange(N) * 7.0).tolist())
     stored = open_bag(write_objects(tmp_path / "a.mcap", some, STAMPS))
     assert stored.rate_hz == pytest.approx(RATE_HZ)
     assert (

@@ -1,4 +1,6 @@
-"""Tests surplus rows between two samples of an even clock, from another sensor or a second clock."""
+"""Tests that surplus rows between two samples of an even clock are found. Such rows come from another sensor
+or from a second clock.
+"""
 
 from pathlib import Path
 
@@ -14,13 +16,15 @@ from tests.rig.text_files import refusal, stored
 N = 400
 SEEDS = st.integers(0, 1 << 20)
 PERIODS = st.sampled_from([1.0, 0.01, 1 / 333, 5000.0, 1e7])
-"""Sampling periods, as numbers of s, µs and ns."""
+"""Sampling periods in the unit of some column of times: seconds, microseconds or nanoseconds."""
 
 NOWHERE = st.sets(st.integers(1, N - 2), max_size=40)
 
 
 def jitter(seed: int, most: float) -> np.ndarray:
-    """Return a random jitter for each time, in periods, by which a step changes at most by `most`."""
+    """Return a random jitter for each of the N times. `most`: largest change of the step between two times by
+    the jitter. Both are in sampling periods.
+    """
     return np.random.default_rng(seed).uniform(-most / 2, most / 2, N)
 
 
@@ -29,7 +33,9 @@ def even(period: float) -> Floats:
 
 
 def with_rows(times: np.ndarray, places: set[int], seed: int, period: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return times with surplus rows between a sample and the next, anywhere, and the marks of these rows."""
+    """Insert the time of a surplus row after each sample in `places`, before the following sample. Return all
+    times, and a mark for each surplus one.
+    """
     phases = np.random.default_rng(seed).uniform(0.22, 0.78, len(places))
     extra = times[sorted(places)] + phases * period
     both = np.concatenate([times, extra])
@@ -48,7 +54,9 @@ def test_extra_rows_are_found_and_only_these(
 
 @given(SEEDS, PERIODS, NOWHERE)
 def test_they_are_found_where_the_clock_is_not_quite_even(seed: int, period: float, places: set[int]) -> None:
-    """Steps differ by 4 %, which is even enough for a sensor's clock."""
+    """Surplus rows are also found if the steps of the clock differ by 4 %, which is even enough for a
+    sensor's clock.
+    """
     alone = {place for place in places if not {place - 1, place - 2} & places}
     times, extra = with_rows((np.arange(N) + jitter(seed, 0.04)) * period, alone, seed, period)
     assert between(times, period).tolist() == extra.tolist()
@@ -64,7 +72,7 @@ def test_jitter_and_missing_rows_are_not_touched(
 
 @given(PERIODS, st.integers(1, N - 2), st.floats(0.21, 0.79))
 def test_a_row_that_comes_late_is_a_sample(period: float, place: int, late: float) -> None:
-    """The neighbours of the late row are two periods apart, so the row is a sample and not surplus."""
+    """A late row is a sample and not surplus, since its two neighbours are two periods apart."""
     times = even(period)
     times[place] += late * period
     assert not between(times, period).any()
@@ -104,7 +112,9 @@ def text(times: np.ndarray, values: np.ndarray) -> str:
 def test_a_file_has_the_rate_and_the_samples_of_its_sensor(
     share: float, rate_hz: float, tmp_path: Path
 ) -> None:
-    """If interpolated rows counted, the samples would look filtered, and the rate would be too high."""
+    """Rows that a logger interpolated between two samples are left out. If they counted, the samples would
+    look filtered, and the sampling rate would be too high.
+    """
     n = 3000
     random = np.random.default_rng(5)
     truth = np.round(random.normal(size=n), 4)
@@ -125,7 +135,9 @@ def test_a_file_has_the_rate_and_the_samples_of_its_sensor(
 
 
 def test_a_clock_with_many_rows_between_is_none(tmp_path: Path) -> None:
-    """If two steps in ten contain surplus rows, the clock has no period."""
+    """If two steps in ten contain surplus rows, the times have no recognisable period, and are refused as
+    uneven.
+    """
     times, _ = with_rows(np.arange(3000) / 100, {*range(2, 2998, 10)}, 3, 0.01)
     assert "the steps of 'time_s' are too uneven for a sensor's clock" in refusal(
         tmp_path, text(times, np.sin(times))

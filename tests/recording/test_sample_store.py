@@ -13,7 +13,9 @@ NUMBERS = 7
 
 
 def added(rows: int, *, accel: np.ndarray, limits: Limits | None = None) -> SampleStore:
-    """Return a store of rows, added 1,000 at a time. The angular rates are 0 except for that of row 3."""
+    """Return a sample store to which rows were added 1,000 at a time. The angular rates are 0 except in row
+    3.
+    """
     store = SampleStore(CHOSEN, NUMBERS, limits or Limits())
     gyro = np.zeros((rows, 3))
     gyro[3] = 0.5

@@ -19,7 +19,9 @@ RATES = st.sampled_from([10.0, 50.0, 104.0, 200.0, 1000.0])
 
 
 def elapsed_of(times: np.ndarray, unit: TimeUnit, cuts: list[int]) -> tuple[np.ndarray, np.ndarray]:
-    """Return elapsed times and the indices at which runs begin, for times that arrive in pieces."""
+    """Convert times that arrive in pieces, cut at `cuts`, to elapsed times. Return these, and the indices at
+    which a new run of the device begins.
+    """
     elapsed = Elapsed(unit)
     places = [0, *sorted({cut for cut in cuts if 0 < cut < len(times)}), len(times)]
     found = [
@@ -32,7 +34,9 @@ def elapsed_of(times: np.ndarray, unit: TimeUnit, cuts: list[int]) -> tuple[np.n
 def test_parts_of_a_second_go_on_at_each_second(
     unit: TimeUnit, rate_hz: float, begin_s: float, lost: int, cuts: list[int]
 ) -> None:
-    """Fractions of a second are continued correctly as long as less than half a second is missing."""
+    """A column that holds only the fraction of a second becomes continuous time, correct as long as less than
+    half a second is missing.
+    """
     k = np.arange(600)
     k[300:] += min(lost, int(0.4 * rate_hz))
     true = np.floor((begin_s + k / rate_hz) / SECONDS[unit])
@@ -59,7 +63,7 @@ def test_a_file_with_parts_of_seconds_alone_is_one_run(name: str, tmp_path: Path
     k = np.array([one for one in range(1000) if one not in lost])
     rows = "".join(f"{t},{v}\n" for t, v in zip(k * 10_000_000 % 10**9, np.sin(k), strict=True))
     text, how = f"{name},gyro_x_dps\n{rows}", {}
-    # a column of nanoseconds is a fraction, so its seconds are expected in another column
+    # a column named as nanoseconds holds the fraction of a second, so the seconds should be in another column
     if "nanosec" in name:
         assert "nothing says the rate" in refusal(tmp_path, text)
         how = {"time_column": name, "time_unit": "ns"}
@@ -74,9 +78,10 @@ def test_a_file_with_parts_of_seconds_alone_is_one_run(name: str, tmp_path: Path
 @pytest.mark.parametrize("lost", [100, 300, 1000])
 @pytest.mark.parametrize("form", ["%.2f", "%.3f"])
 def test_samples_that_are_lost_evenly_are_lost(tmp_path: Path, lost: int, form: str) -> None:
-    """Times in hundredths of a second could also be those of 99 Hz.
+    """Times in hundredths of a second, some of which are missing evenly, could also be those of a sensor at
+    99 Hz.
 
-    This rate is unusual, and lost rows give such times.
+    They are read as 100 Hz with lost rows, since 99 Hz is an unusual rate.
     """
     rows = [f"{form % (k / 100)},{k % 3},{k % 5}\n" for k in range(4000) if k % lost != lost - 1]
     found = stored(tmp_path, "time_s,gx_dps,gy_dps\n" + "".join(rows))

@@ -1,5 +1,5 @@
-"""Tests tables with several sensors, scales and rates: labels go by name, values by position, and rates
-belong to groups of columns.
+"""Tests tables with several sensors, scales and sampling rates. A label belongs to the array of its name, a
+list of values belongs to columns by position, and a sampling rate belongs to a group of columns.
 """
 
 from collections.abc import Callable
@@ -49,7 +49,7 @@ def test_an_axis_that_cannot_be_used_is_named_and_no_other_moves_up(name: str, t
     arrays = three(BAD_X[name], GYRO[:, 1], GYRO[:, 2])
     for read in (hdf5, npz, matlab):
         if name == "text" and read is matlab:
-            continue  # this format writes a text as a table of letters
+            continue  # MATLAB files hold a text as a table of letters
         text = refusal(read, tmp_path, arrays, rate_hz=100.0)
         assert "gyro_x_dps" in text
         assert (
@@ -164,7 +164,9 @@ def test_groups_are_the_path_before_the_axis(path: list[str], axis: str) -> None
 
 
 def rates(folder: Path, read: Callable[..., Stored], **scalars: float) -> Stored:
-    """Write a file with a gyroscope in `imu` and sampling rates at given paths (with _ for /); read it."""
+    """Write a file with a gyroscope in the group `imu` and with sampling rates at the given paths, and read
+    it. In `scalars`, a path has "_" in place of "/".
+    """
     tree: dict[str, Any] = {"imu": {"gyro_dps": GYRO}, "mic": {"sound": OTHER[:, 0]}}
     for path, rate_hz in scalars.items():
         group, _, name = path.rpartition("_")

@@ -36,7 +36,9 @@ NOISE = RNG.normal(size=400)
     ],
 )
 def test_what_is_no_sensor_is_not_asked_for(column: Any) -> None:
-    """Such columns hold a status, an activity, digits that are noise, flags, or counters."""
+    """Columns that hold a status, an activity, digits that are noise, flags, or counters do not distinguish
+    sensors.
+    """
     cells = [str(cell) for cell in column.tolist()]
     values = np.column_stack([ROW / 100, NOISE, RNG.normal(size=400)])
     assert not tells_apart(cells, values[:, 0], values)
@@ -69,7 +71,9 @@ def test_sensors_in_turns_are_known_although_rows_are_lost(
 
 
 def test_sensors_in_packets_and_in_any_order_are_known_by_their_times() -> None:
-    """Either each packet has its own times, or the two rows with one time come in either order."""
+    """Two sensors are told apart by their times in two cases: each sensor sends packets of rows, or the two
+    rows of one time come in either order.
+    """
     values = RNG.normal(size=(400, 3))
     packets, times = ROW // 10 % 2, (ROW // 20 * 10 + ROW % 10) / 100
     assert tells_apart([*map(str, packets.tolist())], times, values)
@@ -78,7 +82,9 @@ def test_sensors_in_packets_and_in_any_order_are_known_by_their_times() -> None:
 
 
 def test_two_kinds_of_sensors_are_known_by_their_figures() -> None:
-    """The sensors are recognised in whatever order their rows come."""
+    """Two kinds of sensors, such as gyroscope and accelerometer, are recognised by the size of their values,
+    in whatever order their rows come.
+    """
     kinds = (RNG.random(400) < 0.2).astype(int)
     values = 0.01 * RNG.normal(size=(400, 3)) + kinds[:, None] * [0.1, 0.2, 9.8]
     assert tells_apart([*map(str, kinds.tolist())], None, values)
@@ -90,12 +96,14 @@ def test_two_kinds_of_sensors_are_known_by_their_figures() -> None:
     later=st.sampled_from([0.0, 0.2, 0.5]),
     which=st.integers(0, 1),
 )
-# most rows do not stand in their sensor's turn in this single piece
+# one row is missing, so most rows of the single piece are not where the turns would put them
 @example(gone={41}, cuts=[], later=0.2, which=0)
 def test_turns_are_kept_in_whatever_pieces_rows_come(
     gone: set[int], cuts: list[int], later: float, which: int
 ) -> None:
-    """No row in the result is of the other sensor, none is repeated, and the first rounds are complete."""
+    """Rows of two sensors alternate, and some are missing. The rows chosen for one sensor include none of the
+    other sensor, none is repeated, and the first rounds are complete.
+    """
     keep = np.array([row for row in range(2 * N) if row < 40 or row not in gone])
     rows = np.column_stack([keep % 2, keep // 2 + later * (keep % 2)]).astype(float)
     turns = Turns(which, 2, 1)

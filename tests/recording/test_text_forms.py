@@ -127,7 +127,7 @@ def test_names_that_count_the_axes(tmp_path: Path) -> None:
     found = stored(tmp_path, text, time_unit="us")
     assert found.rate_hz == pytest.approx(200.0)
     assert found.whole().gyro[0] == pytest.approx([DEG, 2 * DEG, 3 * DEG])
-    # these are the names and units of PX4's sensor_combined
+    # the dialect is recognised: names and units are those of PX4's sensor_combined
     assert stored(tmp_path, text).rate_hz == pytest.approx(200.0)
 
 

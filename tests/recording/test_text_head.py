@@ -17,7 +17,8 @@ GYRO_DPS = np.round(np.random.default_rng(3).normal([0.5, -0.3, 0.2], 0.2, (N, 3
 def table(head: str, separator: str = ",", times_s: float | None = 1.0, factor: float = 1.0) -> str:
     """Return a text that consists of a head and rows.
 
-    `times_s`: unit of the column of times [s]; None: no such column. `factor`: factor of the rates.
+    `times_s`: length of the unit in which the column of times counts [s], or None for no such column.
+    `factor`: by what the rates in deg/s are multiplied.
     """
     rows = []
     for k, rates in enumerate(GYRO_DPS * factor):
@@ -139,7 +140,7 @@ UNITS = {
     "# scale: 131 LSB/(deg/s)": 131.0,
     "# gyro sensitivity 17.50 mdps/LSB": 1 / 0.0175,
 }
-"""Heads of texts that state a unit, and how many of this unit make 1 deg/s."""
+"""Heads of texts that state a unit of the rates, and how many of this unit make 1 deg/s."""
 
 
 @pytest.mark.parametrize("head", UNITS)
@@ -167,7 +168,7 @@ UNITS_OF_OTHERS = (
     "# gyro range: 250 dps",
     "# Units: rad/s\n# gyro in deg/s and rad/s",
     "# gyro unit: rad/s\n# gyro unit: deg/s",
-    "# scale: 131 LSB/dps",  # the numbers have fractions, so they are no counts
+    "# scale: 131 LSB/dps",  # contradicts the numbers, which have fractions and so are no counts
 )
 
 
@@ -236,7 +237,9 @@ def test_dates_of_a_logger_are_not_in_its_unit_of_numbers(tmp_path: Path) -> Non
 @pytest.mark.parametrize("form", ["{:,.0f}", "{:,.1f}"])
 @pytest.mark.parametrize("is_german", [True, False])
 def test_numbers_with_signs_between_thousands_are_refused(tmp_path: Path, form: str, is_german: bool) -> None:
-    """Otherwise 53.456 would be read in place of 53,456, which is a thousand times as large."""
+    """Numbers with a separator of thousands are refused. Otherwise 53,456 could be read as 53.456, a
+    thousandth of its value.
+    """
     signs = str.maketrans(",.", ".,") if is_german else {}
     separator = ";" if is_german else ","
 

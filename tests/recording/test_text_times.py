@@ -98,9 +98,10 @@ def test_times_without_a_unit_are_never_taken_for_seconds(
 
 @pytest.mark.parametrize("rate_hz", [400.0, 416.0, 333.0, 64.0])
 def test_times_in_whole_milliseconds_are_a_clocks(rate_hz: float, tmp_path: Path) -> None:
-    """Alternating steps of 2 and 3 ms mean 400 Hz.
+    """Times that were rounded to whole milliseconds give the true sampling rate: alternating steps of 2 and 3
+    ms mean 400 Hz.
 
-    They do not count as uneven, and no step counts as a gap.
+    The rounded times do not count as uneven, and none of the alternating steps counts as a gap.
     """
     times = [round(k * 1000 / rate_hz) for k in range(2000) if k != 1000]
     found = stored(tmp_path, timed(times, "time_ms"))
@@ -138,7 +139,9 @@ def test_times_that_number_nothing_are_told(tmp_path: Path) -> None:
 
 
 def test_jitter_of_a_device_is_no_gap_and_times_of_arrival_are_refused(tmp_path: Path) -> None:
-    """If each step were rounded separately, jitter would give gaps, and bursts would give a wrong rate."""
+    """Small jitter of a device's times gives no gaps, and times that arrive in bursts are refused. If each
+    step were rounded to periods separately, jitter would give gaps, and bursts would give a wrong rate.
+    """
     random = np.random.default_rng(1)
     small, large = (np.arange(2000) * 0.01 + random.uniform(-s, s, 2000) for s in (0.0005, 0.004))
     assert stored(tmp_path, timed(small.tolist(), "time_s")).rate_hz == pytest.approx(100, rel=1e-3)
@@ -259,7 +262,7 @@ def test_what_is_no_time_stays(text: str) -> None:
 
 @pytest.mark.parametrize("point", [".", ":"])
 def test_milliseconds_that_are_not_padded(point: str, tmp_path: Path) -> None:
-    """WitMotion's SDK for Python joins the numbers of a chip's time in this way, each converted by `str`.
+    """WitMotion's SDK for Python joins the numbers of a chip's time without padding, each converted by `str`.
 
     github.com/WITMOTION/WitStandardProtocol_JY901, Python/Python-WitProtocol, wit_protocol_resolver.py,
     get_chiptime. Read as a fraction, 9:46:40.5 would be half a second and not 5 ms.
@@ -327,9 +330,9 @@ def test_a_step_back_is_a_new_run_unless_a_counter_or_the_day_ended(
 
 
 def days_of(*dates: str) -> list[float]:
-    """Return the steps in days between these dates at midday, as they are read.
+    """Return the steps [days] between these dates at midday, as the reader understands the dates.
 
-    A step is NaN next to a text that is no date.
+    A step is NaN if the text before or after it is not read as a date.
     """
     read = with_seconds("\n".join(f"{one} 12:00:00" for one in dates)).split("\n")
     return np.diff([float(one) / 86_400 if one.isdigit() else math.nan for one in read]).tolist()
@@ -341,14 +344,15 @@ def test_day_and_month_have_one_order_in_a_text(sign: str, year: str) -> None:
     def told(*dates: str) -> list[float]:
         return days_of(*(f"{one}/{year}".replace("/", sign) for one in dates))
 
-    assert told("31/01", "01/02", "02/02") == [1, 1]  # the first date shows the order
-    assert told("03/05", "04/05", "05/05", "06/05") == [1, 1, 1]  # the steps show the order
+    assert told("31/01", "01/02", "02/02") == [1, 1]  # 31 shows in the first date that the day comes first
+    # steps of one day show that the day comes first
+    assert told("03/05", "04/05", "05/05", "06/05") == [1, 1, 1]
     assert told("11/05", "12/05", "13/05", "14/05") == [1, 1, 1]
-    assert told("12/05", "13/05") == [1]  # a later date shows the order
+    assert told("12/05", "13/05") == [1]  # 13 shows in the later date that the day comes first
     assert told("02/03", "02/04") == [1]
     assert told("05/31", "06/01") == [1]
     assert told("01/31", "02/01") == [1]
-    found = told("31/01", "01/02", "02/28")  # the order does not change from then on
+    found = told("31/01", "01/02", "02/28")  # once the order of day and month is known, it does not change
     assert found[0] == 1
     assert math.isnan(found[1])
 

@@ -1,4 +1,4 @@
-"""Of logs of PX4 that are damaged anywhere, the intact parts are read, and losses are reported."""
+"""If a ULog file of PX4 is damaged anywhere, its intact parts are read, and the losses are reported."""
 
 import struct
 from io import BytesIO
@@ -50,7 +50,9 @@ def test_a_whole_log_is_read_as_it_is(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("length", [0, 1, 65_535, MESSAGE - 3 + MESSAGE, (MESSAGE - 3) ^ 0x2000])
 def test_a_length_that_is_wrong_costs_one_message(length: int, tmp_path: Path) -> None:
-    """This includes a wrong length by which a message ends exactly where a later message begins."""
+    """A wrong length of one message costs only this message, even if the wrong length ends exactly where a
+    later message begins.
+    """
     found = read(tmp_path, put(WHOLE, MIDDLE, struct.pack("<H", length)))
     assert found.whole().seq.tolist() == [k for k in range(N) if k != N // 2]
     assert (
@@ -98,9 +100,9 @@ def test_all_messages_beside_any_damage_are_read(at: int, new: bytes, gone: int)
 
 
 def test_padding_behind_the_last_field_may_be_logged_or_not(tmp_path: Path) -> None:
-    """The format allows messages with and without padding.
+    """A ULog message may be logged with or without the padding after its last field.
 
-    The library takes the longer messages for damaged.
+    The library pyulog takes messages with padding for damaged, but they are read here.
     """
     form = f"{FORM}uint8_t[4] _padding0;"
     padded = [(row[0], f"{row[1]}4B", *row[2:], 0, 0, 0, 0) for row in ROWS]
@@ -110,7 +112,8 @@ def test_padding_behind_the_last_field_may_be_logged_or_not(tmp_path: Path) -> N
 
 
 def test_a_log_with_a_part_appended_after_a_crash(tmp_path: Path) -> None:
-    """The message that was being written at the crash is truncated.
+    """A log has a part that was appended after a crash. The message that was being written at the crash is
+    truncated.
 
     Holes before the appended part do not change its offset.
     """

@@ -32,9 +32,10 @@ def objects(more: int = 0) -> list[dict[str, Any]]:
 
 
 def schema_of(fields: int, parts: int = 0) -> bytes:
-    """Return the schema of a message of doubles, the first of which are called NAMES.
+    """Return the Protobuf schema of a message with `fields` fields of type double, the first of which have
+    the names NAMES.
 
-    `parts`: number of fields of each message in a list within this message.
+    `parts`: number of fields in each message of a list within this message, or 0 for no list.
     """
     found = descriptor_pb2.FileDescriptorSet()
     file = found.file.add(name="imu.proto", package="robot", syntax="proto3")
@@ -83,13 +84,13 @@ def refusal(path: Path) -> str:
 def test_a_schema_of_many_fields(tmp_path: Path) -> None:
     path = write_protobuf(tmp_path / "a.mcap", schema_of(MOST_FIELDS - 1))
     check_read(path)
-    # the messages have one more field, which is a list
+    # the message type has one more field than is allowed
     path = write_protobuf(tmp_path / "a.mcap", schema_of(MOST_FIELDS))
     assert f"/imu: a message has more than {MOST_FIELDS} fields" in refusal(path)
 
 
 def test_a_list_of_parts_that_have_many_fields(tmp_path: Path) -> None:
-    """Each empty message in the list takes two bytes, and would become a thousand numbers."""
+    """Each empty message in a list takes two bytes of the file, but becomes 900 numbers in memory."""
     schema = schema_of(4, parts=900)
     check_read(write_protobuf(tmp_path / "a.mcap", schema, b"\x0a\x00"))
     path = write_protobuf(tmp_path / "a.mcap", schema, b"\x0a\x00" * 20_000)
@@ -117,7 +118,9 @@ def test_a_topic_of_many_fields_does_not_hide_another(tmp_path: Path) -> None:
 
 
 def test_decoding_has_a_quota(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The quota of processor time grows with each message, but here each message takes ten seconds."""
+    """Decoding has a quota of processor time that grows with each message. Here each message takes ten
+    seconds, which exceeds the quota.
+    """
     path = write_objects(tmp_path / "a.mcap", objects(), STAMPS)
     clock_s = [0.0]
 
@@ -147,9 +150,10 @@ HUGE = int("9" * 400)
 @pytest.mark.parametrize("key", [*NAMES[:2], "device_id", "accel_x_g"])
 @pytest.mark.parametrize("row", [0, 7])
 def test_a_whole_number_that_no_float_holds(key: str, row: int, tmp_path: Path) -> None:
-    """Such a number cannot be a sensor's value.
+    """A whole number that is too large for a float cannot be a sensor's value.
 
-    In a single message, it counts as damage or as a sensor's name, and causes no internal error.
+    If one message contains such a number, the number counts as damage or as a sensor's name, and causes no
+    internal error.
     """
     items = [
         one | {"device_id": 7, "accel_x_g": 0.0, "accel_y_g": 0.0, "accel_z_g": 1.0 + one["gyro_x_dps"] / 99}

@@ -11,16 +11,21 @@ from fltea.records.records import AnyRecord
 from tests.rig.host_support import ROOT
 
 MOST = 30
-"""More than the number of fields of any record. A call with `*arguments` counts as setting so many."""
+"""A number larger than the number of fields of any record. A call with `*arguments` counts as a call with
+this many arguments.
+"""
 
 Fields = set[tuple[str | None, str | int]]
-"""Arguments of calls in the host's code: the name of what is called, and the argument's name or position."""
+"""Arguments of calls in the host's code. Each consists of the name of what is called, and the argument's name
+or position.
+"""
 
 
 def arguments(source: str) -> Iterator[tuple[str | None, str | int]]:
     """Yield all arguments of calls in source code.
 
-    For keyword arguments, the name of what is called is None.
+    A positional argument is yielded as the name of what is called and the argument's position, a keyword
+    argument as None and the argument's name.
     """
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Call):
@@ -51,7 +56,9 @@ def unfilled(given: Fields) -> list[str]:
 
 
 def test_some_code_gives_each_field_of_a_record_a_value() -> None:
-    """The code of outputs does not count, since it only reads records."""
+    """Some code sets each field of a record. The code of the outputs (`sinks`) does not count, since it only
+    reads records.
+    """
     files = (file for file in (ROOT / "host/fltea").rglob("*.py") if "sinks" not in file.parts)
     names = re.compile("|".join(rf"\b{struct.__name__}\(" for struct in structs(AnyRecord, set())))
     sources = (file.read_text(encoding="utf-8") for file in files)

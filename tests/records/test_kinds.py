@@ -24,7 +24,7 @@ Function = ast.FunctionDef
 
 @functools.cache
 def all_told() -> list[tuple[str, str]]:
-    """Return what `told` finds in the code of fltea."""
+    """Return every error kind that the code of fltea reports, and where, as `told` finds them."""
     files = sorted((ROOT / "host/fltea").rglob("*.py"))
     return list(
         told(
@@ -59,7 +59,8 @@ def name_of(called: ast.expr) -> str:
 def told(code: dict[Path, ast.Module]) -> Iterator[tuple[str, str]]:
     """Yield every kind that the code reports, and where.
 
-    This includes kinds from functions that return kind and text.
+    If the code calls a function that returns kind and text, the kinds that this function returns are
+    included.
     """
     defined = functions(code)
     for file, tree in code.items():
@@ -72,7 +73,7 @@ def told(code: dict[Path, ast.Module]) -> Iterator[tuple[str, str]]:
                         yield from ((kind, place) for kind in kinds_in(given[0], defined, place))
                 case ast.Assign(targets=[ast.Tuple([ast.Name("kind"), *_])], value=ast.Call(func=func)):
                     place = f"{file}:{node.lineno}"
-                    # if no function is found, `kind` is not the kind of an error
+                    # if no function of this name is found, the variable `kind` is not the kind of an error
                     makers = defined.get(name_of(func), [])
                     yield from ((kind, place) for maker in makers for kind in returned(maker))
 
@@ -87,7 +88,7 @@ def kinds_in(value: ast.expr, defined: dict[str, list[Function]], place: str) ->
             makers = defined.get(name_of(func), [])
             assert makers, f"{place}: nobody defines {name_of(func)}, which gives kind and text"
             return {kind for maker in makers for kind in returned(maker)}
-    return set()  # a variable or an attribute, whose kind is found where it was made
+    return set()  # a variable or an attribute: its kind is found where the error was made
 
 
 def returned(function: Function) -> set[str]:

@@ -67,7 +67,9 @@ def test_it_is_made_and_written_again(append: bool, tmp_path: Path) -> None:
 
 @strange
 def test_lock_and_journal_are_such_files(put: Callable[[Path], None], tmp_path: Path) -> None:
-    """An earlier version emptied the file that a link leads to, and waited for a pipe."""
+    """If the name is a link or a pipe, an earlier version emptied the file to which the link leads, or waited
+    for the pipe.
+    """
     put(tmp_path / ".state.lock")
     with pytest.raises(UsageError, match=r"\.state\.lock"):
         StateFile(StateConfig(str(tmp_path / "state")), lambda kind, text: None)

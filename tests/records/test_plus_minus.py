@@ -38,7 +38,8 @@ OTHERS = {
     "sources/i2c/source.py": (1, BOUND),
     "sources/i2c/texts.py": (1, BOUND),
 }
-"""For each file that writes ± itself, the number of such texts and what the sign means in them."""
+"""For each source file with texts that contain ±, the number of such texts, and what the sign means in them.
+"""
 SPELLINGS = ("±", r"\xb1", r"\u00b1", "PLUS-MINUS")
 """How Python code may write the sign ±. A file with none of these spellings need not be parsed."""
 

@@ -72,7 +72,7 @@ def test_a_key_has_one_type_in_all_records() -> None:
 
 
 def absent(of: inspect.Type, key: str = "") -> Iterator[str]:
-    """Yield the keys whose values are objects or lists, and which may be null in a record."""
+    """Yield the keys of a record whose value is an object or a list, or null."""
     some = [one for one in members(of) if not isinstance(one, inspect.NoneType)]
     for one in some:
         if len(some) < len(members(of)) and kind(one) in ("object", "array"):
@@ -149,7 +149,9 @@ def test_all_records_with_all_fields_are_read_as_one_table(tmp_path: Path) -> No
 
 
 def test_a_key_of_two_types_is_found(tmp_path: Path) -> None:
-    """`samples` was once such a key: a number in `fit`, and an object in `stats`."""
+    """A key with two JSON types is found. `samples` was once such a key: a number in the record `fit`, and an
+    object in the record `stats`.
+    """
     lines = b'{"class": "fit", "samples": 3}\n{"class": "stats", "samples": {"lost": 0}}\n'
     with pytest.raises(pyarrow.ArrowInvalid, match="changed from"):
         read_by_all(lines, tmp_path / "two.ndjson")

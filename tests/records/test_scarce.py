@@ -1,4 +1,6 @@
-"""Tests that one sentence names the likely limit if the system refuses more memory or threads."""
+"""Tests that the error names the limit that was probably reached, in one sentence, if the system refuses more
+memory or threads.
+"""
 
 import errno
 import resource

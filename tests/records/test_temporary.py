@@ -105,7 +105,7 @@ for read, path in ((ReplaySource, "a.bag"), (ReplaySource, "a.npz"), (packed, ""
     except FlteaError as error:
         print(type(error).__name__, error)
 """
-"""A program that reads a recording under a limit of 8 kB for each file, which acts like a full disk."""
+"""A program that reads a recording while no file may grow over 8 kB, which acts like a full disk."""
 
 
 def test_a_recording_that_finds_no_room_is_not_to_blame(tmp_path: Path, temporary_folder: Path) -> None:

@@ -60,7 +60,7 @@ def test_the_name_of_the_part_cannot_be_guessed_nor_taken(
     ):
         pass
     assert not (tmp_path / "precious").exists()
-    assert (tmp_path / ".new.guessed.part").is_symlink()  # the link of another user stays
+    assert (tmp_path / ".new.guessed.part").is_symlink()  # the other user's link stays as it is
 
 
 def test_it_is_on_the_disk_before_it_has_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
