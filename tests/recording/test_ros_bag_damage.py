@@ -1,4 +1,4 @@
-"""Of bags that are too large, truncated or changed, intact parts are read, or an error gives the reason."""
+"""If a ROS bag is too large, truncated or changed, its intact parts are read, or an error gives the reason."""
 
 import contextlib
 import sqlite3

@@ -1,6 +1,7 @@
-"""Simulate a device by a list of acts, which are incidents such as gaps and resets, each with samples.
+"""Simulate a device by a list of acts. Each act is an incident, such as a gap or a reset, and the samples
+that follow it.
 
-The simulation yields the events of the device's source.
+The simulation yields the events that the source of the device's samples would yield.
 """
 
 from collections.abc import Iterable, Iterator
@@ -49,18 +50,18 @@ SAID = (
     "trouble",
     "no accelerometer",
 )
-"""Acts that produce an event; the event ends the current block of samples."""
+"""Incidents of acts that produce an event of their own. This event ends the current block of samples."""
 ACTS = (
     *SAID,
     "goes on",
     "gap",
-    # The longest gap that causes no restart with the settings `device_stream_support.SMALL`, or one sample
-    # more.
+    # "longest gap" loses as many samples as cause no restart with the settings `device_stream_support.SMALL`,
+    # or one more.
     "longest gap",
     "odd gap",  # a gap in which the device's clock drifts, sometimes by more than the program accepts
     "long gap",  # a gap so long that the sequence number wraps at least once
     "twice",
-    "reset",  # a reset whose HELLO is lost
+    "reset",  # the board resets, and the HELLO of its new boot is lost
     "jump",  # device time jumps
     "late",  # the samples arrive later than their times on the host clock
     "silence",  # nothing arrives for about half an hour
@@ -85,7 +86,7 @@ class Birth(NamedTuple):
 
 
 class Device:
-    """A simulated device that yields the events of its source.
+    """A simulated device that yields the events of the source that would read it.
 
     `news`: fields in which the device's HELLO differs from the HELLO of `host_support`.
     """
@@ -106,7 +107,8 @@ class Device:
     def does(self, acts: Iterable[Act]) -> Iterator[Event]:
         """Yield the events of the acts.
 
-        The samples between two other events form one block, unless `cuts` of an act split the block.
+        The samples between two events of other kinds form one block, unless the `cuts` of an act split this
+        block.
         """
         if self._greets:
             yield self._says()
@@ -130,7 +132,7 @@ class Device:
     def _happens(self, act: Act) -> Iterator[Event]:
         """Carry out an act, and yield the events that the source produces.
 
-        An act loses samples, changes clocks or motion, or causes an event.
+        Depending on its kind, an act loses samples, changes clocks or motion, or causes an event.
         """
         self._lose(act)
         self._change(act)

@@ -131,8 +131,8 @@ def write_bag(
 ) -> Path:
     """Write a bag: NAME.bag, or a folder NAME.db3 or NAME.mcap as `ros2 bag record` makes it.
 
-    `words`: names of additional topics with one text message each. `packed`: for ROS 1 the compression; for
-    ROS 2 what is compressed, each message or the whole file.
+    `words`: names of additional topics with one text message each. `packed`: for ROS 1 the compression
+    method, for ROS 2 what is compressed (each message, or the whole file).
     """
     ros1 = path.suffix == ".bag"
     store = types(ros1)

@@ -1,6 +1,7 @@
-"""Helpers for the tests of the bank, which filters all axes of a sensor in blocks of rows.
+"""Helpers for the tests of the native filter bank, which filters all axes of a sensor in blocks of samples
+(rows).
 
-They are the oracle, which processes samples one by one, and ways to split rows into blocks.
+The helpers are an oracle that processes samples one by one, and ways to split rows into blocks.
 """
 
 import itertools
@@ -26,11 +27,15 @@ COLUMNS = LaneBlock._fields[: LaneBlock._fields.index("lost")]
 
 
 class Walked(NamedTuple):
-    """Results of an estimator for all n rows: columns of shape (n, axes) by name, and the final counters."""
+    """Results of an estimator for n samples: columns of shape (n, axes) by name, the losses of axes, and the
+    final counters.
+    """
 
     columns: dict[str, NDArray[np.float64] | NDArray[np.bool_]]
     lost: list[Lost]
-    """Axes that became invalid; row numbers count only samples that were present."""
+    """Axes that became invalid, each with the row. The row numbers count only samples that were present, not
+    missing ones.
+    """
     restarts: dict[str, int]
     interventions: dict[str, dict[str, int]]
     lag1: dict[str, float | None]
@@ -129,7 +134,8 @@ def by_bank(
 def fed_directly(y: Array, config: EstimatorConfig, lsb: float) -> list[dict[str, dict[str, object]]]:
     """Return the estimates after each sample that follows the start-up window.
 
-    They are dicts by axis; the names of fields are those of an `estimate` record.
+    The estimates after one sample are a dict by axis. The names of the fields are those of an `estimate`
+    record.
     """
     columns = by_bank(y, config, lsb).columns
     names = {"alpha": "alpha", "alpha_std": "alpha_std", "f": "f", "f_std": "f_std"}

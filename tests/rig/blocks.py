@@ -88,7 +88,7 @@ def block_of_records(sample: Sample, estimate: Estimate | None = None) -> Block:
 
 
 def tracked_columns(unit: str, found: dict[str, AxisEstimate]) -> TrackedColumns:
-    """Return the estimates of one sample in the form of a block's columns for the tracked bias."""
+    """Return the estimates of one sample as the columns of a block of one row that hold the tracked bias."""
     axes = found.values()
     return TrackedColumns(
         tuple(found),
@@ -160,7 +160,7 @@ raw_samples = st.builds(
 
 
 class Tracked(NamedTuple):
-    """A sample with its sequence number and time without wraps.
+    """A sample with its sequence number and its device time, both without wraps.
 
     `missing`: number of samples lost just before this sample. `new_epoch`: reason why the sample begins an
     epoch.
@@ -187,7 +187,9 @@ def track_all(decoder: Decoder, samples: Sequence[RawSample]) -> list[Tracked | 
 
 
 def track_events(events: Iterable[Event]) -> tuple[SampleStats, list[Decoded]]:
-    """Return the final counts for all events of a source, and the decoded pieces of the blocks."""
+    """Decode the blocks of samples among all events of a source. Return the decoder's final counts of
+    samples, and the decoded pieces.
+    """
     decoder = Decoder(lambda: 0, max_gap=100)
     found = [piece for event in events for piece in of(Decoded, decoder.feed(event))]
     return decoder.counts, found

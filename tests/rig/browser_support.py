@@ -55,7 +55,7 @@ class Watched:
     def wait(self, condition: str) -> None:
         """Wait until a JavaScript expression is true.
 
-        The library's own function injects a script, which the page forbids.
+        The browser library has a function for this, but it injects a script, which the live page forbids.
         """
         wait_until(lambda: self.page.evaluate(condition), condition)
 

@@ -97,7 +97,7 @@ def two_workers() -> Iterator[Any]:
             n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
         ) as found:
             for nanny in found.workers.values():
-                # This keeps Dask's nanny process from starting a new worker when one dies.
+                # With `close_gracefully`, Dask's nanny process starts no new worker when its worker dies.
                 nanny.close_gracefully()
             yield found
 
@@ -106,7 +106,7 @@ def two_workers() -> Iterator[Any]:
 def s3_server() -> Iterator[Any]:
     """Start an S3 server on the loopback with the bucket `lab`, and yield a file system for it.
 
-    Environment variables make the program use this server.
+    Environment variables make the program use this server in place of Amazon's.
     """
     import logging
 

@@ -30,7 +30,7 @@ from tests.rig.corpus_reading import OPTIONS, how_of, pairs
 class Figures(NamedTuple):
     """The figures that the program computes and shows for one recording.
 
-    `gravity_ms2`: None without an accelerometer.
+    `gravity_ms2`: mean specific force [m/s²], or None without an accelerometer.
     """
 
     rate_hz: float
@@ -42,7 +42,9 @@ class Figures(NamedTuple):
     marks: frozenset[str]
 
     def is_like(self, other: "Figures") -> bool:
-        """Whether all figures agree within 5 %; a mean may also differ by a fraction of the noise."""
+        """Return whether all figures of two recordings agree. Most may differ by 5 %, a mean by a tenth of
+        the noise.
+        """
         if self.noise.shape != other.noise.shape or not _near(self.rate_hz, other.rate_hz):
             return False
         return (
@@ -52,10 +54,11 @@ class Figures(NamedTuple):
         )
 
     def has_gravity_of(self, other: "Figures") -> bool:
-        """Whether the mean specific force is right, or the program says that it may not be.
+        """Return whether the mean specific force equals that of `other`, or the program says that it may be
+        wrong.
 
-        It is right if it has the same size. Otherwise the program has to report that it was not read, or mark
-        it as wrong.
+        The two are equal if they agree within 5 %. Otherwise the program has to report that the accelerometer
+        was not read, or a data check has to mark gravity as wrong.
         """
         if None not in (self.gravity_ms2, other.gravity_ms2):
             return (
@@ -64,9 +67,10 @@ class Figures(NamedTuple):
         return self.gravity_ms2 is other.gravity_ms2 or self.says("accelerometer", "missing")
 
     def says(self, question: str, evidence: str, value: str = "") -> bool:
-        """Whether the answer to a question cites this evidence.
+        """Return whether the program's answer to a question about the file (such as "unit") cites this
+        evidence.
 
-        Its value or reason must also contain the text `value`.
+        The answer's value or reason must also contain the text `value`.
         """
         answer = self.answers.get(question)
         return answer is not None and answer.evidence == evidence and value in f"{answer.value}; {answer.why}"
@@ -121,9 +125,9 @@ class Text(NamedTuple):
 
     @property
     def clocks(self) -> list[int]:
-        """Indices of all columns with times.
+        """Return the indices of all columns with times.
 
-        If the columns have no names, only the time columns that are read.
+        If the columns have no names, these are only the columns that the reader uses as times.
         """
         chosen = self.layout.chosen
         named = [k for k, name in enumerate(self.names) if is_time(name)] if self.header >= 0 else []
@@ -324,7 +328,8 @@ def _each_row(
     *,
     twice: bool = False,
 ) -> str:
-    """Edit the fields of each row; remove the columns `gone` from the lines with names and units.
+    """Edit the fields of each row by a function. Also remove the columns `gone` from the lines with names and
+    units.
 
     `twice`: keep each original row before the edited row.
     """

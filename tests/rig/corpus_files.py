@@ -44,7 +44,7 @@ RATES_HZ = {
     "coarse_clock.csv": 7500.0,
     "xsens_dot.csv": 60.0,
 }
-"""Sampling rates of loggers that have a fixed rate other than 100 Hz."""
+"""Sampling rates [Hz] of loggers that have a fixed rate other than 100 Hz, by the name of their file."""
 COARSE_DPS = {
     **dict.fromkeys(("mavlink_bare_raw.csv", "mavlink_bare_scaled.csv"), 0.03),
     **dict.fromkeys(("mavlink_raw_imu.csv", "mavlink_scaled_imu2.csv"), 0.03),
@@ -53,7 +53,7 @@ COARSE_DPS = {
     "gyroflow.gcsv": 0.002,
     "i2cdevlib_raw.txt": 0.5 / 131,
 }
-"""Half a quantisation step [deg/s] of loggers that round coarsely."""
+"""Half a quantisation step [deg/s] of loggers that round coarsely, by the name of their file."""
 
 
 def text(name: str) -> bytes:
@@ -69,7 +69,9 @@ def archive(files: dict[str, bytes]) -> bytes:
 
 
 def timeless(book: io.BytesIO) -> bytes:
-    """Return an Excel workbook without the times at which it was written."""
+    """Return an Excel workbook in which the times of writing are replaced, so that the file is the same at
+    each run.
+    """
     with zipfile.ZipFile(book) as parts:
         files = {name: parts.read(name) for name in parts.namelist()}
     files["docProps/core.xml"] = re.sub(
@@ -153,7 +155,7 @@ def ardupilot() -> bytes:
 
 
 def write_measurements() -> None:
-    """Write the measurement files of LabVIEW and of vehicles."""
+    """Write files in measurement formats: TDMS of LabVIEW, and MDF, which is usual in vehicles."""
     with nptdms.TdmsWriter(HERE / "labview.tdms") as out:
         properties = {"wf_increment": 1 / RATE_HZ, "wf_start_offset": 0.0, "unit_string": "rad/s"}
         out.write_segment(

@@ -1,6 +1,6 @@
 """Make records in the form of a running pipeline's, for the tests of the live page.
 
-The fits in these records are invented (fit_support).
+The results of live fits in these records are invented (tests/rig/fit_support.py).
 """
 
 import functools
@@ -107,7 +107,7 @@ def with_breaks(
 
 
 def told(*groups: list[AnyRecord], who: EstimateOn = "host") -> DeviceHistory:
-    """Return the page's history of a device that has received all records.
+    """Return a history of a device, as the page keeps it, after it has received all records of the groups.
 
     `who`: where the gyroscope's estimates are computed.
     """
@@ -139,9 +139,10 @@ class Reader:
     def read(
         self, device: str = "", axis: str = "", window: int = 0, parts: str = "now axes axis curves own"
     ) -> dict[str, Any]:
-        """Return the next update that is sent to the page, and apply the update to `reader`.
+        """Return the next update that the program sends to the page, and apply it to the parts that this page
+        already has.
 
-        The update comes a second after the last one.
+        The update is sent as if a second had passed since the last one.
         """
         self.state._kept.clear()
         had = {name: self._checksums.get(name, "") for name in parts.split()}
@@ -154,9 +155,9 @@ class Reader:
 
 
 def alone(found: Iterable[AnyRecord], every: int = 10, late: int = 0, **own: Any) -> list[AnyRecord]:
-    """Return the records with estimates that the device computed.
+    """Return the records with the host's estimates replaced by estimates that the device computed.
 
-    There is an estimate for one sample in `every`; it comes `late` samples after that sample.
+    One sample in `every` has an estimate. The estimate comes `late` samples after its sample.
     """
     made: list[AnyRecord] = []
     waiting: list[Estimate] = []
@@ -179,9 +180,9 @@ def both(
     why_not: WhyNot = "other_settings",
     **own: Any,
 ) -> list[AnyRecord]:
-    """Return the records with a device's estimates, whose α and f differ from the host's.
+    """Return the records with additional estimates by the device, whose α and f differ from the host's.
 
-    The differences are `apart(sequence number)`.
+    The differences for a sample are `apart(sequence number)`.
 
     `apart`: returns None for a sample whose estimates cannot be compared. `why_not`: reason given for such a
     sample.

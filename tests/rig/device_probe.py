@@ -1,4 +1,4 @@
-"""Run the board's estimator from Python.
+"""Run the board's estimator, compiled for this computer, from Python.
 
 There is a library for each variant of the estimator (tests/native/device_probe.cpp).
 """
@@ -26,7 +26,9 @@ FIELDS = Estimate._fields[: Estimate._fields.index("tracker_bias")]
 
 
 class Baseline(NamedTuple):
-    """Bias and R from the board's start-up window, and the number of restarts of the axis."""
+    """Bias and measurement variance R of an axis from the board's start-up window, and the number of restarts
+    of its filters.
+    """
 
     bias_dps: float
     R: float
@@ -63,7 +65,7 @@ class Device:
     def run(self, counts: ArrayLike, missing: ArrayLike | None = None) -> dict[str, Array]:
         """Process samples, the oldest first; return the fields of ESTIMATE after each sample.
 
-        The start-up window at the beginning gives no fields.
+        Samples in the start-up window give no row of fields.
         """
         counts = np.ascontiguousarray(counts, dtype=np.int16)
         lost = np.zeros(len(counts), np.uint8) if missing is None else np.asarray(missing, dtype=np.uint8)

@@ -1,6 +1,6 @@
 """Run the committed firmware image on the emulated Due, for tests from the chip to the output.
 
-Tests that need the same run share it.
+A run of the image that several tests need is made once and shared.
 """
 
 import os
@@ -25,7 +25,9 @@ def image() -> bytes:
 
 
 def after_a_reading(run: DueRun) -> DueRun:
-    """Continue until the sensor has just been read, which is in the middle of a sampling step."""
+    """Let the emulated Due run until it has just read the sensor. The program is then in the middle of a
+    sampling step.
+    """
     bursts, twi = run.boots[-1].bursts, run.board.twi
     seen = len(bursts)
     while len(bursts) == seen or not twi.field("SR", "TXCOMP"):
@@ -39,7 +41,7 @@ def with_fault(name: str) -> tuple[DueRun, Measured]:
 
 
 def build(mode: str, folder: Path, *defines: str) -> bytes:
-    """Compile an image from the present sources; skip the test without a compiler (CI has one).
+    """Compile a firmware image from the present sources. Skip the test if there is no compiler (CI has one).
 
     `defines`: overrides of firmware/core/settings.h.
     """

@@ -13,7 +13,7 @@ from tools.due_emulator.icm20948 import Icm20948
 from tools.due_emulator.mpu9250 import Mpu9250
 
 
-# Over 12 attributes: each is one fact from a chip's data sheet, typed by hand.
+# Over 12 attributes: each is a fact from a chip's data sheet, typed by hand.
 class Emulated(NamedTuple):
     """An emulated kind of chip with facts about it.
 
@@ -63,7 +63,7 @@ _MPU9250 = Emulated(
         0x1B: 0x18,  # ±2000 deg/s
         0x1C: 0x00,  # ±2 g
         0x1D: 0x01,  # 184 Hz
-        0x23: 0xF8,  # temperature, three axes, acceleration
+        0x23: 0xF8,  # the FIFO gets temperature, three gyroscope axes and acceleration
         0x38: 0x10,  # FIFO_OFLOW_EN
         0x6A: 0x40,
         0x6B: 0x01,
@@ -116,9 +116,9 @@ EMULATED = {
             0x210: 0,
             0x211: 8,
             0x214: 0x01,  # ACCEL_DLPFCFG 0: 246 Hz; ±2 g; filter on
-            0x067: 0x1E,  # acceleration and the rate of three axes
+            0x067: 0x1E,  # the FIFO gets acceleration and the rates of three axes
             0x069: 0x01,
-            0x068: 0x00,  # as long as this bit is set, the FIFO stays empty
+            0x068: 0x00,  # as long as this reset bit is set, the FIFO stays empty
             0x003: 0x40,
         },
         lost=(0x006, 0x007, 0x200, 0x201, 0x210, 0x211, 0x214, 0x067, 0x069),

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 ESTIMATES = ("alpha", "alpha_var", "f", "f_var", "x", "P", "innovation", "innovation_var")
 
-# Section 7.1 of the paper, x axis.
+# Settings of section 7.1 of the paper: the x axis of its gyroscope.
 PRINTED = EstimatorConfig(variant="triple", guard="off", memory="direct")
 GYROSCOPE = LaneSettings(PRINTED, h=0.01, R=0.0235)
-# Section 6.1 of the paper.
+# Settings of section 6.1 of the paper.
 EXAMPLE = LaneSettings(
     msgspec.structs.replace(
         PRINTED,
@@ -35,7 +35,9 @@ EXAMPLE = LaneSettings(
 
 
 def with_(settings: LaneSettings, **changes: Any) -> LaneSettings:
-    """Return the settings with changes; `state__Q` stands for state.Q and sets the number of lanes."""
+    """Return the settings with changes. The name `state__Q` stands for state.Q. Such a number may be an array
+    with a value for each lane (axis).
+    """
     numbers = {name.replace("__", "."): changes.pop(name) for name in [*changes] if "__" in name}
     own = {name: changes.pop(name) for name in [*changes] if name in ("h", "R", "accuracy")}
     config = msgspec.structs.replace(settings.config, **changes)
@@ -80,7 +82,7 @@ def reference_run(
 ) -> Array:
     """Return the estimates of the reference implementation, of shape (n, len(ESTIMATES)).
 
-    The settings must be single numbers, not arrays.
+    The settings must be single numbers, not arrays with a value for each lane.
 
     `changes`: Q and R that take effect at the given samples.
     """
@@ -134,7 +136,7 @@ def run_changing(
 
 
 def same(a: Estimates, b: Estimates) -> bool:
-    """Whether all estimates and interventions are equal to the bit."""
+    """Return whether all estimates and interventions of two runs are equal to the bit."""
     return all(np.array_equal(p, q, equal_nan=True) for p, q in zip(a, b, strict=True))
 
 

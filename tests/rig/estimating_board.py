@@ -1,6 +1,6 @@
 """Simulate a board that computes estimates.
 
-The functions yield its messages in order, and the events that the host reads from them.
+The functions yield the board's messages in order, and the events that the host reads from these messages.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -39,9 +39,9 @@ def noise(n: int, seed: int = 1) -> list[tuple[int, ...]]:
 
 
 class Board(MadeUpBoard):
-    """A board that sends HELLO and ESTIMATOR every 100 samples, and estimates after each sample.
+    """A simulated board that sends HELLO and ESTIMATOR every 100 samples, and estimates after each sample.
 
-    `late`: number of samples by which the estimates come later than their sample.
+    `late`: number of samples by which the board sends estimates later than the sample that they belong to.
 
     `stated`: the settings that the board sends in ESTIMATOR; None if the board computes no estimates.
     `first`: sequence number of the first sample.
@@ -61,7 +61,7 @@ class Board(MadeUpBoard):
     def run(self, counts: Iterable[tuple[int, ...] | None]) -> Iterator[Sent]:
         """Process samples and yield the messages that the board sends.
 
-        None stands for a sample that it misses.
+        None among the counts stands for a sample that the board misses.
         """
         return (sent for row in counts for sent in self.tick(row))
 
@@ -72,9 +72,9 @@ def said(at: int, message: wire.Message, sequence: int = 0) -> Sent:
 
 
 def chunks(sent: Iterable[Sent], start: int = 0) -> Iterator[Chunk]:
-    """Yield each frame as a chunk of bytes.
+    """Yield each frame that was sent as one chunk of bytes with its arrival time.
 
-    `start`: number of the first sampling period.
+    `start`: number of sampling periods by which all arrival times are later.
     """
     for one in sent:
         yield Chunk(one.frame, START_NS + (start + one.instant) * PERIOD_US * 1000, 0)
@@ -90,7 +90,9 @@ def events(sent: Iterable[Sent], link: WireEvents | None = None, start: int = 0)
 
 
 def exact(sent: Iterable[Sent]) -> Iterator[Event]:
-    """Yield the events of these frames without rounding the estimates to single precision."""
+    """Yield the events of these frames. The estimates in the events keep double precision, which frames would
+    round to single precision.
+    """
     for at, message, sequence, device_us in sent:
         host_ns = at * 10_000_000
         match message:
@@ -148,5 +150,7 @@ def of_filters(e: Estimate | DeviceEstimates) -> list[FlteaEstimate]:
 
 
 def reasons(compared: Iterable[DeviceEstimates], *axes: str) -> set[str | None]:
-    """Return the reasons why `axes` (by default all axes) are not compared."""
+    """Return the reasons why estimates of the device for `axes` (by default all axes) are not compared with
+    the host's.
+    """
     return {a.why_not for e in compared for name, a in e.axes.items() if name in (axes or AXES)}

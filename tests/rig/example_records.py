@@ -8,7 +8,7 @@ from fltea.records.stats import AxisStats, BiasCheck, DeviceStatus, LinkStats, S
 
 
 def axis_estimate(*of_filters: Any, unit: str = GYRO_UNIT, **known: Any) -> AxisEstimate:
-    """Return an estimate of one axis whose figures from the paper's filters are `of_filters`.
+    """Return an example of an estimate of one axis. `of_filters`: the figures from the paper's filters.
 
     `known`: values of other fields.
     """

@@ -38,7 +38,7 @@ Injection = Callable[[tuple[i2c_msg, ...]], int | None]
 class TellsTime:
     """Surroundings of the emulated sensor, whose values encode the time at which they are measured.
 
-    A sample also shows whether its values were measured together.
+    The values also show whether all values of a sample were measured at one time.
     """
 
     def at(self, now_ns: int) -> Motion:
@@ -49,7 +49,7 @@ class TellsTime:
 
 
 def taken_ns(gyro: tuple[float, ...], accel: tuple[float, ...] | None) -> int:
-    """Return when a sample of `TellsTime` was measured, to 0.1 ms.
+    """Return the time at which a sample of `TellsTime` was measured [ns], in steps of 0.1 ms.
 
     A sample whose values were measured at different times raises an error.
     """
@@ -161,7 +161,7 @@ class FakeBus:
         ctypes.memmove(message.buf, data, n)
 
     def _read(self, n: int, *, last: bool) -> bytes:
-        # The result is the same as that of `read`, but no byte takes the slow path through `read`.
+        # The FIFO's bytes are taken directly. The chip's `read` would give the same bytes, but slowly.
         if self._register == self.chip.fifo_register:
             return bytes(self.chip.fifo.pop() for _ in range(n))
         return bytes(self.chip.read(ack=not last or i < n - 1) for i in range(n))
@@ -248,12 +248,12 @@ class Pi:
         return self.source._status()
 
     def check(self, ppm: float = 0.0) -> list[int]:
-        """Check every sample against the time of its measurement.
+        """Check the number and time of every sample by the time of measurement that its values encode.
 
         Return the sample times of the last epoch [ns].
 
-        Within an epoch, numbers and times agree to the sample. No sample arrives before it is measured. Every
-        sample that is not delivered is counted.
+        Within an epoch, numbers and times have to agree to the sample. No sample may arrive before it is
+        measured. Every sample that is not delivered has to be counted.
         """
         period_ns = S / self.hello.rate_hz / (1 + ppm * 1e-6)
         epoch, first, arrived_ns = -1, (0, 0), 0

@@ -1,4 +1,6 @@
-"""Simulate a machine: a folder is its file system, and all other queries get fixed answers."""
+"""Simulate a machine for the checks of `fltea doctor`. A folder is its file system, and all other queries get
+fixed answers.
+"""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -96,5 +98,7 @@ def finding_of(findings: list[Finding], check: str) -> Finding:
 
 
 def levels(findings: list[Finding]) -> dict[str, str]:
-    """Return the level of each check by its name; the last check counts if several have the same name."""
+    """Return the level of each finding by the name of its check. If several findings have the same name, the
+    last one counts.
+    """
     return {finding.check: finding.level for finding in findings}

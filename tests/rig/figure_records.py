@@ -42,7 +42,7 @@ from tests.rig.fit_support import FRACTIONAL, with_curves
 from tests.rig.host_support import hello
 
 KEYS: dict[str, Any] = {"str": "order_box", "int": 60}
-"""A key of each key type, for mappings that the examples leave empty."""
+"""An example key for each type of keys, used in mappings that the example records leave empty."""
 
 
 def parts_of(hint: Any) -> Iterator[Any]:
@@ -163,7 +163,7 @@ EVERYTHING: Records = {
 
 UNDECIDED = {AXIS: replace(FRACTIONAL_FIT, verdict="undecided", until_s=Until(0.05, 440.0))}
 EXAMPLES = (EVERYTHING, {**EVERYTHING, Fit: replace(EVERY_FIT, axes=UNDECIDED)})
-"""Sets of records which together make every output show each of its figures."""
+"""Two sets of records. If an output gets both, it shows every figure that it can show."""
 
 
 def history(records: Records, who: EstimateOn = "both") -> DeviceHistory:
@@ -172,8 +172,8 @@ def history(records: Records, who: EstimateOn = "both") -> DeviceHistory:
 
 
 DRAWN = ("now", "spectra", "curves")
-"""Parts of the page that are not compared. Two only draw figures of other parts; "now" depends on the time of
-the request.
+"""Parts of the live page that are not compared. "spectra" and "curves" only draw figures that other parts
+contain, and "now" depends on the time of the request.
 """
 
 

@@ -70,7 +70,7 @@ def fit_after(sample: Sample, axes: dict[str, AxisFit], samples: int | None = No
 
 
 def with_fits(found: list[AnyRecord], axes: dict[str, AxisFit], every: int = 100) -> list[AnyRecord]:
-    """Return the records with a fit inserted after every `every` estimates."""
+    """Return the records with the record of a live fit inserted after every `every` samples."""
     made: list[AnyRecord] = []
     for record in found:
         made.append(record)

@@ -1,4 +1,4 @@
-"""Put fits into the stored history of many devices (a fleet), and read them again."""
+"""Add fits to the stored history of many devices (a fleet), and let the history write and delete rows."""
 
 import math
 from pathlib import Path

@@ -1,6 +1,7 @@
 """Helpers for the tests of the host program.
 
-They are a simulated board, the real command, a strict reader of its output, and HTTP requests.
+The helpers are a simulated board, the real command, a strict reader of the command's output, and HTTP
+requests.
 """
 
 import contextlib
@@ -30,7 +31,7 @@ T = TypeVar("T")
 
 ROOT = Path(__file__).resolve().parents[2]
 QUICK = ("--startup", "50", "--set", "estimator.window=200")
-"""Settings of an estimator that is quick rather than accurate."""
+"""Command-line options for an estimator that is quick rather than accurate."""
 
 WIRE_HELLO = HELLO
 """The HELLO of the simulated boards, as the tests of the host expect it."""

@@ -46,7 +46,7 @@ def chunk(compression: str, data: bytes, declared_bytes: int) -> bytes:
 def zeros(compression: str, size_bytes: int) -> bytes:
     """Return `size_bytes` zero bytes, compressed.
 
-    An MCAP reader takes them for records of an unknown type, each of 9 bytes.
+    An MCAP reader takes the zeros for records of an unknown type, each of 9 bytes.
     """
     if compression == "lz4":
         return bytes(lz4.frame.compress(bytes(size_bytes)))

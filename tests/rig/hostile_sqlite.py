@@ -1,4 +1,4 @@
-"""Small SQLite files that pass for bags of ROS 2, and in which asking for a row would compute without end."""
+"""Small SQLite files that pass for bags of ROS 2. A query for a row of such a file would compute without end."""
 
 import contextlib
 import sqlite3
@@ -90,4 +90,4 @@ HOSTILE: dict[str, Callable[[Path], None]] = {
     ),
     ENDLESS_TREE: _without_end,
 }
-"""Functions that make these files, by name."""
+"""Functions that make these hostile files, by name."""

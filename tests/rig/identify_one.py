@@ -44,7 +44,7 @@ def identify_series(
         events = watch({"y": series}, (), {"y": found.tracked}, h, live or LiveConfig())["y"]
         if events.left_out.is_like(found.left_out):
             break
-        # If there are too few samples between steps, the fit fails, and the earlier result stays.
+        # If too few samples remain between steps of the bias, the fit fails, and the earlier result stays.
         with contextlib.suppress(ValueError):
             found = examine(series, h, options, figures, known, events.left_out)
     if found.tracked is not None:

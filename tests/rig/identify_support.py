@@ -21,9 +21,9 @@ def recursion(alpha: float, f: float, n: int, series: int, seed: int, warmup: in
 
 
 def long_recursion(alpha: float, g: float, n: int, seed: int) -> Array:
-    """Return n states of the recursion in `recursion`, computed by FFT.
+    """Return n states of the process that `recursion` computes step by step, here computed by FFT.
 
-    The series is a section of a periodic series four times as long. For many samples this is faster.
+    The series is a section of a periodic series four times as long. For many samples the FFT is faster.
     """
     lam = 2 * np.pi * np.arange(1, 2 * n + 1) / (4 * n)
     z = np.exp(-1j * lam)
@@ -68,7 +68,7 @@ class Truth(NamedTuple):
 
 
 def composite(truth: Truth, n: int, h: float, seed: int) -> Array:
-    """Return n samples of the noise with these true figures, computed one after the other."""
+    """Return n samples of the noise with these true figures: the sum of its components, each drawn at random."""
     rng = np.random.default_rng((77, seed))
     y = rng.standard_normal(n) * truth.N / np.sqrt(h)
     for sigma, tau in truth.gauss_markov:

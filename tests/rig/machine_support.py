@@ -80,7 +80,9 @@ def _link(folder, source, suffix):
 
 
 class Bench:
-    """An emulated board with a program, the bytes that it sent, and access to its results in RAM."""
+    """An emulated board with a program, the bytes that the board sent, and access to the program's results in
+    RAM.
+    """
 
     def __init__(self, image, **options):
         self.received = bytearray()

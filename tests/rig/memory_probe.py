@@ -42,9 +42,10 @@ def library(instruction_set: str) -> ctypes.CDLL:
 
 
 class Memory:
-    """A filter's memory of past samples, accurate to `digits` digits (or exact: DIRECT).
+    """A filter's memory of past samples. `digits`: number of accurate digits, or DIRECT for the exact memory.
 
-    It reaches back L samples (0: all). Results have the shape (lanes,).
+    The memory reaches back L samples, or to the beginning if L is 0. Results have the shape (lanes,), one
+    value for each filter that runs in parallel.
 
     `kind`: number type; f: float, d: double, w: a SIMD pack that fills a register.
     """
@@ -58,7 +59,7 @@ class Memory:
         self.lanes: int = self._library.probe_lanes(self._probe)
 
     def _rows(self, values: ArrayLike, n: int) -> Array:
-        """Return n numbers, repeated for all lanes: (n, lanes)."""
+        """Return n numbers, repeated for all lanes, as an array of shape (n, lanes)."""
         return np.repeat(np.asarray(values, dtype=np.float64).reshape(n, 1), self.lanes, 1)
 
     def push(self, x: ArrayLike, P: ArrayLike) -> None:
@@ -75,7 +76,9 @@ class Memory:
         self._library.probe_stir(self._probe, n, seed)
 
     def sums(self, order: ArrayLike) -> tuple[Array, Array]:
-        """Return the sums S (of states) and V (of variances) for one order in all lanes."""
+        """Return the weighted sums over the memory, S of states and V of variances, for one order in all
+        lanes.
+        """
         S, V = np.empty(self.lanes), np.empty(self.lanes)
         orders = np.full(self.lanes, order, dtype=np.float64)
         self._library.probe_sums(self._probe, orders, S, V)
@@ -95,9 +98,10 @@ class Memory:
 
     @property
     def modes(self) -> tuple[int, int]:
-        """Return how the sums of states and of variances are computed, as two numbers of modes.
+        """Return two numbers: with how many exponentials (modes) the memory computes the sum of states, and
+        with how many the sum of variances.
 
-        The window and the digits select these modes.
+        The length of the memory and `digits` determine these numbers.
         """
         out = np.zeros(3)
         self._library.probe_nodes(self._probe, out)

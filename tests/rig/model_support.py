@@ -39,7 +39,7 @@ PARTS: dict[str, st.SearchStrategy[p.Part]] = {
     "notch": st.builds(p.Notch, hz, st.floats(0.5, 10)),
     "mean": st.builds(p.Mean, st.integers(2, 10)),
 }
-"""Strategies that draw a part of a noise model, by kind of part, for 100 Hz."""
+"""Strategies of hypothesis that draw a random part of a noise model at 100 Hz, by the kind of part."""
 EXAMPLES: dict[str, p.Part] = {
     "white": p.White(1.0),
     "relaxation": p.Relaxation(1.0, 0.3),
@@ -57,15 +57,15 @@ EXAMPLES: dict[str, p.Part] = {
     "floor": p.Floor(0.1),
     "arfima": p.Arfima(0.4, 0.9, 0.1),
 }
-"""One part of a noise model for each kind. At 100 Hz, its spectrum exceeds that of white noise of variance
-1.
+"""One example for each kind of part of a noise model. At 100 Hz, the spectrum of each example exceeds that of
+white noise of variance 1.
 """
 
 
 def samples(parts: Sequence[p.Part], n: int, h: float, seed: int) -> Array:
     """Draw n Gaussian samples with the spectrum of the parts of a noise model.
 
-    They are a section of a longer periodic series.
+    The samples are a section of a longer periodic series.
     """
     return drawn(parts, n, h, np.random.default_rng((28, seed)))
 

@@ -1,6 +1,6 @@
 """Run Debian's MQTT broker mosquitto with certificates, and a client that records its messages.
 
-The broker uses a TCP port of its own.
+Each broker of a test uses a TCP port of its own.
 """
 
 import contextlib

@@ -17,7 +17,9 @@ Start = Callable[..., "Worker"]
 
 
 class Worker:
-    """The part of a worker that talks to the NATS server, with its inbox and what it reported."""
+    """The part of a worker that talks to the NATS server. It has an inbox of messages, and a list of what it
+    reported.
+    """
 
     def __init__(self, url: str, start: bool = True, **settings: Any) -> None:
         flags = {"format": "none", "ingest.partitions": PARTITIONS}

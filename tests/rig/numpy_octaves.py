@@ -24,7 +24,8 @@ class Lines(NamedTuple):
 
 
 def _correlated(later: int) -> float:
-    """Return the sum of the squared correlations of a spectral line of one block with all lines of another.
+    """Return the sum of the squared correlations of one spectral line of a block of samples with all lines of
+    another block.
 
     The other block begins `later` samples later.
     """
@@ -94,7 +95,9 @@ def noise(n: int, lanes: int, seed: int) -> Array:
 
 
 def check_lines(p: Periodogram, oracle: Lines) -> None:
-    """Check that the spectra are equal, after averaging the oracle's lines at the same frequency."""
+    """Check that a native spectrum equals the oracle's. The oracle's lines at one frequency are averaged
+    before.
+    """
     lam, place = np.unique(oracle.lam, return_inverse=True)
     assert p.weight is not None
     assert p.lam == pytest.approx(lam, rel=1e-13)

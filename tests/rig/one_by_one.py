@@ -15,7 +15,9 @@ DELAY = itemgetter(1)
 
 
 def total(values: Iterable[float]) -> float:
-    """Return the sum of the values, added in order, which equals the sum by a plain loop to the bit."""
+    """Return the sum of the values, added in order. It equals the sum by a plain loop to the bit, which
+    Python's `sum` may not.
+    """
     return reduce(add, values, 0.0)
 
 
@@ -36,7 +38,7 @@ class Timebase:
         self._last_ns: int | None = None
 
     def add(self, seq: int, device_us: int, host_ns: int) -> int:
-        """Include one arrival in the fit; return the sample's host time in ns.
+        """Include the arrival of one sample in the fit. Return the sample's host time [ns].
 
         Returned times never decrease.
         """

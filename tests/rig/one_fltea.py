@@ -16,7 +16,9 @@ def fltea_fit(
     gaps: Gaps | None = None,
     order: Interval | None = None,
 ) -> tuple[FlteaFit, Innovations | None]:
-    """Return the last estimates, and the test of the innovations."""
+    """Return the last estimates of the filters, and the result of the test whether their innovations are
+    white.
+    """
     (found,) = fltea_fits([FlteaAxis(y, gaps or no_gaps(), config, lsb, order)], h)
     assert found.own is not None, found.reason
     return found.own, found.innovations[config.variant]

@@ -16,10 +16,11 @@ NEIGHBOURS = 4 / 9, 1 / 36
 
 
 class Try(NamedTuple):
-    """Neighbouring spectral lines that are tested for a peak.
+    """A range of neighbouring spectral lines that is tested for a peak.
 
-    The fields give their range, the background levels that their power must exceed, and the number of
-    ordinates from which each level was computed.
+    `begin`, `end`: the range. `level`: background level around it. `levels`: levels that the power of the
+    range must exceed. `ordinates`: number of ordinates of the periodogram from which each of these levels was
+    computed.
     """
 
     begin: int

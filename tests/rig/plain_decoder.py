@@ -28,7 +28,9 @@ class Found(NamedTuple):
 
 
 def decoded(data: bytes) -> list[Found]:
-    """Return all frames and errors that end within the bytes received since a port was opened."""
+    """Return all frames and errors that end within `data`, which are all bytes received since a port was
+    opened.
+    """
     found: list[Found] = []
     begin = 0
     blocks = data.split(b"\0")
@@ -81,7 +83,9 @@ def of_block(block: bytes) -> Frame | Refused | BadFrame:
 
 
 def in_chunks(reader: BlockReader, chunks: Iterable[bytes]) -> list[Found]:
-    """Return what the native decoder finds in these chunks, in the form that `decoded` returns."""
+    """Return the frames and errors that the native decoder finds in these chunks, in the form that `decoded`
+    returns.
+    """
     found: list[Found] = []
     for chunk in chunks:
         before = reader.bytes_in

@@ -11,7 +11,7 @@ minutes;
 5. `plain_sensor.Sensor` computes bias and R from the first samples, and filters all later ones;
 6. `PlainDeviceStream` yields the resulting records, in order, and statistics once a second.
 
-The oracle has no live fits, and no boards that estimate.
+The oracle has no live fits, and does not process estimates that boards compute.
 """
 
 from collections.abc import Iterator
@@ -52,14 +52,14 @@ MINUTE_NS = 60 * SECOND_NS
 
 
 def in_units(raw: RawSample, hello: Hello) -> tuple[Vector, Vector | None, float | None]:
-    """Return rates [deg/s], specific forces [m/s²] and temperature [°C].
+    """Convert a sample's counts. Return rates [deg/s], specific forces [m/s²] and temperature [°C].
 
-    A scale of None means that the values are in units already.
+    A scale of None means that the values are in these units already.
     """
     lsb, per_g = hello.gyro_lsb_per_dps, hello.accel_lsb_per_g
     gyro_dps = tuple(counts / (1.0 if lsb is None else lsb) for counts in raw.gyro)
     accel_ms2 = temperature_c = None
-    if raw.accel is not None and per_g != 0:  # A scale of 0 means that it is unknown.
+    if raw.accel is not None and per_g != 0:  # A scale of 0 means that the scale is unknown.
         ms2 = 1.0 if per_g is None else 9.80665 / per_g
         accel_ms2 = tuple(counts * ms2 for counts in raw.accel)
     if raw.temperature is not None:
@@ -73,7 +73,7 @@ class Saved(NamedTuple):
 
     Filters and trackers are handed over, not copied, so the saved run cannot continue.
 
-    `sample`: the last sample.
+    `sample`: the last sample before the snapshot.
     `unix_ns`: arrival time of the sample, by the date at the time of the snapshot [ns].
     `made_with`: values that must be unchanged for the snapshot to be used.
     """
@@ -109,8 +109,8 @@ class PlainDeviceStream:
         self._sequence = PlainSequenceTracker(config)
         self._timebase: Timebase | None = None
         self._epoch = self._now_ns = 0
-        # The offset is fixed at the beginning of an epoch, so that setting the date later does not change
-        # times.
+        # The offset from the host clock to Unix time is fixed at the beginning of an epoch, so that setting
+        # the machine's date later does not change times.
         self._offset_ns = source.unix_offset_ns
         self._sensors: list[Sensor] = []
         self._tracks: dict[str, SensorTracks] = {}  # the bias trackers of each sensor, by its unit
@@ -146,7 +146,8 @@ class PlainDeviceStream:
 
     def _on_time(self, host_ns: int | None) -> Iterator[AnyRecord]:
         self._now_ns = self._now_ns if host_ns is None else host_ns
-        # Before the first sample of an epoch the offset is updated, since a source may learn the date late.
+        # Before the first sample of an epoch the offset to Unix time is updated, since a source may learn the
+        # date late.
         if self._timebase is None:
             self._offset_ns = self._source.unix_offset_ns
         if self._stats_due_ns is not None:
@@ -174,7 +175,8 @@ class PlainDeviceStream:
                 yield self._error("state_unused", text)
         assert self._timebase is not None
         host_ns, device = self._timebase.add(seq, device_us, raw.host_ns), self._config.name
-        # The gap is published in the epoch that lacks the samples, even if this sample begins another epoch.
+        # The gap before this sample is published in the epoch that lacks the samples, even if this sample
+        # begins another epoch.
         if missing:
             of_epoch = self._epoch - (reason is not None)
             yield Gap(seq - missing, missing, of_epoch, host_ns, device=device)
@@ -211,8 +213,8 @@ class PlainDeviceStream:
     ) -> Iterator[AnyRecord]:
         """Run trackers and filters on a sample.
 
-        Yields the estimate, steps and motion, and an error for each axis that became invalid or was constant
-        over the start-up window.
+        Yield the estimate, steps of the bias and motion, and an error for each axis that became invalid or
+        was constant over the start-up window.
         """
         axes: dict[str, AxisEstimate] = {}
         happened: list[Step | Motion] = []
@@ -242,7 +244,7 @@ class PlainDeviceStream:
     def _begin(
         self, raw: RawSample, hello: Hello, reason: EpochReason, accel_ms2: Vector | None
     ) -> tuple[EpochReason, float | None, str | None]:
-        """Begin an epoch, from the snapshot if it fits.
+        """Begin an epoch. If there is a snapshot of an earlier run that fits, continue from it.
 
         Returns:
             Reason why the epoch begins, age of the snapshot [s], and reason why the snapshot was not used.
@@ -293,7 +295,7 @@ class PlainDeviceStream:
             yield self._error("no_axis", ", ".join(absent))
 
     def _lost(self, lost: list[Loss]) -> Iterator[Error]:
-        """Report which axes became invalid, each at most once a minute."""
+        """Report which axes became invalid. An axis is reported at most once a minute."""
         for axis, why in lost:
             told_ns = self._lost_told_ns.get(axis)
             if told_ns is None or self._now_ns - told_ns >= MINUTE_NS:
@@ -333,7 +335,7 @@ class PlainDeviceStream:
 
         The result is None while a start-up window fills, if an axis is constant, or if the device is unknown.
         """
-        if self._saved is not None:  # an earlier run's snapshot, which has not been used yet
+        if self._saved is not None:  # an earlier run's snapshot that no epoch has used yet
             return self._saved
         hello, newest = self._sequence.hello, self._newest
         if hello is None or newest is None or not self._sensors:

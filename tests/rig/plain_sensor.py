@@ -20,7 +20,9 @@ from fltea.settings.estimator import EstimatorConfig
 from tests.rig.sample_by_sample import LanesBySample, whiteness
 
 LONGEST_BRIDGE = 30_000
-"""Largest number of missing samples over which filters of unlimited memory predict after a snapshot."""
+"""Largest number of missing samples over which filters with unlimited memory predict when they continue from
+a snapshot.
+"""
 
 COLUMNS = ("alpha", "alpha_std", "f", "f_std", "state", "innovation")
 """Fields of an estimate, in the order of the filters' output columns."""
@@ -39,7 +41,9 @@ class Baseline(NamedTuple):
 
 
 def baseline_of(window: list[Vector], axes: int, config: EstimatorConfig, resolution: float) -> Baseline:
-    """Return bias and R from the settings, or from the window, summed in the order of the native code."""
+    """Return bias and R from the settings, or else from the samples of the start-up window, summed in the
+    order of the native code.
+    """
     means, variances = [0.0] * axes, [0.0] * axes
     for axis, values in enumerate(zip(*window, strict=True)):
         n, total, squares = len(values), 0.0, 0.0
@@ -158,7 +162,7 @@ class Sensor:
         return lost
 
     def bridge(self, count: int) -> None:
-        """Let the filters predict over the samples missed since a snapshot.
+        """Let the filters predict over the samples that are missing since a snapshot.
 
         They predict at most as many samples as the memory holds.
         """

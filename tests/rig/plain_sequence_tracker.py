@@ -11,10 +11,12 @@ from fltea.settings.config import Config
 from fltea.settings.duration import in_samples
 
 LONGEST_SILENCE_NS = 30 * 60 * 10**9
-"""Device time wraps every 71.6 minutes, so after a longer silence the number of wraps is ambiguous."""
+"""Longest silence between two samples of an epoch. Device time wraps every 71.6 minutes, so after a much
+longer silence the number of wraps is ambiguous.
+"""
 LONGEST_DISAGREEMENT_US = 5 * 60 * 10**6
-"""Largest accepted difference between the times that elapsed on the device's and the host's clock since the
-last sample. After a reset, the device's time can look like that after a gap of an hour.
+"""Largest accepted difference between the time that elapsed since the last sample on the device's clock and
+on the host's clock. After a reset, device time begins again, which can look like a gap of an hour.
 """
 CLOCK_TOLERANCE = 0.02
 """Accepted relative difference between the time by sequence numbers and the device's time. It is twice the ±1
@@ -27,7 +29,7 @@ LONGEST_GAP = 1_000_000
 class Tracked(NamedTuple):
     """Number and device time of a sample, and the number of samples lost before it.
 
-    If the sample begins an epoch, the reason is given, too.
+    `reason`: why the sample begins an epoch (samples with one numbering), or None.
     """
 
     seq: int
@@ -39,11 +41,11 @@ class Tracked(NamedTuple):
 def steps_between(last: RawSample, raw: RawSample, hello: Hello) -> int | None:
     """Return the number of sampling periods between two samples.
 
-    None if sequence numbers and times disagree.
+    Return None if sequence numbers and device times disagree.
     """
     elapsed_us, period_us = (raw.device_us - last.device_us) % 2**32, 1e6 / hello.rate_hz
     numbers = (raw.sequence - last.sequence) % 2**16
-    # The elapsed time shows how often the number has wrapped.
+    # The elapsed time shows how often the 16-bit sequence number has wrapped.
     steps = numbers + 2**16 * round((elapsed_us / period_us - numbers) / 2**16)
     tolerance_us = CLOCK_TOLERANCE * steps * period_us + period_us
     return steps if steps >= 1 and abs(elapsed_us - steps * period_us) <= tolerance_us else None
@@ -155,7 +157,7 @@ class PlainSequenceTracker:
             if self._disagreed:
                 self._compare(raw)
             return None
-        # Earlier samples no longer matter, since this sample begins an epoch.
+        # This sample begins an epoch for a known reason, so earlier samples no longer matter.
         if last is None or reason not in (None, "sensor_restart"):
             return self._used(raw, Tracked(raw.sequence, raw.device_us, 0, reason))
         if raw.host_ns - last.host_ns > LONGEST_SILENCE_NS:

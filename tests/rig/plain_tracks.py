@@ -1,6 +1,6 @@
 """Estimate the biases of one sensor in plain Python, one sample at a time.
 
-The native tracker is used, with one sample per call. The tests of the tracker compare it with textbook
+The native tracker is used, with one sample per call. Other tests compare the native tracker with textbook
 filters.
 """
 

@@ -1,6 +1,7 @@
 """Helpers for the tests of the protocol.
 
-They read its vector files and its definition, and make hypothesis try the same examples in each run.
+The helpers read the protocol's vector files and its definition, and make hypothesis try the same examples in
+each run.
 """
 
 import math
@@ -72,7 +73,7 @@ use them with both signs.
 def floats() -> st.SearchStrategy[float]:
     """Draw every kind of f32.
 
-    Compare results by `repr`, because of NaN and because -0.0 must differ from 0.0.
+    Compare results with such floats by `repr`, in which a NaN equals itself and -0.0 differs from 0.0.
     """
     return st.one_of(st.floats(width=32), st.sampled_from([*_F32, *(-number for number in _F32)]))
 
@@ -94,7 +95,8 @@ def _values(field: protocol_definition.Field) -> st.SearchStrategy:
 
 def _messages(message: protocol_definition.Message) -> st.SearchStrategy[wire.Message]:
     fields = {field.name: _values(field) for field in message.fields}
-    # A receiver refuses a HELLO of another protocol version before it reads the fields.
+    # The version in HELLO is not drawn: a receiver refuses a HELLO of another protocol version before it
+    # reads the other fields.
     if message.name == "HELLO":
         fields["protocol_major"] = st.just(wire.PROTOCOL_MAJOR)
         fields["schema_hash"] = st.just(wire.SCHEMA_HASH)

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 class QuickAxes:
     """A replacement of `fltea.spectrum.live_axes.LiveAxes`.
 
-    The figures of its fits depend on all samples and lost samples, and on their order.
+    The invented figures depend on all samples and lost samples that the fit received, and on their order. So
+    a wrong input shows in the figures.
     """
 
     longest_motion = 60_000

@@ -9,7 +9,8 @@ import pytest
 from fltea.records.records import AnyRecord, Error, Stats
 
 HOST_NS = 1
-"""Largest accepted difference of host times [ns]. The clock fit may add its values in any order.
+"""Largest accepted difference of host times [ns]. The clock fit of the native code may add values in another
+order than the oracle.
 
 Another order changes a time by less than 1e-10 s, which sometimes changes the rounding.
 """
@@ -17,7 +18,7 @@ OF_AN_AXIS = ("constant_axis", "axis_runaway", "axis_bound")
 
 
 class Comparable(NamedTuple):
-    """A record without the values that may differ, and the values that may differ."""
+    """The values of a record, divided into those that have to be equal (`exact`) and those that may differ."""
 
     exact: Any
     host_ns: int

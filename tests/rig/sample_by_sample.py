@@ -22,7 +22,7 @@ STATE_BOUND = CAUSES.index("state_bound")
 
 
 class Verdict(NamedTuple):
-    """The supervisor's verdict on a lane after a sample.
+    """The supervisor's verdict on one lane (the filters of one axis) after a sample.
 
     `valid`: the estimate may be published. `restart`: the lane (the filters of one axis) has to restart with
     the next sample. `news`: the reason, if the lane has become invalid at this sample, otherwise None.
@@ -90,7 +90,7 @@ class LanesBySample:
     def step(self, y: ArrayLike, *, missing: bool = False) -> Row:
         """Process one sample of every lane; `y` has the shape (lanes,).
 
-        `missing`: the sample was lost.
+        `missing`: whether the sample was lost.
         """
         e = self.engine.step(y, missing=np.full(np.shape(y), missing))
         held = e.interventions[:, STATE_BOUND]
@@ -136,7 +136,9 @@ BLOCK, BLOCKS, FEWEST = 100, 10, 200
 
 
 class Whiteness(NamedTuple):
-    """Figures of how white the last innovations are. A figure is None if there are too few innovations."""
+    """Figures that show whether the last innovations are white noise. A figure is None if there are too few
+    innovations.
+    """
 
     lag1: float | None
     nis: float | None

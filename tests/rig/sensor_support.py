@@ -21,7 +21,7 @@ SPEED_400K = 101 << 8 | 101
 class SmallBoard:
     """An emulated microcontroller with the sensor wired to its peripherals PIOB and TWI1.
 
-    The clocks run; nothing else is set up.
+    The clocks of the microcontroller run. Nothing else is set up.
     """
 
     def __init__(self, world=None):
@@ -51,9 +51,9 @@ class SmallBoard:
         self.machine.advance(round(us * US))
 
     def wait_for(self, flag, limit_us=2000):
-        """Poll the status register until the flag is set.
+        """Poll the status register of TWI1 until `flag` is set.
 
-        Return all flags that were seen meanwhile, or None if the flag was not set within the limit.
+        Return all status flags that were seen meanwhile, or None if `flag` was not set within the limit.
         """
         seen = 0
         for _ in range(limit_us * 2):

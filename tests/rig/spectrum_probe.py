@@ -18,7 +18,7 @@ class BoardFit(NamedTuple):
     """The board's fit of an axis, with the fields of FitFigures in firmware/core/engine/sliced_fit.hpp."""
 
     verdict: float
-    """0 none, 1 white, 2 fractional, 3 a relaxation describes the noise equally well"""
+    """0: none, 1: white, 2: fractional, 3: a relaxation describes the noise as well as an order does"""
     alpha: float
     alpha_std: float
     g: float
@@ -77,7 +77,7 @@ class BoardSpectrum:
         library().spectrum_skip(self._axis, lost)
 
     def fit(self) -> BoardFit:
-        """Return the fit of the samples so far; the next fit starts from its parameters."""
+        """Return the board's fit of the samples so far. The next fit starts from the parameters of this one."""
         out = np.empty(len(BoardFit._fields))
         library().spectrum_fit(self._axis, out)
         return BoardFit(*out.tolist())
@@ -89,15 +89,17 @@ class BoardSpectrum:
     def track_by(self, verdict: int, *numbers: float) -> None:
         """Let the tracker use given parameters for the next samples.
 
-        For a fractional noise they are α, g, s2 and R; for a relaxation 1 - φ, its variance and R.
+        `numbers`: α, g, s2 and R for a fractional noise; 1 - φ, its variance and R for a relaxation with
+        coefficient φ.
         """
         given = np.array([verdict, *numbers, *[0.0] * (4 - len(numbers))])
         library().spectrum_design(self._axis, given)
 
     def track(self, counts: NDArray[np.int16]) -> NDArray[np.float64]:
-        """Track counts.
+        """Track the bias over samples in counts.
 
-        Return bias, its standard deviation, state and its standard deviation for each, (n, 4).
+        Return an array of shape (n, 4). After each sample it has the bias, the bias's standard deviation, the
+        state and the state's standard deviation.
         """
         return track_sensor([self], counts[:, None])[0][:, 0]
 

@@ -16,7 +16,7 @@ The first tier has the tests without a mark.
 
 
 def slow(*values: Any) -> Any:
-    """Return a set of parameters that only the second tier tries."""
+    """Return a set of parameters with which a test runs only in the second tier of tests."""
     return pytest.param(*values, marks=pytest.mark.slow)
 
 

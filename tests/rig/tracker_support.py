@@ -13,7 +13,7 @@ H = 0.01
 
 
 def kalman(s: System, y: Array) -> dict[str, Array]:
-    """Run the Kalman filter of a textbook over measurements; NaN stands for a lost sample."""
+    """Run a textbook's Kalman filter over measurements. NaN stands for a lost sample."""
     x, P, A = np.zeros(len(s.a)), s.P0.copy(), s.A
     of_state, of_bias = s.signal * s.c, np.maximum(s.signal, s.a == 1) * s.c
     rows = []
@@ -36,7 +36,9 @@ def kalman(s: System, y: Array) -> dict[str, Array]:
 
 
 def simulated(s: System, n: int, seed: int) -> tuple[Array, Array]:
-    """Return measurements and the true state, which begins in its stationary distribution."""
+    """Return simulated measurements of a system, and its true states. States that have a stationary
+    distribution begin in it, the others at 0.
+    """
     rng = np.random.default_rng(seed)
     moving = np.hypot(s.a, s.b) < 1
     P0 = np.where(np.outer(moving, moving), s.P0, 0)
@@ -80,7 +82,7 @@ SYSTEMS = {
 
 
 def fixed(s: System) -> bool:
-    """Whether the system lacks a state for an offset."""
+    """Return whether the system lacks a state for an offset."""
     return not np.any((s.a == 1) & (s.c == 1))
 
 

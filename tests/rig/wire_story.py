@@ -18,7 +18,7 @@ SECOND_NS = 10**9
 OFFSET_NS = 1_720_000_000_000_000_000
 
 HAPPENINGS = (
-    "hello",  # HELLO is sent again
+    "hello",  # the board sends HELLO again
     "status",
     "fault",
     "bad",  # one bit of a sample is wrong
@@ -29,7 +29,7 @@ HAPPENINGS = (
     "pause",  # nothing arrives for six seconds
     "jump",  # device time jumps, as after a reset whose HELLO was lost
     "restart",
-    "sensor",  # the sensor is set up again
+    "sensor",  # the board sets its sensor up again
     "other version",
     "clock set",  # the host's date is set
     "opened",  # the port was lost for a moment
@@ -52,7 +52,8 @@ class Moment(NamedTuple):
 class Story(NamedTuple):
     """Some simulated seconds of a board.
 
-    `begin_ns`: monotonic time of the first sample. `happenings`: (sample, incident). `bursts`: see `moments`.
+    `begin_ns`: host time at the beginning [ns]. `happenings`: pairs of a sample's number and the incident at
+    this sample. `bursts`: numbers of samples whose bytes arrive together, used in turns.
     """
 
     begin_ns: int
@@ -61,9 +62,10 @@ class Story(NamedTuple):
     bursts: tuple[int, ...]
 
     def moments(self) -> list[Moment]:
-        """Return the bytes as they arrive; `bursts` gives the numbers of samples that arrive together.
+        """Return the bytes that arrive, with their arrival times. The bytes of several samples may arrive
+        together (`bursts`).
 
-        A frame may be split between reads.
+        The end of a frame may arrive later than its beginning.
         """
         board, found, waiting, held = _Board(), [], b"", 0
         told = dict(self.happenings)
@@ -147,7 +149,7 @@ class _Board:
 
 
 def stories() -> st.SearchStrategy[Story]:
-    """Draw stories of two to five seconds, some of which contain a pause."""
+    """Draw stories of two to five simulated seconds. Some stories contain a pause."""
     happening = st.tuples(st.integers(1, 499), st.sampled_from(HAPPENINGS))
     return st.builds(
         Story,
@@ -171,7 +173,9 @@ class StorySource(FedSource):
         self._together = together
 
     def read(self, moments: Sequence[Moment]) -> Iterator[Event]:
-        """Read the moments in groups of the sizes `together`, with ticks if nothing arrived."""
+        """Read the moments in groups of the sizes `together`. Where the port is lost, yield the ticks up to
+        that time, and open the port again.
+        """
         begin, turn = 0, 0
         while begin < len(moments):
             data, host_ns, offset_ns = moments[begin]

@@ -1,4 +1,6 @@
-"""Tests of the udev rule, the systemd unit, and the script that installs both, here into a test's folder."""
+"""Tests of the udev rule, of the systemd unit, and of the script that installs both. Here the script installs
+into a test's folder.
+"""
 
 import os
 import re
@@ -23,7 +25,7 @@ SCRIPT = DEPLOY / "service.sh"
 LARGEST_EXPOSURE = 20
 """Largest accepted "exposure level" of the service by `systemd-analyze security`, in tenths.
 
-It is 16 now, mostly because of the network and the serial ports.
+The service's exposure level is 16 now, mostly since the service needs the network and the serial ports.
 """
 
 CLAUSE = re.compile(r'([A-Z_]+(?:\{[A-Za-z_]+\})?)(==|!=|\+=|=)"([^"]*)"')
@@ -51,7 +53,7 @@ def script(action: str, **environment: str | Path) -> subprocess.CompletedProces
 
 
 SHUT = "umask 077; exec "
-"""What a careful administrator's shell does before any command: only the user may read new files."""
+"""The beginning of a command in the shell of a careful administrator: only the user may read new files."""
 
 INSTALLER = """#!/bin/sh
 # Does to the umask what Python's venv and pip do to it: nothing.
@@ -290,7 +292,7 @@ def test_the_unit_fits_the_program() -> None:
     assert f"User={SERVICE_USER}\n" in unit
     assert f"\nu {SERVICE_USER} - " in users
     for group in re.findall(r"SupplementaryGroups=(.*)", unit)[0].split():
-        assert f"\ng {group} -\n" in users  # a group that does not exist keeps a service from starting
+        assert f"\ng {group} -\n" in users  # systemd does not start a service that names a missing group
     for wanted in (
         "StartLimitIntervalSec=0",
         "RestartPreventExitStatus=2",
@@ -312,7 +314,7 @@ def test_systemd_itself_takes_the_unit(tmp_path: Path) -> None:
     program.chmod(0o755)
     script("install", DESTDIR=tmp_path / "tree", PREFIX=tmp_path / "program")
     unit = tmp_path / "tree/etc/systemd/system" / UNIT
-    newer = r"^Restart(Steps|MaxDelaySec)=.*\n"  # settings that older versions than systemd 254 do not know
+    newer = r"^Restart(Steps|MaxDelaySec)=.*\n"  # settings that versions of systemd before 254 do not know
     unit.write_text(re.sub(newer, "", unit.read_text("utf-8"), flags=re.MULTILINE))
     checked = run(analyze, "verify", "--man=no", unit)
     assert (checked.returncode, checked.stderr) == (0, "")

@@ -1,6 +1,7 @@
-"""Tests of the waiting at the end of the program.
+"""Tests of how the program waits at its end for tasks, such as its outputs.
 
-It has no time limit until somebody asks for the end. After that it has one, and a further signal ends it.
+The waiting has no time limit until somebody asks for the end. After that it has a limit, and a further signal
+ends the waiting.
 """
 
 import threading
@@ -34,7 +35,9 @@ class Scene:
         return self.now_s - began_s
 
     def after(self, end_s: float, then: Callable[[], None] = lambda: None) -> Callable[[float], bool]:
-        """Return the `done` of a task that ends at `end_s`. Each call of `done` first calls `then`."""
+        """Return the function `done` of a task that ends at the time `end_s`. Each call of `done` first calls
+        `then`.
+        """
 
         def done(timeout_s: float) -> bool:
             then()
@@ -77,7 +80,9 @@ def test_until_the_end_is_asked_for_there_is_no_limit(scene: Scene) -> None:
 
 
 def test_another_signal_counts_once_it_was_said_what_is_waited_for(scene: Scene) -> None:
-    """A terminal that is closed may send two signals at once, which must count as one request."""
+    """A terminal that is closed may send two signals at once, which must count as one request for the end. A
+    further signal counts once the user was told what the program waits for.
+    """
     scene.signals = 2
 
     def signal_again() -> None:

@@ -1,7 +1,7 @@
 """Tests of many devices behind one broker.
 
-They show which devices are accepted, the limits, and what happens to devices that send what they have kept
-during an outage, or that send too much.
+The tests show which devices are accepted, and which limits hold. Some devices send all that they kept during
+an outage, and some send too much.
 """
 
 from typing import Any
@@ -169,9 +169,9 @@ def test_no_more_is_taken_than_the_time_allows(said: list[tuple[int, int]]) -> N
 
 @pytest.mark.parametrize(("rate_hz", "outage_s"), [(100, 0), (100, 3600), (1000, 500), (8000, 0), (4000, 60)])
 def test_whoever_catches_up_loses_nothing(rate_hz: int, outage_s: int) -> None:
-    """After an outage, a device sends everything that it has kept at once, and then continues.
+    """After an outage, a device sends all messages that it has kept at one time, and then continues as usual.
 
-    The messages are read at once, an hour later.
+    The ingest reads these messages an hour later, all at one time.
     """
     inbox, message = Inbox(10, 1 << 20), bytes(28 * rate_hz + 121)
     inbox.admission.admit("a")
@@ -188,7 +188,7 @@ def test_whoever_floods_loses_its_own_and_is_named(is_stream: bool, monkeypatch:
     for name in ("flood", "quiet"):
         inbox.admission.admit(name)
     losses, begin_ns, taken = Losses(inbox, "nats://server"), host_ns() - 3600 * S, 0
-    for k in range(6000):  # 10 MB a second
+    for k in range(6000):  # the device "flood" sends 10 MB a second
         now_ns = begin_ns + k * S // 100
         if is_stream:
             more: Any = (0, 2 * k + 1, now_ns)

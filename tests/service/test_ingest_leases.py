@@ -23,7 +23,7 @@ def test_a_lease_is_free_once_nobody_has_renewed_it_by_the_lookers_clock() -> No
 @given(st.integers(1, 64), st.integers(1, 70))
 def test_all_partitions_are_served_and_none_by_two(partitions: int, workers: int) -> None:
     free, held = set(range(partitions)), [set[int]() for _ in range(workers)]
-    for mine in held:  # the workers take partitions one after the other, as the store ensures
+    for mine in held:  # the workers take their leases one after the other, as the store of leases ensures
         while free and len(mine) < share(partitions, workers):
             mine.add(free.pop())
     assert not free

@@ -1,4 +1,6 @@
-"""Tests of devices that are shared among workers, each of which continues where another one has stopped."""
+"""Tests of devices that are shared among the workers of an ingest by partitions. A worker continues a
+partition where another worker has stopped.
+"""
 
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -28,7 +30,7 @@ S = 10**9
 
 
 class FakeReceiver:
-    """A receiver that serves the partitions in `mine`, and keeps snapshots in a dictionary."""
+    """A fake receiver of messages that serves the partitions in `mine`, and keeps snapshots in a dictionary."""
 
     url = "nats://test"
     connected = True
@@ -95,7 +97,7 @@ class Worker:
     def hear(self, seconds: Iterable[int], ahead: int = 1) -> None:
         """Deliver a message with one second of samples of device "a" for each of `seconds`.
 
-        The number of a message in the stream is its second plus `ahead`.
+        The number of a message in the server's stream is its second plus `ahead`.
         """
         for second in seconds:
             self.say("a", second, second + ahead)
@@ -106,7 +108,7 @@ class Worker:
             self.ingest.take_all(0)
 
     def keep(self, device: str = "a") -> Kept:
-        """Take and store snapshots of all devices now, and return the one of this device."""
+        """Take and store snapshots of all devices now, and return the snapshot of `device`."""
         self.take_snapshots()
         wait_until(lambda: self.ingest.snapshots.store(self.opened), "the snapshots")
         return self.kept(device)
@@ -130,7 +132,7 @@ class Worker:
         return [one.kind for one in of(Error, self.end().sink.items)]
 
     def estimates(self) -> dict[int, tuple[Any, ...]]:
-        """Return the estimates and how often each occurs, by the number of the sample."""
+        """Return the estimates by the number of their sample. Check that no sample has two."""
         found: dict[int, tuple[Any, ...]] = {}
         for block in of(Block, self.sink.items):
             for record in block.estimate_records() if block.estimates else ():
@@ -148,7 +150,9 @@ def unbroken(seconds: int) -> dict[int, tuple[Any, ...]]:
 
 @pytest.mark.slow
 def test_what_nobody_had_between_the_snapshot_and_the_next_message_is_counted() -> None:
-    """Messages 7 to 9 have never reached the stream, as happens in an outage of the server."""
+    """Messages 7 to 9 have never reached the server's stream, as happens in an outage of the server. Their
+    samples are counted as missing.
+    """
     first, second = Worker(), Worker()
     first.hear(range(6))
     kept = first.keep()
@@ -165,9 +169,10 @@ def test_what_nobody_had_between_the_snapshot_and_the_next_message_is_counted() 
 
 @pytest.mark.slow
 def test_a_snapshot_is_not_stored_before_outputs_have_what_it_follows() -> None:
-    """Otherwise, samples before the snapshot would be lost if the worker is killed.
+    """A snapshot is stored only when the outputs have written all samples before it. Otherwise, these samples
+    would be lost if the worker is killed.
 
-    No other worker processes these samples again.
+    A worker that continues from the snapshot does not process the samples before it again.
     """
     worker = Worker()
     worker.hear(range(6))
@@ -191,7 +196,8 @@ def test_another_worker_goes_on_with_the_very_same_estimates() -> None:
     assert kept.mark == 6
     first.hear(range(6, 8))
     second.ingest.inbox.post(Served(0, {"a": kept}, 8))
-    second.hear(range(4, 12))  # messages up to the snapshot are not processed a second time
+    # the messages begin before the snapshot's end, but are not processed a second time
+    second.hear(range(4, 12))
     assert [one.reason for one in of(Epoch, second.end().sink.items)] == ["resumed"]
     whole, left, right = unbroken(12), first.end().estimates(), second.estimates()
     assert set(left) | set(right) == set(whole) == set(range(50, 1200))
@@ -233,7 +239,9 @@ def test_a_partition_that_is_another_ones_is_not_walked_and_its_devices_are_forg
 
 
 def test_once_a_message_was_left_out_none_is_walked_until_it_comes_again() -> None:
-    """A partition is given back and taken again while earlier messages of it wait in the inbox."""
+    """A worker gives a partition back and takes it again while earlier messages of the partition wait in its
+    inbox.
+    """
     worker = Worker()
     worker.hear(range(4))
     worker.receiver.mine = set()
@@ -273,7 +281,7 @@ def test_a_device_that_says_nothing_since_it_was_taken_over_keeps_its_estimators
 
 
 def test_a_snapshot_goes_with_its_device_and_never_because_of_a_clock() -> None:
-    """A snapshot is deleted with its device, whatever time the snapshot contains."""
+    """A snapshot is deleted when its device is forgotten, and never because of the time that it contains."""
     worker = Worker()
     for k in range(4):
         worker.say("a", k, 2 * k + 1)
@@ -291,9 +299,9 @@ def test_a_snapshot_goes_with_its_device_and_never_because_of_a_clock() -> None:
 
 @pytest.mark.parametrize("later", [False, True])
 def test_nobody_is_called_silent_while_the_stream_is_read_behind_its_time(later: bool) -> None:
-    """While messages of an hour wait, no device counts as silent.
+    """While a worker reads messages of an hour that have waited, it calls no device silent.
 
-    `later`: the partition was read to its end.
+    `later`: whether the partition was read to its end before.
     """
     worker = Worker()
     for k in range(4):
@@ -340,13 +348,14 @@ HELLO = Hello(source="s", host_ns=0, rate_hz=100.0, sampling_mode="timer", boot_
 @pytest.mark.parametrize(
     ("boot", "sequence", "device_us", "age_s", "missing"),
     [
-        # the time would mean 299 missing samples, but the sequence number is more precise
+        # by the time of 3 s, 299 samples are missing, but the sequence number is more precise
         (7, 11, 110_000, 3.0, 0),
         (7, 31, 310_000, 0.2, 20),
         (7, (10 + 70_000) % 65536, 100_000 + 700_000_000, 700.0, 69_999),
         (8, 11, 110_000, 3.0, 299),  # the device has restarted
-        (7, 11, 900_000, 3.0, 299),  # sequence number and device time disagree
-        (7, 10, 100_000, 0.5, 49),  # the same sample again
+        (7, 11, 900_000, 3.0, 299),  # sequence number and device time disagree, so the time decides
+        # the sequence number is that of the snapshot's sample, so the time decides
+        (7, 10, 100_000, 0.5, 49),
         # after so long, the sequence number may have wrapped any number of times
         (7, 11, 110_000, 3600.0, 359_999),
     ],

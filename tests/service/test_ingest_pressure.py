@@ -1,6 +1,6 @@
 """Tests of an ingest whose outputs are too slow.
 
-Messages then wait in the broker, and every accepted message is counted.
+The messages then wait in the broker, and every message that the ingest accepted is counted.
 """
 
 import threading
@@ -28,7 +28,7 @@ from tests.rig.memory_sink import Memory
 from tools.faults.server import Broker
 
 SECONDS, DEVICES = 120, ("a", "b")
-"""Together more samples than a queue of 10,000 records has room for."""
+"""The seconds of samples from these devices are together more than a queue of 10,000 records has room for."""
 
 
 class Flood:
@@ -86,7 +86,7 @@ class Scene:
         return sum(map(len, of(Block, self.sink.items)))
 
     def is_held(self) -> bool:
-        """Whether neither the output nor the inbox has room."""
+        """Return whether neither the output's queue nor the inbox has room."""
         return not (self.hub.wait_for_room(0) or self.ingest.inbox.wait_for_room(0))
 
     def end(self) -> None:
@@ -98,7 +98,9 @@ class Scene:
 
 
 def counted(scene: Scene) -> int:
-    """Return the number of samples that the output received, plus those that were left at the end."""
+    """Return the number of samples that the output received, plus the number of samples that were left in the
+    inbox at the end.
+    """
     left = sum(scene.ingest.inbox.overflow_bytes.values())
     return scene.samples + 100 * left // len(second_of(0, 1))
 
@@ -158,8 +160,8 @@ def test_a_broker_holds_what_has_no_room_and_does_not_give_us_up(
             publisher.publish("fltea/a/frames", k.to_bytes(2, "big").ljust(size), qos=1)
         wait_until(lambda: not publisher._out_messages, "that the broker has all")
         wait_until(lambda: not inbox.wait_for_room(0), "that no more has room")
-        # Without signs of life, both sides would have closed the connection by then: the ingest after 1.5
-        # keepalive periods, the library after two.
+        # The ingest subscribes again and again as a sign of life. Without these signs, the connection would
+        # be closed by then: by the broker after 1.5 keepalive periods, by the client library after two.
         wait_until(lambda: broker.said().count("Received SUBSCRIBE") > 8, "signs of life")
         found: list[int] = []
         while len(found) < count:
@@ -178,7 +180,7 @@ def test_what_is_turned_away_just_before_the_end_is_told_of() -> None:
     scene = Scene(queue_bytes=1_000_000)
     scene.sink.go.set()
     wait_until(lambda: scene.samples == 100 * len(DEVICES) * SECONDS, "all samples")
-    # so that the regular checks do not run before the end
+    # keeps the regular checks from running before the end
     scene.ingest.hearing.checked_ns = host_ns() + 10**12
     scene.ingest.inbox.put("bad name<b>", second_of(0, 0))
     scene.end()

@@ -1,6 +1,6 @@
 """Tests of the order in which outputs are opened.
 
-It lets the other outputs report that one cannot be opened.
+The order lets the outputs that are already open report that another one cannot be opened.
 """
 
 import pytest

@@ -1,6 +1,6 @@
 """Tests that the table of outputs is complete.
 
-If a new output lacks something, the failure says what it lacks, and in which file that belongs.
+If a new output lacks an entry, a test's failure says which one, and in which file the entry belongs.
 """
 
 import ast
@@ -27,11 +27,11 @@ from tools import site_outputs
 
 SINKS = ROOT / "host/fltea/sinks"
 NO_OUTPUTS = {"output", "state"}
-"""Groups of settings in `Outputs` that are not about one output: those for all outputs and those of the
+"""Groups of settings in `Outputs` that do not belong to one output: "output" is for all outputs, "state" for
 snapshots.
 """
 NOT_IN_THE_TABLE = {"log"}
-"""Modules with a `Sink` that is not a separate output."""
+"""Modules with a `Sink` that users cannot choose as an output of its own."""
 UNSEEN = {"stdout"}
 """Outputs that `fltea doctor` cannot check before they are used."""
 

@@ -34,7 +34,7 @@ from tests.rig.memory_sink import Memory
 
 
 class Watched(DeviceStream):
-    """A device stream that reports everything it receives to its `Line`."""
+    """A device stream that reports all events that it receives to its `Line`, the test's device."""
 
     line: "Line"
 
@@ -57,8 +57,8 @@ class Watched(DeviceStream):
 class Line:
     """A device on a pseudo-terminal, and its device stream.
 
-    `raises`: the exception that the first samples raise. `fails`: whether the stream fails at the first
-    trouble, as with `--once`.
+    `raises`: an exception that the stream raises at the first samples. `fails`: whether the stream fails at
+    the first trouble, as with `--once`.
     """
 
     def __init__(self, number: int, hub: Hub) -> None:
@@ -100,7 +100,7 @@ class Line:
 
 
 class FakePressure(Pressure):
-    """Records the calls that it receives."""
+    """A `Pressure` (which reports too much load) that records the calls that it receives."""
 
     def __init__(self) -> None:
         super().__init__(FitWorker(), lambda kind, message: None)
@@ -250,9 +250,10 @@ def test_a_walk_that_fails_is_finished_and_the_loop_ends_with_the_last(lines, ru
 
 
 def test_at_the_end_nothing_waits_for_more(hub, lines, monkeypatch, running) -> None:
-    """With many devices, samples wait so that larger blocks are processed together.
+    """With many devices, samples wait for further ones, so that larger blocks are processed together. At the
+    end of the program they are processed at once.
 
-    In this test they would wait far longer than the test lasts.
+    The patience is set so long here that samples would otherwise wait for longer than the test lasts.
     """
     monkeypatch.setattr("fltea.service.port_loop.PATIENCE_NS", 10**12)
     monkeypatch.setattr("fltea.service.port_loop.DEVICES_A_SECOND", 0)
@@ -277,7 +278,9 @@ def test_who_has_nothing_to_say_is_told_that_time_passes(page, lines, running) -
 
 
 def test_nothing_overtakes_samples_that_wait_for_more(page, lines, running) -> None:
-    """With many devices, outputs that take blocks get the samples a little later, but before later events."""
+    """With many devices, samples wait for further ones, so outputs that take blocks get them a little later.
+    Events that occur after the samples still come after them.
+    """
     many = lines(40)
     first = many[0]
     running(*many)
@@ -316,7 +319,9 @@ def test_how_long_samples_waited_is_known(lines, running) -> None:
 
 
 def test_a_fault_of_the_loop_itself_ends_every_walk(monkeypatch, hub, lines) -> None:
-    """Otherwise the daemon would seem to work although it receives nothing any more."""
+    """A fault of the port loop itself ends all device streams. Otherwise the daemon would seem to work
+    although it receives nothing any more.
+    """
     many = lines(2)
     one = Running(hub, *many)
 

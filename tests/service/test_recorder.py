@@ -1,6 +1,6 @@
 """Tests of recordings that begin and end while the program runs.
 
-They contain the samples of their time, and disturb nothing else.
+Each recording contains the samples between its beginning and its end, and recording disturbs nothing else.
 """
 
 from pathlib import Path

@@ -1,4 +1,6 @@
-"""Tests of outputs behind their queues: each loses only its own records, counts them, and ends in order."""
+"""Tests of outputs behind their queues. An output that is too slow loses only its own records. It counts
+them, and ends in order.
+"""
 
 import threading
 from unittest.mock import Mock
@@ -68,7 +70,8 @@ def test_a_slow_sink_loses_the_newest_and_is_told_where() -> None:
     sink.go.set()
     finish(sink_queue)
     assert sink.items == [gap(k) for k in range(11)]
-    assert sink.overflows == [(11, 20)]  # reported after 11 records, since older records filled the queue
+    # the loss is reported after 11 records: these filled the queue and were written first
+    assert sink.overflows == [(11, 20)]
     assert sink_queue.stats().written + sink_queue.stats().dropped == 31
 
 
@@ -151,9 +154,9 @@ def test_a_sink_that_ends_takes_nothing_more_and_counts_it(error: Exception) -> 
 
 
 def test_what_was_in_hand_when_a_sink_broke_is_counted_too() -> None:
-    """Every record counts once: as written, dropped or waiting.
+    """If an output fails, every record still counts exactly once: as written, dropped or waiting.
 
-    This includes records that the output itself lost.
+    Records that the output itself lost count as dropped.
     """
     sink = Memory().held()
     sink_queue, _ = started(sink)
@@ -170,7 +173,7 @@ def test_what_was_in_hand_when_a_sink_broke_is_counted_too() -> None:
     sink_queue.put([gap(k) for k in range(30, 35)])
     sink.lost = 7
     stats = sink_queue.stats()
-    # the number of written records does not fall
+    # records that the output lost later do not reduce the number of written records
     assert (stats.written, stats.dropped, stats.queued) == (8, 2, 25)
     sink.fail = ZeroDivisionError
     sink.go.set()
@@ -260,7 +263,7 @@ def test_one_held_output_holds_up_no_other() -> None:
     all_outputs.add(slow)
     all_outputs.add(quick)
     for k in range(100):
-        # `wait` concerns only lossless outputs, and these are not lossless
+        # `wait` has no effect here: it concerns only lossless outputs, and neither output is lossless
         all_outputs.publish("due", [gap(k)], wait=True)
     all_outputs._shared[1].close()
     assert all_outputs._shared[1].join(PATIENCE_S)
@@ -270,7 +273,7 @@ def test_one_held_output_holds_up_no_other() -> None:
     assert closed(all_outputs)
     stats = all_outputs.stats("due")["slow"]
     assert stats.written + stats.dropped == 100
-    # at most six were not dropped: three that were being written and three in the queue
+    # at most six records were not dropped: three were being written, three were in the queue
     assert stats.dropped >= 94
 
 

@@ -1,4 +1,6 @@
-"""Tests of snapshots: from which ones estimates continue bit for bit, and which ones must not be used."""
+"""Tests of snapshots of a device's state. From a good one, a later run's estimates continue bit for bit.
+Others must not be used.
+"""
 
 import errno
 import os
@@ -57,16 +59,18 @@ def snapshot(settings: Config, samples: int = 200, **changes: object) -> DeviceS
 
 
 def later(state: DeviceState, settings: Config, begin: int, end: int, **changes: object) -> list[AnyRecord]:
-    """Return the records of a run from a snapshot. The board was reset and begins with sample `begin`."""
+    """Return the records of a later run that continues from a snapshot. The board was reset, and the run's
+    first sample has the number `begin`.
+    """
     pipeline = Pipeline(source(), settings, state=state)
     said = hello(**{"boot_id": 99, "host_ns": begin * PERIOD_NS, **changes})
     return walk(pipeline, said, *map(raw, range(begin, end)))
 
 
 def estimates(records: list[AnyRecord]) -> dict[int, object]:
-    """Return the estimates by sample number, without fields of the fit.
+    """Return the estimates by sample number, without the fields that depend on the live fit.
 
-    These fields depend on when the epoch began.
+    These fields would differ, since they depend on when the epoch began.
     """
     return {
         r.seq: {
@@ -85,7 +89,9 @@ ALL = ["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_z"]
 def test_estimates_go_on_as_if_the_program_had_not_been_stopped(
     channels: list[str] | None, missing: int
 ) -> None:
-    untuned = {"live.on": False}  # without fits, whose times begin at 0 again in the later run
+    # without live fits: these would come at other samples, since their times begin at 0 again in the later
+    # run
+    untuned = {"live.on": False}
     settings = config(channels=channels, **untuned)
     unbroken = Pipeline(source(), settings)
     events = [hello(), *map(raw, range(200)), *map(raw, range(200 + missing, 400))]
@@ -99,9 +105,10 @@ def test_estimates_go_on_as_if_the_program_had_not_been_stopped(
 
 
 def test_a_date_that_was_set_in_between_does_not_change_the_age() -> None:
-    """All times of an epoch come from the machine's date at the epoch's beginning, even for months.
+    """All times of an epoch come from the machine's date at the epoch's beginning, even if the epoch lasts
+    for months.
 
-    The age of a snapshot must not depend on that date.
+    The age of a snapshot must not depend on the date at the epoch's beginning, which may have been wrong.
     """
     settings, clock = config(), source()
     pipeline = Pipeline(clock, settings)
@@ -122,7 +129,7 @@ def of_filters(records: list[AnyRecord]) -> list[FlteaEstimate]:
 def test_what_is_longer_ago_than_the_memory_is_bridged_by_its_length() -> None:
     settings = config()
     far, farther = (later(snapshot(settings), settings, k, k + 20) for k in (1000, 1300))
-    assert estimates(far)[1000] != estimates(farther)[1300]  # the estimates differ, since the samples do
+    assert estimates(far)[1000] != estimates(farther)[1300]  # the two runs differ, since their samples do
     state = snapshot(settings)
     moved = msgspec.structs.replace(state, unix_ns=state.unix_ns - 100 * S)
     assert of_filters(later(moved, settings, 1000, 1020)) == of_filters(far)
@@ -239,7 +246,9 @@ def test_a_second_program_is_told_who_has_the_file(tmp_path: Path) -> None:
 
 
 def test_a_file_system_without_locks_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Such a file system is NFS without its lock daemon. The message must not blame the command line."""
+    """A file system without locks, such as NFS without its lock daemon, is named in the message. The message
+    must not blame the command line.
+    """
 
     def refuse(held: int, operation: int) -> None:
         raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
@@ -254,7 +263,9 @@ def test_a_file_system_without_locks_is_named(tmp_path: Path, monkeypatch: pytes
 def test_what_is_new_is_written_soon_and_not_a_period_later(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A program that is killed loses at most what came after the last period."""
+    """The first snapshot of a device is written soon, not after a whole period. So a program that is killed
+    loses at most what came in its last period.
+    """
     monkeypatch.setattr(state_module, "LOOK_S", 0.01)
     path = tmp_path / "state"
     file, said = state_file(path, period_s=3600)
@@ -318,7 +329,7 @@ def test_a_file_that_cannot_be_one_is_refused(tmp_path: Path) -> None:
     ("changes", "reason"),
     [
         ({"bias_dps": (0.0,)}, "bias_dps has 1 numbers for 3 axes"),
-        ({"engine": None}, ""),  # stands for a state whose last bytes are changed
+        ({"engine": None}, ""),  # stands for a snapshot whose last bytes are changed
     ],
     ids=str,
 )

@@ -21,7 +21,7 @@ def test_the_watchdog_is_fed_only_while_every_walk_moves(monkeypatch) -> None:
     monkeypatch.setattr(run._manager, "alive", lambda: fed.append(now_s[0]))
 
     def once() -> Callable[[], bool]:
-        """Return a condition that ends the waiting after one check."""
+        """Return a function that lets the waiting loop check the device streams once and then ends it."""
         stop.wake_up.ring()
         return iter((False, True)).__next__
 
@@ -31,7 +31,7 @@ def test_the_watchdog_is_fed_only_while_every_walk_moves(monkeypatch) -> None:
     left.moved_s = now_s[0]
     run._wait(once())
     assert fed == [1000.0]
-    right.moved_s = math.inf  # the stream has ended, so it cannot hang
+    right.moved_s = math.inf  # this device stream has ended, so it no longer counts as hanging
     run._wait(once())
     assert fed == [1000.0, now_s[0]]
 

@@ -11,9 +11,10 @@ from fltea.settings.estimator import DEFAULT_TUNING, EstimatorConfig
 
 
 def test_defaults_are_the_papers_gyroscope_settings() -> None:
-    """The paper is Macias & Sierociuk 2023, section 7.1.
+    """The defaults of the estimator are those of the paper's gyroscope (Macias & Sierociuk 2023, section
+    7.1).
 
-    Only R is not the paper's: it is estimated from the start-up window of each axis.
+    Only R is not the paper's. It is estimated from the start-up window of each axis.
     """
     e = Config().estimator
     assert e.window == 3000
@@ -102,7 +103,7 @@ def test_wrong_type_is_named_with_its_path(path: str, value: Any, tmp_path: Path
 
 
 def test_a_byte_order_mark_is_no_syntax_error(tmp_path: Path) -> None:
-    """Editors of Windows write a byte order mark at the beginning of a file."""
+    """A configuration file may begin with a byte order mark, as editors of Windows write it."""
     config = load_config(written(tmp_path, "\ufeff[estimator]\nwindow = 3000\n"), {})
     assert config.estimator.window == 3000
 

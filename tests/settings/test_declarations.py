@@ -1,4 +1,5 @@
-"""Every setting is declared once. File, --set, flag, documentation and the board's header agree with this.
+"""Every setting is declared once. The configuration file, --set, the flags, the documentation and the board's
+header agree with the declaration.
 
 These tests iterate over the declarations, so a new setting is tested without a change here.
 """
@@ -28,7 +29,9 @@ COMMAND: Any = typer.main.get_command(app).commands["run"]  # type: ignore[attr-
 
 ALL = list(SETTINGS.values())
 BESIDE = {"mqtt.key": 'cert = "client.pem"'}
-"""Further settings that the table of a setting must hold, so that the setting is accepted."""
+"""For some settings, a further line that the same table of the configuration file must hold, so that the
+setting is accepted.
+"""
 
 
 def by_path(one: Declared) -> str:
@@ -66,7 +69,7 @@ def another(one: Declared) -> Any:
 
 
 def wrong(one: Declared) -> list[Any]:
-    """Return values that the setting refuses although their type is right."""
+    """Return values of the right type that the setting has to refuse."""
     found: list[Any] = ["neither one nor the other"] * any(
         isinstance(x, types.LiteralType) for x in one.kinds
     )
@@ -120,8 +123,8 @@ def as_toml(value: Any) -> str:
 
 
 def ways(one: Declared, value: Any, folder: Path) -> list[tuple[str, list[str]]]:
-    """Return, for each way to give a setting, the beginning of the error about a wrong value, and the
-    arguments of the command.
+    """Return each way to give a setting (file, --set, flag) as a pair: the beginning of the error about a
+    wrong value, and the arguments of the command.
     """
     table, _, key = one.path.rpartition(".")
     file, beside = folder / "fltea.toml", folder / "beside.toml"

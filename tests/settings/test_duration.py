@@ -1,4 +1,6 @@
-"""Durations in samples, or as a time, work at every sampling rate, and a mistake is reported."""
+"""A duration can be given in samples, or as a time such as "2 s". Both work at every sampling rate, and a
+mistake is reported.
+"""
 
 import pytest
 from fltea.settings.duration import in_samples, in_seconds

@@ -1,6 +1,6 @@
 """Tests of steps of the bias and motions of the sensor.
 
-Page, table and log describe them in the same words, and diagrams mark them.
+The live page, the table and the log describe these events in the same words, and diagrams mark them.
 """
 
 import re
@@ -191,7 +191,9 @@ def test_the_page_says_what_the_bias_did_and_that_the_sensor_moves() -> None:
 
 
 def test_marks_are_sent_when_there_are_new_ones_and_a_shaken_sensor_costs_little() -> None:
-    """The limit is 3 kB/s for the page. Sizes are before compression, which makes them a third."""
+    """Marks of a sensor that is shaken all the time may cost the live page at most 3 kB/s. This is the size
+    before compression, which reduces it to a third.
+    """
     history = told(records("n=400"))
     reader = Reader(history)
     reader.read(axis="gyro_x", parts="marks", window=1)

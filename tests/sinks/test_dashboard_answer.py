@@ -1,6 +1,6 @@
-"""Tests of what the page says about the noise.
+"""Tests of what the live page says about the noise.
 
-It describes the result of the fit in words, and states no value that the data do not support.
+The page describes the result of the live fit in words, and states no value that the samples do not support.
 """
 
 import json
@@ -70,7 +70,9 @@ def test_digits_are_what_the_interval_is_worth(p: Interval, shown: str) -> None:
 
 
 def test_f_is_no_value_where_it_is_one_more_or_less() -> None:
-    """For noise with f = -1, the page once stated that f is 0.0."""
+    """If the interval of f is wide, the page states the interval and no value. For a noise with f = -1, it
+    once stated that f is 0.0.
+    """
     f = answer(replace(FRACTIONAL, f=Interval(-0.02, -2.0, 0.0))).f
     assert f is not None
     assert f.said("f") == "f between −2.0 and 0.0"
@@ -108,7 +110,9 @@ def forecasts(*totals_s: float) -> list[int | None]:
 
 
 def test_a_time_to_tell_is_said_only_while_fits_agree_and_then_it_stays() -> None:
-    """The page once stated 11 minutes, then a month, and then 51 minutes."""
+    """The page states the time until α is known only while successive fits agree. It once stated 11 minutes,
+    then a month, and then 51 minutes.
+    """
     assert forecasts(660, 2.6e6, 3060, 660, 2.6e6, 3060) == [None] * 6
     steady = forecasts(600, 700, 560, 650, 600, 640, 700, 610)
     assert steady[:3] == [None] * 3

@@ -1,4 +1,6 @@
-"""Tests of the page of a device that makes estimates itself, alone or in addition to this computer."""
+"""Tests of the live page of a device that makes estimates itself. The host makes estimates as well, or leaves
+them to the device.
+"""
 
 from collections.abc import Callable
 
@@ -41,7 +43,8 @@ def test_device_alone_is_drawn_as_published_at_a_pace_of_its_own(late: int) -> N
     assert history.estimator("gyro_y") == "device"
     shown = columns(history, "gyro_y")
     published = [e.axes["gyro_y"].fltea.alpha or 0.0 for e in found if isinstance(e, Estimate)]
-    drawn = shown["alpha"][1:]  # the first row is skipped, since the axes are not known yet
+    # the first row is skipped: at that time the page does not know the axes of the estimates yet
+    drawn = shown["alpha"][1:]
     assert np.isfinite(drawn).all(), "each until the next comes"
     assert min(published) <= drawn.min() < drawn.max() <= max(published)
     assert np.isfinite(shown["y"]).all(), "every sample is drawn"
@@ -56,7 +59,9 @@ def test_what_a_device_estimated_is_not_drawn_for_ever() -> None:
 
 
 def test_axes_of_the_accelerometer_are_the_hosts_and_leave_the_devices_alone() -> None:
-    """The estimates of the accelerometer's axes come in separate records, from this computer."""
+    """The device estimates the gyroscope's axes. The estimates of the accelerometer's axes come from the
+    host, in separate records.
+    """
     found: list[AnyRecord] = []
     for record in with_breaks([700], accel=True):
         if isinstance(record, Estimate):
@@ -147,7 +152,10 @@ def test_largest_difference_is_that_of_what_is_shown_and_no_bucket_hides_it(sign
 
 
 def test_rows_that_are_kept_longer_than_they_are_shown_do_not_count() -> None:
-    """With one estimate in 2 s, the rows for the window of two minutes reach further back."""
+    """Rows that are older than the window shown do not count for the largest difference between device and
+    host. With one estimate in 2 s, the rows kept for the window of two minutes reach further back than two
+    minutes.
+    """
     found = both(records("n=700&rate_hz=5"), lambda seq: 5e-6 if seq == 60 else 1e-8)
     history = told(found, who="both")
     at_most = [history.course.farthest(window, "gyro_x")[0] for window in (1, 2)]

@@ -1,4 +1,4 @@
-"""Tests of what the page says about a device, in plain words with units.
+"""Tests of what the live page says about a device, in plain words with units.
 
 What the page says about the noise is tested in test_dashboard_answer.
 """

@@ -1,4 +1,4 @@
-"""Tests that what the page keeps about a device agrees exactly with the device's records."""
+"""Tests that the history that the live page keeps of a device agrees exactly with the device's records."""
 
 import msgspec
 import numpy as np
@@ -22,14 +22,14 @@ def test_a_row_is_a_bucket_of_samples_with_what_is_estimated_then() -> None:
     samples = {s.seq: s for s in of(Sample, found)}
     estimates = {e.host_ns: e.axes["gyro_y"] for e in of(Estimate, found)}
     assert len(shown["time"]) == pytest.approx(50, abs=2)
-    # the first row is skipped, since the axes are not known yet
+    # the first row is skipped: at that time the page does not know the axes of the estimates yet
     for i, time_ms in [*enumerate(shown["time"])][1:]:
         inside = [s for s in samples.values() if s.host_ns * 1e-6 // 100 == time_ms // 100]
         y = np.array([s.gyro_dps[1] for s in inside]) - bias
         assert time_ms == pytest.approx(np.mean([s.host_ns for s in inside]) * 1e-6)
         assert (shown["y_low"][i], shown["y_high"][i]) == pytest.approx((y.min(), y.max()))
         assert shown["y"][i] == pytest.approx(y.mean())
-        # the estimate known at a sample is that of the sample before, since it comes after its own sample
+        # a sample's row has the estimate of the sample before, since an estimate comes after its own sample
         known = [estimates[s.host_ns - 10_000_000] for s in inside]
         assert shown["alpha"][i] == pytest.approx(np.mean([e.fltea.alpha for e in known]))
         assert shown["f_std"][i] == pytest.approx(np.mean([e.fltea.f_std for e in known]))
@@ -40,7 +40,7 @@ def test_start_up_shows_samples_and_no_estimate() -> None:
     history = told(records("n=300&offset_dps=5", EstimatorConfig(startup=200, window=200)))
     shown = columns(history, "gyro_x")
     early = shown["time"] < shown["time"][0] + 900
-    assert early.sum() == 9  # the rows before are missing, since the axes are not known yet
+    assert early.sum() == 9  # earlier rows are missing: the page did not know the axes yet
     assert np.isnan(shown["alpha"][early]).all()
     assert np.isfinite(shown["y"][early]).all()
     assert np.abs(shown["y"][early]).max() < 1.5, "the mean so far is taken off"

@@ -1,4 +1,4 @@
-"""Tests of the page's buttons: only our own page may use them, and they have an effect."""
+"""Tests of the live page's buttons. Only our own page may use them, and each has its effect."""
 
 import base64
 import html
@@ -49,7 +49,7 @@ class Fake:
 
 
 class Served:
-    """A page's server with a fake recorder, and requests to it."""
+    """A server of the live page with a fake recorder, and requests to this server."""
 
     def __init__(self, **settings: object) -> None:
         self.fake = Fake()
@@ -61,7 +61,7 @@ class Served:
         return ask(self.port, path, method, **{BY_SCRIPT: "1", **headers})
 
     def hear(self, axes: dict[str, AxisFit] = AXES, **of_hello: str) -> list[Fit]:
-        """Give the page records of a device, with fits of these axes."""
+        """Give the page the records of a device, with live fits of these axes."""
         found = with_fits(records("n=600"), axes) if axes else records("n=600")
         for record in found:
             changes = of_hello if isinstance(record, Hello) else {}
@@ -78,7 +78,8 @@ def test_the_page_is_for_those_who_know_the_password(tmp_path: Path) -> None:
     paths = "/", "/state?device=due", "/report.html?device=due"
     try:
         assert served.ask("GET", "/", Authorization=good).status == 200
-        # all at once, since the answer to a wrong password is delayed
+        # all paths at the same time, since the server delays the answer to a request without the right
+        # password
         with ThreadPoolExecutor(len(paths)) as pool:
             assert [*pool.map(lambda path: served.ask("GET", path).status, paths)] == [401] * len(paths)
     finally:
@@ -107,7 +108,9 @@ def served(server: Served) -> Served:
 
 
 def test_no_other_site_presses_the_buttons_and_none_reads_the_files(served: Served) -> None:
-    """A page of another site cannot send our own header, and the browser states its origin."""
+    """A page of another site cannot use the buttons. It cannot send our own header, and the browser states
+    the page's origin in the request.
+    """
     served.hear()
     record = "/recording?device=due&want=on"
     assert ask(served.port, record, "POST").status == 403

@@ -1,4 +1,6 @@
-"""Tests of the output that serves the page: how it opens, serves and ends, and that it needs only records."""
+"""Tests of the output that serves the live page: how the output opens, serves and ends, and that it needs
+nothing but records.
+"""
 
 import ast
 import json
@@ -42,7 +44,9 @@ def test_it_serves_what_it_is_given_and_its_end_leaves_no_thread_and_frees_the_p
 
 
 def test_a_visitor_too_many_is_told_how_to_be_let_in() -> None:
-    """Once 200 visitors took 260 MB although 20 were allowed, since they shared one session."""
+    """A visitor beyond the limit is told how to be let in. Once 200 visitors, who shared one session, took
+    260 MB although 20 were allowed.
+    """
     reports: list[str] = []
     config = DashboardConfig(address=0, visitors=1)
     sink = DashboardSink(config, {"due": "host"}, lambda kind, text: reports.append(kind))
@@ -58,8 +62,8 @@ def test_a_visitor_too_many_is_told_how_to_be_let_in() -> None:
 
 
 def test_the_page_knows_only_what_records_say() -> None:
-    """The page imports neither the estimator nor the pipeline, so a thread that outlives the program holds no
-    native objects.
+    """The code of the live page imports neither the estimator nor the pipeline. So a thread of the page that
+    still runs at the end of the program holds no native objects.
 
     The same is true of the code that writes the downloads.
     """

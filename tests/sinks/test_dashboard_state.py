@@ -1,4 +1,6 @@
-"""Tests that a page receives only what is new to it, and that the server keeps nothing about the page."""
+"""Tests that a browser's page receives only what is new to it, and that the server keeps nothing about this
+page.
+"""
 
 import json
 
@@ -67,9 +69,9 @@ def test_only_new_rows_are_sent_and_of_them_what_there_is() -> None:
 
 
 def test_the_last_minutes_of_all_axes_come_without_one_that_is_open() -> None:
-    """The page gets rows for small diagrams of all axes, and later only new rows.
+    """If no axis is open, the page gets rows for small diagrams of all axes, and later only new rows.
 
-    Their spectra come as one part.
+    The spectra of all axes come together as one part of the answer.
     """
     found = records("n=400")
     last = next(r for r in reversed(found) if isinstance(r, Sample))
@@ -108,7 +110,8 @@ def test_a_spectrum_is_drawn_again_for_a_tenth_more_samples_or_another_verdict()
 
 
 def test_a_second_costs_little() -> None:
-    """Sizes are in bytes before compression, which makes them a third.
+    """The updates of a second may be a few kB. Sizes are in bytes before compression, which reduces them to a
+    third.
 
     An earlier page took 28,000 bytes a second.
     """

@@ -1,4 +1,4 @@
-"""Tests of the rows that the page keeps for its diagrams.
+"""Tests of the rows that the live page keeps for its diagrams, in tiers of several time windows.
 
 Nothing recent is lost, memory does not grow, and each row summarises exactly the samples of its time.
 """
@@ -13,7 +13,9 @@ KINDS = ("mean", "max", "min", "mean", "max")
 
 
 def fill(tiers: Tiers, values: list[float], begin_ms: float = 1e12, step_ms: float = 10.0) -> np.ndarray:
-    """Append rows with a time, a number, and a value that is merged in three ways; return them."""
+    """Append rows to the tiers, and return them. A row has a time, a number, and three times the same value:
+    the tiers merge each column in another way.
+    """
     rows = np.array([[begin_ms + k * step_ms, k, v, v, v] for k, v in enumerate(values)])
     for row in rows:
         tiers.append(row)
@@ -21,7 +23,7 @@ def fill(tiers: Tiers, values: list[float], begin_ms: float = 1e12, step_ms: flo
 
 
 @given(st.lists(st.floats(-1e6, 1e6) | st.just(float("nan")), min_size=1, max_size=900))
-@example([float("nan")] * 300)  # the result must be NaN, since the page would draw a 0 as an estimate
+@example([float("nan")] * 300)  # rows of NaN must merge to NaN, since the page would draw a 0 as an estimate
 def test_buckets_are_what_their_samples_say(values: list[float]) -> None:
     tiers = Tiers(KINDS)
     rows = fill(tiers, values)
@@ -40,7 +42,7 @@ def test_buckets_are_what_their_samples_say(values: list[float]) -> None:
                 assert np.isnan(row[2:]).all()
                 continue
             assert (row[2], row[4]) == (good.min(), good.max())
-            if window == 0:  # in longer windows the mean is a mean of means, so it differs
+            if window == 0:  # in longer windows a row has the mean of means, which may differ
                 assert row[0] == pytest.approx(inside[:, 0].mean())
                 assert row[3] == pytest.approx(good.mean(), rel=1e-9, abs=1e-6)
 
@@ -62,7 +64,7 @@ def test_a_reader_gets_every_row_once(bursts: list[int], window: int) -> None:
 
 def test_long_past_is_bounded_and_reaches_back_as_far_as_it_says() -> None:
     tiers = Tiers(KINDS)
-    fill(tiers, [0.0] * 5_000, step_ms=25_000.0)  # 35 hours
+    fill(tiers, [0.0] * 5_000, step_ms=25_000.0)  # rows of 35 hours
     for number in range(len(WINDOWS)):
         new = tiers.read(number, Cursor())
         assert len(new.values) <= MOST_ROWS

@@ -1,4 +1,4 @@
-"""Tests of published figures.
+"""Tests that the outputs show all figures of the records.
 
 Each number of a record is declared as a figure, or there is a reason why not. Each place shows the figures
 that are declared for it.
@@ -55,7 +55,9 @@ def numbers(kind: type, prefix: str = "") -> Iterator[str]:
 
 
 def kinds() -> Iterator[type]:
-    """Yield the types of all records, and of the parts whose figures are declared separately."""
+    """Yield the types of all records with figures, and of those parts of records whose figures are declared
+    separately.
+    """
     yield from (record for record in get_args(AnyRecord) if record not in WITHOUT_FIGURES)
     yield from (kind for kind in ROOTS if not issubclass(kind, Record))
 
@@ -113,8 +115,8 @@ PLACES: dict[str, tuple[Callable[[Records], str], str]] = {
     "terminal": (terminal, "host/fltea/sinks/table.py"),
     "home_assistant": (home_assistant, "host/fltea/sinks/mqtt/discovery.py"),
 }
-"""For each place, the function that returns everything it shows of given records, and the file that does
-so.
+"""For each place where figures are shown, the function that returns everything that this place shows of given
+records, and the source file that shows it.
 """
 
 

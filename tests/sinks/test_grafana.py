@@ -25,7 +25,7 @@ OF_PROMETHEUS = {"le", "job", "instance"}
 def metrics() -> dict[str, set[str]]:
     """Return the labels of every metric, by the name of its time series.
 
-    The metrics are known even without a device.
+    The names and labels of the metrics are known even if there is no device.
     """
     ours = list(Families({}, {}, list).collect())
     process = list(ProcessCollector(registry=CollectorRegistry()).collect())

@@ -1,4 +1,6 @@
-"""Tests of the JSON lines of a block: they equal those that msgspec and the recorder make of its records."""
+"""Tests of the JSON lines that are made directly from a block of samples. They equal the lines that msgspec
+and the recorder make of the block's records.
+"""
 
 import math
 

@@ -1,6 +1,7 @@
-"""Tests of the requests that a server accepts, by host name and by the page from which they come.
+"""Tests of which requests our web servers accept. This depends on the host name in a request and on the page
+from which the request comes.
 
-They also test addresses at which a server cannot listen.
+Further tests are about addresses at which a server cannot listen.
 """
 
 import errno
@@ -20,10 +21,10 @@ OTHERS = ["evil.example", "evil.example:9100", "localhost.evil.example", "127.0.
 
 @pytest.mark.parametrize("host", [*MACHINE, *OTHERS, "", "[::1"])
 def test_only_names_of_this_machine_and_bare_addresses_are_own(host: str) -> None:
-    """This prevents DNS rebinding.
+    """Requests are answered only under names of this machine, which prevents DNS rebinding.
 
-    There, the name of another site is made to lead to this machine, so that a page of that site could read
-    our answers.
+    In DNS rebinding, the name of another site is made to lead to this machine, so that a page of that site
+    could read our answers.
     """
     assert is_own(host, own_names("127.0.0.1", ())) == (host in MACHINE)
 

@@ -1,4 +1,4 @@
-"""Tests of the log: one line per error, at a limited rate, and how many errors were left out."""
+"""Tests of the log. It has one line per error, at a limited rate, and says how many errors were left out."""
 
 import pytest
 from fltea.records.records import Error, Gap

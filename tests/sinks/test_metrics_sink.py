@@ -1,4 +1,4 @@
-"""Tests of the metrics served over HTTP, which are read with Prometheus's own parser."""
+"""Tests of the metrics that are served over HTTP. The tests read them with Prometheus's own parser."""
 
 import socket
 import threading
@@ -72,7 +72,7 @@ def value(found: dict[tuple[str, Labels], float], name: str, **labels: str) -> f
 
 @pytest.fixture
 def serve(monkeypatch: pytest.MonkeyPatch) -> Iterator[Serve]:
-    monkeypatch.setattr("fltea.sinks.metrics.sink.POLL_S", 0.01)  # so that the output ends sooner
+    monkeypatch.setattr("fltea.sinks.metrics.sink.POLL_S", 0.01)  # short, so that the output ends sooner
 
     def start(
         *records: Any, sink_queues: Any = list, told: list[str] | None = None, **settings: Any
@@ -97,8 +97,8 @@ def test_nothing_is_said_of_devices_before_they_speak(serve: Serve) -> None:
 
 
 EXPECTED = Path(__file__).with_name("metrics.txt").read_text(encoding="utf-8")
-"""All metrics of a device, in base units. An axis whose estimate is not valid has only the metric that says
-so.
+"""The expected text of all metrics of a device, in base units. An axis whose estimate is not valid has only
+the metric that says so.
 """
 
 
@@ -214,7 +214,8 @@ def test_several_at_once_while_records_come(serve: Serve) -> None:
             number += 1
             sink.write(msgspec.structs.replace(STATS, device=f"d{number % 40}"))
             sink.write(Error(f"k{number % 40}", "text", 1))
-            time.sleep(0)  # lets the other threads run, which otherwise would wait long for the interpreter
+            # lets the threads run that ask for metrics; otherwise they would wait long for the interpreter
+            time.sleep(0)
     assert [one.exception() for one in asked] == [None] * 16
 
 
@@ -245,7 +246,9 @@ def test_only_who_asks_by_a_name_of_this_machine_is_answered(serve: Serve) -> No
 
 
 def test_board_that_is_ever_another_makes_few_series(serve: Serve) -> None:
-    """Each new value of a label begins a time series, which Prometheus keeps for weeks."""
+    """A board whose identity changes again and again makes only few time series. Each new value of a label
+    begins a time series, which Prometheus keeps for weeks.
+    """
     told: list[str] = []
     sink = serve(told=told)
     series = set()

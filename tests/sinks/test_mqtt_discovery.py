@@ -1,4 +1,4 @@
-"""Tests that Home Assistant finds a device by what is published for it.
+"""Tests that Home Assistant finds a device by the discovery messages that are published for it.
 
 The keys were copied by hand from Home Assistant's documentation of version 2025.4, "MQTT discovery" (device
 discovery) and "MQTT sensor". As in Home Assistant, Jinja renders the templates with the published payloads.
@@ -100,7 +100,7 @@ def test_templates_take_the_figures_out_of_what_is_published(bench: MakeBench) -
     assert float(values["gyro_x_f"]) == FRACTIONAL.f.value
     assert values["gyro_x_bias"] == str(tracker.bias)
     assert values["gyro_x_steps"] == str(tracker.steps)
-    # Home Assistant reads "None" as "unknown". A binary sensor needs "ON" or "OFF".
+    # Home Assistant reads the state "None" as "unknown". A binary sensor needs the state "ON" or "OFF".
     assert values["accel_z_bias"] == values["accel_z_steps"] == "None"
     assert values["moves"] == "ON"
     template = config["components"]["moves"]["value_template"]

@@ -1,4 +1,6 @@
-"""Tests of the output to MQTT without a broker: which messages wait or are lost, and when it tries again."""
+"""Tests of the output to MQTT while no broker answers: which messages wait or are lost, and when the output
+tries to connect again.
+"""
 
 import pytest
 from fltea.mqtt.connection import Down, Up
@@ -94,7 +96,7 @@ def test_slow_network_loses_streams_and_holds_back_what_is_rare(bench: MakeBench
     b.wait(1)
     b.happens(Up())
     assert len(b.connection.on("gap")) == 1
-    # the message does not count the five records lost before this outage
+    # the error does not count the five records that were lost before this outage
     assert f"; {IN_FLIGHT} records were lost" in b.told[-1][1]
 
 
@@ -176,7 +178,7 @@ def test_every_record_is_acknowledged_waiting_or_lost(steps: list[str], qos: int
                     b.wait(40)
                 case "full":
                     b.connection.full = not b.connection.full
-            # two more than the limit, since the two states are always sent
+            # two more than the limit, since the two retained state messages are always sent
             assert len(b.sink._delivery._flight) <= 6 + 2
             assert len(b.sink._delivery._waiting) <= 4
             states = sum(m.retain for m in b.sink._delivery._flight.messages)
@@ -202,7 +204,8 @@ def test_backoff_grows_and_begins_anew_after_a_good_connection(bench: MakeBench)
     assert waits == [0.5, 1.0, 2.0, 5.0, 10.0, 30.0, 30.0, 30.0]
     b.happens(Up())
     b.wait(1)
-    b.happens(Down("broker_lost", "gone"))  # a connection that is lost at once counts as a failed attempt
+    # a connection lost right after it was made counts as a failed attempt
+    b.happens(Down("broker_lost", "gone"))
     b.wait(29)
     made = len(FakeConnection.made)
     b.wait(1)

@@ -1,4 +1,6 @@
-"""Tests of settings and secrets of MQTT: every mistake is named, and no message repeats a password."""
+"""Tests of the settings for MQTT, passwords included. Every mistake is named, and no error message repeats a
+password.
+"""
 
 import ssl
 from pathlib import Path
@@ -57,7 +59,7 @@ def test_password_in_the_address_is_refused_and_not_repeated(password: str, form
         with pytest.raises(UsageError, match="FLTEA_MQTT_PASSWORD") as refused:
             load_config(None, {"mqtt.broker": form.format(secret_word)})
         said.append(str(refused.value))
-    # comparing the messages for two passwords, since one password may equal a word of the message
+    # the messages for two passwords are compared, since a single password may equal a word of the message
     assert said[0] == said[1]
 
 

@@ -161,9 +161,10 @@ def test_status_follows_the_samples(bench: MakeBench) -> None:
 
 
 def test_status_is_said_again_with_the_time_since_when(bench: MakeBench) -> None:
-    """The last will of an earlier connection may have replaced the status.
+    """The status is published again after each connection. The last will of an earlier connection may have
+    replaced it.
 
-    This happens if the broker notices late that the connection was lost.
+    This happens if the broker notices late that the earlier connection was lost.
     """
     b = bench()
     b.wait(29)
@@ -188,8 +189,8 @@ def test_will_and_farewell(bench: MakeBench) -> None:
 
 
 def test_farewell_waits_for_acknowledgements(bench: MakeBench, monkeypatch: pytest.MonkeyPatch) -> None:
-    """If the connection is closed while the broker still answers, the broker may publish the last will after
-    the final status.
+    """The output closes its connection only after the acknowledgements. If it closed while the broker still
+    answers, the broker might publish the last will after the final status.
     """
     b = bench()
     b.write(gap())
@@ -245,7 +246,9 @@ def topics() -> set[str]:
 
 
 def test_ever_new_names_get_few_topics_and_are_told_once(bench: MakeBench) -> None:
-    """Such a board once created 768 retained topics on a broker in 8 s."""
+    """A board that states another name again and again gets few topics. Such a board once created 768
+    retained topics on a broker in 8 s.
+    """
     b = bench()
     for k in range(100):
         b.write(hello(device_id=f"n{k}"), sample(k))

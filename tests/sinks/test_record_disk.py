@@ -1,6 +1,6 @@
 """Tests of recordings on a disk that fails.
 
-The recording lacks only what arrived while the disk failed, and this is counted.
+A recording lacks only what arrived while the disk failed, and the lost items are counted.
 """
 
 import errno
@@ -82,7 +82,7 @@ def test_a_full_disk_costs_what_came_meanwhile_and_says_so_once(
     torn = files(tmp_path)[0].stat().st_size
     assert recorder.kinds() == ["disk_full" if number in record_module.NO_ROOM else "record_failed"]
     lost_while_full = sink.lost
-    # less than the setting resume_mb, so the recording does not resume
+    # the room is less than the setting resume_mb, so the recording does not resume
     recorder.feed(items[1500:2200], room=10**6)
     assert (len(recorder.told), len(files(tmp_path))) == (1, 1)
     recorder.feed(items[2200:])
@@ -117,7 +117,7 @@ def test_a_replay_counts_what_a_full_disk_cost(tmp_path: Path, recorder: Recorde
     missing = 2000 - len(samples)
     gaps = [record for record in records if type(record).__name__ == "Gap"]
     assert sum(gap.missing for gap in gaps) == missing > 400
-    # so the recording resumed without waiting for the next HELLO
+    # the gap is so short that the recording resumed without waiting for the next HELLO
     assert max(gap.missing for gap in gaps) < 1100
     assert [r.kind for r in of(Error, records)] == ["cut_recording", "recording_gap"]
     assert "bytes of the wire were not recorded (disk_full)" in of(Error, records)[1].message

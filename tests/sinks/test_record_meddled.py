@@ -1,6 +1,6 @@
 """Tests of recordings whose file another program removes or changes.
 
-Only the content of that file is lost, and it is counted.
+Only the content of the removed or changed file is lost, and the loss is counted.
 """
 
 import os
@@ -124,7 +124,7 @@ def test_what_the_deleted_file_said_is_missing_is_said_again(tmp_path: Path) -> 
     recorder.sink.close()
     assert recorder.kinds() == ["record_deleted", "record_resumed"] * 2
     (gap,) = read_recording(tmp_path).gaps
-    # the queue in front of the recorder has counted these seven items
+    # seven of the items were lost in the queue in front of the recorder, which counts them itself
     assert recorder.sink.lost == gap.items - 7
     assert len(b"".join(wire_data(files(tmp_path)[0]))) + gap.bytes == sum(
         len(item.data) for item in items if isinstance(item, Chunk)
@@ -185,7 +185,7 @@ def test_the_folder_is_not_made_again_below_a_disk_that_was_taken_away(
     assert recorder.kinds() == ["record_deleted", "record_failed"]
     assert record_session.NO_DISK in recorder.told[1][1]
     assert not folder.exists()
-    folder.mkdir()  # somebody creates the folder again, so the recording uses it
+    folder.mkdir()  # as if somebody had created the folder again: now the recorder uses it
     monkeypatch.setattr(clock, "host_ns", lambda: MONOTONIC_NS + record_module.RETRY_NS)
     recorder.feed(items[200:])
     recorder.sink.close()

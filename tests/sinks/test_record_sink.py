@@ -1,4 +1,4 @@
-"""Tests of the recorder: what its files contain, and when they end."""
+"""Tests of the recorder: what its files contain, and when it ends a file and begins another."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -203,9 +203,10 @@ def test_files_end_by_age_and_size_and_nothing_falls_between(
 
 
 def test_a_board_that_says_ever_new_things_leaves_few_notes(tmp_path: Path) -> None:
-    """The index of metadata stays in memory until the file ends.
+    """If a board sends ever new HELLOs, the recorder writes few of them as metadata, since the index of
+    metadata stays in memory until the file ends.
 
-    The recorded bytes contain every HELLO anyway.
+    The recorded bytes of the port contain every HELLO anyway.
     """
     items: list[TransportEvent] = [Opened(MONOTONIC_NS, OFFSET_NS)]
     items += [
@@ -308,7 +309,7 @@ def test_folder_that_cannot_be(tmp_path: Path) -> None:
 
 def test_a_too_slow_recorder_marks_the_place(tmp_path: Path) -> None:
     items = transport(samples=400)
-    sink = sink_in(tmp_path, rotate_s=1.2)  # long enough for a HELLO at the beginning of the file
+    sink = sink_in(tmp_path, rotate_s=1.2)  # files of 1.2 s: long enough that each contains a HELLO
     for item in items[:150]:
         sink.write(item)
     sink.on_overflow(33)

@@ -1,4 +1,6 @@
-"""Tests that the native device prints its samples byte for byte as `BlockLines` prints their blocks."""
+"""Tests that the native code, which prints a device's samples as text, prints byte for byte what `BlockLines`
+prints of the samples' blocks.
+"""
 
 from collections.abc import Iterable, Iterator
 from typing import Any
@@ -33,10 +35,11 @@ wanted = st.builds(Wanted, *[st.booleans()] * 4)
 
 
 class Printing:
-    """A pipeline whose native device prints the samples.
+    """A pipeline whose samples the native code prints as text.
 
     A new printer is made whenever the fields that all records of a block share have changed. `compared`:
-    number of rows that were printed natively, and equal the text of their block. `made`: number of printers.
+    number of rows that were printed natively, with the same text as `BlockLines` gives. `made`: number of
+    printers.
     `missed`: number of rows that a printer did not print.
     """
 
@@ -112,7 +115,7 @@ def test_rows_without_the_columns_of_a_text_are_not_printed() -> None:
         assert isinstance(block, RawBlock)
         events[k] = block._replace(accel=None)
     printing.feed(events)
-    # rows are missed both when the accelerometer's samples end and when they come back
+    # the printer misses rows twice: when the accelerometer's samples end, and when they come back
     assert printing.missed >= 10 * 4
     assert printing.compared > 400
 

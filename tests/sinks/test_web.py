@@ -1,4 +1,6 @@
-"""Tests of the web server of both pages, over real sockets: access, rate limits, number of connections."""
+"""Tests, over real sockets, of the web server of both live pages (of one device and of many): access, rate
+limits, number of connections.
+"""
 
 import asyncio
 import base64
@@ -59,7 +61,7 @@ class Served:
         return socket.create_connection(("127.0.0.1", self.port), timeout=PATIENCE_S)
 
     def turn(self, call: Callable[[], None] = lambda: None) -> None:
-        """Call a function in the event loop, and wait until that is done."""
+        """Call a function in the server's event loop, and wait until the call has ended."""
         turned = threading.Event()
         self._loop.add_callback(lambda: (call(), turned.set()))
         assert turned.wait(PATIENCE_S)

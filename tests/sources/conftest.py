@@ -24,7 +24,7 @@ def fifo(tmp_path: Path) -> Iterator[Path]:
     path = tmp_path / "pipe"
     os.mkfifo(path)
     yield path
-    # opening the FIFO releases threads that still wait for its other end
+    # opening both ends of the FIFO releases threads that still wait for somebody to open the other end
     for flags in (os.O_RDONLY, os.O_WRONLY):
         with contextlib.suppress(OSError):
             os.close(os.open(path, flags | os.O_NONBLOCK))

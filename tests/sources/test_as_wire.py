@@ -1,4 +1,6 @@
-"""Samples of sources without a wire protocol are written as frames, and are the same when these are read."""
+"""Samples of a source that has no wire protocol are written as frames of the protocol. Samples that are read
+from these frames are the same.
+"""
 
 import msgspec
 import pytest

@@ -37,7 +37,9 @@ def test_a_run_without_gaps(who_am_i: int) -> None:
 @EACH_FAMILY
 @pytest.mark.parametrize("share", [-0.6, 0.6])
 def test_a_clock_far_from_its_nominal_rate_is_no_gap(who_am_i: int, share: float) -> None:
-    """The clocks of some chips are wrong by up to 10 %."""
+    """A chip's clock that is far from its nominal rate gives no gaps. The clocks of some chips are wrong by
+    up to 10 %.
+    """
     ppm = share * chip_of(who_am_i).clock_error * 1e6
     pi = pi_with(who_am_i, clock_ppm=ppm).run_until(6.0)
     pi.check(ppm)
@@ -47,7 +49,9 @@ def test_a_clock_far_from_its_nominal_rate_is_no_gap(who_am_i: int, share: float
 
 @EACH_FAMILY
 def test_a_program_that_is_held_up(who_am_i: int) -> None:
-    """A pause that the FIFO can bridge loses no samples; a longer pause does."""
+    """While the program pauses, samples wait in the chip's FIFO. A pause that fits into the FIFO loses no
+    samples. A longer pause loses some.
+    """
     pi, facts = pi_with(who_am_i), EMULATED[who_am_i]
     holds_ms = facts.holds * facts.period_ms
     pi.host.stall(SETTLED_S * S, (holds_ms - 50) * MS)
@@ -72,9 +76,9 @@ def test_a_bus_that_fails_for_less_than_the_fifo_holds_sets_no_sensor_up_again(w
 
 @EACH_FAMILY
 def test_errors_on_the_bus_mix_up_no_registers(who_am_i: int) -> None:
-    """Errors also concern the transfer that selects a bank.
+    """Errors on the bus also concern the transfer that selects a bank of registers.
 
-    If it failed unnoticed, another register would be read.
+    If this transfer failed unnoticed, the register of another bank would be read.
     """
     pi, chance = pi_with(who_am_i), random.Random(5)
 

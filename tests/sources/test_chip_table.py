@@ -1,6 +1,6 @@
-"""The table of chips is complete.
+"""Tests that the table of chips is complete.
 
-If not, the failure names what a new chip lacks, and in which file it belongs.
+If a new chip lacks something, the failure names it, and the file in which it belongs.
 
 `test_i2c_driver.py` and `test_chip_runs.py` check that the driver reads each chip as its data sheet says.
 """

@@ -1,5 +1,5 @@
-"""Compares the numbers of samples, which follow from counts and times alone, with those of a simulated
-sensor.
+"""Compares sample numbers with the true ones of a simulated sensor. The clock that is tested computes them
+only from the counts of samples in the FIFO and the times of reading.
 """
 
 import random
@@ -16,7 +16,7 @@ S = 1_000_000_000
 class Sensor:
     """A simulated sensor that takes sample k at `begin` plus k periods.
 
-    The test reads its FIFO now and then.
+    The test reads the sensor's FIFO now and then.
     """
 
     def __init__(self, ppm: float, begin_ns: int = 7 * MS, drift_per_s: float = 0.0) -> None:
@@ -41,7 +41,9 @@ class Sensor:
         return n
 
     def look(self, ms: float = 0.0) -> bool:
-        """Read all samples that wait in the FIFO; return whether the clock agrees with the truth."""
+        """Read all samples that wait in the FIFO. Return whether their number agrees with the clock that is
+        tested.
+        """
         self.now_ns += round((ms or self._random.uniform(20, 30)) * MS)
         before_ns, after_ns = self.now_ns - 350_000, self.now_ns
         waiting = self.count(self.now_ns - 150_000) - self.taken
@@ -58,9 +60,10 @@ class Sensor:
         return self
 
     def lose(self, seconds: float, poll_ms: float = 1.0) -> tuple[int, int, int]:
-        """Stop reading for a while and empty the FIFO.
+        """Stop reading for a while and empty the FIFO, so that samples are lost.
 
-        Return the estimated number of missing samples, the doubt about it, and the true number.
+        Return the estimated number of missing samples, the largest error that this number may have, and the
+        true number.
         """
         self.now_ns += round(seconds * S)
         empty_ns, had = self.now_ns, self.count(self.now_ns)
@@ -113,9 +116,9 @@ def test_samples_that_vanish_or_appear_are_noticed(slipped: int) -> None:
 
 
 def test_a_sensor_that_warms_up_stays_in_step() -> None:
-    """The clock changes by 500 ppm in five minutes.
+    """The clock of a sensor that warms up changes by 500 ppm in five minutes.
 
-    A straight line through all counts would be wrong by whole samples.
+    A straight line through all counts of these minutes would be wrong by whole samples.
     """
     sensor = Sensor(0, drift_per_s=500e-6 / 300).run(300)
     missing, doubt, truth = sensor.lose(2)
@@ -132,7 +135,9 @@ def test_after_a_set_up_the_numbers_go_on_by_time() -> None:
 
 
 def test_a_late_count_teaches_nothing() -> None:
-    """The count is delayed by half a second, and is the only one in its second."""
+    """A count of samples that was read half a second late does not change the clock, even if it is the only
+    count in its second.
+    """
     sensor = Sensor(0).run(20)
     sensor.now_ns += S // 2
     waiting = sensor.count(sensor.now_ns - S // 2 + 10 * MS) - sensor.taken

@@ -23,7 +23,7 @@ EVERY_CHIP = pytest.mark.parametrize("who_am_i", SENSORS, ids=lambda who_am_i: S
 
 
 class Bench:
-    """A driver with its bus and chip, without the source around them."""
+    """A driver with its bus and an emulated chip, without the source that uses the driver."""
 
     def __init__(self, model: type[Mpu9250 | Icm20948] = Mpu9250, family: str = "", **chip: object) -> None:
         self.host = FakeHost()
@@ -71,7 +71,7 @@ def test_firmware_and_host_mean_the_same_registers() -> None:
     # In the firmware's header, SMPLRT_DIV is called `kSmplrtDiv`, and so on.
     firmware = {re.sub(r"(?<=[a-z])(?=[A-Z0-9])", "_", name).upper(): int(value, 0) for name, value in found}
     host = {name: value for name, value in vars(reg).items() if name.isupper()}
-    # only the firmware reads the output registers, since this driver reads the FIFO
+    # only the firmware reads the output registers, since the host's driver reads the FIFO
     theirs_alone = {"ACCEL_XOUT_H", "RAW_READY"}
     assert len(firmware) == 15
     assert {name: host[name] for name in firmware.keys() - theirs_alone} == {
@@ -109,8 +109,8 @@ def test_an_unknown_chip_is_refused_by_its_number_and_nothing_is_written_to_it()
         Bench(who_am_i=0x12).driver.identify()
     assert (refused.value.code, refused.value.detail) == (FaultCode.SENSOR_UNKNOWN, 0x12)
     bench = Bench(Icm20948)
-    # another bank is selected, as if another program had been killed halfway; the chip then seems to be of
-    # another kind
+    # another bank of registers is selected, as if another program had been killed halfway, so the chip seems
+    # to be of another kind
     bench.chip.bank = 2
     with pytest.raises(SensorFault) as refused:
         bench.driver.identify()
@@ -160,7 +160,9 @@ def test_a_bus_that_is_gone_is_not_asked_again(bench: Bench, number: int) -> Non
 
 
 def test_a_broken_read_of_the_fifo_is_never_repeated(bench: Bench) -> None:
-    """The bytes that were read are gone. A second try would take the rest for the beginning of a sample."""
+    """A broken read of the FIFO is not repeated. The bytes that were read are gone, and a second try would
+    take the rest for the beginning of a sample.
+    """
     bench.wait(35)
     bench.fail(errno.EIO)
     before = bench.bus.transactions

@@ -1,4 +1,4 @@
-"""Each sample that an I²C source might lose is delivered with its true number, or counted as lost."""
+"""Tests that each sample of an I²C source is delivered with its true number, or counted as lost."""
 
 import errno
 import random
@@ -49,8 +49,8 @@ def test_a_stall_of_2_s_is_counted_to_the_sample(at_s: float, for_s: float, ppm:
 
 
 def once(pi: Pi, register: int, do: Callable[[tuple[i2c_msg, ...]], int | None]) -> Pi:
-    """Do something once, just before a transaction that begins with this register, after the clock has
-    settled.
+    """Call `do` once, just before a transaction on the bus that begins with this register. The sensor's clock
+    has settled by then.
     """
 
     def inject(messages: tuple[i2c_msg, ...]) -> int | None:
@@ -68,14 +68,15 @@ def once(pi: Pi, register: int, do: Callable[[tuple[i2c_msg, ...]], int | None])
 @pytest.mark.parametrize("register", [0x72, 0x3A, 0x74, 0x19])
 def test_a_stall_between_any_two_transfers_is_counted(register: int) -> None:
     """The program stalls before it reads the FIFO's count, the overflow flag, the samples or the settings.
+    All lost samples are counted.
 
-    Meanwhile, the content of the FIFO changes.
+    During the stall, the content of the FIFO changes.
     """
     pi = Pi()
     once(pi, register, lambda messages: pi.host.let_pass(2 * S)).run_until(SETTLED_S + 4)
     pi.check()
     assert pi.told == ["fifo_overflow"]
-    # Samples in a full FIFO are not lost, unless the count was read before the overflow.
+    # The samples in the full FIFO are not lost, unless the program read the FIFO's count before the overflow.
     assert sum(pi.missing) == pytest.approx(201 - (36 if register in (0x72, 0x19) else 3), abs=5)
 
 
@@ -88,8 +89,9 @@ def test_a_fifo_that_is_emptied_before_it_is_read_gives_no_sample() -> None:
 
 
 def test_a_clock_that_is_read_late_turns_no_time_back() -> None:
-    """The count was read 15 ms before the program reads the time, and the next samples were taken within
-    those 15 ms."""
+    """The program reads the time 15 ms after it has read the FIFO's count. The sensor measures further
+    samples within these 15 ms. The times of samples still never decrease.
+    """
     pi = Pi()
     once(pi, 0x72, lambda messages: pi.host.stall(pi.host.now_ns + 50_000, 15 * MS)).run_until(SETTLED_S + 2)
     pi.check()
@@ -97,7 +99,9 @@ def test_a_clock_that_is_read_late_turns_no_time_back() -> None:
 
 
 def test_a_whole_sample_that_went_with_a_broken_transfer_is_missed() -> None:
-    """Afterwards the FIFO begins with a whole sample, as if nothing had been lost."""
+    """A whole sample was lost in a transfer that broke. Afterwards the FIFO begins with a whole sample, as if
+    nothing had been lost, but the loss is counted.
+    """
     pi = Pi()
 
     def break_off(messages: tuple[i2c_msg, ...]) -> int:

@@ -22,7 +22,7 @@ from tools.due_emulator.icm20948 import Icm20948
 from tools.due_emulator.mpu9250 import Mpu9250
 
 SETTLED_S = 12.0
-"""Time after which the sensor's clock is known well enough."""
+"""Time [s] after which the program knows the sensor's clock well enough to count samples exactly."""
 
 
 @pytest.mark.parametrize(
@@ -77,9 +77,10 @@ def test_a_quiet_run() -> None:
 
 
 def test_the_date_changes_only_with_an_event(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Between two events, the offset to Unix time stays the same.
+    """The offset to Unix time changes only with an event of the source. Between two events it stays the same.
 
-    The recorder and the pipeline each read it, and a replay has to give the live result.
+    The recorder and the pipeline each read this offset, and a replay of the recording has to give the live
+    result.
     """
     pi = Pi()
     monkeypatch.setattr(pi.host, "unix_offset_ns", count(UNIX_OFFSET_NS).__next__)
@@ -105,7 +106,7 @@ def test_what_hello_says() -> None:
     assert hello.device_id == Pi().run_until(1).hello.device_id
     assert hello.device_id != other.hello.device_id
     assert hello.boot_id != other.hello.boot_id
-    # a recording stores the version as a text of at most 24 bytes
+    # a recording stores the firmware version as a text of at most 24 bytes
     assert len(hello.firmware_version.encode("ascii")) <= 24
     assert wire.SamplingMode[hello.sampling_mode.upper()]
     assert wire.ResetCause[pi.status.reset_cause.upper()]
@@ -115,8 +116,8 @@ def test_samples_come_soon() -> None:
     pi = Pi().run_until(5)
     late_ms = [(pi.host.now_ns - taken_ns(raw.gyro, raw.accel)) / MS for raw in pi.raw[-3:]]
     assert max(late_ms) < 45
-    # The arrival time is as exact as the clock is known: never before the sample, and at most little more
-    # than a period later.
+    # A sample's arrival time is as exact as the sensor's clock is known. It is never before the time of
+    # measurement, and at most little more than a period later.
     waits_ms = [(raw.host_ns - taken_ns(raw.gyro, raw.accel)) / MS for raw in pi.raw]
     assert 0 <= min(waits_ms) < 1
     assert max(waits_ms) < 13
@@ -151,7 +152,8 @@ def test_a_long_time(ppm: float, until_s: int, monkeypatch: pytest.MonkeyPatch) 
 
 def test_sequence_and_device_time_wrap() -> None:
     pi = Pi()
-    # this sample is at 4294.9 s, shortly before 2^32 us (4294.967 s); modulo 2^16 its number is 36,274
+    # the next sample's number: its time is 4294.9 s, shortly before the wrap at 2^32 us (4294.967 s), and
+    # modulo 2^16 it is 36,274
     pi.source._reader._clock.next = 429_490
     pi.run_until(1)
     assert max(raw.device_us for raw in pi.raw) == 429_496 * 10_000
@@ -255,7 +257,7 @@ def test_a_sensor_that_powers_up_with_the_machine_is_no_trouble() -> None:
 
 
 class Buses:
-    """Gives buses, or fails with an error number, at each opening of a bus."""
+    """Opens buses in place of the system. Each opening gives a bus, or raises the next of the given errors."""
 
     def __init__(self, pi: Pi, *errors: OSError) -> None:
         self.left = list(errors)
@@ -319,7 +321,9 @@ def test_closing_releases_the_bus() -> None:
 
 @pytest.mark.parametrize("number", [errno.EREMOTEIO, errno.ENODEV])
 def test_close_from_another_thread_ends_any_wait(number: int) -> None:
-    """This runs on the real clock, and closes the source during the longest waits."""
+    """`close` from another thread ends any wait. This test runs on the real clock, and closes the source
+    during its longest waits.
+    """
 
     class DeadBus:
         def i2c_rdwr(self, *messages: object) -> None:

@@ -1,5 +1,5 @@
-"""Compares the layout of scans, and the meaning of counts, with the kernel's documentation and a slow, plain
-decoder.
+"""Compares the layout of the scans that the kernel's IIO devices send, and the meaning of the counts in them,
+with the kernel's documentation and a slow, plain decoder.
 """
 
 import numpy as np
@@ -88,7 +88,7 @@ def test_numbers_are_those_of_a_plain_decoder(found: list[Element], count: int, 
     plain = plainly(found, data)
     assert len(plain) == count
     for element in found:
-        # an int64 holds such numbers only modulo 2^64
+        # the columns are int64, which hold unsigned numbers of 64 bits only modulo 2^64
         wrap = 1 << 64 if element.bits == 64 and not element.signed else 0
         got = [value % wrap if wrap else value for value in columns[element.name].tolist()]
         assert got == [scan[element.name] for scan in plain]
@@ -109,11 +109,11 @@ def test_half_a_scan_is_refused() -> None:
 def test_counts_mean_what_the_kernels_documentation_says(order, signs, scales, offsets, angle) -> None:
     """Values are (raw + offset) * scale, rotated by the mount matrix.
 
-    If it only swaps axes, the values stay counts.
+    If the mount matrix only swaps axes or their signs, the values stay counts.
     """
     mount = np.zeros((3, 3))
     mount[range(3), order] = signs
-    mount *= np.linalg.det(mount)  # this makes a rotation of a reflection
+    mount *= np.linalg.det(mount)  # multiplying by the determinant makes a rotation of a reflection
     turned = mount @ [[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]]
     counts = np.array([[1.0, -20.0, 300.0], [32767.0, -32768.0, 0.0]])
     truth = ((counts + offsets) * scales) @ turned.T

@@ -1,4 +1,4 @@
-"""Tests the events of a device with a kernel driver.
+"""Tests the events that come from a device with a kernel driver (IIO).
 
 A folder of files and a FIFO take the place of /sys and of the node in /dev.
 """
@@ -41,12 +41,12 @@ class Player:
         self._writer = os.open(self.device.node, os.O_WRONLY)
 
     def play(self, data: bytes, kind: type[Event] = RawBlock) -> list[Any]:
-        """Write data, and return the events up to the first one of a kind."""
+        """Write data to the FIFO, and return the source's events up to the first event of a kind."""
         os.write(self._writer, data)
         return self.until(kind)
 
     def until(self, kind: type[Event]) -> list[Any]:
-        """Return the events, without ticks, up to the first one of a kind."""
+        """Return the source's events, without ticks, up to the first event of this kind."""
         found = []
         for event in self.events:
             found += [] if isinstance(event, Tick) else [event]
@@ -93,7 +93,8 @@ def test_samples_with_scale_mount_matrix_rate_and_gaps(tmp_path: Path) -> None:
     assert [type(event) for event in found] == [Hello, RawBlock]
     assert hello.rate_hz == pytest.approx(200.0)
     assert (hello.sampling_mode, hello.sensor) == ("iio", "bmi160")
-    assert hello.gyro_lsb_per_dps == pytest.approx(16.3921, rel=1e-4)  # this is a scale of 0.001064724 rad/s
+    # the device states a scale of 0.001064724 rad/s
+    assert hello.gyro_lsb_per_dps == pytest.approx(16.3921, rel=1e-4)
     assert hello.accel_lsb_per_g == pytest.approx(16393.5, rel=1e-4)
     assert block.sequence.tolist() == list(range(500))
     assert block.gyro[1].tolist() == [49.0, -1.0, 3.0]  # by the mount matrix, the axes become y, -x and z
@@ -101,7 +102,7 @@ def test_samples_with_scale_mount_matrix_rate_and_gaps(tmp_path: Path) -> None:
     place = Decoder(lambda: 0, max_gap=10)
     place.on_hello(hello)
     list(place.feed(block))
-    data = scans(500, 510) + scans(513, 520)  # three samples are lost
+    data = scans(500, 510) + scans(513, 520)  # three scans are lost
     pieces = [*player.play(data[:37]), *player.play(data[37:])]
     for piece in pieces:
         list(place.feed(piece))
@@ -125,9 +126,10 @@ def test_samples_with_scale_mount_matrix_rate_and_gaps(tmp_path: Path) -> None:
 def test_a_mount_matrix_that_all_sensors_share(
     tmp_path: Path, name: str, query: str, gyro: list[float], accel: list[float]
 ) -> None:
-    """The drivers of the ICM-42600, of the LSM6DSx and of ST have one file for all channels (`mount_matrix`).
+    """The mount matrix stands in different files. The drivers of the ICM-42600, of the LSM6DSx and of ST have
+    one file for all channels (`mount_matrix`).
 
-    Other drivers have one for each direction.
+    Other drivers have one file for each direction of channels, input or output (`in_mount_matrix`).
     """
     device = imu(tmp_path)
     device.put(name, device.get("in_anglvel_mount_matrix"))
@@ -255,7 +257,7 @@ def test_a_node_that_does_not_open_and_a_buffer_that_does_not_start_leave_all_as
 
 
 def refuse_to_write(monkeypatch: pytest.MonkeyPatch, name: str, content: str, number: int) -> None:
-    """Let the writing of this content to a file of this name fail."""
+    """From now on, let the writing of this content to a file of this name fail with the error `number`."""
     write = Path.write_text
 
     def refuse(path: Path, text: str, encoding: str | None = None) -> int:
@@ -301,7 +303,7 @@ def test_urls_that_are_none(rest: str) -> None:
 def test_the_real_command(tmp_path: Path) -> None:
     """With `--once`, the command ends when the device is lost.
 
-    All earlier samples have been published then.
+    By then, all earlier samples have been published.
     """
     device = imu(tmp_path)
 

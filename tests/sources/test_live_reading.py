@@ -1,4 +1,6 @@
-"""Live text is read as a file is: with the same samples, the same evidence, and the same errors."""
+"""Text that arrives live is read as a file of the same text would be: it gives the same samples, the same
+evidence for units, and the same errors.
+"""
 
 import json
 from collections.abc import Callable, Sequence
@@ -187,7 +189,9 @@ LIVE = [
 
 @pytest.mark.parametrize("name", LIVE)
 def test_a_logger_is_recognised_from_a_few_lines(name: str, tmp_path: Path) -> None:
-    """Live lines come one by one, whereas the numbers in a file are examined together."""
+    """A logger is recognised in live text, too, although live lines come one by one, whereas the numbers in a
+    file are examined together.
+    """
     data, how = (HERE / name).read_bytes(), how_of(OPTIONS[name])
     events, source = live(data.splitlines(keepends=True), how)
     whole = open_csv(HERE / name, how).whole()

@@ -76,9 +76,9 @@ def test_a_part_under_another_number_is_read_once_and_named(
 
 @pytest.fixture(params=["head", "chunk"])
 def damaged(tmp_path: Path, request: pytest.FixtureRequest) -> Path:
-    """Damage one file of a recording by a wrong byte, at its beginning or in a chunk.
+    """Damage one of the files of a recording by a wrong byte, at this file's beginning or in a chunk.
 
-    The other files are long enough to be read alone.
+    The other files of the recording are long enough to be read alone.
     """
     record(tmp_path, transport(samples=1200), rotate_s=1.0)
     file = parts(tmp_path)[1]

@@ -46,7 +46,8 @@ def test_all_records_of_a_live_run_come_again(rotation: dict[str, float], tmp_pa
     again = replay(tmp_path)
     for kind, n in ((Sample, 3 * 297), (Estimate, 3 * 277), (Gap, 6), (Epoch, 3)):
         assert len(of(kind, live)) == n
-        assert of(kind, again) == of(kind, live)  # numbers, times and estimates agree bit by bit
+        # the replay's numbers, times and estimates equal the live ones bit by bit
+        assert of(kind, again) == of(kind, live)
     assert without(of(Hello, again), "source", "host_ns") == without(of(Hello, live), "source", "host_ns")
     kinds = [error.kind for error in of(Error, live)]
     assert [error.kind for error in of(Error, again)] == kinds == ["unplugged", "unplugged"]
@@ -71,7 +72,7 @@ def test_what_the_line_did_is_counted_again(tmp_path: Path) -> None:
 def test_host_times_follow_each_epochs_own_clock(tmp_path: Path) -> None:
     """The host's clock was set between two starts of the device.
 
-    The second epoch has times by the new setting.
+    Times of samples after the second start follow the new setting of the clock.
     """
     hour_ns = 3600 * 10**9
     items = transport(samples=100, boots=2)
@@ -120,9 +121,10 @@ def spoil(folder: Path, chunk: int, place: int, bits: int) -> None:
 @pytest.mark.usefixtures("many_chunks")
 @pytest.mark.parametrize("chunk", [0, 250])
 def test_a_damaged_chunk_costs_itself_alone(chunk: int, tmp_path: Path) -> None:
-    """This includes the first chunk, which describes the channels.
+    """A damaged chunk loses only its own content. This holds for the first chunk, too, which describes the
+    channels.
 
-    Channels of raw bytes are readable without it, since they always have the same IDs.
+    The channel of raw bytes is readable without its description, since it always has the same ID.
     """
     record(tmp_path, transport(samples=500), channels=())
     spoil(tmp_path, chunk, 60, 0xFF)
@@ -150,7 +152,7 @@ def test_no_changed_byte_of_the_wire_is_ever_believed(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("many_chunks")
 def test_chunks_that_are_not_there_are_noticed_by_their_numbers(tmp_path: Path) -> None:
     record(tmp_path, transport(samples=300), channels=())
-    # this becomes an unknown kind of record, which every reader skips
+    # the chunk becomes a record of an unknown kind, which every reader skips
     spoil(tmp_path, 120, 0, Opcode.CHUNK ^ 0x7F)
     (error,) = of(Error, replay(tmp_path))
     assert error.kind == "recording_gap"
@@ -191,7 +193,7 @@ def test_cut_at_every_byte_it_gives_what_was_whole_before(tmp_path: Path) -> Non
             continue
         events = list(McapRecording(before, "x").events())
         chunks = sum(end <= length for end in ends)
-        # the first recorded item is `Opened`
+        # one chunk less, since the first recorded item is `Opened`, which has no bytes
         bytes_in = b"".join(item.data for item in everything[: max(0, chunks - 1)])
         frames = FrameReader().feed(bytes_in)
         samples = [frame for frame in frames if isinstance(frame.message, wire.Sample)]

@@ -70,7 +70,7 @@ def test_host_times_are_those_of_the_recording(tmp_path: Path) -> None:
 
 
 def test_sequence_and_time_wrap_as_a_devices_do(tmp_path: Path) -> None:
-    n, rate_hz = 70_000, 10.0  # in these 7000 s, sequence number and device time each wrap once
+    n, rate_hz = 70_000, 10.0  # 7000 s: sequence number and device time each wrap once
     path = npz_file(tmp_path, gyro_raw=None, gyro_dps=np.zeros((n, 1)), fs_hz=rate_hz)
     found = samples(ReplaySource(path))
     assert max(raw.sequence for raw in found) == 65535
@@ -112,7 +112,7 @@ def test_time_that_a_recording_skips_is_a_gap(tmp_path: Path) -> None:
         # times in whole tenths of a ms: the steps are 0.1 and 0.2 ms
         (8000.0, np.round(np.arange(8000) / 8000, 4)),
         (100.0, np.delete(np.arange(400) / 100, [50, 51, 52])),
-        # this is a pause whose cause is unknown
+        # a pause of 100 s whose cause is unknown
         (100.0, np.arange(400) / 100 + 100 * (np.arange(400) >= 300)),
     ],
     ids=["rounded times", "a gap", "a pause"],
@@ -171,7 +171,7 @@ def test_shuffle_is_a_permutation_and_times_stay(tmp_path_factory: pytest.TempPa
     assert [raw[:3] for raw in shuffled] == [raw[:3] for raw in plain]
     assert [raw.gyro for raw in shuffled] != [raw.gyro for raw in plain]
     assert sorted(raw.gyro for raw in shuffled) == sorted(raw.gyro for raw in plain)
-    # the values of one sample stay together
+    # shuffling keeps the gyroscope's and accelerometer's values of a sample together
     assert all(raw.accel == tuple(g + 1000 for g in raw.gyro) for raw in shuffled)
 
 
@@ -276,7 +276,9 @@ def test_real_pace_waits_for_each_sample(tmp_path: Path, now_ns: list[int]) -> N
 
 
 def test_close_ends_a_long_wait(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Python continues to sleep after a signal, so a long wait consists of short ones."""
+    """`close` ends a long wait of the replay. Python continues to sleep after a signal, so a long wait
+    consists of short ones.
+    """
     source = ReplaySource(csv_file(tmp_path, [0.0, 600.0, 1200.0]), how=How(overrule=True), realtime=True)
     slept_s: list[float] = []
 
