@@ -1,4 +1,4 @@
-"""If a ROS bag is too large, truncated or changed, its intact parts are read, or an error gives the reason."""
+"""If a ROS bag is too large, truncated or changed, its intact parts are read, or an error says why not."""
 
 import contextlib
 import sqlite3

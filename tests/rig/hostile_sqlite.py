@@ -1,4 +1,4 @@
-"""Small SQLite files that pass for bags of ROS 2. A query for a row of such a file would compute without end."""
+"""Small SQLite files that pass for bags of ROS 2. A query for one of their rows would compute without end."""
 
 import contextlib
 import sqlite3

@@ -68,7 +68,7 @@ class Truth(NamedTuple):
 
 
 def composite(truth: Truth, n: int, h: float, seed: int) -> Array:
-    """Return n samples of the noise with these true figures: the sum of its components, each drawn at random."""
+    """Return n samples of the noise with these true figures: a sum of components, each drawn at random."""
     rng = np.random.default_rng((77, seed))
     y = rng.standard_normal(n) * truth.N / np.sqrt(h)
     for sigma, tau in truth.gauss_markov:

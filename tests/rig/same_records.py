@@ -18,7 +18,7 @@ OF_AN_AXIS = ("constant_axis", "axis_runaway", "axis_bound")
 
 
 class Comparable(NamedTuple):
-    """The values of a record, divided into those that have to be equal (`exact`) and those that may differ."""
+    """The values of a record, divided into those that must be equal (`exact`) and those that may differ."""
 
     exact: Any
     host_ns: int

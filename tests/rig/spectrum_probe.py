@@ -77,7 +77,7 @@ class BoardSpectrum:
         library().spectrum_skip(self._axis, lost)
 
     def fit(self) -> BoardFit:
-        """Return the board's fit of the samples so far. The next fit starts from the parameters of this one."""
+        """Return the board's fit of the samples so far. The next fit starts from its parameters."""
         out = np.empty(len(BoardFit._fields))
         library().spectrum_fit(self._axis, out)
         return BoardFit(*out.tolist())

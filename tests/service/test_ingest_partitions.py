@@ -1,6 +1,4 @@
-"""Tests of devices that are shared among the workers of an ingest by partitions. A worker continues a
-partition where another worker has stopped.
-"""
+"""Tests of devices that the workers of an ingest share: a worker continues where another one has stopped."""
 
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -30,7 +28,7 @@ S = 10**9
 
 
 class FakeReceiver:
-    """A fake receiver of messages that serves the partitions in `mine`, and keeps snapshots in a dictionary."""
+    """A receiver of messages that serves the partitions in `mine`, and keeps snapshots in a dictionary."""
 
     url = "nats://test"
     connected = True
@@ -150,9 +148,7 @@ def unbroken(seconds: int) -> dict[int, tuple[Any, ...]]:
 
 @pytest.mark.slow
 def test_what_nobody_had_between_the_snapshot_and_the_next_message_is_counted() -> None:
-    """Messages 7 to 9 have never reached the server's stream, as happens in an outage of the server. Their
-    samples are counted as missing.
-    """
+    """Messages 7 to 9 never reached the server's stream, as in an outage. Their samples count as missing."""
     first, second = Worker(), Worker()
     first.hear(range(6))
     kept = first.keep()
@@ -169,10 +165,9 @@ def test_what_nobody_had_between_the_snapshot_and_the_next_message_is_counted() 
 
 @pytest.mark.slow
 def test_a_snapshot_is_not_stored_before_outputs_have_what_it_follows() -> None:
-    """A snapshot is stored only when the outputs have written all samples before it. Otherwise, these samples
-    would be lost if the worker is killed.
+    """A snapshot is stored only when the outputs have written all samples before it.
 
-    A worker that continues from the snapshot does not process the samples before it again.
+    Otherwise, these would be lost if the worker is killed: they are not processed again from a snapshot.
     """
     worker = Worker()
     worker.hear(range(6))
@@ -196,8 +191,7 @@ def test_another_worker_goes_on_with_the_very_same_estimates() -> None:
     assert kept.mark == 6
     first.hear(range(6, 8))
     second.ingest.inbox.post(Served(0, {"a": kept}, 8))
-    # the messages begin before the snapshot's end, but are not processed a second time
-    second.hear(range(4, 12))
+    second.hear(range(4, 12))  # messages up to the snapshot are not processed twice
     assert [one.reason for one in of(Epoch, second.end().sink.items)] == ["resumed"]
     whole, left, right = unbroken(12), first.end().estimates(), second.estimates()
     assert set(left) | set(right) == set(whole) == set(range(50, 1200))
@@ -239,9 +233,7 @@ def test_a_partition_that_is_another_ones_is_not_walked_and_its_devices_are_forg
 
 
 def test_once_a_message_was_left_out_none_is_walked_until_it_comes_again() -> None:
-    """A worker gives a partition back and takes it again while earlier messages of the partition wait in its
-    inbox.
-    """
+    """A worker gives a partition back and takes it again while earlier messages of it wait in its inbox."""
     worker = Worker()
     worker.hear(range(4))
     worker.receiver.mine = set()
@@ -348,14 +340,13 @@ HELLO = Hello(source="s", host_ns=0, rate_hz=100.0, sampling_mode="timer", boot_
 @pytest.mark.parametrize(
     ("boot", "sequence", "device_us", "age_s", "missing"),
     [
-        # by the time of 3 s, 299 samples are missing, but the sequence number is more precise
+        # by the age of 3 s, 299 samples are missing, but the sequence number is more precise
         (7, 11, 110_000, 3.0, 0),
         (7, 31, 310_000, 0.2, 20),
         (7, (10 + 70_000) % 65536, 100_000 + 700_000_000, 700.0, 69_999),
         (8, 11, 110_000, 3.0, 299),  # the device has restarted
-        (7, 11, 900_000, 3.0, 299),  # sequence number and device time disagree, so the time decides
-        # the sequence number is that of the snapshot's sample, so the time decides
-        (7, 10, 100_000, 0.5, 49),
+        (7, 11, 900_000, 3.0, 299),  # number and device time disagree: the age decides
+        (7, 10, 100_000, 0.5, 49),  # the snapshot's own number: the age decides
         # after so long, the sequence number may have wrapped any number of times
         (7, 11, 110_000, 3600.0, 359_999),
     ],

@@ -257,7 +257,7 @@ def test_a_sensor_that_powers_up_with_the_machine_is_no_trouble() -> None:
 
 
 class Buses:
-    """Opens buses in place of the system. Each opening gives a bus, or raises the next of the given errors."""
+    """Opens buses in place of the system. Each opening gives a bus, or raises the next given error."""
 
     def __init__(self, pi: Pi, *errors: OSError) -> None:
         self.left = list(errors)

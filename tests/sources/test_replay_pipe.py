@@ -118,7 +118,7 @@ def test_a_pipe_into_which_nobody_writes_is_told(
 
 def test_a_writer_may_take_its_time_once_it_has_come(fifo: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(small_file, "PATIENCE_S", 0.05)
-    held = os.open(fifo, os.O_RDWR)  # opening it in this way does not wait for a writer
+    held = os.open(fifo, os.O_RDWR)  # opening the FIFO in this way does not wait for a writer
 
     def write() -> None:
         for data in (CSV[:100], CSV[100:]):
@@ -199,9 +199,10 @@ IN_ONE_GO = {"plain.csv"}
     ],
 )
 def test_what_a_shell_hands_over(way: str, names: tuple[str, ...]) -> None:
-    """This also works for files that a reader process reads, which has another standard input.
+    """Recordings that a shell passes through a pipe are read. This also works for files that are read in a
+    reader process, whose standard input is another one.
 
-    Such a file cannot be read sequentially.
+    The files of these formats cannot be read sequentially.
     """
     command = WAYS[way] if "fltea" in WAYS[way] else "fltea " + WAYS[way]
     said_of = {"json.mcap": " --units rad/s"}
@@ -232,8 +233,8 @@ def test_a_redirected_file_that_has_no_name_any_more(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_standard_input_of_identify(jobs: int, tmp_path: Path) -> None:
-    """If a file is given in addition, other processes would do the reading, but they do not have this
-    process's standard input.
+    """`identify` reads standard input together with a further file. With several jobs, other processes do the
+    reading, but these do not have this process's standard input.
     """
     rng = np.random.default_rng(1)
     rows = "".join(f"{value:.6f}\n" for value in rng.normal(size=5000))
@@ -268,9 +269,9 @@ def test_a_pipe_that_says_nothing_can_be_interrupted(
 
 
 def _interrupted(process: subprocess.Popen[bytes], number: signal.Signals) -> bytes:
-    """Interrupt a program and return its message.
+    """Interrupt a program by a signal, and return what the program wrote to stderr.
 
-    Interrupt it again if the signal came just before it read.
+    Send the signal again if it came just before the program began to read from the pipe.
     """
     for _ in range(60):
         process.send_signal(number)
@@ -289,9 +290,9 @@ def _opened_by_a_reader(fifo: Path, process: subprocess.Popen[bytes]) -> int:
 
 
 def _wait_until_it_reads(process: subprocess.Popen[bytes]) -> None:
-    """Wait until the program waits in the kernel's function `read`.
+    """Wait until the program waits for data in the kernel's function `read`.
 
-    A signal just before this call would be handled only after it.
+    A signal just before this call of `read` would be handled only when the call returns.
     """
     process_files = Path(f"/proc/{process.pid}")
     while process.poll() is None:

@@ -98,7 +98,9 @@ def test_each_message_becomes_its_event(script: Script) -> None:
 
 
 def test_a_status_that_measured_no_time_says_nothing_of_it(script: Script) -> None:
-    """So a recording of a source without measurements of time is replayed unchanged."""
+    """A STATUS frame with zeros in place of time measurements gives None for them. So a recording of a source
+    that measures no times is replayed unchanged.
+    """
     status = wire.Status(1, 2, 3, 4, 5, wire.ResetCause.WATCHDOG, 0, 0)
     *_, health = script.hears(hello_bytes() + encode(status, 0, 0), 3)
     assert health == DeviceStatus(1, 2, 3, 4, 5, "watchdog", None, None)
@@ -137,7 +139,7 @@ def test_rubbish_for_five_seconds_is_a_wrong_baud_rate(script: Script) -> None:
 
 
 def read(source: SerialSource, monkeypatch: pytest.MonkeyPatch, items: Any) -> Any:
-    """Return the events of a source whose reading thread gives these items."""
+    """Return the events of a serial source whose reading thread yields these items."""
     monkeypatch.setattr(Reader, "events", lambda reader, timeout_s: iter(items))
     monkeypatch.setattr(Reader, "start", lambda reader: None)
     return source.events()

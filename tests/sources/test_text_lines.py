@@ -113,7 +113,7 @@ def test_times_of_arrival_are_told_from_a_devices() -> None:
 def test_times_in_another_unit_than_the_given_one_are_told_and_counted() -> None:
     text = opened(How(columns=["gx"], time_column="t", time_unit="ns", units="dps"))
     events = list(text.feed(b"t,gx\n", 0))
-    for k in range(1200):  # the times are seconds, and are taken for nanoseconds
+    for k in range(1200):  # the times are in seconds, but are wrongly read as nanoseconds
         events += text.feed(b"%.3f,1\n" % (k / 100), k * S // 100)
     trouble = the_trouble(events)
     assert trouble.kind == "no_rate"
@@ -136,7 +136,7 @@ def test_a_buffer_explains_samples_that_come_late_and_then_all_at_once() -> None
     # the sender was stalled for 2 s
     events += text.feed(b"".join(b"%d\n" % (k % 7) for k in range(1000, 1200)), 12 * S)
     events += steady(text, 1200, 2000)
-    for begin in range(2000, 6000, 250):  # this sender writes a full buffer at a time
+    for begin in range(2000, 6000, 250):  # the sender now writes a full buffer of 250 lines at a time
         lines = b"".join(b"%d\n" % (k % 7) for k in range(begin, begin + 250))
         events += text.feed(lines, (begin + 250) * S // 100)
     assert troubles(events) == []
@@ -286,7 +286,9 @@ def test_a_port_that_is_back_begins_a_new_run() -> None:
 
 
 def test_hours_that_come_at_once_are_taken_one_by_one() -> None:
-    """Lines are ten seconds apart, so one read holds more than the 71 minutes after which times wrap."""
+    """Lines are ten seconds apart, so one read holds the lines of more than 71 minutes, after which device
+    time wraps.
+    """
     text = opened(
         How(columns=["gx"], rate_hz=None, time_column="t", time_unit="s", units="dps", overrule=True)
     )

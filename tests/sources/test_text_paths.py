@@ -1,4 +1,4 @@
-"""A file and a pipe with the same text give the same samples, or both are refused with an error."""
+"""The same text gives the same samples from a file as from a pipe, or is refused with an error from both."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -21,7 +21,7 @@ DEG = 180 / np.pi
 class Found(NamedTuple):
     """The samples that were read from a text.
 
-    `seq`: numbers of the samples, counted from the first sample of their run.
+    `seq`: numbers of the samples, counted from the first sample of the run of the logger that they belong to.
     """
 
     gyro: list[list[float]]
@@ -177,8 +177,8 @@ def texts(draw: st.DrawFn) -> bytes:
     separator = draw(st.sampled_from([",", ";", "\t", " "]))
     comma = separator != "," and draw(st.booleans())
     header = draw(st.sampled_from(HEADERS)).replace(",", separator)
-    # A pipe finds the rate from the first 2 s, and a file from all rows. In these texts, both rates are
-    # equal.
+    # The sampling rate of a pipe is found from its first 2 s, that of a file from all rows. The steps in
+    # these texts are such that both rates are equal.
     step = draw(st.sampled_from(["0.01", "0"] if "time_s" in header else ["10", "10", "10", "0.01", "0"]))
     columns = 6 if "ax" in header else 3
     lines = []
@@ -212,6 +212,8 @@ def test_what_a_file_takes_a_pipe_takes_with_the_same_samples(
         assert isinstance(from_file, str), from_pipe
         assert isinstance(from_pipe, str), from_file
         return
-    if from_file.accel is None:  # a pipe gives the accelerometer's values up to the first line without them
+    # if a line lacks the accelerometer's values, a file gives none of them, and a pipe those of the lines
+    # before
+    if from_file.accel is None:
         from_pipe = from_pipe._replace(accel=None)
     assert from_file == from_pipe

@@ -1,6 +1,6 @@
 """The live Allan curve: its intervals contain the true value, and N, B and K agree with `identify`.
 
-They are null if they are not known.
+N, B and K are null if they are not known.
 """
 
 import math
@@ -56,9 +56,9 @@ def test_degrees_of_freedom_of_few_terms(terms):
 
 @pytest.mark.parametrize("memory", [0.0, 400.0])
 def test_intervals_hold_the_truth_of_white_noise(memory):
-    """At every τ, 95 % of the intervals contain the true value.
+    """At every averaging time τ, 95 % of the intervals contain the true Allan deviation.
 
-    For 300 series, four standard deviations of this share are 5 %.
+    For 300 series, four standard deviations of the proportion of such intervals are 5 %.
     """
     inside = []
     for y in white(2000, 300, 2):

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 FULL = 8
-"""Longest averaging time, in samples, at which a term begins at every sample (full overlap)."""
+"""Longest averaging time, in samples, at which a term of the sum begins at every sample (full overlap)."""
 
 
 def sums_of(y, memory=0.0):
@@ -36,7 +36,7 @@ def test_against_allantools(kind, n):
     whole = factors <= FULL
     np.testing.assert_allclose(adev[whole], expected[whole], rtol=1e-12)
     np.testing.assert_array_equal(terms[whole], theirs[whole])
-    # For longer τ, only eight terms begin within the averaging time, which costs a few hundredths of the
+    # For longer averaging times τ, only eight terms begin within τ. This costs a few hundredths of the
     # degrees of freedom.
     error = expected / np.sqrt(2 * full_overlap(-2 if kind == "random walk" else 0, factors, n))
     assert (np.abs(adev - expected) < 0.7 * error).all()
@@ -92,7 +92,7 @@ def test_merged_sums_are_those_of_both(lengths, memory):
 
 
 def test_weights_fall_with_the_memory():
-    """Each term has the weight exp(-age / memory) relative to the newest term."""
+    """Each term of the sum has the weight exp(-age / memory) relative to the newest term."""
     y, memory = series("white", 4000), 150.0
     factors, avar, terms = sums_of(y, memory).points()
     assert 2 * factors[-1] <= 3 * memory < 4 * factors[-1]

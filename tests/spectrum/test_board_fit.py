@@ -1,8 +1,9 @@
 """The board's spectrum and fit, compared with the host's for the same samples.
 
-The board computes the periodogram of the whole record for up to 496 samples, the host for up to 3,072. The
-board's filters start later, so that its spectrum has a few percent less data at the lowest frequencies. So
-the fits are close, not equal. tests/native checks that the arithmetic is the same.
+The board computes the periodogram of the whole record for up to 496 samples, the host for up to 3,072. Beyond
+this, both use octaves. The board's filters for them start later, so its spectrum has a few percent fewer
+samples at the lowest frequencies. So the fits are close, not equal. tests/native checks that the arithmetic
+is the same.
 """
 
 from itertools import pairwise
@@ -25,7 +26,9 @@ NOISES = (
     *((0.6, -0.05, 0.3), (0.8, -0.005, 0.05), (0.4, -0.1, 0.5), (0.7, -0.03, 0.1), (0.5, -0.005, 0.2)),
     *((0.9, -0.01, 0.01),),
 )
-"""Parameters of the noises: α, g, and the share of the state's innovations in the variance of a sample."""
+"""Parameters of the noises: order α, g = h^α f, and which proportion of the innovations' variance is that of
+the state (the rest is white noise).
+"""
 
 
 def on_board(counts: NDArray[np.int16], gaps: dict[int, int]) -> BoardFit:
@@ -79,7 +82,9 @@ def test_the_order_and_its_interval_are_near_the_hosts(
 
 @pytest.mark.slow
 def test_of_a_million_samples_it_says_what_the_host_says() -> None:
-    """The test uses all twenty noises of `make validate ARGS=device`; firmware/README.md has the figures."""
+    """For a million samples, the board's verdicts are the host's. The test uses all twenty noises of `make
+    validate ARGS=device`, whose figures are in firmware/README.md.
+    """
     cases = agreement(1_000_000, 2)
     assert len(cases) == 20
     assert all(one["same_verdict"] for one in cases)
@@ -104,7 +109,9 @@ def holds_weak_order(found: BoardFit) -> bool:
 
 
 def test_of_weak_noise_the_interval_knows_more_than_the_curvature() -> None:
-    """Intervals from the curvature alone contain the true order in only 8 of these 20 records."""
+    """The board's intervals of an order contain the true order in at least 18 of these 20 records. Intervals
+    from the curvature of the likelihood alone would contain it in only 8.
+    """
     found = [on_board(weak_noise(seed), {}) for seed in range(20)]
     assert all(one.alpha_defined for one in found)
     assert sum(map(holds_weak_order, found)) >= 18
@@ -123,7 +130,8 @@ def fits_as_it_grows(counts: NDArray[np.int16]) -> list[BoardFit]:
 
 @pytest.mark.slow
 def test_of_weak_noise_the_interval_holds_the_order_and_the_next_answer() -> None:
-    """Intervals from the curvature alone would contain the true order in only 20 of 40 records.
+    """The board's last interval of an order contains the true order in most of 40 records. Intervals from the
+    curvature of the likelihood alone would contain it in only 20.
 
     Measured: 65 of 7,234 fitted orders were outside the interval of the previous fit.
     """
@@ -142,7 +150,7 @@ def ratio_of_order(whole: Periodogram) -> float:
 
 
 def test_white_noise_is_hardly_ever_called_anything_else() -> None:
-    """At the level 5 %, 3 of 60 records are expected to be rejected.
+    """The board tests white noise at the level 5 %, so 3 of 60 records are expected to be rejected.
 
     ± 5 are three standard deviations of a binomial.
     """

@@ -12,7 +12,7 @@ AHEAD = 100
 """Number of samples in the next second."""
 CHUNK = 32
 LSB = 16.4
-"""Counts per deg/s."""
+"""Scale of the sensor: counts per deg/s."""
 SIGMA = 1.6
 R = SIGMA**2 + 1 / 12
 OFFSETS = np.array([37.3, -12.2, 3.9])
@@ -35,7 +35,9 @@ def counts(world: NDArray[np.float64]) -> NDArray[np.int16]:
 def tracked(
     world: NDArray[np.float64], model: tuple[float, ...], ahead: int = AHEAD
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Track the bias with one model from sample 2,000 on, and update the offset every 2.5 s."""
+    """Let the board track the bias of each axis of `world` with one noise model from sample 2,000 on, and
+    update the offset every 2.5 s.
+    """
     axes = [BoardSpectrum(ahead) for _ in world.T]
     found, moving = [], []
     for at in range(0, len(world), 250):
@@ -57,7 +59,7 @@ def test_the_bias_is_the_mean_over_the_second_to_come() -> None:
     rows = {}
     for ahead in (0, AHEAD):
         board = BoardSpectrum(ahead)
-        # These are enough samples for the offset to be known.
+        # These samples are so many that the board knows the offset.
         board.track(np.zeros(1_000_000, dtype=np.int16))
         board.track_by(RELAXATION, fall, variance, R)
         rows[ahead] = board.track(np.full(40, 3, dtype=np.int16))[-1]
@@ -98,11 +100,12 @@ def test_motion_of_one_axis_lets_all_predict_and_the_bias_of_before_counts_again
     bias, std = found[:, :, 0], found[:, :, 1]
     assert np.flatnonzero(np.diff(moving)).tolist() == [
         BEGIN + CHUNK - 2,
-        # The motion ends with the last chunk that contains part of the turn, and two more chunks.
+        # The board reports motion until the last chunk that contains part of the turn, and for two more
+        # chunks.
         -(-end // CHUNK) * CHUNK + 2 * CHUNK - 2,
     ]
-    # The bias contains neither the turn nor its leakage into the other axes. Only the error of the offset is
-    # left.
+    # During the turn, the bias contains neither the turn nor its leakage into the other axes. Only the error
+    # of the offset is left.
     during = slice(end - 1000, end)
     assert np.abs(bias[during] - OFFSETS).max() < 0.1
     # The bias is right again within a second after the motion has stopped.
@@ -117,7 +120,7 @@ def test_motion_of_one_axis_lets_all_predict_and_the_bias_of_before_counts_again
 def test_the_chunk_in_which_motion_is_found_and_the_one_before_are_undone() -> None:
     a = 0.995
     world = at_rest(BEGIN + CHUNK, 6)[:, :1]
-    # The turn begins too slowly to be detected in its first chunk.
+    # The turn begins too slowly for the board to detect it in its first chunk of samples.
     world[BEGIN - CHUNK : BEGIN] += SIGMA
     world[BEGIN + 1 :] += 3 * LSB
     axis, other = BoardSpectrum(), BoardSpectrum()
@@ -128,8 +131,8 @@ def test_the_chunk_in_which_motion_is_found_and_the_one_before_are_undone() -> N
         board.track_by(*SLOW)
         if board is axis:
             moved = last
-    # The samples of both chunks are replaced by predictions, so that the state equals that of a tracker that
-    # never received them.
+    # The board then replaces the samples of both chunks by predictions. So its state equals that of a tracker
+    # that never received these samples.
     calm = last[2] * a ** (2 * CHUNK)
     assert moved[2] == pytest.approx(calm, abs=0.05)
     assert abs(moved[0] - OFFSETS[0]) < 0.5

@@ -16,16 +16,16 @@ from tests.rig.spectrum_probe import BoardSpectrum
 WHITE, FRACTIONAL, RELAXATION = 1, 2, 3
 OFFSET = 37.3
 R = 5.3
-"""Variance of the white noise in squared counts; rounding adds a twelfth."""
+"""Variance of the white noise in squared counts. Rounding to counts adds a twelfth."""
 N = 20_000
 SETTLED = slice(6000, N)
 
 
 def steady(a: Array, q: Array, r: float) -> tuple[Array, float]:
-    """Return the steady gains and innovation variance of a filter for relaxations with innovations of
-    variance q.
+    """Return the steady gains and the innovation variance of a Kalman filter. Its states are relaxations with
+    the coefficients `a`, whose innovations have the variances `q`. `r`: variance of the white noise.
 
-    They are computed by iteration.
+    The gains are computed by iterating the filter's variance.
     """
     P = np.diag(q / (1 - a**2))
     for _ in range(20_000):
@@ -47,7 +47,7 @@ def test_the_gain_of_a_relaxation_is_that_of_the_riccati_equation(fall: float) -
     a, variance = 1 - fall, 40.0
     (K,), S = steady(np.array([a]), np.array([variance * (1 - a * a)]), R)
     board = BoardSpectrum()
-    # These are enough samples for the offset to be known.
+    # These samples are so many that the board knows the offset.
     board.track(np.zeros(1_000_000, dtype=np.int16))
     board.track_by(RELAXATION, fall, variance, R)
     pulse = np.zeros(40, dtype=np.int16)
@@ -64,7 +64,8 @@ def test_of_lost_samples_it_predicts() -> None:
     board.track_by(RELAXATION, 0.02, 400.0, R)
     before = board.track(np.full(50, 30, dtype=np.int16))[-1, 2]
     board.lose(99)
-    # A sample that equals its prediction does not change the state.
+    # Over 99 lost samples and the step to the next sample, the state fades by the factor 0.98^100. A sample
+    # that equals its prediction does not change the state.
     wanted = before * 0.98**100
     after = board.track(np.array([round(wanted)], dtype=np.int16))[-1, 2]
     assert after == pytest.approx(wanted, abs=0.3)
@@ -98,9 +99,10 @@ def test_a_knock_moves_neither_bias_nor_state_far() -> None:
 def tracked_with(
     model: System, counts: NDArray[np.int16], verdict: int, *given: float
 ) -> tuple[Array, Array]:
-    """Return the biases with σ, (n, 2), of board and host.
+    """Return the biases that the board and the host track, as two arrays of shape (n, 2): the bias and its σ
+    after each sample.
 
-    Both use the true noise model after the first tenth of the samples.
+    Board and host use the true noise model after the first tenth of the samples.
     """
     begin = N // 10
     board, host = BoardSpectrum(), Tracker([None])
@@ -109,7 +111,7 @@ def tracked_with(
     host.set(0, model)
     parts = []
     for at in range(begin, N, 300):
-        # The model of the filter is updated every three seconds, as on the board.
+        # The board's filter gets its noise model anew every three seconds, as on a real board.
         board.track_by(verdict, *given)
         parts.append(board.track(counts[at : at + 300])[:, :2])
     found = host.run(counts[begin:, None].astype(float))

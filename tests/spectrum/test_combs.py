@@ -1,4 +1,6 @@
-"""Periodic events are found with their period, in files and in live data, and excluded from all figures."""
+"""Periodic events, whose spectrum is a comb, are found with their period, in files and in live data, and
+excluded from all figures.
+"""
 
 from collections.abc import Callable
 
@@ -26,7 +28,8 @@ RATE_HZ = 1 / H
 
 
 def glitches(n: int, period_s: float, samples: int, size: float, late: int = 0, seed: int = 1) -> Array:
-    """Return glitches, (n,): at the beginning of each period, `samples` samples have the value `size`.
+    """Return n samples with glitches: at the beginning of each period, `samples` samples have the value
+    `size`, and all others are 0.
 
     Each glitch is shifted at random by up to `late` samples.
     """
@@ -57,7 +60,7 @@ def test_a_glitch_in_each_period_of_a_file(what: tuple[float, ...], seed: int) -
     assert found.verdict.what.startswith("Something happens every ")
     N = found.figures.level.N
     assert N.value is not None
-    # the tolerance is 4 σ; if the glitches counted, the value would be 1.1 to 1.9
+    # the tolerance is 4 σ; if the glitches counted as white noise, the value would be 1.1 to 1.9
     assert N.value / H**0.5 == pytest.approx(1, abs=0.04)
     power = what[1] * what[2] ** 2 * H / what[0]
     assert peak.power_share == pytest.approx(power / (1 + power), rel=0.15)
@@ -162,7 +165,9 @@ def test_a_period_is_not_a_multiple_of_it() -> None:
 
 @pytest.mark.parametrize("period_s", [1.037, 0.4819, 0.555])
 def test_a_period_that_is_no_number_of_samples_is_not_ten_periods(period_s: float) -> None:
-    """The events, rounded to whole samples, repeat exactly only after two, four or ten periods."""
+    """The period is found, and not a multiple of it. It is no whole number of samples, so the events, rounded
+    to whole samples, repeat exactly only after two, four or ten periods.
+    """
     comb = find_comb(periodogram(noisy(60_000, period_s, 1, 5.0), H))
     assert comb is not None
     assert comb.period == pytest.approx(period_s / H, rel=1e-3)
@@ -201,7 +206,8 @@ def test_a_median_filter_is_named(samples: int, step: float) -> None:
     assert "resonance" not in found.verdict.text
     assert "median filter" in {data_check.kind for data_check in axis_data_checks(y, H)}
     assert held([y], [None], H) == (), "no sample was delivered twice"
-    # The density in a long record. It is 8 to 14 % above that of the noise before the filter.
+    # The true density of the filtered noise, from a long record. It is 8 to 14 % above that of the noise
+    # before the filter.
     long = median(white(1_000_000, 1, 99)[0], samples)
     density = long[: len(long) // 1000 * 1000].reshape(-1, 1000).mean(axis=1).std() * 1000**0.5
     N = found.figures.level.N
@@ -252,7 +258,9 @@ def test_no_median_filter_where_there_is_none(name: str) -> None:
 
 
 def wandering(n: int, rate_hz: float, seed: int) -> Array:
-    """Return white noise with hum of 50 Hz ± 0.3 Hz that is five times as large, (n,)."""
+    """Return n samples of white noise of standard deviation 1, with hum of 50 Hz ± 0.3 Hz whose amplitude is
+    5.
+    """
     pole = np.exp(-1 / (2 * rate_hz))
     away = lfilter([0.3 * np.sqrt(1 - pole**2)], [1, -pole], white(n, 1, seed + 50)[0])
     return white(n, 1, seed)[0] + 5 * np.sin(2 * np.pi * np.cumsum(50 + away) / rate_hz)
@@ -271,7 +279,9 @@ def test_wandering_hum_is_no_filter(rate_hz: float) -> None:
 
 @pytest.mark.parametrize("slowness", [0.03, 0.1, 1.0])
 def test_a_walk_is_no_line(slowness: float) -> None:
-    """A random walk with few slow waves has a flat distribution of values, as a spectral line has."""
+    """A random walk is not reported as a line that wanders about. A walk with few slow waves has a flat
+    distribution of values, as a spectral line has.
+    """
     for seed in range(6):
         walk = slowness * np.cumsum(white(20_000, 1, seed + 50)[0])
         found = analyse(white(20_000, 1, seed)[0] + walk, H)

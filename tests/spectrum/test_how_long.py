@@ -1,5 +1,5 @@
-"""The additional recording time that is needed, compared with the theoretical bound and with intervals of
-longer records.
+"""Tests the predicted time that has to be recorded in addition until an interval is as narrow as wanted. It
+is compared with the theoretical bound and with intervals of longer records.
 """
 
 import math
@@ -33,7 +33,7 @@ def test_the_deviation_is_the_bound() -> None:
 
 
 def test_it_is_kept() -> None:
-    """After the predicted time, the profile interval is about as narrow as wanted."""
+    """After the predicted recording time, the profile interval is about as narrow as wanted."""
     f = series(4000, 2)
     seconds = seconds_more(f, best(f), 0.05)
     assert seconds > 0

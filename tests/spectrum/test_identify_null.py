@@ -1,4 +1,6 @@
-"""The null test: its table of quantiles is right, and for white noise its p-values are uniform."""
+"""The null test asks whether white noise describes the samples as well. Its table of quantiles is right, and
+for white noise its p-values are uniform.
+"""
 
 import math
 
@@ -27,9 +29,10 @@ def p_values(y: np.ndarray) -> np.ndarray:
     ids=["Gaussian", "one LSB per σ", "t4 tails"],
 )
 def test_p_values_of_white_noise_are_uniform(y: np.ndarray) -> None:
-    """The limits for 200 series, 5 ± 4.6 % and 50 ± 10.6 %, are three standard deviations of a binomial.
+    """Of 200 series of white noise, 5 ± 4.6 % have a p-value below 0.05, and 50 ± 10.6 % one below 0.5. These
+    limits are three standard deviations of a binomial.
 
-    The null distribution is that of Gaussian ordinates; the samples need not be Gaussian.
+    The test's distribution assumes a periodogram of Gaussian samples, but the samples need not be Gaussian.
     """
     found = p_values(y)
     assert (found < 0.05).mean() == pytest.approx(0.05, abs=0.046)
@@ -38,7 +41,9 @@ def test_p_values_of_white_noise_are_uniform(y: np.ndarray) -> None:
 
 @pytest.mark.parametrize(("alpha", "f"), [(0.3, -1.8), (0.6, -3.0)])
 def test_power(alpha: float, f: float) -> None:
-    """If the state has a third of the power, white noise is nearly always rejected with 3,000 samples."""
+    """If the state of a fractional noise has a third of the power, the null test rejects white noise for
+    nearly all records of 3,000 samples.
+    """
     x = np.array([long_recursion(alpha, H**alpha * f, 3000, seed) for seed in range(20)])
     y = x / x.std() * np.sqrt(0.3) + np.sqrt(0.7) * white(3000, 20, 4)
     assert (p_values(y) < 0.05).mean() >= 0.7
@@ -56,14 +61,17 @@ def test_p_value_at_the_table(ordinates: int) -> None:
     values = critical_values(ordinates)
     assert 5 < values[PROBABILITIES.index(0.05)] < 8 < values[PROBABILITIES.index(0.01)] < 12
     for probability, value in zip(PROBABILITIES, values.tolist(), strict=True):
-        # For a fifth of all white series, neither alternative fits better than white noise.
+        # For a fifth of all white series, neither alternative of the null test fits better than white noise.
+        # So the p-value of a value of 0 is 1.
         assert p_value(value, ordinates) == (pytest.approx(probability) if value > 0 else 1)
     assert p_value(-1e-9, ordinates) == 1
 
 
 @pytest.mark.parametrize("ordinates", [60, 1500, 30_000, 10**6])
 def test_the_board_has_the_same_quantiles(ordinates: int) -> None:
-    """The quantiles agree within the error of a second simulation with as many series."""
+    """The board's quantiles of the null test agree with the host's within the error of a second simulation
+    with as many series.
+    """
     for level, p in enumerate((0.05, 0.01, 0.001)):
         c, b, a = ORDER_COEFFICIENTS[PROBABILITIES.index(p)]
         ours = np.polyval([a, b, c], np.log10(ordinates))

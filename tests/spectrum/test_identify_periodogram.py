@@ -10,10 +10,12 @@ from tests.rig.identify_support import H, white
 
 
 def test_scale_and_ordinates() -> None:
-    """A cosine at ordinate j has n/4 of its squared amplitude as power there, and none elsewhere."""
+    """The periodogram of n samples of a cosine, whose frequency is that of ordinate j, has n/4 times the
+    squared amplitude at ordinate j, and 0 elsewhere.
+    """
     n, j = 1000, 123
     p = periodogram(5 + 2 * np.cos(2 * np.pi * j * np.arange(n) / n), H)
-    # ordinates 4 to 499: without the three lowest, and without that at the Nyquist frequency
+    # ordinates 4 to 499: all but the three lowest and the one at the Nyquist frequency
     assert len(p.lam) == 496
     assert p.lam[0] == pytest.approx(2 * np.pi * 4 / n)
     assert p.lam[-1] == pytest.approx(2 * np.pi * 499 / n)
@@ -36,7 +38,9 @@ def test_masks() -> None:
 
 @given(st.integers(2 * FEWEST + 10, 20_000), st.floats(0, 5))
 def test_bins_keep_the_whole(n: int, from_hz: float) -> None:
-    """Every ordinate is in one bin, so sums over bins are sums over ordinates."""
+    """Every ordinate of the periodogram is in exactly one bin, so sums over the bins equal sums over the
+    ordinates.
+    """
     lam = 2 * np.pi * np.arange(4, (n - 1) // 2 + 1) / n
     keep = lam / (2 * np.pi * H) >= from_hz
     lam = lam[keep]

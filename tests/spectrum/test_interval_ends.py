@@ -22,7 +22,9 @@ OTHERS = {
     BY_NOISE: (ORDER, [ALPHA, LOGIT, LOG_S2], [ALPHA, LOGIT, LOG_S2 - 2 * ALPHA * math.log(H)]),
     BY_STEP: (ARFIMA, [0.3, -1.0, LEVEL], [0.3, -1.0, LOG_S2]),
 }
-"""Each part, its free parameters, and equivalent parameters in another form."""
+"""For each other form of parameters: the kind of the part of the noise model, its free parameters, and the
+same parameters in this form.
+"""
 
 
 @pytest.mark.parametrize("code", list(OTHERS))
@@ -45,9 +47,10 @@ def test_other_coordinates_give_the_same_spectrum_with_their_own_slopes(code: in
 
 
 def test_an_end_is_found_though_the_best_fit_has_no_white_noise() -> None:
-    """At another value of s2 the best fit may have white noise, and then 2 log L falls less.
+    """The best fit of an order has no white noise. With another fixed value of s2 (variance that drives the
+    state), the best fit may have white noise, and then 2 log L falls less.
 
-    The search has to find it.
+    The search for the end of an interval has to find this fit.
     """
     compared = 0
     for seed in range(12):

@@ -141,7 +141,9 @@ def test_a_knock_is_left_out_and_counted() -> None:
 
 
 def test_forgetting_follows_a_change() -> None:
-    """The fit shows only the new power, three time constants of the memory after the power has doubled."""
+    """A live fit with a limited memory follows a change of the noise. Three time constants of the memory
+    after the power has doubled, the fit shows only the new power.
+    """
     y = white(24_000, 1, 7)[0]
     y[12_000:] *= np.sqrt(2)
     forgetful, faithful = live(LiveConfig(memory="40s")), live()

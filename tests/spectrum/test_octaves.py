@@ -100,7 +100,7 @@ def test_cuts_of_the_rows_change_nothing(data: st.DataObject) -> None:
         once.add(y)
         for part in np.split(y, sorted(data.draw(st.lists(st.integers(0, len(y)), max_size=9)))):
             if len(part):
-                cut.cells(0, H)  # reading the cells changes nothing
+                cut.cells(0, H)  # reading the cells of the spectrum does not change it
             cut.add(part)
         lost = data.draw(st.integers(0, 12))
         once.skip(lost)
@@ -111,7 +111,9 @@ def test_cuts_of_the_rows_change_nothing(data: st.DataObject) -> None:
 
 @pytest.mark.slow
 def test_white_noise_is_flat_across_the_joints() -> None:
-    """In the mean of many series, the spectrum is flat in every octave and across their boundaries."""
+    """In the mean of many series of white noise, the spectrum is flat in every octave and across the
+    boundaries between octaves.
+    """
     n, lanes = 60_000, 300
     octaves = fed(noise(n, lanes, 5))
     found = [octaves.periodogram(lane, H) for lane in range(lanes)]
@@ -125,7 +127,7 @@ def test_white_noise_is_flat_across_the_joints() -> None:
     errors = np.array([1 / np.sqrt(lanes * weight[band].sum()) for band in bands])
     assert np.abs((means - 1) / errors).max() < 4
     assert np.abs(np.diff(means) / np.hypot(errors[1:], errors[:-1])).max() < 4
-    # The weights predict the standard deviation of the total power of a record.
+    # The weights of the ordinates predict the variance of the total power of a record.
     total = (power * weight).sum(axis=1) / weight.sum()
     assert total.var() * weight.sum() == pytest.approx(1, abs=4 * np.sqrt(2 / lanes))
     assert weight.sum() > 0.94 * n / 2
@@ -134,9 +136,10 @@ def test_white_noise_is_flat_across_the_joints() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(("alpha", "g"), [(0.4, -0.02), (0.8, -0.02), (1.2, -0.01)])
 def test_spectrum_of_fractional_noise_is_that_of_theory(alpha: float, g: float) -> None:
-    """The record has a million samples.
+    """The running spectrum of a million samples agrees with the theoretical one of a noise of fractional
+    order in white noise.
 
-    The variance of its white noise is a third of that of the state's innovations.
+    The variance of the white noise is a third of that of the state's innovations.
     """
     n = 1_000_000
     y = long_recursion(alpha, g, n, 3)[:, np.newaxis] + noise(n, 1, 4) * np.sqrt(1 / 3)
@@ -154,7 +157,9 @@ def test_spectrum_of_fractional_noise_is_that_of_theory(alpha: float, g: float) 
 
 
 def test_weights_of_a_periodogram() -> None:
-    """An average of weighted ordinates equals the average of a corresponding number of single ordinates."""
+    """An average of weighted ordinates equals the average in which each ordinate is repeated as often as its
+    weight says.
+    """
     lam = np.repeat(np.linspace(0.1, 3.141, 200), 3)
     power = np.repeat(np.random.default_rng(1).exponential(size=200), 3)
     single = binned(Periodogram(lam, power, H, 4000, np.ones(600)))
@@ -232,9 +237,9 @@ def test_drift_does_not_leak(drift: str) -> None:
 
 
 def test_what_was_taken_out_is_told() -> None:
-    """The power of the subtracted cubic is reported.
+    """The spectrum reports the power of the cubic that it subtracts as drift.
 
-    For white noise it is the power that this has at other frequencies.
+    For white noise, this power equals the noise's power at other frequencies.
 
     A cubic of a short record also removes power at frequencies that are in use.
     """

@@ -1,4 +1,6 @@
-"""Which samples count as noise: outliers of heavy-tailed noise do, and knocks, steps and gaps do not."""
+"""Tests which samples count as noise in the spectrum: outliers of heavy-tailed noise count, and knocks, steps
+and gaps do not.
+"""
 
 from collections.abc import Callable
 
@@ -36,7 +38,9 @@ def mean_power(p: Periodogram) -> float:
     ],
 )
 def test_nothing_is_cut_from_noise(make: Callable[[], Array], most: int) -> None:
-    """At most `most` of a million samples are limited, and none if the distribution has no outliers."""
+    """At most `most` of a million samples of noise are limited in size, and none if the distribution has no
+    outliers.
+    """
     y = make()
     counts = fed(y).counts(0)
     assert counts._replace(limited=0) == Counts(len(y), 0, 0, 0, 0, 0, 0, 0, False)
@@ -44,7 +48,9 @@ def test_nothing_is_cut_from_noise(make: Callable[[], Array], most: int) -> None
 
 
 def test_outliers_are_limited_and_counted() -> None:
-    """If three adjacent outliers kept their size, their shape would appear in the spectrum."""
+    """Outliers are limited in size and counted. If three adjacent outliers kept their size, their shape would
+    appear in the spectrum.
+    """
     y = noise(60_000)
     y[[20_003, 20_005, 20_007]] += np.array([25, -25, 25])
     octaves = fed(y)
@@ -69,7 +75,9 @@ def test_a_knock_is_left_out_and_counted() -> None:
 @pytest.mark.parametrize("height", [1.5, 3.0, 8.0, 1e6])
 @pytest.mark.parametrize("at", [30_000, 30_016, 30_080])
 def test_a_step_of_the_offset_is_a_break(height: float, at: int) -> None:
-    """A large step counts as a knock in its chunk, and is excluded like any other step."""
+    """A large step of the offset counts as a knock in its chunk of samples, and is excluded like any other
+    step.
+    """
     y = noise(60_000)
     y[at:] += height
     octaves = fed(y)
@@ -124,7 +132,8 @@ def test_at_most_one_sample_in_a_thousand_is_made_up() -> None:
     counts = octaves.counts(0)
     assert counts.lost == 200
     assert counts.bridged <= 80_000 / 1000
-    assert counts.bridged + counts.gaps == 199  # no samples came after the last gap
+    # the last gap counts as neither, since no samples came after it
+    assert counts.bridged + counts.gaps == 199
     assert mean_power(octaves.periodogram(0, H)) == pytest.approx(1, abs=0.03)
 
 

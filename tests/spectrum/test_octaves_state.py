@@ -1,6 +1,6 @@
 """The state of the octave spectrum: snapshots, sums of two spectra, and fading of old samples.
 
-The power of each band over time is tested, too.
+The tests include the power of each frequency band over time.
 """
 
 import numpy as np
@@ -69,7 +69,9 @@ def test_snapshots_of_others_are_refused() -> None:
 @settings(deadline=None, max_examples=30)
 @given(st.lists(st.integers(1, 20_000), min_size=2, max_size=4), st.integers(0, 99))
 def test_sums_of_two_are_those_of_both(lengths: list[int], seed: int) -> None:
-    """The test includes the sum of a record with itself, and samples that are added after the sum."""
+    """The sum of two records' spectra is the spectrum of both records. The test includes the sum of a record
+    with itself, and samples that are added after the sum.
+    """
     lengths[0] += 1000
     parts = [noise(n, 1, seed + k) + k for k, n in enumerate(lengths)]
     total = fed(parts[0])
@@ -90,9 +92,10 @@ def test_a_merge_needs_the_same_lanes_and_memory() -> None:
 
 @pytest.mark.parametrize("memory", [500.0, 2_000.0, 20_000.0])
 def test_nothing_of_the_old_level_is_left(memory: float) -> None:
-    """The result does not depend on the earlier level after three times the length of the memory.
+    """With a limited memory, the spectrum does not depend on an earlier level of the noise after three times
+    the length of the memory.
 
-    This is so to the last bit; twice the length would be enough.
+    It is equal to the last bit. Twice the length of the memory would be enough.
     """
     n = int(10 * memory)
     old, new = noise(n, 1, 1), noise(int(3 * memory), 1, 2)
@@ -123,7 +126,7 @@ def test_time_without_samples_is_forgotten_too() -> None:
 
 
 def test_weights_say_how_much_is_remembered() -> None:
-    """While samples fade, the weights give the variance of the mean power at any time."""
+    """While old samples fade, the spectrum's weights give the variance of the mean power at any time."""
     lanes, memory = 200, 5_000.0
     octaves = Octaves(lanes, memory)
     octaves.add(noise(20_000, lanes, 3))

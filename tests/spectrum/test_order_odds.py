@@ -1,4 +1,6 @@
-"""The odds of an order: their range is right, and they come true for noises of other seeds."""
+"""Tests the odds that a noise has an order. Their range is right, and they come true for noises of other
+seeds than those of the calibration.
+"""
 
 import math
 
@@ -37,7 +39,9 @@ def test_beyond_what_was_calibrated_nothing_changes() -> None:
 
 
 def test_more_data_make_odds_that_tell() -> None:
-    """With three times as many ordinates, the lead in log likelihood is three times as large."""
+    """A longer record gives odds that are farther from 1. With three times as many ordinates, the lead of the
+    likelier model in log likelihood is three times as large.
+    """
     for sign in (-1, 1):
         near, far = (order_odds(sign * lead, 0.0, 1_500 * lead) ** sign for lead in (10.0, 30.0))
         assert far > near > 1

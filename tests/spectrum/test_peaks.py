@@ -24,7 +24,7 @@ N = 60_000
 
 
 class Search(NamedTuple):
-    """A way to compute a record's spectrum, in which peaks are searched."""
+    """A way to compute a record's spectrum (as for a file, or live), in which peaks are then searched."""
 
     seen: Callable[[Array], Periodogram]
 
@@ -44,7 +44,7 @@ OVERSAMPLED = 20
 
 
 def low_passed(n: int, corner_hz: float, poles: int, seed: int) -> Array:
-    """Return white noise of density 1 through a Butterworth filter, sampled at 100 Hz, (n,)."""
+    """Return n samples, at 100 Hz, of white noise of density 1 that has passed a Butterworth filter."""
     b, a = butter(poles, 2 * corner_hz * H / OVERSAMPLED)
     rng = np.random.default_rng(seed)
     waves = rng.standard_normal((n + 200) * OVERSAMPLED) * np.sqrt(OVERSAMPLED)
@@ -52,7 +52,7 @@ def low_passed(n: int, corner_hz: float, poles: int, seed: int) -> Array:
 
 
 def averaged(n: int, count: int, seed: int) -> Array:
-    """Return the moving average of white noise, (n,)."""
+    """Return n samples of the moving average of white noise."""
     waves = np.random.default_rng(seed).standard_normal(n + count - 1)
     return np.convolve(waves, np.ones(count) / count, "valid")
 
@@ -104,7 +104,9 @@ def test_a_slow_line(search: Search, n: int, amplitude: float, periods: float) -
 @pytest.mark.parametrize(("n", "amplitude"), [(3000, 1.0), (N, 0.4)])
 @pytest.mark.parametrize("hz", [49.6, 49.95, 49.98])
 def test_a_line_at_nyquist(search: Search, n: int, amplitude: float, hz: float) -> None:
-    """The live spectrum has frequencies every 0.39 Hz, the last at 49.6 Hz."""
+    """A spectral line near the Nyquist frequency of 50 Hz is found. The live spectrum has frequencies every
+    0.39 Hz, the last at 49.6 Hz.
+    """
     (peak,) = search(white(n, 1, 2)[0] + amplitude * tone(hz, n))
     assert peak.kind in ("line", "peak")
     assert peak.frequency_hz == pytest.approx(hz, abs=0.4 if n > 3072 and search is LIVE else 0.05)
@@ -188,7 +190,9 @@ def test_noise_has_no_peaks(search: Search, noise: str, n: int, series: int, mos
 @both
 @pytest.mark.parametrize("phi", [-0.5, -0.8, -0.9])
 def test_a_spectrum_that_rises_to_nyquist_has_no_peak(search: Search, phi: float) -> None:
-    """This holds even where the live spectrum is too coarse to resolve the rise."""
+    """A spectrum that rises up to the Nyquist frequency has no peak, even where the live spectrum is too
+    coarse to resolve the rise.
+    """
     assert sum(bool(search(y)) for n in (20_000, N) for y in ar((phi,), n, 6, 7)) <= 1
 
 
@@ -229,7 +233,8 @@ def test_bands_are_widened_by_the_lobes_of_averaged_lines() -> None:
 def test_the_band_begins_beyond_what_leaks_from_a_slow_line(
     kind: str, notch_hz: tuple[float, float], from_hz: float
 ) -> None:
-    """The band begins three widths of the line's notch above a slow line.
+    """The band that the fit uses begins above a slow spectral line. The distance is three widths of the notch
+    that leaves the line out.
 
     A line is slow if it lies below four times the lowest frequency of the band.
     """

@@ -30,7 +30,7 @@ def drawn(rng: np.random.Generator) -> tuple[Parts, int]:
     parts: Parts = [p.White(1.0)]
 
     def level() -> float:
-        """Draw a part's density relative to that of white noise."""
+        """Draw the density of one part of the noise model, relative to that of the white noise."""
         return float(np.exp(rng.uniform(np.log(0.5), np.log(300))))
 
     if rng.random() < 0.35:
@@ -63,7 +63,7 @@ def drawn(rng: np.random.Generator) -> tuple[Parts, int]:
 
 
 def is_there(kind: str, parts: Parts) -> bool:
-    """Whether the noise has the kind of part that the verdict claims."""
+    """Return whether the simulated noise has the kind of part that the verdict claims."""
 
     def has(*kinds: type[p.Part]) -> bool:
         return any(isinstance(part, kinds) for part in parts)
@@ -95,9 +95,9 @@ def is_there(kind: str, parts: Parts) -> bool:
 
 
 def says_less_than_it_knows(e: Evidence, kind: str, text: str) -> bool:
-    """Whether the verdict is "white" or "too faint" though another model clearly fits better.
+    """Return whether the verdict says "white" or "too faint" although another model clearly fits better.
 
-    Models that a peak explains do not count.
+    If the spectrum has a peak, which may explain the better fit, the result is False.
     """
     ahead = -e.candidates.bic(e.candidates.plain) > e.apart
     return ahead and (kind == "white" or "too faint" in text) and not e.peaks
@@ -105,7 +105,9 @@ def says_less_than_it_knows(e: Evidence, kind: str, text: str) -> bool:
 
 @pytest.mark.parametrize("count", [36, slow(200)])
 def test_what_is_claimed_is_there(count: int) -> None:
-    """If five verdicts in a hundred were wrong, 200 noises would show it with a chance of 97 %."""
+    """What a verdict claims is in the noise. If five verdicts in a hundred claimed too much, this test with
+    200 noises would fail with a probability of 97 %.
+    """
     rng = np.random.default_rng(28)
     wrong: list[str] = []
     silent: list[str] = []
@@ -138,7 +140,8 @@ def test_what_is_claimed_is_there(count: int) -> None:
 def test_what_is_ahead_of_white_noise_is_said(count: int) -> None:
     """The noises have one or two faint or broad parts: resonances, fast relaxations, rises, filters.
 
-    If two in a hundred were not told, 200 noises would show it with a chance of 98 %.
+    If the verdicts on two noises in a hundred kept silent about a model that fits better, this test with 200
+    noises would fail with a probability of 98 %.
     """
     rng, silent = np.random.default_rng(45), []
     for i in range(count):

@@ -87,7 +87,9 @@ def test_more_samples_never_say_less(period_s: float, ratio: float) -> None:
 
 
 def test_the_fastest_swings() -> None:
-    """Even swings as short as the blocks of the spectrum, 2.56 s, are detected."""
+    """Swings of the noise's level are detected even if they are as short as the blocks of the spectrum, 2.56
+    s.
+    """
     for ratio in (1.5, 2.0):
         y = swinging(200_000, 4.0, ratio, 12)
         assert all(change(y[:n], 1e-3) is not None for n in (60_000, 200_000))
@@ -128,7 +130,9 @@ def test_swings_are_forgotten_with_the_rest() -> None:
 
 
 def test_a_small_change_does_not_matter() -> None:
-    """The change is significant, but of no practical importance."""
+    """A small change of the noise's level is accepted, since it is significant but of no practical
+    importance.
+    """
     n = 200_000
     y = white(n, 1, 4)[0]
     y[n // 2 :] *= np.sqrt(1.15)
@@ -144,9 +148,10 @@ def test_what_is_left_out_is_not_looked_at() -> None:
 
 
 def test_a_sharp_resonance_does_not_change() -> None:
-    """A sharp resonance continues over whole blocks.
+    """A sharp resonance rings on over several blocks of the spectrum, so that the powers of neighbouring
+    blocks depend on each other.
 
-    Without a correction for this, one in four would be called changing.
+    Without a correction for this dependence, one in four sharp resonances would be called changing.
     """
     phi = 2 * 0.995 * np.cos(1.97), -(0.995**2)
     kinds = [decide(examined(y, H).evidence).kind for y in ar(phi, 6000, 20, 1)]

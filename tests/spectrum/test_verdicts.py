@@ -28,7 +28,8 @@ from tests.rig.tiers import slow
 
 RELAXING = (p.White(0.0025), *(p.Relaxation(0.0175, tau) for tau in (1.0, 0.1, 0.02)))
 FAMILIES: dict[str, tuple[Sequence[p.Part], set[str]]] = {
-    "white": ([p.White(1.0)], {"white", "undecided"}),  # the null test rejects one white series in twenty
+    # "undecided", since the null test rejects one white series in twenty
+    "white": ([p.White(1.0)], {"white", "undecided"}),
     "relaxations, as a model is simulated": (
         [*RELAXING, p.Quantisation(1.4e-4)],
         {"relaxations", "fractional or relaxations"},
@@ -82,9 +83,10 @@ def test_a_slow_sine_is_told_by_its_period() -> None:
 
 
 def test_the_ends_of_a_short_record_do_not_leak() -> None:
-    """3,000 samples of white noise with a ramp are called white except for the ramp.
+    """3,000 samples of white noise with a ramp are called drift, and white apart from the ramp: it does not
+    leak into the rest of the spectrum.
 
-    The ramp has thirty standard deviations.
+    The ramp rises by thirty standard deviations of the noise.
     """
     e = examined(white(3000, 1, 3)[0] + np.linspace(0, 30, 3000), H).evidence
     assert e.p_clean > 0.01
@@ -200,7 +202,9 @@ def blocks_taken_off(n: int, size: int, seed: int) -> np.ndarray:
 def test_an_auto_zero_is_a_high_pass_whatever_its_shape(
     auto_zero: Callable[[int, int, int], np.ndarray], level: float
 ) -> None:
-    """A filter's ripple is not called a resonance, and leakage from the record's ends is not called drift."""
+    """In noise from which an auto-zero filter has removed the mean, the filter's ripple is not called a
+    resonance, and leakage from the record's ends is not called drift.
+    """
     for seed in range(3):
         e = examined(auto_zero(200_000, 300, seed), H).evidence._replace(level=level)
         assert decide(e).kind == "high-pass", decide(e).text
@@ -226,13 +230,14 @@ def ordered() -> Evidence:
 @pytest.mark.parametrize(
     ("at", "over_rich", "same", "reading", "said"),
     [
-        # These decisions change at a lead of 0: which model is compared with white noise, which model is
-        # accepted, and whether the noise is a random walk or an order.
+        # The lead is that of the best model with an order over the best without, in 2 log L. At a lead of 0,
+        # three decisions change: which model is compared with white noise, which model is accepted, and
+        # whether the noise is a random walk or an order.
         (0.0, 0.0, ALIKE, None, lambda e, v: wording.names(e.candidates.ordered.kinds) in v.rules[3].figure),
         (0.0, 0.0, ALIKE, None, lambda e, v: winner(e, v) is e.candidates.order),
         (0.0, 0.0, ALIKE, NOTHING._replace(drifts=True), lambda e, v: v.kind != "drift"),
-        # These decisions change at the lead that counts as significant: whether an order is claimed, is
-        # possible beside other parts, or is possible alone.
+        # At a lead that counts as significant, three further decisions change: whether an order is claimed,
+        # is possible beside other parts, or is possible alone.
         (6.0, 50.0, {}, None, lambda e, v: v.kind == "fractional"),
         (
             -6.0,
