@@ -1,4 +1,6 @@
-"""Use a quick fit in these tests; true fits are tested in tests/spectrum, and once in test_live_fits.py."""
+"""Replace the live fit by a quick one in these tests. True fits are tested in tests/spectrum, and once in
+test_live_fits.py.
+"""
 
 from collections.abc import Iterator
 

@@ -58,9 +58,9 @@ def opened(moments: list[Moment]) -> list[Moment]:
 def check_any_reads(
     story: Story, places: list[float], together: Sequence[int], changes: dict[str, Any]
 ) -> list[bytes]:
-    """Compare the records for the original reads with those for other reads.
+    """Check that other divisions of a story's bytes into reads give the same records as the original reads.
 
-    The others are smaller reads, several reads joined, and all reads joined.
+    The other divisions are smaller reads, several reads joined, and all reads joined.
     """
     moments, chosen = story.moments(), config(changes)
     whole = walk(chosen, moments)
@@ -82,7 +82,9 @@ def check_any_reads(
 def test_bytes_of_the_same_moments_give_the_same_records_however_they_are_read(
     story: Story, places: list[float], together: list[int], changes: dict[str, Any]
 ) -> None:
-    """Reads that are only cut, or only joined, are among those drawn: without places, or one by one."""
+    """The reads that hypothesis draws are cut at `places` and joined in groups of the sizes `together`. Reads
+    that are only cut, or only joined, are among them.
+    """
     moments, chosen = story.moments(), config(changes)
     whole = walk(chosen, moments)
     assert walk(chosen, list(torn(moments, places)), together) == whole
@@ -142,7 +144,9 @@ def test_samples_in_blocks_of_any_cut_give_the_same_records(examples: int) -> No
 @pytest.mark.parametrize("who", ["device", "both"])
 @pytest.mark.parametrize("stated", [ESTIMATOR, None])
 def test_a_board_that_estimates_gives_the_same_records_in_any_cut(who: str, stated: object) -> None:
-    """This includes a board that never estimates, which is reported after five seconds."""
+    """A board that estimates gives the same records in any division into blocks. So does a board that should
+    estimate but never does, which is reported after five seconds.
+    """
     found = list(events(Board(stated, late=3).run(noise(700))))
     if stated is None:
         found = [found[0], RawBlock._make(map(np.concatenate, zip(*of(RawBlock, found), strict=True)))]

@@ -22,15 +22,15 @@ from tests.rig.same_records import assert_same
 
 N = 1000
 FIRST_SECOND = 105
-"""Number of samples that are used, or held back until the next HELLO, before the contradiction is
-detected.
+"""Largest number of samples that are used, or held back until the next HELLO, before the contradiction of the
+rates is detected.
 """
 
 
 def samples(
     true_hz: float, n: int = N, *, begin: int = 0, jitter_us: int = 0, keep: float = 1.0
 ) -> list[RawSample]:
-    """Return samples of a device with this true rate.
+    """Return n samples of a device whose true sampling rate is `rate_hz`, whatever its HELLO states.
 
     `keep`: fraction of the samples that arrive.
     """
@@ -91,7 +91,9 @@ def test_samples_of_a_device_that_contradicts_itself_are_counted_as_such(
 
 
 def test_a_rate_ten_times_too_high_is_no_restart() -> None:
-    """Each pair of samples looks like a restart, for longer than the program ever waits for a HELLO."""
+    """A stated rate that is ten times too high is not taken for a restart. Each pair of samples looks like
+    one, for longer than the program ever waits for a HELLO.
+    """
     some = samples(100.0, 2000)
     records = walked(list(with_hellos(1000.0, some)))
     counts = counts_of(records)
@@ -143,7 +145,7 @@ def test_it_is_believed_again_when_its_clock_agrees() -> None:
 def test_another_device_on_the_port_is_asked_for_its_hello_first() -> None:
     """Samples of the new device that come before its HELLO contradict the earlier device.
 
-    No error is reported for them.
+    No error is reported for these samples.
     """
     first, second = samples(100.0, 300), samples(500.0, 400)
     moved = [raw._replace(host_ns=raw.host_ns + 10**10) for raw in second]

@@ -78,7 +78,7 @@ def test_an_accelerometer_may_be_left_out_for_a_while() -> None:
         events, {"channels": ["gyro_z", "accel_x"], "accel.startup": 35, "accel.window": 50}
     )
     of_both = [b'"accel_x"' in line for line in records if b'"class":"estimate"' in line]
-    assert len(of_both) == 2 * 600 - 20  # minus the start-up window of the gyroscope
+    assert len(of_both) == 2 * 600 - 20  # 2 × 600 samples, minus the gyroscope's start-up window
     assert of_both.count(False) == 2 * 120 + 35 - 20
 
 
@@ -103,7 +103,9 @@ def test_each_stop_but_the_ends_has_a_handler() -> None:
 
 
 def test_fits_of_an_epoch_count_its_own_samples() -> None:
-    """This holds even if sample numbers begin again at 0, below those of the previous epoch."""
+    """A fit of an epoch counts only the epoch's own samples, even if the sample numbers begin again at 0,
+    below those of the epoch before.
+    """
     events: list[Event] = [hello(), raw(range(500, 700)), hello(boot_id=8), raw(range(300))]
     single: list[Event] = [
         one

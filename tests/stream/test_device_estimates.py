@@ -104,7 +104,9 @@ def test_the_device_says_bias_r_restarts_and_interventions() -> None:
 
 @pytest.mark.parametrize("stated", [ESTIMATOR, PRINTED], ids=["joint", "triple"])
 def test_both_differ_by_nothing_in_double_precision(stated: wire.Estimator) -> None:
-    """Some samples are lost, and the device's settings differ from the host's."""
+    """In double precision, the device's estimates equal the host's, although some samples are lost and the
+    device's settings differ from the host's.
+    """
     counts = [None if k in (60, 61, 90) else row for k, row in enumerate(noise(400))]
     records = feed(pipeline("both"), exact(Board(stated).run(counts)))
     compared = of(DeviceEstimates, records)
@@ -115,7 +117,7 @@ def test_both_differ_by_nothing_in_double_precision(stated: wire.Estimator) -> N
         assert [a.age for a in e.axes.values()] == [e.seq - STARTUP + 1] * 3
         for a in e.axes.values():
             differences = (a.alpha_difference, a.f_difference, a.state_difference)
-            # the mean of the start-up window differs in its last bit
+            # the mean of the start-up window may differ in its last bit, so the estimates do, too
             assert differences == pytest.approx((0, 0, 0), abs=1e-12)
     epoch = of(Epoch, records)[0].estimator
     assert (epoch.estimate_on, epoch.variant, epoch.window) == ("both", compared[0].variant, 0)
@@ -185,7 +187,9 @@ def test_a_sample_that_only_the_line_lost_has_no_place_for_its_estimate() -> Non
 
 @pytest.mark.parametrize("who", ["device", "both"])
 def test_a_device_that_restarts_begins_anew(who: str) -> None:
-    """Estimates from before the reset must not be assigned to later samples with the same numbers."""
+    """Estimates from before a reset must not be assigned to samples after the reset that have the same
+    numbers.
+    """
     first = list(Board(late=5).run(noise(100)))
     second = list(Board(hello=WIRE_HELLO._replace(boot_id=6), late=5).run(noise(100, seed=2)))
     stray = [one for one in Board().run(noise(100)) if getattr(one.message, "sample", 0) in (95, 96)]
@@ -234,7 +238,7 @@ def test_after_another_start_of_the_sensor_both_begin_with_the_settings_of_the_d
 def told_late() -> list[Sent]:
     """The device states its settings only after the first sample.
 
-    All except gate and window equal the host's.
+    All of the device's settings except gate and window equal the host's.
     """
     late = [
         one for one in Board().run(noise(250)) if one.instant or not isinstance(one.message, wire.Estimator)
@@ -243,7 +247,9 @@ def told_late() -> list[Sent]:
 
 
 def heard_late() -> list[Sent]:
-    """The device was already running when the host connected, so their start-up windows differ."""
+    """The device was already running when the host connected, so the start-up windows of device and host
+    contain different samples.
+    """
     return [one for one in Board().run(noise(400)) if one.instant >= 150]
 
 

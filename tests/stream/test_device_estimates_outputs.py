@@ -79,7 +79,7 @@ def board_items(samples: int = 160, *, estimates: bool = True) -> list[Transport
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Record what a Due that estimates sent, with a program that ignored its estimates."""
+    """Record the bytes of a Due that sends estimates. The recording program ignores these estimates."""
     folder = tmp_path_factory.mktemp("own")
     record(folder, board_items())
     return folder
@@ -146,7 +146,9 @@ def test_mqtt_has_a_topic_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_mqtt_publishes_of_a_device_that_sends_few_as_many(monkeypatch: pytest.MonkeyPatch) -> None:
-    """MQTT publishes at the same rate, no matter how few samples have estimates by the device."""
+    """MQTT publishes a device's estimates at the same rate, no matter how few samples have estimates by the
+    device.
+    """
     b = make_bench(monkeypatch)(estimate_every=10)
     b.write(*(msgspec.structs.replace(BESIDE, seq=seq) for seq in range(503, 560, 5)))
     assert [one["seq"] for one in b.connection.on("device_estimate")] == [513, 523, 533, 543, 553]

@@ -1,4 +1,6 @@
-"""The maximum-likelihood fits that a device makes: from FIT and SPECTRUM messages to records and displays."""
+"""Tests the maximum-likelihood fits that a device makes itself, from its FIT and SPECTRUM messages to the
+records and outputs.
+"""
 
 import io
 import math
@@ -50,7 +52,7 @@ HOST = AxisFit("fractional", "It is fractional.", "deg/s", alpha=Interval(0.45, 
 
 
 def spectra(total: int, number: int = 1) -> list[wire.Spectrum]:
-    """Return all bins of a fit, as the device sends them."""
+    """Return all bins of the spectrum of a fit, as SPECTRUM messages of a device."""
     found = []
     for first in range(0, total, 5):
         bins = [
@@ -111,7 +113,8 @@ def test_bins_are_fitted_here_too() -> None:
         sent.append(wire.Spectrum(wire.Axis.GYRO_Y, 1, first, 60, *bins[first : first + 5].ravel().tolist()))
     _, again = details(sent, fits=board)
     assert again.axes["gyro_y"].alpha_of_bins == pytest.approx(1.0, abs=0.15)
-    # Two bins of the same frequency, from two stretches of samples, are merged only for the fit on the host.
+    # Two bins of the spectrum may have the same frequency, from two stretches of samples. They are merged
+    # only for the fit that the host makes of the bins.
     twice = [
         message._replace(frequency_1=message.frequency_0) if i == 3 else message
         for i, message in enumerate(sent)
@@ -125,7 +128,7 @@ def test_bins_are_fitted_here_too() -> None:
 def test_bins_of_which_some_were_lost_are_not_told(lost: int) -> None:
     sent = spectra(12)
     del sent[lost]
-    # The bins of the next fit are complete again.
+    # A fit whose bins are incomplete has no spectrum. The bins of the next fit are complete again.
     fits = [one.axes["gyro_y"] for one in details([FIT, *sent, FIT._replace(number=11), *spectra(12, 11)])]
     assert [(fit.number, fit.spectrum is not None) for fit in fits] == [(1, False), (11, False), (11, True)]
 
@@ -200,10 +203,11 @@ def test_a_faulty_device_cannot_make_it_keep_or_calculate_more_and_more(
     ("changed", "low", "high"),
     [
         ({"flags": 0}, None, None),
-        # A value that is not known must not be shown as an interval of zero width.
+        # A standard deviation of 0 means that α is not known, and must not be shown as an interval of zero
+        # width.
         ({"alpha_std": 0.0}, None, None),
         ({"alpha_std": -1.0}, None, None),
-        # The interval ends at the largest order of the model.
+        # The interval of α ends at the largest order of the model, which is 2.
         ({"alpha_std": 2.0}, 0.0, 2.0),
     ],
 )
@@ -235,14 +239,14 @@ def test_what_no_fit_can_be_is_counted_and_not_told(field: str, value: Any) -> N
 
 
 def numbers(low: float, high: float) -> st.SearchStrategy[float]:
-    """Draw values that are mostly valid, so that they are accepted. Some are arbitrary."""
+    """Draw numbers. Most are between `low` and `high`, so that the host accepts them. Some are arbitrary."""
     likely = st.floats(low, high, width=32)
     return st.one_of(likely, likely, likely, likely, likely, likely, likely, st.floats(width=32))
 
 
 @st.composite
 def sets(draw: st.DrawFn) -> list[wire.Fit | wire.Spectrum]:
-    """Draw a fit and its bins, of which some may be missing, repeated or malformed."""
+    """Draw a fit and the bins of its spectrum. Some bins may be missing, repeated or malformed."""
     fit = wire.Fit(
         *(
             draw(st.integers(0, 3)),

@@ -1,5 +1,5 @@
-"""Fits in another thread: the result takes effect at a sample that was chosen when the fit began, however
-long the fit takes.
+"""Fits run in another thread. A fit takes effect at a sample that was chosen when the fit began, however long
+the fit takes.
 """
 
 import itertools
@@ -41,7 +41,9 @@ class Noticing(QuickAxes):
 
 
 class Unhurried(FitWorker):
-    """Runs each fit in a thread, after a different pause for each; some fits fail."""
+    """A fit worker that pauses before each fit, each time for another time. `fault`: exception that the fits
+    then raise, or None.
+    """
 
     def __init__(self, pauses_s: Iterable[float], fault: Exception | None = None) -> None:
         super().__init__()
@@ -263,6 +265,6 @@ def test_estimates_are_the_same_watched_or_not_whatever_is_lost(examples: int) -
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(live, "LiveAxes", Noticing)
-        # the estimates use fits soon and often: after 1, 2, 3, 5, 8 and 12 s
+        # the tracker uses fits soon and often: after 1, 2, 3, 5, 8 and 12 s
         patch.setattr(fit_times, "SEARCH_GROWTH", 2)
         holds()

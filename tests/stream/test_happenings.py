@@ -1,5 +1,5 @@
-"""The records of steps of the bias and of motion: time and size are right, and the same for any division into
-blocks.
+"""Tests the records of steps of the bias and of motions. Their time and size are right, and the same for any
+division of samples into blocks.
 """
 
 from collections.abc import Sequence
@@ -76,7 +76,8 @@ def test_a_step_and_motion_are_told_with_time_and_size() -> None:
     assert {1, 10} <= set(stats.checked)
     last_fit = of(Fit, pipeline.finish())[-1].axes
     assert last_fit["gyro_x"].breaks["motions"] == 2
-    assert last_fit["gyro_y"].breaks["motions"] == 3  # one of these motions is the step
+    # one more than on the x axis, since the step counts, too
+    assert last_fit["gyro_y"].breaks["motions"] == 3
     assert [one.verdict for one in last_fit.values()] == ["white"] * 3
 
 

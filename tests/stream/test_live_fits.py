@@ -143,7 +143,9 @@ def test_curves_of_many_devices_come_every_fourth_period() -> None:
 def test_the_fits_that_settle_are_the_same_whether_or_not_there_are_others(
     breaks: set[int], news: set[int], period: int, before: int
 ) -> None:
-    """Several times, 70 samples are lost. The fitted record may have begun long before the epoch."""
+    """The fits that are accepted come at the same samples, whether or not further fits are made between them.
+    Several times, 70 samples are lost. The fitted record may have begun long before the epoch.
+    """
 
     def accepted(*, every: bool) -> list[int]:
         times, found = RefitTimes(100.0, grows=True, every=every), []
@@ -193,13 +195,13 @@ def test_curves_come_every_ten_seconds_and_with_the_last_fit() -> None:
 
 def test_a_last_fit_that_had_its_curves_is_not_said_twice() -> None:
     items, pipeline = run_pipeline([hello(), raw(range(100))])
-    assert not of(Fit, items)  # the fits of two axes have not been yielded yet
+    assert not of(Fit, items)  # no `Fit` record yet: the fits of two axes have not been yielded
     assert [type(item) for item in pipeline.finish()] == [Fit, Stats]
 
 
 def test_the_last_fit_of_a_recording_is_judged_as_one_look() -> None:
-    """This holds even if a fit of all samples was just published at the significance level for repeated
-    tests.
+    """The last fit of a recording uses the significance level of a single test. It is published even if a fit
+    of all samples was just published at the level for repeated tests.
     """
     items, pipeline = run_pipeline([hello(), raw(range(100))], prompt=False)
     before, last, _ = pipeline.finish()

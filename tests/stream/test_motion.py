@@ -19,8 +19,8 @@ from tests.rig.host_support import hello
 
 LSB_DPS, SIGMA, OFFSET = 1 / 16.4, 6.0, 20.0
 REST, MOVES, END = 4000, 6000, 8000
-"""Sample numbers at 100 Hz. The motion is longer than eight chunks (of 128 samples), after which a new level
-of the noise would be accepted.
+"""Sample numbers at 100 Hz: the sensor rests before REST, moves until MOVES, and rests until END. The motion
+is longer than eight chunks of 128 samples, after which a new level of the noise would be accepted.
 """
 
 

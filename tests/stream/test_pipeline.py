@@ -110,9 +110,9 @@ def test_a_restart_begins_anew_and_says_hello_once_a_boot() -> None:
 
 @pytest.mark.parametrize("sensor_starts", [1, 2])
 def test_a_recorded_discontinuity_replays_with_nothing_lost(tmp_path: Path, sensor_starts: int) -> None:
-    """In the live run, the sample that shows the discontinuity is dropped, and a HELLO follows.
+    """In the live run, the sample that shows a discontinuity of time is dropped, and a HELLO follows.
 
-    The recording has neither of the two.
+    The recording (NDJSON) has neither this sample nor this HELLO.
     """
     late = [raw(k)._replace(device_us=(k * 10_000 + 7_000_000) % 2**32) for k in range(60, 100)]
     after = hello(sensor_starts=sensor_starts)
@@ -232,7 +232,9 @@ def test_stats_go_out_before_the_first_event_of_a_new_second() -> None:
 
 @pytest.mark.parametrize("every", [1, 7, 1000])
 def test_thinned_are_samples_and_estimates_alike_and_nothing_else(every: int) -> None:
-    """This includes the time until the start-up window is full. The estimates themselves do not change."""
+    """With `output.every`, only every n-th sample and estimate is published, also while the start-up window
+    fills. The estimates themselves do not change.
+    """
     events = [hello(), *(raw(k) for k in range(300) if k not in (100, 101))]
     thin = feed(pipeline_of(output__every=every), *events)
     assert thin == [

@@ -121,12 +121,12 @@ def test_a_step_a_knock_and_a_turn_are_those_of_the_oracle(channels: list[str]) 
     assert of(Step, found)
 
 
-# Snapshots
+# Tests of snapshots
 
 
 class Resumed(NamedTuple):
-    """The records after a snapshot: of a pipeline and an oracle that resumed from it, and of a pipeline that
-    never stopped.
+    """The records after a snapshot, of three runs. `pipeline`, `plain`: a pipeline and an oracle that resumed
+    from the snapshot. `went_on`: a pipeline that never stopped.
     """
 
     pipeline: list[AnyRecord]
@@ -144,9 +144,10 @@ def with_snapshot(
     *,
     reset: bool = False,
 ) -> Resumed | None:
-    """Take a snapshot after sample `at`, and resume `lost` samples later; return None if samples are too few.
+    """Take a snapshot after sample `at`, and resume from it `lost` samples later. Return None if there are
+    too few samples for this.
 
-    `reset`: the device was reset, so that only the time shows how many samples were lost.
+    `reset`: whether the device was reset meanwhile, so that only the time shows how many samples were lost.
     """
     first, plain = Pipeline(source, chosen), PlainDeviceStream(source, chosen)
     pipeline = first
@@ -189,7 +190,8 @@ def with_snapshot(
 def of_first_epoch(records: list[AnyRecord], *, begins: int) -> dict[int, dict[str, AxisEstimate]]:
     """Return the estimates by the samples' numbers on the wire.
 
-    They end where the epoch after the first `begins` epochs begins.
+    Only estimates up to the beginning of the first further epoch are returned. `begins`: number of epochs
+    whose beginning is among the records before that.
     """
     found = {}
     for record in records:
@@ -212,12 +214,12 @@ def check_snapshot(
         return 0
     assert_same(found.pipeline, found.plain)
     begun = next(iter(of(Epoch, found.pipeline)), None)
-    # gaps that are longer than the window are not bridged
+    # the filters do not predict over gaps that are longer than their window, so estimates may differ
     if begun is None or begun.reason != "resumed" or lost > WINDOW:
         return 0
     mine, others = of_first_epoch(found.pipeline, begins=1), of_first_epoch(found.went_on, begins=0)
     both_have = mine.keys() & others.keys()
-    for k in both_have:  # the axes of an epoch are those of its first sample
+    for k in both_have:  # the two runs may have other axes: those of an epoch's first sample
         axes = mine[k].keys() & others[k].keys()
         assert {axis: mine[k][axis] for axis in axes} == {axis: others[k][axis] for axis in axes}
     return len(both_have)
@@ -225,9 +227,10 @@ def check_snapshot(
 
 @pytest.mark.parametrize("examples", [30, slow(400)])
 def test_a_snapshot_at_any_sample_goes_on_as_the_oracle_and_as_if_nothing_had_been(examples: int) -> None:
-    """The estimates continue, and the biases with the whole state of the tracker.
+    """The filters' estimates continue from a snapshot at any sample, and so do the biases, with the whole
+    state of the tracker.
 
-    Only the clock fit begins anew.
+    Only the clock fit, which gives host times, begins anew.
     """
     common = []
 
@@ -255,9 +258,10 @@ QUICK = ("longest gap", "odd gap", "date", "boot", "no accelerometer")
 
 @pytest.mark.parametrize("what", slow_but(QUICK, ACTS))
 def test_each_thing_that_may_happen_before_a_snapshot_and_behind_it(what: str) -> None:
-    """Each incident is tried small and large, at several times within a second.
+    """Each incident, before a snapshot and after it, is tried small and large, at several times within a
+    second.
 
-    Many samples follow it.
+    Many samples follow the incident.
     """
     for k, amount in enumerate((0.02, 0.4, 0.6, 0.98)):
         changes = SETTINGS[(ACTS.index(what) + k) % len(SETTINGS)]

@@ -25,7 +25,7 @@ S = 1_000_000_000
 
 
 def events(rate_hz: int, *, gap: bool) -> Iterator[Event]:
-    """Return LASTS_S seconds of noise; with `gap`, LOST_S seconds of these are missing."""
+    """Return LASTS_S seconds of noise. With `gap`, LOST_S seconds of these samples are missing."""
     source = SyntheticSource(f"?rate_hz={rate_hz}&n={LASTS_S * rate_hz}&alpha=0.5&f=-3", realtime=False)
     for event in source.events():
         if not gap or not isinstance(event, RawBlock):
@@ -63,7 +63,9 @@ def test_every_sample_is_estimated_and_shown(rate_hz: int) -> None:
 
 @pytest.mark.parametrize("rate_hz", [10, 1000, slow(8000)])
 def test_fits_come_once_a_second(rate_hz: int) -> None:
-    """This holds if an output shows the fits; otherwise the time between fits grows with the record."""
+    """A fit is made once a second if an output shows the fits. Otherwise the time between fits grows with the
+    record.
+    """
     *fits, last = of(Fit, walk(rate_hz, live__period_s=1.0))
     assert [fit.samples for fit in fits] == [rate_hz * second for second in range(1, LASTS_S + 1)]
     assert last.samples == LASTS_S * rate_hz  # at the end of a recording, the fit uses all samples

@@ -66,7 +66,7 @@ def test_delivered_and_lost_are_all_that_were_due(device: Device, indices: list[
     for before, k, jitter_us in zip([None, *indices], indices, jitters, strict=False):
         placed = track_one(decoder, device.sample(k, jitter_us))
         assert placed is not None
-        # the numbers without wraps begin with those of the first sample
+        # number and time without wraps begin with those that the first sample has on the wire
         assert placed.seq - device.first_sequence == k
         assert placed.device_us - first_us % 2**32 == device.true_us(k, jitter_us) - first_us
         assert placed.missing == (0 if before is None else k - before - 1)
@@ -123,9 +123,9 @@ EARLY = Device(first_us=10**6)
 LATE = Device(late_ns=301 * 10**9)
 
 SCENARIOS: dict[str, tuple[list[Any], str, str, tuple[int, int, int]]] = {
-    # Columns: the events, where a number is a sample; the samples that begin epochs; the number of the last
-    # sample, and how many samples were lost before it; then the counts of delivered samples, lost samples and
-    # gaps.
+    # Each scenario has four columns. 1: the events (a number stands for a sample). 2: the samples that begin
+    # epochs. 3: the number of the last sample, and how many samples were lost before it. 4: the counts of
+    # delivered samples, lost samples and gaps.
     "the longest gap in an epoch": ([{}, 0, 101], "start", "101 after 100", (2, 100, 1)),
     "a longer gap": ([{}, 0, 102], "start gap", "102 after 101", (2, 101, 1)),
     "the sequence again after a wrap": ([{}, 3, 65539], "start gap", "65539 after 65535", (2, 65535, 1)),
@@ -232,7 +232,8 @@ def test_reset_whose_hello_was_lost(boot_id: int, reason: str):
 @given(st.integers(200, 10 * 3600 * 100), st.integers(0, 100))
 @settings(max_examples=500)
 def test_reset_never_goes_on_in_the_same_epoch(k_before: int, k_after: int):
-    """By chance, sequence number and device time may both fit a gap of an hour.
+    """After a reset whose HELLO is lost, sequence number and device time may by chance both look as after a
+    gap of an hour.
 
     The host's clock shows that there was a reset.
     """
@@ -247,7 +248,9 @@ def test_reset_never_goes_on_in_the_same_epoch(k_before: int, k_after: int):
 )
 @settings(max_examples=300)
 def test_time_that_disagrees_with_the_sequence_is_not_believed(device: Device, step: int, off_us: int):
-    """A difference of more than 2 % plus one period is always rejected, for any number of wraps."""
+    """A sample is rejected if its device time differs from the time by the sequence number by more than 2 %
+    plus one period, for any number of wraps.
+    """
     decoder = heard(max_gap=50)
     track_one(decoder, device.sample(0))
     raw = device.sample(step)
@@ -261,7 +264,7 @@ def test_time_that_disagrees_with_the_sequence_is_not_believed(device: Device, s
 
 
 class Happening(NamedTuple):
-    """The change from one sample to the next.
+    """The change from one sample of a device to the following one.
 
     `step`: how many numbers later the sample is; 0 repeats the sample. `what`: an event before the sample.
     """
@@ -319,7 +322,9 @@ def say(decoder: Decoder, what: str, boot: int, starts: int) -> object:
 def test_blocks_of_any_cut_are_placed_as_one_by_one(
     device: Device, some: list[Happening], max_gap: int, known: bool, data: st.DataObject
 ):
-    """The changes include wraps, gaps, duplicates, resets, jitter, silence, and events in between."""
+    """Samples in blocks are tracked like single samples, whatever changes between samples: wraps, gaps,
+    duplicates, resets, jitter, silence, and other events in between.
+    """
     decoder, single = Decoder(lambda: 0, max_gap), Decoder(lambda: 0, max_gap)
     if known:
         decoder.on_hello(hello())

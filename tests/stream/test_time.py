@@ -56,7 +56,7 @@ def test_clock_and_times_are_recovered_from_bursts(ppm: float) -> None:
     timebase = Timebase(0)
     times_s = host_times_ns(timebase, device_us, arrivals_s) * 1e-9
 
-    assert timebase.clock_ppm == pytest.approx(ppm, abs=1.0)  # measured: within 0.4
+    assert timebase.clock_ppm == pytest.approx(ppm, abs=1.0)  # measured: the error is at most 0.4
     assert timebase.rate_hz == pytest.approx(100 * (1 + ppm * 1e-6), rel=1e-6)
 
     accepted = slice(1_000, None)
@@ -104,9 +104,10 @@ def test_unbroken_arrivals_come_back_as_they_are() -> None:
 @given(st.integers(-(10**18), 10**18), st.lists(st.integers(0, 10**9), min_size=2, max_size=100))
 @settings(max_examples=100)
 def test_offset_to_unix_time_stays_what_it_was(offset_ns: int, delays_ns: list[int]) -> None:
-    """The wall clock is read only once, so that later steps of it have no effect.
+    """The wall clock is read only once, for the offset to Unix time, so that later steps of the wall clock
+    have no effect.
 
-    Only the offset depends on it.
+    Clock fits with different offsets give times that differ only by the difference of the offsets.
     """
     plain, shifted = Timebase(0), Timebase(offset_ns)
     for k, delay_ns in enumerate(delays_ns):
@@ -124,7 +125,7 @@ def test_lost_samples_do_not_move_time() -> None:
 
 @pytest.mark.slow
 def test_changed_clock_is_followed_within_ten_minutes() -> None:
-    """A cold oscillator changes its rate in this way.
+    """The rate of a cold oscillator changes in this way while it warms up.
 
     Ten minutes are the 600 blocks that the clock fit keeps.
     """
@@ -135,9 +136,9 @@ def test_changed_clock_is_followed_within_ten_minutes() -> None:
 
 
 def test_bursts_of_a_real_recording(recordings: Path) -> None:
-    """The recording is of an MPU-6050 on a USB bridge. Its period is 10.07 ms.
+    """The recording is of an MPU-6050 on a USB bridge. The sampling period is 10.07 ms.
 
-    Samples arrive 2 to 497 ms apart.
+    Neighbouring samples arrive 2 to 497 ms apart.
     """
     source = ReplaySource(recordings / "mpu6050_sunsided_10min.npz")
     blocks = of(RawBlock, source.events())
@@ -152,7 +153,7 @@ def test_bursts_of_a_real_recording(recordings: Path) -> None:
     low_ms, high_ms = np.percentile(steps_ms, [1, 99])
     assert (low_ms, high_ms) == pytest.approx((10.07, 10.07), abs=0.05)
     assert steps_ms.min() > 5
-    # measured: 7.6 and 16.7 at the samples where a new clock fit changes the times
+    # measured: the steps are 7.6 to 16.7 ms, extreme at samples where a new clock fit changes the times
     assert steps_ms.max() < 20
 
 
@@ -184,7 +185,9 @@ def test_blocks_of_any_cut_have_the_times_of_one_by_one(
 
 
 def test_more_than_is_kept_has_the_times_of_one_by_one() -> None:
-    """The run has more samples than the clock fit keeps, and than its buffer holds."""
+    """The run has more samples than the clock fit keeps, and more than its buffer holds. The times still
+    equal those of the oracle in one_by_one.
+    """
     rng = np.random.default_rng(3)
     seq = np.arange(14_000)
     device_us = seq * 200_000

@@ -113,7 +113,8 @@ def test_a_walk_goes_on_from_what_the_pipeline_saved() -> None:
     _, pipeline = run_pipeline([hello(), raw(range(700))], prompt=False, live__on=False)
     rest, _ = run_pipeline([hello(), raw(range(700, 1300))], pipeline.save(), prompt=False, live__on=False)
     expected, found = column(whole, "bias")[700:], column(rest, "bias")
-    # The time from the snapshot to the restart is at most one sample, which the tracker bridges.
+    # The biases of the later run may differ a little: between snapshot and restart at most one sample seems
+    # missing by the time, over which the tracker predicts.
     assert np.allclose(found, expected, atol=0.05 * column(whole, "bias_std")[700:].max())
 
 
@@ -164,7 +165,9 @@ def test_a_short_fit_counts_only_if_it_makes_the_samples_much_likelier_than_the_
 
 
 def test_a_mean_of_samples_is_a_noise_that_it_can_go_by() -> None:
-    """The number of averaged samples is an integer and must not be rounded like a measured figure."""
+    """A mean of samples is a model that the tracker can use. The number of averaged samples is an integer and
+    must not be rounded like a measured figure.
+    """
     one = sensor()
     one.run(drifting(4000, 0.0))
     one.use_model("gyro_x", accepted(one, "low-pass", Noise((White(0.02), Mean(4)), False, 4000)))
@@ -178,8 +181,8 @@ def test_an_offset_walks_where_the_fit_has_no_part_for_it() -> None:
     one.use_model("gyro_x", accepted(one, "white", Noise((White(0.02),), False, 6000)))
     stats = dict(one.stats())["gyro_x"]
     K = stats.K
-    # The drift of the bias adds more than the white noise, which makes the angle walk by 0.14 deg/s √(0.01 s
-    # · 60 s).
+    # The heading's error has two parts. White noise makes the angle walk by 0.14 deg/s √(0.01 s · 60 s) =
+    # 0.11 deg, and the drift of the bias adds more.
     assert 0.11 < stats.heading_std[60] < 5
     assert sorted(stats.heading_std.values()) == [*stats.heading_std.values()], "it grows"
     assert (stats.bias, stats.bias_std) == (found.bias[-1, 0], found.bias_std[-1, 0])

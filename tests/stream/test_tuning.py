@@ -1,4 +1,6 @@
-"""FLTEA's filters tuned by the live fit: which values they get from a fit, and from which sample on."""
+"""The live fit tunes FLTEA's filters. Tests which values the filters get from a fit, and from which sample
+on.
+"""
 
 from typing import Literal
 
@@ -45,14 +47,15 @@ def with_(**changes: Interval) -> AxisFit:
 
 
 def test_s2_and_r_are_handed_over_to_three_digits() -> None:
-    """The order of the same fit is handed over, too.
+    """A fit hands its variances s2 and R to the filters, rounded to three digits. The order of the same fit
+    is handed over, too.
 
-    Standard deviations come from the wider side of each interval.
+    The standard deviations of the order's figures come from the wider side of each interval.
     """
     filter_model = FilterModel(0.8, 0.102, 0.775, 0.0383, -1.0, 0.765)
     assert handed_over(KNOWN, None) == (Variances(0.01, 0.02), filter_model)
-    # More white noise with less state noise looks nearly like the reverse. The data hardly distinguish the
-    # two, which does no harm.
+    # Wide intervals of s2 and R do not matter. More white noise with less state noise looks nearly like less
+    # white noise with more state noise, so the samples hardly distinguish the two, which does no harm.
     open_ = with_(s2=Interval(0.01, 0.001, 0.1), R=Interval(0.02, 0.0, None))
     assert handed_over(open_, None) == (Variances(0.01, 0.02), filter_model)
     assert handed_over(with_(R=Interval(0.0, 0.0, 0.01)), None) == (Variances(0.01, 1e-5), filter_model)
@@ -91,7 +94,9 @@ def test_what_has_moved_by_less_than_a_tenth_of_its_interval_stays(s2: float, R:
 
 @pytest.mark.parametrize("variant", ["joint", "triple"])
 def test_a_fit_tunes_from_the_sample_after_it_on(variant: str) -> None:
-    """The filters equal those of a bank that the test itself tunes."""
+    """The filters' estimates equal those of a filter bank that the test itself tunes from the sample after
+    the fit on.
+    """
     items, pipeline = run_pipeline([hello(), raw(range(830))], estimator__variant=variant, **TUNED)
     found = {r.seq: r.axes for r in of(Estimate, records_of(items))}
     by_hand = run_pipeline([hello()], estimator__variant=variant)[1]._config.estimator
@@ -148,9 +153,9 @@ def test_an_axis_is_settled_once_it_is_tuned_if_it_is_to_be_and_its_innovations_
 @pytest.mark.slow
 @pytest.mark.parametrize("variant", ["joint", "triple"])
 def test_tuned_filters_know_how_sure_they_are(variant: Literal["joint", "triple"]) -> None:
-    """Twelve axes have α = 0.5 and f = -2 in equal white noise.
+    """Twelve axes have a noise with α = 0.5 and f = -2, in white noise of the same power.
 
-    The data hardly distinguish s2 and R.
+    The samples of such a noise hardly distinguish s2 and R.
     """
     case, axes = Case(0.5, -2.0, 1.0), tuple(f"axis {i}" for i in range(12))
     y = samples(case, len(axes), 25_000)
@@ -194,7 +199,9 @@ def test_a_saved_walk_goes_on_tuned() -> None:
 
 @pytest.mark.slow
 def test_a_replay_at_full_speed_tunes_and_estimates_as_the_run_did() -> None:
-    """The test makes real fits: eighty that are published, and forty that tune the filters."""
+    """A replay at full speed gives the same fits and estimates as the run did. The test makes real fits:
+    eighty that are published, and forty that tune the filters.
+    """
     generator = NoiseGenerator(parse_noise("alpha=0.8&f=-1&Q=20&R=0.004&seed=7"))
     rows = [tuple(map(int, generator.step())) for _ in range(9020)]
     block = block_of([RawSample(k, k * 10_000, k * 10_000_000, row) for k, row in enumerate(rows)])

@@ -1,4 +1,6 @@
-"""Statistics of many devices: each is published once a second, spread over the second."""
+"""Statistics of many devices. Those of each device are published once a second, and the devices take turns
+within the second.
+"""
 
 from itertools import pairwise
 

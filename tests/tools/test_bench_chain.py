@@ -1,5 +1,5 @@
-"""The benchmark of the whole program: its rows, the alternating measurement of two programs, and its
-tables.
+"""Tests the benchmark of the whole program: the rows of results, the alternating measurement of two versions
+of the program, and the tables.
 """
 
 import json

@@ -1,4 +1,6 @@
-"""The simulated devices of the benchmark: what they send and when. Also daemons that fail to start."""
+"""Tests the simulated devices of the daemon's benchmark: what they send and when. Further tests are about
+daemons that fail to start.
+"""
 
 import os
 import resource
@@ -28,7 +30,7 @@ def test_each_port_takes_what_is_noted_and_none_before_it_is_due(tmp_path: Path)
     assert (times >= due).all()
     assert np.diff(due, axis=1).tolist() == [[PERIOD_NS] * 19] * 3
     for slave, count in zip(slaves, taken.tolist(), strict=True):
-        while count:  # The system delivers the bytes with a delay.
+        while count:  # the system delivers bytes of a pseudo-terminal with a delay
             count -= len(os.read(slave, count))
     for port in masters + slaves:
         os.close(port)
@@ -37,7 +39,8 @@ def test_each_port_takes_what_is_noted_and_none_before_it_is_due(tmp_path: Path)
 def test_a_port_that_is_full_is_noted(tmp_path: Path) -> None:
     masters, slaves = ports(tmp_path, 1)
     refused = 0
-    while refused < 20:  # The system moves some bytes to another buffer a little later.
+    # full only after 20 refusals: the system may move bytes to another buffer a little later
+    while refused < 20:
         try:
             os.write(masters[0], bytes(1 if refused else 1000))
             refused = 0

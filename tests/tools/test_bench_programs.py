@@ -1,4 +1,6 @@
-"""The program of another commit: it has its own code, uses the present packages, and is built once."""
+"""Tests the benchmark's build of the program of another commit. This program has its own code, uses the
+packages that are installed now, and is built only once.
+"""
 
 import subprocess
 import sys
@@ -29,7 +31,7 @@ def git(root: Path, *arguments: str) -> None:
 
 @pytest.fixture(scope="module")
 def repository(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Make a repository with a program in two commits; the program prints its commit."""
+    """Make a repository with two commits of a program. The program prints which commit it is."""
     root = tmp_path_factory.mktemp("repository")
     package = root / "host/fltea"
     package.mkdir(parents=True)

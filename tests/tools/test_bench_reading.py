@@ -1,6 +1,6 @@
 """The benchmark of reading text.
 
-It reads completely each kind of text that it writes, and names a figure that misses its goal.
+The benchmark completely reads each kind of text that it writes, and names each figure that misses its goal.
 """
 
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""`make near`: which commands it runs for which changed files."""
+"""Tests which commands `make near` runs for which changed files."""
 
 import re
 import subprocess
@@ -71,7 +71,9 @@ def test_users_are_found_by_what_they_import() -> None:
 
 
 def test_every_python_file_is_type_checked() -> None:
-    """The folders stand in pyproject.toml; only the build reads the one file that is outside of them."""
+    """The folders with type-checked files stand in pyproject.toml. One file is outside of them, which only
+    the build reads.
+    """
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["mypy"]
     listed = subprocess.run(["git", "ls-files", "*.py"], cwd=ROOT, capture_output=True, text=True, check=True)
     folders = tuple(f"{folder}/" for folder in settings["files"])

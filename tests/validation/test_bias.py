@@ -1,6 +1,7 @@
-"""The part `bias` of `make validate`: its noises, other programs' filters and plain filter agree with theory.
+"""Tests `make validate ARGS=bias`. Its simulated noises, its copies of other programs' filters, and its plain
+Kalman filter agree with theory.
 
-Its sections are run on a few samples.
+All sections of this validation are run on a few samples.
 """
 
 import ast
@@ -41,7 +42,9 @@ COMPONENTS = {
 
 
 def cells(tables: list[Any]) -> list[Any]:
-    """Return all rows of all tables, after a check that each has as many cells as headings."""
+    """Check that each row of each table has as many cells as the table has headings. Return all rows of all
+    tables.
+    """
     for one in tables:
         assert isinstance(one, Table)
         assert one.rows
@@ -68,9 +71,10 @@ def test_a_part_goes_on_where_it_stopped(name: str, cut: int) -> None:
 
 @pytest.mark.parametrize("name", ["white", "EMA (.2)", "CIC", "DLPF"])
 def test_filters_keep_the_density(name: str) -> None:
-    """The mean over five seconds has the variance σ²/500.
+    """A filter in the sensor keeps the density of white noise, so the mean over five seconds has the variance
+    σ²/500.
 
-    From 400 such means the standard deviation is known to 3.5 %.
+    From 400 such means the standard deviation is estimated with a standard error of 3.5 %.
     """
     axis = Lane(name, np.random.default_rng(2))
     y, x = axis.take(200_000)
@@ -164,7 +168,7 @@ def test_the_plain_filter_is_the_best_linear_forecast(
 ) -> None:
     """The recursive filter agrees with a forecast that is computed without recursion.
 
-    That forecast is computed from the covariance of all samples.
+    The forecast without recursion is computed from the covariance of all samples.
     """
     n = 30
     k = np.arange(1, n + ahead + 1)
@@ -214,7 +218,7 @@ def test_the_live_way_fits_as_the_record_grows(monkeypatch: pytest.MonkeyPatch) 
     sensor.run(drawn(lanes("test", "walk, 0.002 a sample", range(3)), 4_000)[0])
     assert times[:12] == [*range(100, 1_101, 100), 1_210]
     assert times[12] == 1_210 + 121
-    # without a random walk, as before the first fit
+    # no axis has the model "walks", which trackers have before the first fit
     assert "walks" not in {figures.model for _, figures in sensor._tracks.stats()}
 
 

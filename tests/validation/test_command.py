@@ -115,7 +115,9 @@ def test_a_full_disk_leaves_no_half_file(
 
 
 class Backwards(Here):
-    """Workers that run three tasks at a time, and finish the last one first."""
+    """Workers for the validation that run three tasks at a time, and finish the one that was given last
+    first.
+    """
 
     slots = 4
 
@@ -158,5 +160,6 @@ def test_nothing_depends_on_the_workers(tmp_path: Path) -> None:
 
 def test_a_table_and_shares() -> None:
     assert Table("A", ("b", "c"), [("1", "2")]).markdown() == "### A\n\n| b | c |\n| --- | --- |\n| 1 | 2 |\n"
-    assert interval(950, 1_000) == pytest.approx((0.93470, 0.96187), abs=1e-4)  # Wilson's interval
+    # the interval of a proportion by Wilson's formula
+    assert interval(950, 1_000) == pytest.approx((0.93470, 0.96187), abs=1e-4)
     assert share_within(10, 10) == "100.0% (72…100)"

@@ -23,7 +23,9 @@ def test_each_published_interval_has_a_row_or_a_reason() -> None:
 
 @pytest.mark.slow
 def test_each_row_is_measured() -> None:
-    """The populations contain every kind of part of noise models; a new kind needs a population."""
+    """The populations of simulated noises contain every kind of part of noise models, so every interval is
+    measured. A new kind of part needs a population.
+    """
     rows = [row for name in POPULATIONS for row in run.count(name, 1)]
     measured = {row["quantity"] for row in rows}
     wanted = {one for one in FIGURES.values() if isinstance(one, str)}
@@ -54,7 +56,9 @@ def test_what_holds_a_truth_of_2(
 
 
 def test_coverage_has_its_error() -> None:
-    """4 of 100 intervals miss the truth: the coverage is 96 %, with the error of a proportion."""
+    """By hand: 4 of 100 published intervals miss the true value (1 below, 3 above), so the coverage is 96 %.
+    It is shown with the statistical error of a proportion.
+    """
     row = {"population": "white", "quantity": "N", "intervals": 120, "published": 100}
     row |= {"below": 1.0, "above": 3.0, "squares": 4.0, "width": 0.1}
     whole, single = run.tables([row])
@@ -67,7 +71,7 @@ def test_coverage_has_its_error() -> None:
 def test_true_figures() -> None:
     """White noise of R = 4 at 100 Hz has N = 0.2.
 
-    Its Allan deviation falls with the square root of the averaging time.
+    The Allan deviation of white noise falls with the square root of the averaging time.
     """
     white = (p.White(4.0), p.Relaxation(3.0, 0.2), p.Quantisation(0.1))
     assert measure.true_N(white) == pytest.approx(0.2)
@@ -77,14 +81,17 @@ def test_true_figures() -> None:
 
 
 def held(rows: list[dict[str, object]], quantity: str) -> tuple[float, float]:
-    """Return how many intervals of a quantity hold the truth, and how many there are."""
+    """Return how many intervals of a quantity contain the true value, and how many intervals were published.
+    """
     (row,) = (one for one in rows if one["quantity"] == quantity)
     published, below, above = (float(str(row[name])) for name in ("published", "below", "above"))
     return published - below - above, published
 
 
 def test_N_holds_what_a_fast_relaxation_that_was_not_found_would_make_of_it() -> None:
-    """Of 40 intervals, 95 % are 38. If only the chosen model is used, 21 hold the truth."""
+    """The interval of N allows for a fast relaxation that the fit may have missed. Of 40 intervals, 38 (95 %)
+    are expected to contain the true N. If an interval came from the chosen model alone, 21 would.
+    """
     inside, published = held(run.count("fast relaxation", 40), "N")
     assert published >= 25
     assert inside >= 0.85 * published
@@ -93,7 +100,7 @@ def test_N_holds_what_a_fast_relaxation_that_was_not_found_would_make_of_it() ->
 def test_N_of_white_noise_is_no_wider() -> None:
     """In nine of ten records of white noise, the interval of N is as narrow as theory allows.
 
-    The relative half width is 1.96 / (2 √n) for n ordinates.
+    In theory, the relative half width of N's interval is 1.96 / (2 √n) for n ordinates.
     """
     rng = np.random.default_rng(1)
     wider = []
@@ -109,9 +116,10 @@ def test_N_of_white_noise_is_no_wider() -> None:
 
 
 def test_parameters_of_an_order_have_their_own_profile() -> None:
-    """Of 40 intervals, 95 % are 38.
+    """Of 40 intervals of each parameter of an order, 38 (95 %) are expected to contain the true value.
 
-    f and Q change with α, so intervals at a fixed α hold the truth in half of the cases or less.
+    The fitted f and Q change with α, so intervals of f and Q at a fixed α would contain the true value in
+    half of the cases or less.
     """
     rows = run.count("order, no white", 40)
     for quantity in ("alpha of order", "f of order", "Q of order"):

@@ -1,4 +1,6 @@
-"""Filters that are run in parallel, also with changing Q and R, and fits give the results of the daemon."""
+"""The evaluation runs filters of many series in parallel, also with changing Q and R, and fits. Filters and
+fits give the same results as the daemon's.
+"""
 
 from itertools import pairwise
 
@@ -22,7 +24,7 @@ CASE = Case(0.6, -3.0, 3.0)
 
 @pytest.mark.parametrize("setting", MAIN[:2], ids=lambda setting: setting.name)
 def test_what_the_daemon_gives(setting: object) -> None:
-    """The results equal the daemon's, sample by sample, up to the rounding of the bias."""
+    """The filters' results equal the daemon's, sample by sample, up to the rounding of the bias."""
     y = samples(CASE, 2, 1_200)
     (found,) = read(y, H, setting.config, (1_200,))
     for seed in range(2):
@@ -44,7 +46,7 @@ def test_a_shorter_record_is_the_beginning_of_a_longer_one() -> None:
 
 
 def test_given_variances_take_the_place_of_the_settings() -> None:
-    """Each series has its own Q and R."""
+    """Q and R that are given take the place of those in the settings. Each series has its own."""
     y = samples(CASE, 2, 1_000)
     Q, R = np.array([0.02, 0.3]), np.array([0.004, 0.05])
     (found,) = read(y, H, EstimatorConfig(), (1_000,), Q=Q, R=R)
@@ -95,9 +97,9 @@ def test_the_filters_go_on_with_what_they_are_told(name: str) -> None:
 
 
 def test_only_what_is_known_is_handed_over() -> None:
-    """s2 and R that were fitted to ten minutes are passed on.
+    """s2 and R that were fitted to ten minutes of samples are handed over to the filters.
 
-    Those of half a minute, or of white noise, are not.
+    Fitted values of half a minute, or of white noise, are not handed over.
     """
     handed = tunings(samples(CLEAR, 2, 20_000), H, 20_001)
     assert np.isnan(handed[0].Q).all()
@@ -116,7 +118,9 @@ def test_fit_points() -> None:
 
 
 STRONG = Case(0.8, -1.0, 30.0)
-"""The Cramér–Rao bound of this case is 0.036 for α and 0.41 for f after 3,000 samples."""
+"""A noise whose order is easy to find. After 3,000 samples, the smallest possible standard deviation
+(Cramér–Rao bound) is 0.036 for α and 0.41 for f.
+"""
 
 
 def test_truths() -> None:
@@ -128,14 +132,15 @@ def test_truths() -> None:
 
 
 def test_up_to_three_thousand_samples_live_is_the_whole_record() -> None:
-    """For such a short record, the live fit still holds every sample.
+    """The spectrum of the live fit still contains every sample of a record of up to 3,000 samples.
 
-    So it equals the fit of the whole record.
+    So the live fit equals the fit of the whole record.
     """
     y = samples(STRONG, 3, 3_000)
     truth = truths(STRONG)
     (live,), whole = live_readings(y, H, (3_000,), truth), whole_reading(y, H, truth)
-    # From the tenth ordinate on, f is known to a factor of two, and the two fits differ by a fifth of f.
+    # The two fits may use ordinates of the spectrum from different ones on. If the first is the tenth, f is
+    # known only to a factor of two, and the two fits differ by a fifth of f.
     for name, most in (("alpha", 0.03), ("F", 0.03), ("s2", 0.1), ("f", 0.25)):
         np.testing.assert_allclose(live.estimates[name], whole.estimates[name], rtol=most, atol=1e-3)
     for name in QUANTITIES:
@@ -145,9 +150,9 @@ def test_up_to_three_thousand_samples_live_is_the_whole_record() -> None:
 
 @pytest.mark.slow
 def test_strong_noise_is_found_and_its_intervals_hold() -> None:
-    """Of the intervals for 60 series of 20,000 samples, 95 % hold the truth.
+    """Of the intervals for 60 series of 20,000 samples, 95 % (57) are expected to contain the true value.
 
-    51 or fewer have a chance of 1 %.
+    The probability that 51 or fewer do is 1 %.
     """
     truth = truths(STRONG)
     _, found = live_readings(samples(STRONG, 60, 20_000), H, (3_000, 20_000), truth)
@@ -168,9 +173,9 @@ def test_white_noise_has_no_order_and_no_truth() -> None:
 
 
 def test_fitted_variances() -> None:
-    """The fitted Q and R are those of the noise, and never 0.
+    """The fitted variances Q and R are near those of the noise, and never 0.
 
-    For white noise, Q is the default and R the power.
+    For white noise, Q is the default, and R is the power of the samples.
     """
     noise = Case(0.8, -10.0, 3.0)
     Q, R = fitted_variances(samples(noise, 3, 10_000), H, 0.15, POWER)

@@ -1,4 +1,6 @@
-"""How often intervals hold the truth, over many series, and the reference method on short series."""
+"""Tests how the evaluation counts how often intervals contain the true value, over many series. Also tests
+its reference method on short series.
+"""
 
 import numpy as np
 import pytest
@@ -21,7 +23,7 @@ from tools.validation.evaluate.referee import judge, rms, share
 
 
 def test_points() -> None:
-    """The noises are eight stationary noises, with and without white noise."""
+    """Intervals are counted on eight stationary noises, with and without white noise."""
     assert len(set(POINTS)) == 8
     assert all(spectra.stationary(one.alpha, H**one.alpha * one.f) for one in POINTS)
     assert [one.name for one in POINTS if one.white == 0] == ["α = 0.4, f = -1, R = 0"]
@@ -30,9 +32,9 @@ def test_points() -> None:
 
 @pytest.mark.parametrize(("point", "least"), [(POINTS[1], 52), (POINTS[2], 48), (POINTS[3], 52)])
 def test_intervals_hold_the_truth(point: Point, least: int) -> None:
-    """Of 60 intervals 57 are expected to hold the truth; 51 or fewer do in one of a hundred cases.
+    """Of 60 intervals, 57 are expected to contain the true value. The probability that 51 or fewer do is 1 %.
 
-    For noise without a white part, some 92 % hold the truth.
+    For a noise without white noise, some 92 % of the intervals contain the true value.
     """
     found = count_coverage(point, 3_000, 60, 1)
     assert [row["quantity"] for row in found] == list(QUANTITIES)
@@ -47,7 +49,9 @@ def test_the_truth_has_the_spectrum_that_is_drawn(name: str) -> None:
 
 
 def test_intervals_of_two_relaxations_hold_the_truth() -> None:
-    """Of 20 intervals 19 are expected to hold the truth; 15 or fewer have a chance of 3 in a thousand."""
+    """Of 20 intervals, 19 are expected to contain the true value. The probability that 15 or fewer do is 0.3
+    %.
+    """
     rows = count_composite("two relaxations", 20)
     assert [row["quantity"].split(" of ")[0] for row in rows] == ["sigma", "tau_s", "sigma", "tau_s", "R"]
     assert rows[0]["same"] >= 16
@@ -64,7 +68,7 @@ def test_mixtures_are_not_called_fractional() -> None:
 
 @pytest.mark.slow
 def test_three_answers_to_the_same_series() -> None:
-    """For weakly dependent noise the three methods have similar errors.
+    """For noise whose samples depend only weakly on each other, the three methods have similar errors.
 
     Whittle's likelihood is right for such noise.
     """

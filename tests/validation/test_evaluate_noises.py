@@ -1,4 +1,6 @@
-"""The noises of `evaluate` are stationary and have the stated power and shares, or change during a run."""
+"""The simulated noises of `make validate ARGS=evaluate` are stationary, with the stated power and proportions
+of their components, or they change during a run.
+"""
 
 import numpy as np
 import pytest
@@ -14,7 +16,9 @@ GRID = grid(cases.ORDERS, cases.PARAMETERS, cases.STEP_RATIOS)
 
 
 def test_the_grid() -> None:
-    """The grid has white noise once, and all stationary noises. f = -3 at α = 0.2 is not stationary."""
+    """The grid of noises has white noise once, and each combination of α and f that is stationary. f = -3 at
+    α = 0.2 is not.
+    """
     assert GRID[0] == Case()
     assert len(GRID) == len(set(GRID)) == 53
     for case in GRID[1:]:
@@ -48,7 +52,7 @@ def test_samples_have_the_spectrum_from_the_first_on(case: Case) -> None:
         expected = noise.s2 * spectrum.fractional(power.lam, case.alpha, noise.g) + noise.R
     else:
         expected = np.full(len(power.lam), POWER)
-    for low in range(0, 480, 80):  # each block is a mean of 4,800 exponential variables
+    for low in range(0, 480, 80):  # each mean is one of 4,800 exponentially distributed values
         assert (power.power / expected)[:, low : low + 80].mean() == pytest.approx(1, abs=0.08)
     first, last = (y[part].var() for part in (slice(0, 300), slice(-300, None)))
     assert first == pytest.approx(last, rel=0.25)
@@ -78,7 +82,9 @@ def found() -> dict[tuple[str, bool], Row]:
 def test_three_time_constants_later_the_truth_is_back(
     shift: Shift, found: dict[tuple[str, bool], Row]
 ) -> None:
-    """At least 5 of 6 intervals hold the truth; with 95 % intervals fewer have a chance of 3 %."""
+    """With a memory that forgets, the fit follows a shift of the noise. At least 5 of 6 intervals contain the
+    true value. If each contains it with 95 %, the probability of fewer than 5 is 3 %.
+    """
     score = found[shift.name, True]
     assert score["series"] == SEEDS
     assert score["holds"] >= SEEDS - 1
@@ -89,7 +95,9 @@ def test_three_time_constants_later_the_truth_is_back(
 @pytest.mark.slow
 @pytest.mark.parametrize("shift", SHIFTS, ids=lambda shift: shift.name)
 def test_without_forgetting_the_verdict_says_it(shift: Shift, found: dict[tuple[str, bool], Row]) -> None:
-    """The verdict reports a shift. One that does not change the noise does not spoil the fit."""
+    """Without forgetting, the verdict reports that the noise has shifted ("not stationary"). A change after
+    which the noise is the same as before does not spoil the fit.
+    """
     score = found[shift.name, False]
     assert score["verdicts"].get("not stationary", 0) == (0 if shift.stationary else SEEDS)
     if shift.stationary:

@@ -38,7 +38,9 @@ FILTERS = [*(one.name for one in MAIN), *TUNED]
 
 @pytest.fixture(scope="module")
 def tiny(tmp_path_factory: pytest.TempPathFactory) -> list[Row]:
-    """Return the rows of a tiny evaluation, and one row of each part that it leaves out."""
+    """Return the rows of a tiny evaluation, with one made-up row for each part that the tiny evaluation
+    leaves out.
+    """
     rows = run_tasks(plan_tasks(TINY), Here(), tmp_path_factory.mktemp("tiny") / "evaluate.ndjson")
     of_others: dict[str, Row] = {
         "coverage": {"samples": 3_000, "series": 600, "held": 560, "undefined": 30},
@@ -55,7 +57,7 @@ def tiny(tmp_path_factory: pytest.TempPathFactory) -> list[Row]:
 
 
 def cell(tables: dict[str, Table], title: str, *names: str) -> list[str]:
-    """Return the cells of one row of a table, after its names."""
+    """Return the cells of the row whose first cells are `names`, without these first cells."""
     (found,) = (row for row in tables[title].rows if tuple(row[: len(names)]) == names)
     return list(found[len(names) :])
 
@@ -63,7 +65,7 @@ def cell(tables: dict[str, Table], title: str, *names: str) -> list[str]:
 def test_rows(tiny: list[Row]) -> None:
     """There is a row for every estimator, noise and length of the record.
 
-    Filters estimate α and f, and fits all their parameters.
+    The rows of filters are about α and f, those of fits about all their parameters.
     """
     scores = [row for row in tiny if row["kind"] == "rows"]
     keys = {tuple(row[name] for name in ("noise", "samples", "estimator", "quantity")) for row in scores}
