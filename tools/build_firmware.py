@@ -65,7 +65,7 @@ def compiler() -> str | None:
 
 
 def build(root: Path, mode: str, folder: Path, defines: Sequence[str] = ()) -> Image:
-    """Build one image, with all intermediate files in `folder`. If this fails, BuildError is raised.
+    """Build one firmware image, with all intermediate files in `folder`. A failure raises BuildError.
 
     `defines`: macros of firmware/core/settings.h, such as FLTEA_RATE_HZ=200.
 

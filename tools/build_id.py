@@ -58,5 +58,5 @@ def sources(root: Path) -> list[Path]:
 
 
 def outputs(root: Path) -> dict[str, str]:
-    """Return the header's path and text."""
+    """Return the path and the text of the header build_id.h."""
     return {HEADER: TEXT.format(version=version(root), build_id=build_id(root))}

@@ -1,8 +1,8 @@
 """`make run`: start the emulated Due with its real firmware and `fltea run` with its live page.
 
-Ctrl-C ends both. The noise of the sensor is so strong that its order is known after a minute. Its true
-parameters are printed first, and are part of the device's name. If standard output is no terminal and ARGS
-has no --format, one line a second is printed instead of every record.
+Ctrl-C ends both. The noise of the emulated sensor is so strong that its order is known after a minute. The
+true parameters of the noise are printed first, and are part of the device's name. If standard output is no
+terminal and ARGS has no --format, one line a second is printed instead of every record.
 
 On a terminal this program takes the foreground, so that Ctrl-C reaches the daemon and not make, which would
 report a failure.
@@ -38,8 +38,8 @@ NOISE = f"alpha={ALPHA:g}&f={F:g}&Q={noise_variance(ALPHA, S2_OVER_R * R, 1 / RA
 DEVICE = f"due-alpha_{ALPHA:g}-f_{F:g}"
 """Name of the serial port, which is also the device's name."""
 KNOWN = ((30, 0.08, 0.8), (60, 0.06, 0.6), (600, 0.02, 0.2))
-"""Smallest possible 95 % uncertainties after some times: (time [s], ± of α, ± of f). They were computed by
-tools/validation/evaluate/cramer_rao.py.
+"""Smallest possible 95 % uncertainties of the noise's parameters after some times, as (time [s], ± of α, ± of
+f). They were computed by tools/validation/evaluate/cramer_rao.py.
 """
 TRUTH = (
     f"make run: the truth: this sensor's noise has α = {ALPHA:g} and f = {F:g} s^-α, in white noise (s2/R = "
@@ -99,7 +99,7 @@ def stop(process: subprocess.Popen[str]) -> str:
 
 
 def page(arguments: list[str]) -> list[str]:
-    """Return the options for the live page; none if `arguments` already has such options.
+    """Return the options of `fltea run` for the live page, or none if `arguments` already has such options.
 
     The page is on its usual TCP port, or on any free port if that one is in use. If it is on the usual port,
     the daemon also stores the state of its estimators, so that the next run resumes from this one.
@@ -120,7 +120,7 @@ def page(arguments: list[str]) -> list[str]:
 def output(arguments: list[str]) -> list[str]:
     """Return the option for NDJSON, which this program summarises.
 
-    There is none on a terminal, or if the user has chosen a format.
+    No option is returned on a terminal, or if the user has chosen a format.
     """
     asked = any(argument.startswith("--format") for argument in arguments)
     return [] if asked or sys.stdout.isatty() else ["--format", "ndjson"]
@@ -136,7 +136,7 @@ class Summary:
         """For each device, the number of errors since the last line about it."""
 
     def line(self, text: str) -> str | None:
-        """Process a line of NDJSON; return the text to show, or None.
+        """Process a line of the daemon's NDJSON. Return the text to show for it, or None.
 
         A line that is not a record is returned unchanged.
         """

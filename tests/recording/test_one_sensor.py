@@ -99,8 +99,7 @@ def of_categories(folder: Path, columns: dict[str, list[Any]], **how: Any) -> St
 
 
 def hdf5(folder: Path, columns: dict[str, list[Any]], **how: Any) -> Stored:
-    # each file has a new name, since h5py may still hold the earlier one open
-    path = folder / f"{next(FILES)}.h5"
+    path = folder / f"{next(FILES)}.h5"  # a new name, since h5py may still hold the earlier file open
     with h5py.File(path, "w") as file:
         for name, values in columns.items():
             file[f"imu/{name}"] = values
@@ -137,9 +136,7 @@ def assert_is(stored: Stored, sensor: int, count: int = N) -> None:
 def test_one_of_several_is_asked_for_and_read(
     form: Callable[..., Stored], ids: list[str], later_s: float, tmp_path: Path
 ) -> None:
-    """The user is asked which sensor is meant, whether or not the sensors have equal times, and whatever
-    names or numbers identify the sensors.
-    """
+    """The user is asked for the sensor, whatever the sensors' names, with equal times or not."""
     columns = table(ids, [0, 1, 2] * N, later_s=later_s)
     asked = refusal(form, tmp_path, columns)
     assert f"which sensor is meant: column sensor_id tells several apart ({ids[0]}, {ids[1]}" in asked
@@ -155,9 +152,7 @@ def test_one_of_several_is_asked_for_and_read(
 
 @each_form
 def test_a_second_sensor_that_comes_late_is_asked_for(form: Callable[..., Stored], tmp_path: Path) -> None:
-    """If a second sensor appears only in the last row, the user is asked as well, although all earlier rows
-    have been read by then.
-    """
+    """A second sensor that appears only in the last row is asked for. The rows before it are discarded."""
     columns = table(WORDS, [0] * (N - 1) + [1])
     assert "(left, right)" in refusal(form, tmp_path, columns)
     assert_is(form(tmp_path, columns, topic="left"), 0, N - 1)
@@ -208,9 +203,7 @@ def test_a_row_that_does_not_say_its_sensor_is_of_none(ids: list[str], tmp_path:
 
 
 def test_other_rows_of_json_lines_are_left_out(tmp_path: Path) -> None:
-    """Rows of other kinds of sensors, such as barometers, have other keys in JSON lines, so they are left
-    out.
-    """
+    """In JSON lines, rows of another kind of sensor (a barometer) have other keys, and are left out."""
     path = tmp_path / "rest.jsonl"
     lines = []
     for k in range(N):
@@ -240,9 +233,7 @@ def test_rows_by_turns(form: Callable[..., Stored], count: int, tmp_path: Path) 
 
 @pytest.mark.parametrize(("count", "later_s"), [(2, 0.003), (3, 0.002)])
 def test_steps_that_come_again_are_sensors_in_turns(count: int, later_s: float, tmp_path: Path) -> None:
-    """Rows of two or three sensors alternate, and the steps between their times repeat. Such times are not
-    taken for an even clock of a higher rate, nor for bursts.
-    """
+    """The times of alternating sensors are not taken for an even clock of a higher rate, nor for bursts."""
     columns = table(NUMBERS, [*range(count)] * N, later_s=later_s)
     del columns["sensor_id"]
     asked = refusal(csv, tmp_path, columns)
@@ -256,10 +247,9 @@ def test_steps_that_come_again_are_sensors_in_turns(count: int, later_s: float, 
 def test_rows_by_turns_stay_in_turn_behind_a_lost_row(
     form: Callable[..., Stored], later_s: float, tmp_path: Path
 ) -> None:
-    """Rows of two sensors alternate, and some rows are lost. If both rows of a pair have the same time, it
-    cannot be known to which sensor a row belongs that has lost its partner.
+    """If both rows of a pair have the same time and one is lost, the sensor of the other row is unknown.
 
-    If the rows of a pair have different times, the time shows the sensor.
+    If the rows of a pair have different times, these show the sensor.
     """
     columns = table(NUMBERS, [0, 1] * N, later_s=later_s)
     lost = [60, 121, 240, 241, 301]
@@ -366,9 +356,7 @@ def test_live_rows_by_turns_end_the_reading(column: str, ids: list[str], later_s
 def test_alike_sensors_are_told_by_their_turns(
     form: Callable[..., Stored], column: str, later_s: float, tmp_path: Path
 ) -> None:
-    """A column with the numbers of the sensors is recognised whatever its name. The rates of the sensors do
-    not distinguish them, since all have the same size.
-    """
+    """The user is asked for a sensor by its number, whatever the name of the column with the numbers."""
     columns = table(NUMBERS, [0, 1] * N, column, later_s)
     asked = refusal(form, tmp_path, columns)
     assert f"which sensor is meant: column {column} tells several apart (0, 1)" in asked

@@ -1,6 +1,4 @@
-"""Tests units, rates and clocks of ROS bags: what the bag or the user states about them, and what the numbers
-show.
-"""
+"""Tests units, rates and clocks of ROS bags: what the bag or user states, and what the numbers show."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -111,10 +109,9 @@ def test_a_bag_in_radians_is_not_doubted(noise: float, bias: float, seed: int) -
 
 @pytest.mark.parametrize(("unit", "one"), [("lsb:131", 131.0), ("mrad/s", np.radians(1000.0)), ("mdps", 1e3)])
 def test_other_units_than_the_conventions_are_asked_for(tmp_path: Path, unit: str, one: float) -> None:
-    """If the rates of a bag are not in rad/s, the convention of ROS, the user is asked for the unit, even if
-    another unit would fit.
+    """If the rates in a bag cannot be in rad/s, the user is asked for the unit, even if another would fit.
 
-    What shows it is that no gyroscope at rest has such figures in rad/s.
+    The convention of ROS is rad/s, but no gyroscope at rest gives such figures in rad/s.
     """
     gyro = at_rest() * one
     gyro = np.rint(gyro) if unit.startswith("lsb:") else gyro
@@ -135,10 +132,9 @@ def test_rates_that_no_gyroscope_has_are_refused_by_whomever_their_unit_is(tmp_p
 
 @pytest.mark.parametrize("rests", [False, True])
 def test_a_robot_that_moves_is_not_doubted(tmp_path: Path, rests: bool) -> None:
-    """The unit of a robot's rates is not doubted because the rates are large. Vibration looks like noise, but
-    it also shakes the accelerometer.
+    """A robot's vibration looks like noise in a wrong unit, but it also shakes the accelerometer.
 
-    If the robot rests at times, its recording also has quiet stretches.
+    If the robot rests at times, its recording has quiet stretches. So the unit is not doubted.
     """
     rng = np.random.default_rng(5)
     moving = rng.normal(0, 0.2, (N, 3))
@@ -297,9 +293,7 @@ def test_ros_in_json_has_its_convention(tmp_path: Path, kind: str) -> None:
 
 
 def described(**texts: str) -> dict[str, Any]:
-    """Return a JSON Schema of a message. Its texts describe the message (`root`), the field of the rates
-    (`field`), each axis (`axis`), or an unrelated field (`other`).
-    """
+    """Return a JSON Schema whose texts describe the message (`root`), the field, an axis, or some other."""
     axis = {"type": "number", **({"description": texts["axis"]} if "axis" in texts else {})}
     field = {"type": "object", "properties": dict.fromkeys("xyz", axis)}
     if "field" in texts:
@@ -488,8 +482,7 @@ def test_arrivals_tell_the_unit_of_times(tmp_path: Path, unit_s: float) -> None:
 
 
 def test_a_unit_of_times_that_nothing_tells(tmp_path: Path) -> None:
-    # times that count by 7 from message to message, in no known unit
-    some = stamped((np.arange(N) * 7.0).tolist())
+    some = stamped((np.arange(N) * 7.0).tolist())  # times that count by 7 in no known unit
     stored = open_bag(write_objects(tmp_path / "a.mcap", some, STAMPS))
     assert stored.rate_hz == pytest.approx(RATE_HZ)
     assert (

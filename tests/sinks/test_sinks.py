@@ -1,6 +1,4 @@
-"""Tests of two outputs. One writes JSON lines that any JSON reader accepts, the other a table in the terminal
-with all numbers and units.
-"""
+"""Tests of two outputs: JSON lines that any JSON reader accepts, and the table with all numbers and units."""
 
 import io
 import json
@@ -192,9 +190,7 @@ def test_stream_that_takes_little_at_a_time_gets_everything(at_a_time: int) -> N
 
 
 def test_a_full_pipe_that_does_not_block_is_waited_for() -> None:
-    """If a pipe is full and does not block, the output waits. Another process that shares the pipe may have
-    set it to non-blocking.
-    """
+    """The output waits for a full pipe, even if another process has made the pipe non-blocking."""
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
     sink = NdjsonSink(io.FileIO(writer, "wb"), samples=True)
@@ -237,9 +233,7 @@ def test_full_disk_is_no_closed_pipe() -> None:
 
 
 def test_record_that_cannot_be_encoded_is_no_closed_pipe() -> None:
-    """A record that cannot be encoded raises an error that must not look as if the reader of the output had
-    ended.
-    """
+    """An error in encoding must not look as if the process that reads the output had ended."""
     with pytest.raises(UnicodeEncodeError):
         written(Error("silent", "a lone surrogate: \udcff", 1))
 
@@ -329,8 +323,7 @@ def test_each_axis_stands_in_the_sentence_that_the_page_has(width: int) -> None:
         ([HELLO, EPOCH, STATS], ["start-up window: 123 samples to go"], []),
         ([HELLO, OPENED], ["bad frames 2 "], []),
         ([HELLO, estimate(), EPOCH], ["no estimate yet"], ["0.412"]),
-        # a new epoch of the same sensor: its last fit is shown until the next one
-        ([HELLO, FIT, EPOCH], ["Fractional"], []),
+        ([HELLO, FIT, EPOCH], ["Fractional"], []),  # in a new epoch, the last fit stays shown until the next
         ([HELLO, estimate(), EPOCH, estimate()], [BARS[0]], []),
         ([estimate(gyro_x=WITHOUT_STD)], ["0.412"], ["0.412 ±", "None"]),
         # the library rich would read [bold] and [5 s] as markup if that were not switched off

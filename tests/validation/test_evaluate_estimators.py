@@ -139,8 +139,8 @@ def test_up_to_three_thousand_samples_live_is_the_whole_record() -> None:
     y = samples(STRONG, 3, 3_000)
     truth = truths(STRONG)
     (live,), whole = live_readings(y, H, (3_000,), truth), whole_reading(y, H, truth)
-    # The two fits may use ordinates of the spectrum from different ones on. If the first is the tenth, f is
-    # known only to a factor of two, and the two fits differ by a fifth of f.
+    # The ordinates of the spectrum from the tenth on show f only to a factor of two, so the two fits may
+    # differ by a fifth of f.
     for name, most in (("alpha", 0.03), ("F", 0.03), ("s2", 0.1), ("f", 0.25)):
         np.testing.assert_allclose(live.estimates[name], whole.estimates[name], rtol=most, atol=1e-3)
     for name in QUANTITIES:

@@ -89,7 +89,9 @@ def test_rows(tiny: list[Row]) -> None:
 
 @pytest.mark.slow
 def test_where_Q_and_R_come_from(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Fitted values of Q and R come from another record than the one on which the filter is run."""
+    """Filters may get fitted values of Q and R. These come from another record than the one on which the
+    filter is run.
+    """
     given: list[tuple[Any, Any]] = []
 
     def read(y: Any, h: float, config: Any, lengths: Any, Q: Any, R: Any) -> list[Reading]:
@@ -127,7 +129,9 @@ def test_plans() -> None:
 
 
 def scored(error: float, coverage: float, without: int = 0) -> Row:
-    """Return the row of twenty estimates that are off by ± `error`; `without` of them have no value."""
+    """Return a result row for twenty estimates of 0.5 that are wrong by ± `error`. `without`: number of
+    estimates without a value. `coverage`: proportion of the intervals that contain the true value.
+    """
     estimate = np.tile([0.5 - error, 0.5 + error], 10)
     covered = np.arange(20) < round(20 * coverage)
     found = score(estimate, np.arange(20) >= without, truth=0.5, covered=covered)
@@ -168,9 +172,10 @@ def test_tables_and_conclusion(tiny: list[Row]) -> None:
     ]
     triple = next(row for row in tiny if row["alpha"] is None and row["estimator"] == "triple")
     assert cell(tables, "White noise", "triple", "1,000")[2] == f"{triple['beyond_zero']:.0%}"
-    # Four series are too few for a ratio.
+    # The ratio is left out ("–"), since four series are too few for it.
     assert cell(tables, "Live over the whole record", "30", "1,000")[:2] == ["0 of 1", "–"]
-    # The counts of two parts of a plan are added: 95 % of 1,000 intervals, of which 40 are undefined.
+    # The table adds the counts of two parts of a plan: of 1,000 intervals, 40 are undefined, and 95 % contain
+    # the true value.
     (held,) = tables["Intervals, noise by noise"].rows
     assert held[:3] == ("any", "3,000", "1,000")
     assert held[3] == f"95.0% (93…96), 4% undefined, else {910 / 960:.1%}"
@@ -179,12 +184,12 @@ def test_tables_and_conclusion(tiny: list[Row]) -> None:
     assert isinstance(words, str)
     assert words.startswith("After 1,500 samples")
     assert "Where x has at least 90% of the power joint is right in" in words
-    assert "less than" not in words  # the plan has no noise for this sentence
+    assert "less than" not in words  # the tiny plan has no noise about which this sentence could be written
 
 
 @pytest.mark.slow
 def test_figures(tiny: list[Row], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Only two of the maps are drawn, since a map takes most of a second."""
+    """Only two of the maps of α and f are drawn here, since drawing a map takes most of a second."""
     monkeypatch.setattr(figures, "MAPS", {name: figures.MAPS[name] for name in ("error", "coverage")})
     drawn = figures.draw(tiny)
     assert set(drawn) == {"error", "coverage", "settings", "live"}
@@ -194,6 +199,6 @@ def test_figures(tiny: list[Row], monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_cell_is_empty_where_half_have_no_value() -> None:
     made = [scored(0.1, 1.0, without=lost) for lost in (9, 10)] + [{**scored(0.1, 1.0), "alpha": None}]
-    some, half = figures.shown(frame(made, "rows")).itertuples()  # white noise has no row
+    some, half = figures.shown(frame(made, "rows")).itertuples()  # the white noise (α None) gets no row
     assert (some.rmse, some.coverage, some.error_of_f) == pytest.approx((0.1, 1.0, 0.1))
     assert np.isnan([half.rmse, half.bias, half.coverage, half.error_of_f]).all()

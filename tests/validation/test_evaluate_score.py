@@ -1,4 +1,4 @@
-"""Scores of a few estimates are computed by hand.
+"""The scores of a few estimates equal those that are computed by hand.
 
 The Cramér–Rao bound is compared with closed forms and with numerical derivatives.
 """
@@ -26,8 +26,9 @@ def test_by_hand() -> None:
     assert found["rmse"] == pytest.approx(math.sqrt(18 / 4), rel=1e-5)
     assert found["median_error"] == 1.0
     assert found["reported_sd"] == 1.2
-    assert found["coverage"] == 0.5  # the intervals of estimates 2 and 3 hold the truth
-    assert found["beyond_zero"] == 0.75  # all but estimate 3, which is 1.5 σ off
+    assert found["coverage"] == 0.5  # 2 of 4: the intervals of estimates 2 and 3 contain the true value
+    # 3 of 4 are significantly not 0: all but estimate 3, which is 1.5 σ from 0
+    assert found["beyond_zero"] == 0.75
     assert found["cramer_rao_sd"] == 0.5
     assert found["sd_over_bound"] == pytest.approx(2 * math.sqrt(14 / 3), rel=1e-5)
 
@@ -60,7 +61,9 @@ CASES = [(0.3, -0.4, 2.0, 0.5), (0.6, -0.19, 1.0, 3.0), (0.8, -0.025, 0.03, 1.0)
 @settings(max_examples=25)
 @given(phi=st.floats(-0.95, 0.95))
 def test_ar1(phi: float) -> None:
-    """α = 1 and g = φ - 1 is AR(1), for which var φ = (1 - φ²)/n and var log s2 = 2/n."""
+    """An order α = 1 with g = φ - 1 is an autoregression AR(1) with coefficient φ. For n samples its bounds
+    are known: var φ = (1 - φ²)/n and var log s2 = 2/n.
+    """
     information = fisher(1.0, phi - 1, 2.5, 0.0, N)
     assert information[1, 1] == pytest.approx(N / (1 - phi**2), rel=1e-6)
     assert information[2, 2] == pytest.approx(N / 2, rel=1e-9)
@@ -69,13 +72,15 @@ def test_ar1(phi: float) -> None:
 
 @pytest.mark.parametrize("d", [0.05, 0.3, 0.45])
 def test_fractional_noise(d: float) -> None:
-    """g = 0 is ARFIMA(0, d, 0), for which the variance of d is 6/(π² n)."""
+    """An order with g = 0 is ARFIMA(0, d, 0) with d = α. For n samples, the bound of the variance of d is
+    6/(π² n).
+    """
     assert fisher(d, 0.0, 1.0, 0.0, N)[0, 0] == pytest.approx(N * math.pi**2 / 6, rel=1e-6)
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_total_power_is_known_to_two_over_n(case: tuple[float, float, float, float]) -> None:
-    """Scaling s2 and R together scales the spectrum."""
+    """Scaling the variances s2 and R together scales the spectrum."""
     assert fisher(*case, N)[2:, 2:].sum() == pytest.approx(N / 2, rel=1e-9)
 
 
@@ -87,9 +92,10 @@ def log_spectrum(p: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("case", CASES)
 def test_bound_of_alpha_and_f_by_differences(case: tuple[float, float, float, float]) -> None:
-    """The bound for α and f agrees with one that is computed by finite differences.
+    """The Cramér–Rao bound for α and f agrees with one that is computed by finite differences.
 
-    It has f as a parameter, and uses the derivatives of the spectrum from the Whittle fit.
+    The bound that is tested is computed with g as a parameter. The one for comparison has f, and the
+    numerical derivatives of the spectrum that the Whittle fit uses.
     """
     alpha, g, s2, R = case
     here = np.array([alpha, spectrum.f_of(alpha, g, H), math.log(s2), math.log(R)])
@@ -118,5 +124,7 @@ def test_bound_of_alpha_and_f_by_differences(case: tuple[float, float, float, fl
     ],
 )
 def test_means_over_the_frequencies(shape: np.ndarray, expected: float) -> None:
-    """Means are computed for AR(1) with a memory of up to 100,000 samples, and for a pole at λ = 0."""
+    """The mean over all frequencies is right even for sharp spectra: of an autoregression AR(1) with a memory
+    of up to 100,000 samples, and with a pole at λ = 0.
+    """
     assert mean(shape) == pytest.approx(expected, rel=1e-5)

@@ -22,8 +22,9 @@ def toeplitz(gamma: Array) -> Array:
 
 
 def multivariate(gamma: Array, y: Array) -> float:
-    """Return -log of the normal density of y, at the best mean and scale, from the whole covariance
-    matrix."""
+    """Return the negative logarithm of the normal density of y, computed from the whole covariance matrix, at
+    the mean and scale that fit best.
+    """
     n, ones = len(y), np.ones(len(y))
     matrix = toeplitz(gamma)
     mean = ones @ np.linalg.solve(matrix, y) / (ones @ np.linalg.solve(matrix, ones))
@@ -48,7 +49,9 @@ def test_sixty_samples_against_the_whole_matrix(alpha: float, share: float, weig
 
 @pytest.mark.parametrize("phi", [-0.9, 0.3, 0.95, 0.999])
 def test_ar1(phi: float) -> None:
-    """γ(k) = φ^k / (1 - φ²). Each sample adds to the likelihood only what its neighbour does not predict."""
+    """An autoregression AR(1) with coefficient φ has the autocovariance γ(k) = φ^k / (1 - φ²) at lag k. Each
+    sample adds to the likelihood only what the sample before does not predict.
+    """
     gamma = autocovariance(1 / (1 - 2 * phi * np.cos(FREQUENCIES) + phi**2), 3000)
     np.testing.assert_allclose(gamma * (1 - phi**2), phi ** np.arange(3000.0), atol=1e-4)
     y = np.random.default_rng(5).standard_normal((3000, 1))
@@ -59,17 +62,18 @@ def test_ar1(phi: float) -> None:
 
 @pytest.mark.parametrize("d", [0.1, 0.3, 0.45])
 def test_fractional_noise(d: float) -> None:
-    """For g = 0 the spectrum has a pole at λ = 0, and the autocovariance a closed form.
+    """For g = 0 the spectrum of an order has a pole at λ = 0, and the autocovariance γ has a closed form.
 
-    It is γ(0) = Γ(1 - 2d)/Γ(1 - d)² and γ(k)/γ(k - 1) = (k - 1 + d)/(k - d).
+    With the order d, this form is γ(0) = Γ(1 - 2d)/Γ(1 - d)² and γ(k)/γ(k - 1) = (k - 1 + d)/(k - d) at lag
+    k.
     """
     gamma = autocovariance(spectra.fractional(FREQUENCIES, d, 0.0), 2000)
     k = np.arange(1.0, 2000)
     expected = (
         math.gamma(1 - 2 * d) / math.gamma(1 - d) ** 2 * np.cumprod(np.append(1, (k - 1 + d) / (k - d)))
     )
-    # The noise's memory is longer than the period used for the computation, and adds a constant over so few
-    # lags.
+    # The computation assumes a periodic noise. The true noise's memory is longer than this period, which
+    # changes all of these few lags by the same constant.
     np.testing.assert_allclose(gamma - gamma[0], expected - expected[0], atol=2e-3 * expected[0])
 
 
@@ -88,9 +92,9 @@ def test_lengths(n: int) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1])
 def test_the_fit_is_a_maximum_and_its_interval_is_where_it_ends(seed: int) -> None:
-    """For 600 samples no neighbouring parameters have a larger likelihood.
+    """The exact fit to 600 samples is a maximum: no neighbouring parameters have a larger likelihood.
 
-    The fall of 2 log L decides which orders are in the interval.
+    The interval of the order has all orders for which 2 log L has fallen little enough.
     """
     case = Case(0.8, -10.0, 30.0)
     series = ExactSeries(samples(case, 2, 600)[:, seed], H)

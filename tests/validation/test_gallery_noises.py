@@ -1,4 +1,6 @@
-"""Spectra of the gallery's noises agree with closed forms, by an independent periodogram."""
+"""The samples of the gallery's noises have the spectra of their closed forms, as an independent periodogram
+shows.
+"""
 
 import ast
 import itertools
@@ -15,7 +17,8 @@ from tools.validation.gallery.noises import NOISES
 from tools.validation.gallery.parts import Fractional, Relaxation
 from tools.validation.recursions import FractionalState
 
-pytestmark = pytest.mark.slow  # these tests check the reference for other tests, no part of the program
+# the tests in this file check a reference of other tests, and no part of the program
+pytestmark = pytest.mark.slow
 
 GENERATORS = ("../recursions", "parts", "noise", "noises", "periodic", "contrast")
 SAMPLES, SEGMENT = 1 << 16, 1 << 11
@@ -25,9 +28,9 @@ PLAIN = [name for name, noise in NOISES.items() if noise.treatment is None]
 
 @pytest.mark.parametrize("module", GENERATORS)
 def test_nothing_is_shared_with_the_fits(module: str) -> None:
-    """The gallery shares no code with the fits.
+    """The gallery of `make validate`, which judges verdicts, shares no code with the fits that it judges.
 
-    This holds for the noises, and for the rules on which verdicts are right.
+    This is so for its noises, and for its rules on which verdicts are right.
     """
     source = (Path(recursions.__file__).parent / "gallery" / f"{module}.py").read_text(encoding="utf-8")
     names: list[str] = []
@@ -37,7 +40,8 @@ def test_nothing_is_shared_with_the_fits(module: str) -> None:
         elif isinstance(node, ast.ImportFrom):
             names.append(node.module or "")
     ours = [name for name in names if name.startswith(("fltea", "tools"))]
-    shared = ("fltea.records.fit", "fltea.records.arrays", "tools.validation.recursions")  # names
+    # these only define names, types and the plain recursion
+    shared = ("fltea.records.fit", "fltea.records.arrays", "tools.validation.recursions")
     assert all(name.startswith("tools.validation.gallery.") or name in shared for name in ours)
 
 
@@ -47,18 +51,18 @@ def test_spectrum(name: str) -> None:
     noise = NOISES[name]._replace(lines=(), drift=None)
     y = noise.draw(SAMPLES, RATE_HZ, np.random.default_rng(5))
     _, power = welch(y, window="hann", nperseg=SEGMENT, scaling="density", fs=2 * np.pi)
-    power *= np.pi  # so that white noise of variance R has the power R
+    power *= np.pi  # scaled so that white noise of variance R has the power R
     lam = 2 * np.pi * np.arange(SEGMENT // 2 + 1) / SEGMENT
     edges = np.unique(np.geomspace(5, SEGMENT // 2 - 3, 9).astype(int))
-    # The window of a short segment smears steep spectra. This is approximated by the mean of neighbouring
-    # frequencies.
+    # In Welch's periodogram, the window of a short segment smears steep spectra. Here, a weighted mean over
+    # neighbouring frequencies approximates this.
     fine = np.linspace(-1.5, 1.5, 31)
     near = noise.spectrum((lam[5:, np.newaxis] + fine * lam[1]).ravel(), RATE_HZ).reshape(-1, len(fine))
     weight = np.cos(np.pi * fine / 4) ** 8
     smeared = np.concatenate([np.ones(5), near @ weight / weight.sum()])
     for begin, end in itertools.pairwise(edges):
         expected, got = smeared[begin:end].sum(), power[begin:end].sum()
-        # effective share of a single ordinate in the power of the band
+        # proportion of one ordinate in the power of the band, if it had equal ordinates
         share = (smeared[begin:end] ** 2).sum() / expected**2
         spread = math.sqrt(share / (SAMPLES / SEGMENT * 1.3))
         assert got / expected == pytest.approx(1, abs=5 * spread + 0.03), f"ordinates {begin} to {end}"

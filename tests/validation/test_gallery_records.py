@@ -71,7 +71,9 @@ def test_tables() -> None:
 
 
 def test_two_runs_cell_by_cell() -> None:
-    """A cell of the table that only one of the runs has is not counted."""
+    """Two runs of the gallery are compared cell by cell of their tables. A cell that only one of the runs has
+    is not counted.
+    """
     after = [
         seen("white", "white", "right"),
         seen("white", "fractional", "wrong", 1),

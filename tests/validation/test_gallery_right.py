@@ -1,4 +1,6 @@
-"""What a record can distinguish, and which verdicts on it are right."""
+"""Tests the gallery's rules: which models a record can distinguish, and which verdicts on it are therefore
+right.
+"""
 
 from typing import get_args
 
@@ -11,7 +13,8 @@ from tools.validation.gallery.contrast import Bins, bins_of, shortfall
 from tools.validation.gallery.noises import NOISES
 from tools.validation.gallery.right import Right, right_verdicts
 
-pytestmark = pytest.mark.slow  # these tests check the reference for other tests, no part of the program
+# the tests in this file check a reference of other tests, and no part of the program
+pytestmark = pytest.mark.slow
 
 
 def bins(name: str, rate_hz: float = 100.0, seconds: float = 600.0) -> Bins:
@@ -23,9 +26,10 @@ def right(name: str, rate_hz: float = 100.0, seconds: float = 600.0) -> Right:
 
 
 def test_shortfall_is_the_mean_of_the_likelihood_ratio() -> None:
-    """The shortfall is the mean of 2 log L of the truth minus that of a model.
+    """The shortfall of a model is how far its 2 log L is below that of the true spectrum, in the mean over
+    many records.
 
-    The ordinates are exponential variables, whose mean is the true spectrum.
+    The ordinates of these records are drawn: exponential variables, whose mean is the true spectrum.
     """
     lam = np.pi * (np.arange(400) + 0.5) / 400
     truth, model = 1 + np.cos(lam) ** 2, np.ones((1, 400))
@@ -33,7 +37,7 @@ def test_shortfall_is_the_mean_of_the_likelihood_ratio() -> None:
     size = power.mean(axis=1)  # the scale with which the model fits best
     ratio = 2 * (400 * np.log(size) + 400 - (np.log(truth) + power / truth).sum(axis=1))
     expected = float(shortfall(Bins(lam, np.ones(400), truth), model)[0])
-    # The scale is fitted, too, which increases 2 log L by one on average.
+    # The model's scale is fitted to each record, which increases its 2 log L by one on average.
     assert ratio.mean() == pytest.approx(expected - 1, abs=4 * ratio.std() / np.sqrt(4_000))
     assert ratio.std() == pytest.approx(2 * np.sqrt(expected), rel=0.3)
 

@@ -1,4 +1,4 @@
-"""The parts `odds` and `growth` of `make validate` on a few noises: their counts and tables."""
+"""Tests the counts and tables of `make validate ARGS=odds` and `ARGS=growth` on a few noises."""
 
 from typing import Any
 
@@ -32,9 +32,9 @@ def test_tasks_differ() -> None:
 
 
 def test_odds_that_come_true_are_on_the_line() -> None:
-    """Three in four noises with odds of 3 : 1 have an order.
+    """Odds come true if three in four noises with odds of 3 : 1 have an order.
 
-    There are a hundred noises of each kind, weighted by the kinds' proportions.
+    Here a hundred noises of each kind are made up, and weighted by the kinds' proportions.
     """
     rows = [row("order", k, 5.0, 2.0) for k in range(100)]
     rows += [row(name, k, 5.0, 2.0) for name in POPULATIONS if name != "order" for k in range(50)]

@@ -1,4 +1,4 @@
-"""The smaller parts of `make validate` on a few short series: their counts and tables."""
+"""Tests the counts and tables of the smaller parts of `make validate` on a few short series."""
 
 from typing import Any
 
@@ -12,7 +12,9 @@ from tools.validation.tables import Table
 
 
 def cells(tables: list[Any]) -> list[Any]:
-    """Return all rows of all tables, after a check that each has as many cells as headings."""
+    """Check that each row of each table has as many cells as the table has headings. Return all rows of all
+    tables.
+    """
     for one in tables:
         assert isinstance(one, Table)
         assert one.rows
@@ -43,9 +45,9 @@ def test_the_bias_is_near_the_best_possible(noise: str) -> None:
 def test_about_five_white_series_in_a_hundred_are_rejected(
     noise: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Of 200 short series about ten are rejected.
+    """Of 200 short series of white noise, the null test rejects about ten.
 
-    3 or fewer and 19 or more have a chance of 1 % together.
+    The probability of 3 or fewer, or of 19 or more, is 1 %.
     """
     monkeypatch.setitem(power.LENGTHS, "30 s", 1_000)
     rows = power.count(noise, "30 s", 200)
@@ -94,7 +96,9 @@ def test_an_axis_looked_at_all_the_while(noise: str, rules: list[str]) -> None:
 
 
 def test_critical_values_rise_with_the_correlation() -> None:
-    """Without correlation one bound does not depend on the other, and the critical value is 3.84."""
+    """The critical value of 2 log L for two bounds rises with their correlation. Without correlation one
+    bound does not depend on the other, and the critical value is 3.84.
+    """
     points = {row["rho"]: row["critical"] for row in bound.critical_values()}
     assert points[0.0] == pytest.approx(3.84 + 0.0, abs=0.03)
     assert list(points.values()) == sorted(points.values())

@@ -40,8 +40,8 @@ sample_frames = st.builds(encode, samples, sequences, times)
 def good_frames(draw: st.DrawFn) -> bytes:
     """Draw a good frame.
 
-    The strategy is composite for the sake of its short repr, which hypothesis writes for every rejected
-    example.
+    This strategy is composite because its repr is short. Hypothesis writes the repr for every rejected
+    example, which takes time.
     """
     return encode(draw(st.one_of(samples, messages)), draw(sequences), draw(times))
 
@@ -62,7 +62,7 @@ runs = st.builds(
 idle = st.builds(bytes, st.integers(1, 3))
 parts = st.one_of(good, intact, mutated, cut, runs, idle, st.binary(max_size=300))
 # Half of the frames are samples, so that several samples in a row occur before, between and after other
-# frames. (With `one_of`, equal branches would be merged.)
+# frames. `one_of` could not do this, since it merges equal branches.
 halves = st.booleans().flatmap(lambda sample: sample_frames if sample else parts)
 streams = st.lists(halves, max_size=12).map(b"".join)
 
@@ -144,7 +144,7 @@ def test_columns_are_plain_arrays_of_their_own(n: int) -> None:
     types = ["int64", "int64", "int16", "int16", "int16", "int64", "int64"]
     for (name, column), type in zip(columns._asdict().items(), types, strict=True):
         assert (column.dtype, column.shape) == (np.dtype(type), shapes.get(name, (n,)))
-        assert column.flags.carray  # says that the array is contiguous, aligned and writable
+        assert column.flags.carray  # `carray` says that the array is contiguous, aligned and writable
     assert columns.sequence.tolist() == list(range(n))
     assert columns.device_us.tolist() == list(range(0, 10 * n, 10))
     assert columns.gyro.tolist() == [[12, -7, 3]] * n
@@ -169,8 +169,8 @@ def damaged(frame: bytes, pattern: int, start: int) -> bytes:
 
 def must_be_rejected(frame: bytes, pattern: int, start: int) -> None:
     hurt = damaged(frame, pattern, start)
-    # With the 0x00 in front, the damaged frame does not count as "partial". The 0x00 behind ends the frame if
-    # its own is damaged.
+    # The 0x00 in front makes the damaged frame a whole one, so it does not count as "partial". The 0x00
+    # behind ends the frame if the frame's own closing 0x00 is damaged.
     found = FrameReader().feed(b"\0" + hurt + b"\0" + NEXT)
     assert [item.sequence for item in found if isinstance(item, Frame)] == [99], (hurt.hex(), pattern, start)
     assert len(found) == 1
@@ -180,7 +180,8 @@ def must_be_rejected(frame: bytes, pattern: int, start: int) -> None:
 def test_bursts_are_rejected(message: wire.Message) -> None:
     """Every start and length of a burst of errors is tried.
 
-    In the burst, all bits are wrong, or the first and last, or random ones in between as well.
+    In a burst of errors, three sets of bits are wrong: all bits, only the first and the last, or these and
+    random ones in between.
     """
     # A UART sends bits 0 to 7 of a byte in this order, so a burst on the wire concerns successive bits. A
     # burst that begins before the closing 0x00 may reach into the next frame. Bursts in the 0x00 alone are
@@ -220,7 +221,8 @@ def test_what_is_not_bytes_is_refused_and_changes_nothing() -> None:
 
 
 def test_threads_may_share_a_decoder() -> None:
-    # Each call gets so many frames that other threads run meanwhile. Nothing may be lost or mixed.
+    # Several threads decode at the same time. Each call gets so many frames that other threads run meanwhile.
+    # No thread may lose frames or get those of another thread.
     decoder = _native.Decoder()
     with ThreadPoolExecutor(4) as threads:
         calls = [threads.submit(decoder.feed, encode(SAMPLE, k, k) * 2000) for k in range(40)]

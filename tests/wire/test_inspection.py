@@ -1,4 +1,6 @@
-"""Tests that inspection prints a line for every frame of a stream, of each kind, good or bad."""
+"""Tests that `fltea inspect` prints a line for every frame of a stream of bytes: frames of each kind, good or
+bad.
+"""
 
 from collections import Counter
 from pathlib import Path

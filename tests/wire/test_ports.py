@@ -1,6 +1,6 @@
 """Tests of many serial ports in one loop.
 
-Whatever one port does, the others lose nothing, and all are read in every round of the loop.
+Whatever one port does, the other ports lose nothing, and all ports are read in every round of the loop.
 """
 
 import contextlib
@@ -52,7 +52,7 @@ class Loop:
         return b"".join(event.data for event in self.heard[place] if isinstance(event, Reads))
 
     def kinds(self, place: int) -> list[str]:
-        """Return, in order, whether the port was opened, or why it failed."""
+        """Return what happened to one port, in order: "opened", or the kind of a failure."""
         events = (event for event in self.heard[place] if isinstance(event, Opened | Failed))
         return [event.kind if isinstance(event, Failed) else "opened" for event in events]
 
@@ -84,7 +84,9 @@ def many(terminals, loop_of) -> tuple[list[Terminal], Loop]:
 def test_what_comes_from_a_port_is_its_own_in_any_order_of_sending_and_reading(
     many: tuple[list[Terminal], Loop], story: list[tuple[int, bytes | None]]
 ) -> None:
-    """In `story`, None stands for a round of the loop. All examples use the same ports."""
+    """`story`: what happens in order: bytes that a port receives, or None for a round of the loop. All
+    examples use the same ports.
+    """
     terminals, loop = many
     sent = [loop.data(place) for place in range(10)]
     for place, data in story:
@@ -157,8 +159,8 @@ def test_one_that_floods_loses_nothing_and_holds_up_nobody(terminals, loop_of) -
             for _ in range(100):  # writes until the terminal is full, before every round
                 flood += os.write(many[1].master, bytes(1000))
         many[k % 2 * 2].send(b"x")
-        # Bytes written to a terminal may arrive a moment later. Reading everything that a full terminal holds
-        # would take 16 reads.
+        # Bytes written to a terminal may arrive a moment later, so several rounds may be needed. Reading
+        # everything that the full terminal holds would take 16.
         floods = 0
         while len(loop.data(0)) + len(loop.data(2)) <= k:
             before = len(loop.heard[1])
@@ -170,7 +172,7 @@ def test_one_that_floods_loses_nothing_and_holds_up_nobody(terminals, loop_of) -
 
 
 def test_reads_wait_for_each_other_and_keep_their_own_times(monkeypatch) -> None:
-    """A pipe stands for the port, since bytes arrive through it at once."""
+    """A pipe replaces the port, since bytes that are written to a pipe can be read at once."""
     near, far = os.pipe()
     os.set_blocking(near, False)
     monkeypatch.setattr(Port, "fileno", lambda port: near)
@@ -192,7 +194,7 @@ def test_reads_wait_for_each_other_and_keep_their_own_times(monkeypatch) -> None
 
 
 def waiting(descriptor: int) -> int:
-    """Return the number of bytes that are not yet read."""
+    """Return the number of bytes that wait to be read from a descriptor."""
     (found,) = struct.unpack("i", fcntl.ioctl(descriptor, termios.FIONREAD, bytes(4)))
     return int(found)
 
@@ -227,7 +229,7 @@ def test_sockets_and_their_loss(loop_of) -> None:
             peer.sendall(b"%d" % k * 1000)
         loop.until(lambda: len(loop.data(0)) == len(loop.data(1)) == 1000, "both")
         assert {loop.data(0)[:1], loop.data(1)[:1]} == {b"0", b"1"}
-        dead = int(loop.data(1)[:1] == b"0")  # the port whose other side is peers[0]
+        dead = int(loop.data(1)[:1] == b"0")  # index of the port whose other side is peers[0]
         peers[0].sendall(b"last words")
         peers[0].close()
         loop.until(lambda: loop.kinds(dead)[-1] == "unplugged", "the loss")
@@ -277,7 +279,7 @@ def test_closing_frees_every_port_also_one_that_was_just_opened(monkeypatch, ter
     opened = loop.ports._openings._opened
     wait_until(lambda: opened.qsize() == 2, "ports that the loop does not know to be open")
     loop.ports.close()
-    loop.ports.wake()  # a call after closing does no harm
+    loop.ports.wake()  # a call of `wake` after `close` does no harm
     go.set()
     assert released.wait(PATIENCE_S)
     for one in many:

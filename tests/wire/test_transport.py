@@ -83,7 +83,7 @@ def broken(*arguments: object) -> bytes:
 def test_any_exception_of_a_driver_becomes_an_event(monkeypatch, readers) -> None:
     monkeypatch.setattr(type(serial.serial_for_url("loop://")), "read", broken)
     events = readers("loop://").events(0.05)
-    for _ in range(2):  # twice, since the thread must go on after an exception
+    for _ in range(2):  # twice, since the reading thread must go on after an exception
         next_of(Opened, events)
         assert "NoneType" in failure(events).message
 
@@ -179,9 +179,10 @@ def test_what_the_operating_system_says_is_explained(number: int, kind: str, wor
 
 
 def test_no_permission_names_what_opens_the_port(monkeypatch) -> None:
-    """All cases are in tests/machine/test_devices.py.
+    """Without permission for the port, the error names the command that gives it. All cases are tested in
+    tests/machine/test_devices.py.
 
-    While fltea searches for a board, the board's port is unknown.
+    While fltea searches for a board, the port is unknown, so the error names the usual group of ports.
     """
     monkeypatch.setattr(transport, "this_user", lambda: User("anna", set(), set()))
     denied = PermissionError(errno.EACCES, "denied")
@@ -201,7 +202,9 @@ def test_urls_that_no_retry_can_cure_are_refused(url: str) -> None:
 def test_urls_that_write_files_or_load_classes_are_refused_before_pyserial_sees_them(
     scheme: str, tmp_path: Path
 ) -> None:
-    """For `spy:`, pyserial empties the file named by `?file=` when it parses the URL."""
+    """Other schemes of pyserial's URLs are refused before pyserial sees them. For `spy:`, pyserial would
+    empty the file named by `?file=` when it parses the URL.
+    """
     file = tmp_path / "mine"
     file.write_text("kept")
     with pytest.raises(UsageError, match=f"'{scheme.lower()}://' is not among the kinds of addresses"):

@@ -1,13 +1,13 @@
 """Measures the whole program: the cost of recordings from file to output, and of live devices.
 
-One or two commits are measured.
+The present program is measured, and that of another commit if one is named.
 
     make bench ARGS='--chain --against HEAD~3 --rows 300,ndjson'
 
-Every round measures each row with one program and right after it with the other program, on the same samples,
-so that a busy machine slows both. "Peers" are other programs that read such files. Live devices send white
-noise, or coloured noise, whose fits take longer. The engine alone processes the samples of an hour; the ratio
-of processor times tells what the chain adds to the engine.
+A row of the result is one task. Every round measures each row with one program, and right after that with the
+other program, on the same samples. So a busy machine slows both. "Peers" are other programs that read such
+files. Live devices send white noise, or coloured noise, whose fits take longer. The engine alone processes
+the samples of an hour; the ratio of processor times tells what the chain adds to the engine.
 """
 
 import os
@@ -35,10 +35,10 @@ FAILED = (RuntimeError, OSError, psutil.Error, subprocess.SubprocessError)
 
 
 class Column(NamedTuple):
-    """How a table shows a figure.
+    """How a table shows one of the measured figures in a column.
 
-    `whole`: whether the goal is for every run instead of the median of the runs. `ratio`: whether the ratio
-    of the two programs' figures is shown.
+    `whole`: whether every run has to reach the goal, instead of the median of the runs. `ratio`: whether the
+    ratio of the two programs' figures is shown.
     """
 
     heading: str
@@ -111,7 +111,7 @@ def measure(
 
 
 def _measured(row: Row, files: Files, program: Program, engine_s: float) -> Figures:
-    """Measure a row once for one program, and print the figures.
+    """Measure one row (a task) once for one program, and print the figures.
 
     If the program fails, the result is the reason, so that the other rows are still measured.
     """
@@ -150,9 +150,9 @@ def not_reached(runs: Mapping[str, Mapping[str, Sequence[Figures]]]) -> list[str
 
 
 def text(found: dict[str, Any]) -> str:
-    """Return the tables.
+    """Return the tables of results.
 
-    For each row they list the programs one below the other, their ratio and the goals.
+    For each row, the tables list the programs one below the other, the ratio of their figures, and the goals.
     """
     lines = []
     for kind, title in TITLES.items():

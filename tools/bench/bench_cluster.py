@@ -116,8 +116,8 @@ def _timed(files: Path, ask: Ask, address: str, folder: Path, *, failing: bool =
 def text(found: dict[str, Any]) -> str:
     """Return the figures as a table.
 
-    Processor time depends less than other times on how busy the machine is. That of the client includes the
-    scheduler.
+    Processor time depends less than wall-clock time on how busy the machine is. The processor time of the
+    client includes that of the scheduler.
     """
     lines = ["workers  what                      files/s      MB/s  worker cpu s/file  client cpu ms/file"]
     for workers in (1, 2):

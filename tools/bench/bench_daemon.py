@@ -36,7 +36,7 @@ OPEN_WITHIN_S = 60.0
 """
 LOST = ("lost", "overflow_bytes", "dropped", "port_full", "missing", "unrecorded_bytes", "errors")
 OTHER_FILES = 100
-"""Number of open files in addition to the two of each port."""
+"""Number of files that may be open in addition to the two of each port."""
 LOOKS = 10
 """Number of measurements of the memory in a run."""
 
@@ -146,9 +146,9 @@ def _daemon(stack: contextlib.ExitStack, of: Setting, folder: Path, program: Pro
 
 
 def _wait_until_open(daemon: Any, devices: int, folder: Path) -> None:
-    """Wait until all ports are open, and a second more.
+    """Wait until the daemon has opened all ports, and a second more.
 
-    A longer wait would lead to reports on devices that are silent for 5 s.
+    After a longer wait, the daemon would report that the devices, which send nothing yet, are silent for 5 s.
     """
     files, until_s = psutil.Process(daemon.pid), time.monotonic() + OPEN_WITHIN_S
     with contextlib.suppress(psutil.Error):  # The daemon may have ended.

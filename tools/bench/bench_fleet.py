@@ -24,7 +24,7 @@ SENSORS, EVERY_S, ROUNDS = 500, 2.5, 6
 
 
 def measure(devices: int = SENSORS, rounds: int = ROUNDS) -> dict[str, Any]:
-    """Run once.
+    """Run `fltea fleet` once, and return its figures.
 
     Each of `devices` sensors sends a fit and statistics every 2.5 s, and now and then a status.
     """

@@ -24,7 +24,9 @@ from tools.validation.tables import Table
 
 DEVICES, SECONDS = 200, 15
 KILL_S, KILLED_S = 10, 25
-"""Time [s] during which two workers share the devices, and time after one of them has been killed."""
+"""KILL_S: time [s] during which two workers share the devices. KILLED_S: time [s] that is measured after one
+worker was killed.
+"""
 SETTLE_S = 5.0
 """Time [s] after which every device is processed and its start-up window is full."""
 PARTITIONS, WORKERS = 16, 2
@@ -49,11 +51,11 @@ def measure(devices: int = DEVICES, seconds: int = SECONDS) -> dict[str, Any]:
 
 
 class _Programs:
-    """Several processes of `fltea run`, and the records that they write."""
+    """The processes of `fltea run` that are measured (one or two), and the records that they write."""
 
     def __init__(self, folder: Path, stack: contextlib.ExitStack, count: int, *arguments: str) -> None:
-        # The file is opened for appending, because reading moves the file position, which both processes
-        # share.
+        # The file is opened for appending, because this process reads it. Reading moves the file position,
+        # which a process that writes the file shares.
         self._files = [stack.enter_context((folder / f"out{k}").open("a+b")) for k in range(count)]
         command = ("run", *arguments, "--every", EVERY, "--format", "ndjson")
         self.processes = [
@@ -78,14 +80,14 @@ class _Programs:
     def have_estimated(self, seq: int, devices: int) -> bool:
         """Return whether all devices have an estimate of sample `seq`.
 
-        They then have all estimates before it, too.
+        The estimates before sample `seq` are written by then, too.
         """
         return len({one["device"] for one in self.records("estimate") if one["seq"] == seq}) == devices
 
     def estimates(self) -> tuple[int, int]:
         """Return how many estimates were made twice, and how many are missing.
 
-        The first and the last estimate of any device are the limits.
+        Missing estimates count between the first and the last estimate of any device.
         """
         seen: dict[str, Counter[int]] = {}
         for one in self.records("estimate"):
@@ -177,7 +179,7 @@ def _counted(programs: _Programs) -> dict[str, Any]:
 def text(found: dict[str, Any]) -> str:
     """Return the figures as a table.
 
-    After a worker was killed, `delivered` is what the other worker has counted since it took over.
+    After a worker was killed, `delivered` is the count of the other worker since it took over the devices.
     """
     keys = (
         "devices",

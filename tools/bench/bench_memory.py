@@ -36,21 +36,21 @@ class Timed(Memory):
 
     @property
     def bytes(self) -> int:
-        """Size of the memory of all lanes together [bytes]."""
+        """Return the size of the memory of all lanes together [bytes]."""
         return int(self._library.probe_bytes(self._probe))
 
     @property
     def grid_step(self) -> float:
-        """Distance between the logarithms of the decay rates of neighbouring modes."""
+        """Return the distance between the logarithms of the decay rates of neighbouring modes."""
         out = np.zeros(3)
         self._library.probe_nodes(self._probe, out)
         return float(out[2])
 
 
 def worst_errors(memory: Memory, low: float, high: float) -> tuple[float, float]:
-    """Return the largest relative errors of the coefficients c_j and of c_j^2, for orders `low` to `high`.
+    """Return the memory's largest relative errors of the weights c_j and c_j^2, for orders `low` to `high`.
 
-    They are computed for a grid of ages j.
+    c_j is the weight of a past sample of age j in a sum. The errors are computed for a grid of ages.
     """
     ages = np.unique(np.geomspace(16, AGES, 60).astype(int))
     worst = [0.0, 0.0]

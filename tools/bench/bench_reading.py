@@ -30,11 +30,15 @@ NAMES += [f"accel_{axis} (m/s^2)" for axis in "xyz"]
 PLACES = How(columns=["2", "3", "4"], time_column="1", time_unit="s", units="deg/s")
 ROUNDS = 5
 SMALLER = 30
-"""To measure how the time grows with size, files are used that have this many times fewer rows."""
+"""Ratio of the rows of the CSV file to the rows of the files that are used to measure how the time grows with
+size.
+"""
 SECONDS_PER_MB, TWICE = 1.0, 2.5
-"""Goals: time for 1 MB of any text [s], and ratio of the times for twice as much text."""
+"""Goals, as largest values: SECONDS_PER_MB is the time for 1 MB of any text [s], TWICE the ratio of the times
+for twice as much text.
+"""
 HALF = 0.5
-"""Goal: the speed of reading CSV is at least this share of pandas' speed."""
+"""Goal: the speed of reading CSV is at least this fraction of pandas' speed."""
 
 Row = tuple[str, ...]
 
@@ -43,8 +47,8 @@ class Form(NamedTuple):
     """A kind of text.
 
     `pandas`: function that reads the text by pandas, or None if pandas cannot. `again`: a line that is
-    repeated after every `every` rows. `share`: share of the rows that is used, smaller for text that takes
-    longer.
+    repeated after every `every` rows. `share`: fraction of the rows that is used, smaller for text that takes
+    longer to read.
     """
 
     write: Callable[[Row], str]
@@ -109,7 +113,7 @@ def measure(rows: int = ROWS, rounds: int = ROUNDS) -> dict[str, Any]:
 
 
 def not_reached(found: dict[str, Any]) -> list[str]:
-    """Return a text for each goal that these figures miss."""
+    """Return a text for each goal that the figures of this benchmark miss."""
     ratio = found["speed"]["CSV with a header"]["of_pandas"]
     missed = [f"CSV at {ratio:.2f} of pandas' speed, goal {HALF:g}"] if ratio < HALF else []
     for name, one in found["growth"].items():

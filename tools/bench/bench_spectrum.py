@@ -1,4 +1,4 @@
-"""Measures the live spectrum and the Allan deviation: sums per sample, curves, and refits of an axis."""
+"""Measures the live spectrum and the Allan deviation: time of a sample, of the curves, and of refits."""
 
 import statistics
 from collections.abc import Callable
@@ -97,7 +97,7 @@ def _octaves() -> list[Work]:
         for lane in range(LANES):
             binned(octaves.periodogram(lane, H))
 
-    compute()  # The first call allocates what later calls reuse.
+    compute()  # The first call is not measured, since it allocates memory that later calls reuse.
     works: list[Work] = [
         (f"spectrum: a sample, {rows:,} rows a call", "ns", 1e9 / (end * LANES), partial(add, rows, end))
         for rows, end in ((1, SINGLE_ROWS), (10, ROWS), (100, ROWS), (ROWS, ROWS))

@@ -1,6 +1,6 @@
-"""Measures the bias tracker: its time per sample and axis, and the time to set a model.
+"""Measures the bias tracker: its time per sample and axis, and the time to give it a new noise model.
 
-The times depend on the number of state variables.
+The times depend on the number of the model's state variables.
 """
 
 import math
@@ -23,7 +23,7 @@ FIRST = 3000
 
 
 def systems() -> dict[str, System]:
-    """Return models with 0, 1, 4 and about 13 state variables."""
+    """Return noise models, as systems with 0, 1, 4 and about 13 state variables."""
     low_passed = [p.White(1.0), p.Relaxation(0.5, 0.5), p.LowPass(25.0, 2.0)]
     order = [p.White(1.0), p.Order(0.7, -1.0, 0.3 / H**1.4)]
     return {

@@ -21,17 +21,18 @@ SECONDS = {"ten minutes": 600, "hour": 3600, "day": 24 * 3600, "live": 0}
 """Length of the recordings that the rows of each kind read [s]."""
 LIVE_S = 10.0
 OLD_S = 120.0
-"""Age of a record after which model searches have become rare [s]. From then on, the cost of a device stays
-constant.
+"""Age of a live record after which model searches have become rare [s]. From then on, the cost of a live
+device stays constant.
 """
 
 
 class Row(NamedTuple):
     """One row of the tables: a task that is measured.
 
-    `kind`: the table with the row. `goals`: largest permitted values of figures. `usual`: whether the row is
-    measured if no rows are named. `of_fltea`: False for another program to compare with, which is measured
-    once a round. `long`: whether it takes minutes; it is then measured only if it is named or with --long.
+    `kind`: the table in which the row stands. `goals`: largest permitted values of figures. `usual`: whether
+    the row is measured if no rows are named. `of_fltea`: False for a row that measures another program for
+    comparison, which is done once a round. `long`: whether it takes minutes; it is then measured only if it
+    is named or with --long.
     """
 
     name: str

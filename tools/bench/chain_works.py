@@ -39,28 +39,28 @@ class Files:
 
     @cached_property
     def gyro(self) -> NDArray[np.int16]:
-        """Counts of white noise of three axes, of shape (samples, 3)."""
+        """Return the counts of white noise of three axes, of shape (samples, 3)."""
         return day_files.counts(self._seconds * RATE_HZ)
 
     @cached_property
     def npz(self) -> Path:
-        """Path of a recording of white noise."""
+        """Return the path of a recording of white noise."""
         return self._written("white.npz", day_files.write_npz, self.gyro)
 
     @cached_property
     def coloured(self) -> Path:
-        """Path of a recording of white noise plus an AR(1) process."""
+        """Return the path of a recording of white noise plus an AR(1) process."""
         noise = np.rint(relaxation(1, len(self.gyro))).astype(np.int16)
         return self._written("coloured.npz", day_files.write_npz, self.gyro + noise)
 
     @cached_property
     def csv(self) -> Path:
-        """Path of the white noise as CSV in deg/s."""
+        """Return the path of the recording of white noise as CSV in deg/s."""
         return self._written("white.csv", day_files.write_csv, self.gyro)
 
     @cached_property
     def mcap(self) -> Path:
-        """Path of the white noise as MCAP, in the form that the daemon records."""
+        """Return the path of the recording of white noise as MCAP, in the form that the daemon records."""
         return self._written("mcap", day_files.write_mcap, self.gyro)
 
     def _written(self, name: str, write: Callable[[Path, Any], object], gyro: NDArray[np.int16]) -> Path:
@@ -100,15 +100,15 @@ with contextlib.suppress(ChildProcessError):
 print(json.dumps([wall_s, cpu_s, rss_kb / 1024]), file=sys.stderr)
 os._exit(code % 256)
 """
-"""Code of a small process that starts the program. A small process is needed because a program's peak memory
-includes that of the process that forked it.
+"""Code of a small process that starts the measured program. The process has to be small because a program's
+peak memory includes the memory of the process that forked it.
 """
 
 
 def replay(
     form: str, files: Files, program: Program, *, output: str = "none", more: Sequence[str] = ()
 ) -> Figures:
-    """Replay a recording in this form; its records are discarded, or written to a file as NDJSON.
+    """Replay a recording in this file format. The records are discarded, or written to a file as NDJSON.
 
     `more`: options of `fltea run`.
     """
@@ -130,7 +130,7 @@ def export(suffix: str, files: Files, program: Program) -> Figures:
 def identify(files: Files, program: Program) -> Figures:
     """Identify the recording with the usual options.
 
-    Only the test with shuffled copies of the samples is left out.
+    The test with shuffled copies of the samples is left out. This is the only difference from usual use.
     """
     return run_program(program.command("identify", files.npz, "--shuffles", 0))
 

@@ -40,12 +40,12 @@ def counts(samples: int, seed: int = 1) -> NDArray[np.int16]:
 
 
 def write_npz(path: Path, gyro: NDArray[np.int16]) -> None:
-    """Write counts, scale and sampling rate, which is the least that a source `replay:` needs."""
+    """Write an .npz file with counts, scale and sampling rate. A source `replay:` needs at least these."""
     np.savez_compressed(path, gyro_raw=gyro, lsb_per_dps=LSB_PER_DPS, fs_hz=float(RATE_HZ))
 
 
 def write_csv(path: Path, gyro: NDArray[np.int16]) -> None:
-    """Write the times, and the angular rates in deg/s."""
+    """Write a CSV file with the times, and the angular rates in deg/s."""
     with path.open("w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(["time_s", "gyro_x_dps", "gyro_y_dps", "gyro_z_dps"])

@@ -1,10 +1,10 @@
 """Measures the board's own estimates: memory, and instructions per axis and sample, by phase.
 
-A phase is a function with all functions that it calls.
+A phase of the board's work is a function with all functions that it calls.
 
 The sources are built again to get their symbols, and run on the emulated board. Instructions are counted, not
-cycles. The share of a real processor's time is computed from an assumed number of cycles per instruction,
-`CYCLES`.
+cycles. The proportion of a real processor's time is computed from an assumed number of cycles per
+instruction, `CYCLES`.
 """
 
 import re

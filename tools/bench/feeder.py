@@ -49,7 +49,7 @@ def sent_by(one: MadeUpBoard, counts: Iterable[Sequence[int]]) -> Iterator[bytes
 def relaxation(seed: int, samples: int, seconds: float = 0.5) -> NDArray[np.float64]:
     """Return AR(1) noise with the variance of white noise of 3 LSB, of shape (samples, 3).
 
-    The sum of this and white noise is coloured noise.
+    The coloured noise of the devices is the sum of this noise and white noise.
     """
     a = float(np.exp(-1 / (seconds * RATE_HZ)))
     noise = np.random.default_rng((seed, 1)).normal(0, 3 * np.sqrt(1 - a * a), (3, samples))
@@ -73,7 +73,7 @@ def ports(folder: Path, n: int) -> tuple[list[int], list[int]]:
 
 
 def noises(n: int, samples: int, *, coloured: bool) -> list[list[bytes]]:
-    """Return, for each noise, its frames, one for each sample."""
+    """Return, for each of the noises, the frames of its samples, one for each sample."""
     found = []
     for k in range(min(n, VOICES)):
         noise = np.random.default_rng(k).normal(0, 3, (samples, 3))
@@ -86,7 +86,7 @@ def noises(n: int, samples: int, *, coloured: bool) -> list[list[bytes]]:
 def offsets_ns(n: int) -> list[int]:
     """Return, for each device, when within a sampling period its samples are due.
 
-    Times within the same frame of USB are equal.
+    Times that lie within one frame of USB are equal.
     """
     return [k * PERIOD_NS // n // FRAME_NS * FRAME_NS for k in range(n)]
 

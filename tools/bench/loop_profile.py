@@ -63,7 +63,7 @@ def part_of(file: str) -> str:
 
 
 class InlineWorker(FitWorker):
-    """Makes a refit in this thread when its result is requested.
+    """A fit worker that makes a refit in this thread when the refit's result is requested.
 
     `making` is true while a refit is made.
     """
@@ -71,7 +71,7 @@ class InlineWorker(FitWorker):
     making = False
 
     def begin(self, work: Callable[[], T]) -> Callable[[], T]:
-        """Return a function that makes the refit."""
+        """Return a function that makes the refit when it is called."""
 
         def made() -> T:
             self.making = True

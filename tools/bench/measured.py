@@ -18,9 +18,9 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def cpu_seconds(work: Callable[[], object]) -> float:
-    """Return the processor time of a function.
+    """Return the processor time of a call of a function [s].
 
-    It depends less than other times on how busy the machine is.
+    Processor time depends less than wall-clock time on how busy the machine is.
     """
     begin = time.process_time()
     work()

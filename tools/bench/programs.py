@@ -50,7 +50,7 @@ def commit_of(revision: str, root: Path = ROOT) -> str:
 
 
 def at_commit(revision: str, root: Path = ROOT, built: Path = BUILT) -> Program:
-    """Return the program of a commit, and build it first if necessary. Its name in tables is `revision`."""
+    """Return the program of a commit, built first if necessary. Its name in tables is `revision`."""
     commit = commit_of(revision, root)
     folder = built / commit
     program = Program(revision, str(folder / "bin/python"))
@@ -87,7 +87,8 @@ def _build(commit: str, root: Path, folder: Path) -> None:
     with tempfile.TemporaryDirectory() as name:
         source, wheels = Path(name, "source"), Path(name, "wheels")
         source.mkdir()
-        # This is not a git worktree, so that an interrupted build leaves nothing behind in .git.
+        # The commit's files are unpacked, and not checked out as a git worktree, so that an interrupted build
+        # leaves nothing behind in .git.
         archive = _done(["git", "-C", str(root), "archive", commit])
         _done(["tar", "-x", "-C", str(source)], input=archive)
         # The build uses the tools of .venv, such as cmake and ninja.

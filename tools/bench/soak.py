@@ -1,6 +1,6 @@
 """Streams days of a device's data in minutes.
 
-It shows whether memory stays constant and all losses are counted.
+The test shows whether the memory stays constant, and whether all losses are counted.
 
 `make bench ARGS='--soak [--hours 24] [--seed 1]'`. A device sends samples, HELLO and STATUS in virtual time.
 On the way to the host, frames are lost, bits flip, and the port is silent for a while. Now and then the board
@@ -77,7 +77,7 @@ def stream(samples: int, seed: int, sent: Sent) -> Iterator[tuple[bytes, int]]:
 
 
 class Seen:
-    """What the host reports: for each epoch its boot, first and last number, and counts."""
+    """What the host reports: for each epoch its boot, numbers of the first and last sample, and counts."""
 
     def __init__(self) -> None:
         self.epochs: list[dict[str, int]] = []
@@ -94,7 +94,8 @@ class Seen:
                 self.epochs[-1]["delivered"] += len(record)
                 self.epochs[-1]["last"] = int(record.seq[-1])
             case Gap():
-                # A gap is reported before the epoch that it may begin.
+                # A gap belongs to the epoch before it: it is reported before the epoch that may begin after
+                # it.
                 self.epochs[-1]["lost"] += record.missing
             case Stats():
                 self.stats = record
@@ -154,8 +155,8 @@ def measure(hours: float = 24.0, seed: int = 1) -> dict[str, Any]:
 def uncounted(seen: Seen) -> int:
     """Return how many samples are not accounted for.
 
-    They are between the first and the last used sample of a boot, and neither delivered nor counted as
-    lost.
+    Such samples are between the first and the last used sample of a boot, but were neither delivered nor
+    counted as lost.
     """
     missing = 0
     for boot in {epoch["boot"] for epoch in seen.epochs}:

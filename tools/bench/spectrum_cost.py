@@ -34,9 +34,9 @@ LAYOUT = struct.Struct("<2I4f10I" + 3 * f"{len(PHASES)}I")
 NOISES = ("kSlow", "kWhite", "kFast", "kFullScale", "kConstant")
 """Noises that the program can generate: the names in its enum Kind."""
 FILTERS = 3
-"""Number of tracker filters that the program designs."""
+"""Number of Kalman filters (of the bias tracker) that the program designs."""
 FIT_EVERY_S = 3.0
-"""Assumed time between fits [s], from which the fits' share of the processor's time is computed."""
+"""Assumed time between fits [s], from which the fits' proportion of the processor's time is computed."""
 
 
 class Phase(NamedTuple):
@@ -61,8 +61,8 @@ class Found(NamedTuple):
     evaluations: tuple[int, int]
     """Numbers of evaluations of the likelihood in the first fit and in the next."""
     bytes: tuple[int, int, int, int, int]
-    """Sizes [bytes] of an axis's spectrum, the bins, a fit, an axis's memory between fits, and an axis's
-    tracker.
+    """Sizes in memory [bytes]: of an axis's spectrum, of the bins, of a fit, of what an axis keeps between
+    fits, and of an axis's tracker.
     """
     phases: dict[str, Phase]
 
@@ -105,7 +105,7 @@ def on_due(samples: int, noise: str = NOISES[0]) -> Found:
 
 
 def measure(samples: int = 60_000) -> dict[str, Any]:
-    """Return the figures of both runs, and the share of the board's processor time that three axes take."""
+    """Return the figures of both runs, and what part of the board's processor time three axes take."""
     due, pc = on_due(samples), on_pc(samples)
     taken = due.phases["sample"].instructions + due.phases["level"].instructions
     track = due.phases["track"].instructions / due.phases["track"].calls

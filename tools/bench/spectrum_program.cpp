@@ -38,7 +38,7 @@ alignas(8) unsigned char tracked_storage[sizeof(fltea::whittle::TrackedState)];
 
 #if defined(__arm__)
 volatile uint32_t& at(uint32_t address) { return *reinterpret_cast<volatile uint32_t*>(address); }
-// SysTick counts down, one cycle per instruction in the emulator.
+// The timer SysTick counts down. In the emulator, an instruction takes one cycle.
 uint32_t now() { return 0xFFFFFF - at(0xE000E018); }
 void start_counting() {
     at(0x400E1A54) = 1 << 15;  // turns the watchdog off
@@ -111,8 +111,8 @@ void fit_once(const Bins& bins, Fit& fit, Memory& memory, Phase phase) {
     }
 }
 
-// Track some of the same noise: first with the filter of the fit, then with that of a fractional noise, then
-// again with that of the fit.
+// Tracks the bias of some of the same noise. The tracker uses the Kalman filter of the fit, then that of a
+// fractional noise, then again that of the fit.
 void track(const fltea::whittle::FitFigures& found) {
     fltea::whittle::FilterDesign& design = *new (design_storage) fltea::whittle::FilterDesign;
     fltea::whittle::TrackedState& tracked = *new (tracked_storage) fltea::whittle::TrackedState;

@@ -2,9 +2,9 @@
 
 Texts must be equal, and figures equal within a tolerance.
 
-The filters' estimates are bitwise equal on every machine, because the compiler contracts no operations and
-the logarithm is fltea's own. The result of a maximisation depends on the last bits of numpy and libm, which
-differ between processors.
+The filters' estimates are bitwise equal on every machine, because the compiler does not merge multiplications
+with additions, and the logarithm is fltea's own. The result of a fit, which is a maximisation, depends on the
+last bits of numpy and libm, which differ between processors.
 """
 
 import argparse
@@ -19,7 +19,7 @@ RELATIVE, ABSOLUTE = 1e-5, 1e-8
 
 
 def differences(a: Any, b: Any, exactly: bool, where: str = "") -> Iterator[str]:
-    """Yield each difference of `a` and `b`, with its path in the records."""
+    """Yield each difference between the JSON values `a` and `b`, with its path in the records."""
     if isinstance(a, dict) and isinstance(b, dict) and a.keys() == b.keys():
         for name in a:
             yield from differences(a[name], b[name], exactly, f"{where}.{name}")

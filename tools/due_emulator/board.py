@@ -31,12 +31,12 @@ TWD1, TWCK1 = 12, 13
 DATA_READY = 25
 UTXD = 9
 OPENING_PS = 205_000 * PS_PER_US
-"""Time for which the bridge between USB and UART holds the board in reset when the serial port is opened
-(hardware notes of the project).
+"""Time for which the bridge between USB and UART holds the board in reset when the host opens the serial
+port. The value comes from the hardware notes of the project.
 """
 RESET_PS = 100 * PS_PER_US
-"""Duration of resets that the microcontroller causes: a round number, at least three cycles of the slow
-clock.
+"""Duration of a reset that the microcontroller itself causes. It is a round number of at least three cycles
+of the slow clock.
 """
 
 
@@ -77,7 +77,7 @@ class Board:
         """Events of the run to report, such as resets by the watchdog."""
         self.resets = 0
         self.on_reset: Callable[[ResetType], None] = lambda cause: None
-        """Called at each start of the chip except the first."""
+        """Function that is called at each start of the chip except the first."""
         self.bridge = Bridge(machine, seed)
         self.socket = SensorSocket(machine, Mpu9250(world))
         self.lines = I2cLines(machine, self.socket)
@@ -150,7 +150,7 @@ class Board:
         self.system_control.reset()
         self.cpu.restart(hold_ps)
 
-    # Faults (tools.due_emulator.faults)
+    # Faults, which tools.due_emulator.faults causes
 
     def brown_out(self) -> None:
         """Let the supply voltage sag.

@@ -1,8 +1,8 @@
 """The ATmega16U2, the microcontroller between the Due's UART and USB.
 
-It passes bytes on to the host, or garbles them at a wrong baud rate.
+The bridge passes bytes from the UART on to the host, or garbles them at a wrong baud rate.
 
-Its ring buffer is short: bytes that the host does not read in time are lost there and counted.
+The bridge's ring buffer is short. Bytes that the host does not read in time are lost there and counted.
 """
 
 from collections.abc import Callable
@@ -69,7 +69,7 @@ class Bridge:
             self.flush()
 
     def flush(self) -> None:
-        """Pass the bytes in the ring buffer to the host, as many as it takes."""
+        """Pass bytes in the ring buffer to the host, as many as the host takes."""
         if self._machine.now_ps < self._reads_from_ps:
             return
         ring, taken = self._ring, 0
@@ -84,11 +84,11 @@ class Bridge:
         self._ring.clear()
 
     def lose_next(self, count: int) -> None:
-        """Lose the next `count` bytes."""
+        """Lose the next `count` bytes on their way to the host."""
         self._lose_next += count
 
     def lose_randomly(self, probability: float, for_ps: int) -> None:
-        """Lose each byte with this probability, for a time [ps]."""
+        """Lose each byte with this probability, until a time has passed [ps]."""
         self._lose_probability = probability
         self._lose_until_ps = self._machine.now_ps + for_ps
 

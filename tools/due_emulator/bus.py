@@ -14,11 +14,13 @@ class _Port(NamedTuple):
     peripheral: Peripheral
     register: str
     clock: int
-    """Bits of `Machine.clocked` that have to be set for an access; 0 if none is needed."""
+    """Bits of `Machine.clocked` (peripherals with a clock) that have to be set for an access to the register,
+    or 0 if none is needed.
+    """
 
 
 class Bus:
-    """Performs the program's reads and writes by absolute address."""
+    """The peripheral bus: performs the program's reads and writes of registers by absolute address."""
 
     def __init__(self, machine: Machine) -> None:
         self._machine = machine

@@ -11,7 +11,7 @@ _POINTER_MASK = 0x7F
 class Fifo:
     """A queue of bytes in a chip. A full queue loses its oldest bytes or refuses the newest.
 
-    All bytes are counted.
+    The queue counts all bytes: offered, read, lost and discarded.
 
     `size`: capacity in bytes. The FIFO counts bytes, as the chips do: after an overflow the first byte read
     may lie within a sample.
@@ -79,7 +79,7 @@ class Chip:
         self._anchor_ps = self._updates = 0
         self._period_ps: int | None = None
 
-    # Members that the class of each chip defines
+    # Members that the class of each kind of chip defines
 
     @property
     def output_hz(self) -> float:
@@ -109,7 +109,7 @@ class Chip:
         raise NotImplementedError
 
     def spoil(self, register: int, value: int) -> None:
-        """Change a register without the driver's knowledge."""
+        """Change a register from outside, without the driver's knowledge."""
         raise NotImplementedError
 
     # Power supply
@@ -129,7 +129,7 @@ class Chip:
     def _begin(self, quiet_ns: int, ready_ns: int) -> None:
         """Reset the chip.
 
-        It does not acknowledge for `quiet_ns`, and loses the values that are written within `ready_ns`.
+        For `quiet_ns` the chip acknowledges nothing, and values that are written within `ready_ns` are lost.
         """
         self._restore()
         self._quiet_until_ns = self._now_ns + quiet_ns
@@ -209,7 +209,7 @@ class Chip:
     # Clock
 
     def _start_clock(self) -> None:
-        """Count output updates from now on, at the configured rate."""
+        """Count updates of the output registers from now on, at the configured rate."""
         self._anchor_ps, self._updates = self._now_ns * PS_PER_NS, 0
         rate_hz = self.output_hz * (1 + self._clock_ppm * 1e-6)
         self._period_ps = round(1e12 / rate_hz) if rate_hz else None
