@@ -63,7 +63,7 @@ STATE = ROOT / "build/demo.state"
 def foreground() -> Iterator[None]:
     """Make this process the foreground process of its terminal.
 
-    Nothing happens without a terminal, or if this is not allowed.
+    If there is no terminal, or the system does not allow it, nothing happens.
     """
     try:
         terminal = os.open("/dev/tty", os.O_RDWR)

@@ -103,7 +103,9 @@ def test_fractional_is_the_square_of_its_transfer_function(alpha: float, g: floa
 
 
 def test_recursion_has_the_spectrum() -> None:
-    """The mean ratio of periodogram to spectrum is 1, both at low and at high frequencies."""
+    """Samples of the recursion have the spectrum of the closed form. The mean ratio of their periodogram to
+    this spectrum is 1, both at low and at high frequencies.
+    """
     alpha, f = 0.6, -3.0
     p = periodogram(recursion(alpha, f, 1500, 64, 1, 1000), H)
     ratio = (p.power / spectrum.fractional(p.lam, alpha, spectrum.g_of(alpha, f, H))).mean(axis=0)

@@ -213,7 +213,7 @@ def test_coordinates_do_not_cancel_each_other(poles: float) -> None:
         ([p.White(1e-10), p.Relaxation(0.0335, 0.045), p.Walk(0.01)], [0.0, 1.0]),
         # there is white noise, seen as a floor of the spectrum, so no filter
         ([p.White(0.01), p.Relaxation(0.05, 0.2)], [1.0]),
-        # this relaxation is slower than any filter of a sensor
+        # this relaxation is slower than any sensor's filter, so it is the signal
         ([p.White(1e-10), p.Relaxation(0.05, 2.0)], [1.0]),
     ],
 )

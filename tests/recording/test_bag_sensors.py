@@ -187,7 +187,9 @@ def test_devices_of_px4_by_their_fifos(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("kind", ["bag", "mcap"])
 def test_two_programs_that_write_one_topic(tmp_path: Path, kind: str) -> None:
-    """Both programs write the same frame id, so only the publisher of a message distinguishes them."""
+    """Two programs publish one topic with the same frame id, so only the publisher of a message distinguishes
+    the two sensors.
+    """
     left, right = (Messages(STAMPS[k::2], np.radians(BOTH[k::2])) for k in range(2))
     path = write_publishers(tmp_path / f"a.{kind}", {"/left": left, "/right": right})
     with pytest.raises(NotStated, match=r"publisher tells several apart \(/left, /right\)"):

@@ -1,6 +1,6 @@
 """Plain rows (lines of numbers only) are parsed in C++.
 
-Their numbers equal Python's to the bit, and any other line is left to Python.
+The numbers of plain rows equal those of Python's parser to the bit. Any other line is left to Python.
 """
 
 import math

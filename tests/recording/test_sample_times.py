@@ -81,7 +81,7 @@ def test_samples_that_are_lost_evenly_are_lost(tmp_path: Path, lost: int, form: 
     """Times in hundredths of a second, some of which are missing evenly, could also be those of a sensor at
     99 Hz.
 
-    They are read as 100 Hz with lost rows, since 99 Hz is an unusual rate.
+    The times are read as 100 Hz with lost rows, since 99 Hz is an unusual rate.
     """
     rows = [f"{form % (k / 100)},{k % 3},{k % 5}\n" for k in range(4000) if k % lost != lost - 1]
     found = stored(tmp_path, "time_s,gx_dps,gy_dps\n" + "".join(rows))

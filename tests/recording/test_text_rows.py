@@ -1,4 +1,4 @@
-"""Compares the reading of rows, from any bytes cut anywhere, with a plain decoder of single lines."""
+"""Compares the reading of rows from any bytes, cut anywhere, with a plain decoder of single lines."""
 
 import json
 import math

@@ -1,6 +1,6 @@
 """Tests of values in the units of data sheets and filters.
 
-They test known conversions, spellings of units, and conversions to another unit and back.
+The tests are about known conversions, spellings of units, and conversions to another unit and back.
 """
 
 import pytest
@@ -86,7 +86,7 @@ def test_what_is_no_unit_is_told_with_those_that_are() -> None:
     with pytest.raises(ValueError, match=r"the units of N of a gyroscope are .*rad/s/√Hz.*; got 'deg/h'"):
         figure.to("deg/h")
     with pytest.raises(ValueError, match=r"got 'Mdps/√Hz'"):
-        figure.to("Mdps/√Hz")  # mega, not milli
+        figure.to("Mdps/√Hz")  # "M" is mega, not milli
     with pytest.raises(ValueError, match=r"of K of an accelerometer .*; got 'furlong'"):
         factor("furlong", "deg/h")
 
@@ -94,7 +94,7 @@ def test_what_is_no_unit_is_told_with_those_that_are() -> None:
 def test_programs_have_the_same_factors() -> None:
     """The table of navigation programs has its own factors from rad, m and s to the units of each program.
 
-    They must be equal to ours.
+    These factors must equal those of fltea's units.
     """
     own = {("gyro", "N"): "rad/s/√Hz", ("gyro", "B"): "rad/s", ("gyro", "K"): "rad/s/√s"}
     own |= {("accel", "N"): "m/s²/√Hz", ("accel", "B"): "m/s²", ("accel", "K"): "m/s²/√s"}

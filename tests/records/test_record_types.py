@@ -1,6 +1,6 @@
 """Tests that a key has the same JSON type in all records.
 
-So programs that read JSON into columns can read all records of a run.
+Programs that read JSON into columns can then read all records of a run.
 """
 
 import io

@@ -85,7 +85,9 @@ def test_names_as_long_as_can_be_and_rights_as_usual(tmp_path: Path) -> None:
 
 
 def test_what_is_no_file_is_not_replaced(tmp_path: Path) -> None:
-    """Otherwise root could replace a device such as /dev/null by a file."""
+    """If the name belongs to a pipe, a folder or a device, it is not replaced. Otherwise root could replace a
+    device such as /dev/null by a file.
+    """
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "folder").mkdir()
     for name in ("pipe", "folder"):

@@ -65,7 +65,7 @@ def open_table(folder: Path, digest: str = ASK.digest()) -> Iterator[VerdictTabl
 def rows_in(folder: Path) -> list[dict[str, Any]]:
     """Return the rows of a table, sorted by file and axis.
 
-    They are read with pyarrow, as other programs would.
+    The rows are read with pyarrow, as other programs would read them.
     """
     return sorted(parquet.read_table(folder).to_pylist(), key=lambda row: (row["file"], row["axis"] or ""))
 

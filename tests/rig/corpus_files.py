@@ -99,7 +99,7 @@ def packed() -> dict[str, bytes]:
 def ulog(forms: dict[str, str], topics: Iterable[tuple[str, int]], rows: Iterable[tuple[Any, ...]]) -> bytes:
     """Return a log of PX4, as docs.px4.io describes it ("ULog File Format").
 
-    It has header, flag bits, formats, subscriptions and data.
+    The log has header, flag bits, formats, subscriptions and data.
 
     `forms`: fields by message name. `topics`: message name and sensor number. `rows`: topic index, field
     types as letters of `struct`, and values.

@@ -139,7 +139,7 @@ def feed(walk: Pipeline, found: Iterable[Event]) -> list[AnyRecord]:
 def estimates_of(who: str, records: Iterable[AnyRecord]) -> list[Any]:
     """Return the records that hold the device's estimates.
 
-    Their type depends on whether only the device estimates (`who` is "device").
+    The type of these records depends on whether only the device estimates (`who` is "device").
     """
     return of(Estimate if who == "device" else DeviceEstimates, records)
 

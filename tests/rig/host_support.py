@@ -137,7 +137,7 @@ HEARS_HANGUPS = ("env", "--default-signal=HUP")
 class StandIn:
     """A process of tools/standin.py, the simulated board.
 
-    Its port has a fixed name, so that the board can go away and come back.
+    The board's port has a fixed name, so that the board can go away and come back.
     """
 
     def __init__(self, link: Path, *arguments: str) -> None:

@@ -97,7 +97,7 @@ def record(
 def kill(sink: RecordSink) -> None:
     """Leave a recorder in the state of a killed process.
 
-    Its file is closed, and nothing more is written to it.
+    The recorder's file is closed, and nothing more is written to it.
     """
     assert sink._part is not None
     sink._part.writer._file.close()
@@ -133,7 +133,7 @@ def metadata_of(path: Path) -> list[tuple[str, dict[str, str]]]:
 def wire_entries(path: Path) -> list[Entry]:
     """Return the entries of a recording that hold the serial port's bytes.
 
-    This works even if the file is cut off.
+    The entries are returned even if the end of the recording is cut off.
     """
     entries = read_entries(Part(path, read_info(path)))
     return [entry for entry in entries if entry.topic == WIRE]

@@ -108,7 +108,7 @@ class Heard(NamedTuple):
 class Watcher:
     """A client that records all messages on topics below `fltea/`.
 
-    Its session survives restarts of the broker.
+    The client's session survives restarts of the broker.
     """
 
     def __init__(self, port: int, ca: Path | None = None, login: tuple[str, str] | None = None) -> None:

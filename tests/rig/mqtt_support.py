@@ -40,7 +40,7 @@ def gap(seq: int = 0) -> Gap:
 class FakeConnection:
     """A fake connection to a broker.
 
-    It accepts every message, but acknowledges one only if the test requests it.
+    The connection accepts every message, but acknowledges a message only if the test requests it.
 
     `full`: whether the connection can send nothing at present.
     """

@@ -1,6 +1,6 @@
 """Run Debian's nats-server on TCP ports of its own.
 
-There is one server, or a cluster of three nodes with the settings files that the project ships.
+A test gets one server, or a cluster of three nodes with the settings files that the project ships.
 """
 
 import os

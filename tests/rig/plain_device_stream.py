@@ -273,7 +273,9 @@ class PlainDeviceStream:
         return "resumed", age_s, None
 
     def _sensors_of(self, raw: RawSample, hello: Hello, accel_ms2: Vector | None) -> Iterator[Sensor]:
-        """Yield the sensors with axes that the settings name; by default, the gyroscope alone."""
+        """Yield the sensors that have axes in the setting `channels`. By default, this is the gyroscope
+        alone.
+        """
         config, wanted, rate_hz = self._config, self._config.channels, hello.rate_hz
         lsb, per_g = hello.gyro_lsb_per_dps, hello.accel_lsb_per_g
         gyro = {axis: k for k, axis in enumerate(AXES[: len(raw.gyro)]) if wanted is None or axis in wanted}
@@ -388,8 +390,7 @@ def why_unused(saved: Saved, hello: Hello, config: Config, now_unix_ns: int) -> 
 def missing_since(saved: Saved, hello: Hello, raw: RawSample, age_s: float) -> int:
     """Return the number of samples between a snapshot and the sample `raw`.
 
-    It is computed from the sequence numbers if these agree with the elapsed time, otherwise from the elapsed
-    time.
+    It comes from the sequence numbers if these agree with the elapsed time, otherwise from that time.
     """
     is_same_boot = saved.boot_id is not None and saved.boot_id == hello.boot_id
     if is_same_boot and age_s <= LONGEST_SILENCE_NS * 1e-9:

@@ -164,7 +164,7 @@ class Sensor:
     def bridge(self, count: int) -> None:
         """Let the filters predict over the samples that are missing since a snapshot.
 
-        They predict at most as many samples as the memory holds.
+        The filters predict over at most as many samples as their memory holds.
         """
         self.miss(min(count, self.config.window_samples or LONGEST_BRIDGE))
 
@@ -211,7 +211,7 @@ class Sensor:
 def _axis_estimate(found: FlteaEstimate, unit: str) -> AxisEstimate:
     """Return the filters' estimate of an axis as an `AxisEstimate`.
 
-    Its fields for the live fit and the tracker are empty.
+    The fields of the live fit and of the tracker stay empty.
     """
     tracked = None, None, None, None, None, False
     return AxisEstimate(None, Interval(), Interval(), *tracked, None, None, unit, found)

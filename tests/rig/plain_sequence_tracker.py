@@ -113,7 +113,7 @@ class PlainSequenceTracker:
         """Accept the samples that follow this HELLO.
 
         Returns:
-            Whether this HELLO is the first one, or states another boot or another sensor.
+            True if this HELLO is the first one, or states another boot or another sensor.
         """
         boot, before = (hello.boot_id, hello.device_id), self._boot
         sensor_began = hello.sensor_starts != self._sensor_starts

@@ -27,11 +27,11 @@ HAPPENINGS = (
     "gap",
     "long gap",
     "pause",  # nothing arrives for six seconds
-    "jump",  # device time jumps, as after a reset whose HELLO was lost
+    "jump",  # the device's time jumps, as after a reset whose HELLO was lost
     "restart",
     "sensor",  # the board sets its sensor up again
     "other version",
-    "clock set",  # the host's date is set
+    "clock set",  # the host's date is set to another time
     "opened",  # the port was lost for a moment
     "constant",  # from here on the sensor repeats the same values
     "knock",  # the board is moved
@@ -50,7 +50,7 @@ class Moment(NamedTuple):
 
 
 class Story(NamedTuple):
-    """Some simulated seconds of a board.
+    """Some simulated seconds of a board, with incidents.
 
     `begin_ns`: host time at the beginning [ns]. `happenings`: pairs of a sample's number and the incident at
     this sample. `bursts`: numbers of samples whose bytes arrive together, used in turns.

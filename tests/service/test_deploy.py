@@ -215,7 +215,9 @@ def test_what_is_installed_under_a_strict_umask_can_be_read(tmp_path: Path) -> N
 
 
 def test_a_program_installed_under_a_strict_umask_is_run_by_any_user(tmp_path: Path) -> None:
-    """The second installation replaces files that other users cannot read after the first one."""
+    """Any user can run the installed program. The second installation replaces files that, after the first
+    one, the test has made unreadable for other users.
+    """
     python, program = tmp_path / "python", tmp_path / "opt/program"
     python.write_text(INSTALLER)
     python.chmod(0o700)

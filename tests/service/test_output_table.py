@@ -33,7 +33,7 @@ snapshots.
 NOT_IN_THE_TABLE = {"log"}
 """Modules with a `Sink` that users cannot choose as an output of its own."""
 UNSEEN = {"stdout"}
-"""Outputs that `fltea doctor` cannot check before they are used."""
+"""Outputs that `fltea doctor` does not check, since nothing can be found out before they are used."""
 
 EACH = pytest.mark.parametrize("output", OUTPUTS, ids=lambda output: output.module)
 

@@ -89,7 +89,7 @@ ALL = ["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_z"]
 def test_estimates_go_on_as_if_the_program_had_not_been_stopped(
     channels: list[str] | None, missing: int
 ) -> None:
-    # without live fits: these would come at other samples, since their times begin at 0 again in the later
+    # no live fits: they would come at other samples, since the times of fits begin at 0 again in the later
     # run
     untuned = {"live.on": False}
     settings = config(channels=channels, **untuned)

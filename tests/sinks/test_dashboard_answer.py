@@ -97,7 +97,8 @@ def test_how_long_yet(fit: AxisFit, left_s: float | None, words: str) -> None:
 
 
 def forecasts(*totals_s: float) -> list[int | None]:
-    """Return, after each of several fits, the total time until α is known that the page states [s].
+    """Feed several fits in turn. Return what the page states after each as the total time until α is known
+    [s], or None.
 
     `totals_s`: total time that each fit predicts. Each fit has a tenth more samples than the one before.
     """

@@ -65,7 +65,7 @@ def test_the_page_knows_only_what_records_say() -> None:
     """The code of the live page imports neither the estimator nor the pipeline. So a thread of the page that
     still runs at the end of the program holds no native objects.
 
-    The same is true of the code that writes the downloads.
+    The code that writes downloads does not import them either.
     """
     folder = Path(page.__file__).parent
     found = {module for file in folder.glob("*.py") for module in modules_of(file)}

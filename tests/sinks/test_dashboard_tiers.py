@@ -1,6 +1,6 @@
 """Tests of the rows that the live page keeps for its diagrams, in tiers of several time windows.
 
-Nothing recent is lost, memory does not grow, and each row summarises exactly the samples of its time.
+No recent row is lost, the memory does not grow, and each row summarises exactly the samples of its time.
 """
 
 import numpy as np

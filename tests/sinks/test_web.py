@@ -140,7 +140,9 @@ def test_more_requests_than_are_answered_are_told_so_and_later_ones_answered(ser
 
 
 def test_who_guesses_the_password_takes_no_room_from_who_knows_it(serve: Serve) -> None:
-    """Once, 40 clients that guessed passwords for 8 s locked the owner out."""
+    """Clients that guess the password take no room from one that knows it. Once, 40 clients that guessed for
+    8 s locked the owner out.
+    """
     served = serve(a_second=2.0, password="me:hunter2")
     known, wrong = (
         {"Authorization": "Basic " + base64.b64encode(text).decode()} for text in (b"me:hunter2", b"me:no")
@@ -154,7 +156,9 @@ def test_who_guesses_the_password_takes_no_room_from_who_knows_it(serve: Serve) 
 
 @pytest.mark.slow
 def test_idle_connections_are_few_and_a_reader_still_gets_its_page(serve: Serve) -> None:
-    """Once, 330 idle connections used all file descriptors of the daemon, so that its recording failed."""
+    """Idle connections are limited. Once, 330 of them used all file descriptors of the daemon, so that its
+    recording failed.
+    """
     served = serve()
     idle = [served.connect() for _ in range(330)]
     assert ask(served.port, "/echo").status == 200
@@ -212,7 +216,9 @@ class Exhausted(socket.socket):
 def test_without_descriptors_nobody_is_let_in_for_a_while_and_then_again(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Once, each failed `accept` was reported with a traceback and tried again at once, 81,740 times."""
+    """After a failed `accept`, the server waits. Once, each failure was reported with a traceback and
+    `accept` was tried again at once, 81,740 times.
+    """
     monkeypatch.setattr(door_module, "REST_S", 3600.0)
     listening = Exhausted()
     listening.bind(("127.0.0.1", 0))

@@ -133,7 +133,7 @@ def test_a_damaged_chunk_costs_itself_alone(chunk: int, tmp_path: Path) -> None:
     assert all("is damaged at byte" in error.message for error in of(Error, again))
     samples = of(Sample, again)
     assert samples[-1].seq == 499
-    assert 0 < 500 - len(samples) <= 110  # samples are lost up to the next HELLO
+    assert 0 < 500 - len(samples) <= 110  # after the damage, samples are lost up to the next HELLO
 
 
 @pytest.mark.usefixtures("many_chunks")

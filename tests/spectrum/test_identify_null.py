@@ -57,7 +57,9 @@ def test_p_value_falls(ratio: float, more: float, ordinates: int) -> None:
 
 @pytest.mark.parametrize("ordinates", [60, 500, 1500, 30_000, 10**7])
 def test_p_value_at_the_table(ordinates: int) -> None:
-    """The p-values at the table's quantiles hardly depend on the length of the record."""
+    """The p-value of each quantile in the null test's table is the probability of that quantile. The
+    quantiles hardly depend on the length of the record.
+    """
     values = critical_values(ordinates)
     assert 5 < values[PROBABILITIES.index(0.05)] < 8 < values[PROBABILITIES.index(0.01)] < 12
     for probability, value in zip(PROBABILITIES, values.tolist(), strict=True):

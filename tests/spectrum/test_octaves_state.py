@@ -95,7 +95,8 @@ def test_nothing_of_the_old_level_is_left(memory: float) -> None:
     """With a limited memory, the spectrum does not depend on an earlier level of the noise after three times
     the length of the memory.
 
-    It is equal to the last bit. Twice the length of the memory would be enough.
+    The spectra for two earlier levels are equal to the last bit. Twice the length of the memory would be
+    enough for this.
     """
     n = int(10 * memory)
     old, new = noise(n, 1, 1), noise(int(3 * memory), 1, 2)

@@ -282,9 +282,9 @@ def test_the_native_search_refuses_what_are_no_lines() -> None:
 @both
 @pytest.mark.filterwarnings("error")
 def test_counts_that_repeat_exactly_have_lines_without_a_word_of_numpy(search: Search) -> None:
-    """Such a record has spectral lines without any noise around them.
+    """A record whose counts repeat exactly has spectral lines without any noise around them.
 
-    numpy must not print a warning for it.
+    numpy must not print a warning for such a record.
     """
     counts = np.rint(40 * np.sin(2 * np.pi * 5 * np.arange(N) * H))
     found = search(counts)

@@ -1,6 +1,6 @@
 """The pipeline equals a plain Python oracle, whatever happens to a device.
 
-This holds for any division of samples into blocks.
+The records are equal for any division of samples into blocks.
 """
 
 from collections.abc import Iterable

@@ -21,7 +21,7 @@ OFFSET_NS = 1_720_000_000_000_000_000
 def bursty_arrivals_s(true_s: np.ndarray, seed: int) -> np.ndarray:
     """Return arrival times with a mean delay of 2 ms.
 
-    Sometimes nothing arrives for up to 500 ms, and then all samples arrive at once.
+    Sometimes nothing arrives for up to 500 ms, and then all samples of that time arrive together.
     """
     rng = np.random.default_rng(seed)
     arrivals = true_s + rng.exponential(0.002, len(true_s))

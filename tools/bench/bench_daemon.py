@@ -60,7 +60,7 @@ class Setting(NamedTuple):
 class Reader(threading.Thread):
     """Reads the daemon's NDJSON.
 
-    It stores the arrival time of each estimate, and the last statistics of each device.
+    The reader stores the arrival time of each estimate, and the last statistics of each device.
     """
 
     def __init__(self, stream: Any, devices: int, samples: int) -> None:

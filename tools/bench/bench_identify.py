@@ -21,7 +21,7 @@ def measure(*, long: bool = False, against: str | None = None, rounds: int | Non
 def text(found: dict[str, Any]) -> str:
     """Return the tables, and the ratio of the time of `fltea identify` to that of the Allan deviation.
 
-    Both process the same axes.
+    Both programs process the same axes.
     """
     lines = [bench_chain.text(found)]
     for kind, (own, *others) in IDENTIFY.items():

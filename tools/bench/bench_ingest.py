@@ -1,6 +1,6 @@
 """Measures how programs process the frames that many sensors publish: processor time and losses.
 
-There is one program behind an MQTT broker, or two workers behind a NATS server.
+One program behind an MQTT broker is measured, and two workers behind a NATS server.
 
 Broker, server and the simulated sensors run on the same processors as the measured programs.
 """

@@ -96,9 +96,9 @@ def _build(commit: str, root: Path, folder: Path) -> None:
         _make_environment(folder)
         python = str(folder / "bin/python")
         _pip("--python", python, "install", "--no-deps", "--no-index", *map(str, wheels.glob("*.whl")))
-        # This file is written after fltea is installed. Otherwise pip would take the fltea of .venv for the
-        # installed one. Python searches paths from a .pth file last, and does not follow .pth files there,
-        # such as that of the clone's own fltea.
+        # This .pth file, which makes the packages of .venv available, is written after fltea is installed.
+        # Otherwise pip would take the fltea of .venv for the installed one. Python searches paths from a .pth
+        # file last, and does not follow .pth files there, such as that of the clone's own fltea.
         (_packages(folder) / "of_the_clone.pth").write_text(
             sysconfig.get_path("purelib") + "\n", encoding="utf-8"
         )

@@ -74,7 +74,7 @@ class Board:
         self.memory = Memory()
         self.memory.program(image)
         self.events: list[str] = []
-        """Events of the run to report, such as resets by the watchdog."""
+        """Events of the run that the report shows, such as resets by the watchdog."""
         self.resets = 0
         self.on_reset: Callable[[ResetType], None] = lambda cause: None
         """Function that is called at each start of the chip except the first."""

@@ -122,7 +122,7 @@ class Chip:
     def brown_out(self) -> None:
         """Set all registers to their reset values while the chip keeps running and acknowledging.
 
-        This is the worst case of a brown-out for the driver.
+        For the driver, this is the worst kind of a brown-out.
         """
         self._restore()
 
