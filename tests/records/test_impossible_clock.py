@@ -32,7 +32,7 @@ def wrong_clock(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch)
 
 
 def native_offset_ns() -> int:
-    """Return the offset from the host clock to Unix time [ns] that the native thread which reads ports uses."""
+    """Return the offset from the host clock to Unix time [ns] that the native reading thread uses."""
     reader, (out, into) = PortReader(1000), os.pipe()
     with closing(reader):
         os.set_blocking(out, False)
