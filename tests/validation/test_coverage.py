@@ -81,7 +81,7 @@ def test_true_figures() -> None:
 
 
 def held(rows: list[dict[str, object]], quantity: str) -> tuple[float, float]:
-    """Return how many intervals of a quantity contain the true value, and how many intervals were published."""
+    """Return how many intervals of a quantity contain the true value, and how many were published."""
     (row,) = (one for one in rows if one["quantity"] == quantity)
     published, below, above = (float(str(row[name])) for name in ("published", "below", "above"))
     return published - below - above, published
