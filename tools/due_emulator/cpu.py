@@ -25,8 +25,8 @@ from tools.due_emulator.nvic import Nvic, describe_exception
 from tools.due_emulator.system_control import SystemControl
 
 SLICE_INSTRUCTIONS = 50_000
-"""Largest number of instructions between two checks for signals; the host runs them in about a
-millisecond.
+"""Largest number of instructions between two checks for signals. Emulating so many takes about a millisecond
+of real time.
 """
 
 EXCEPTION_EXIT = 8
@@ -43,7 +43,7 @@ XPSR_T, XPSR_ALIGNED = 1 << 24, 1 << 9
 
 
 def _numbers(names: str) -> RegisterNumbers:
-    """Return Unicorn's numbers of registers."""
+    """Return Unicorn's numbers of the registers with these names, which are separated by spaces."""
     found = [getattr(arm_const, f"UC_ARM_REG_{name}") for name in names.split()]
     return (ctypes.c_int32 * len(found))(*found)
 
@@ -107,14 +107,15 @@ class Cpu:
 
         Its arguments are the block's address and the number of instructions so far.
 
-        None: stop the calls.
+        If `on_block` is None, the calls stop.
         """
         self._on_block = on_block
         if not self._restart:
             self._hook_watcher()
 
     def breakpoint(self, address: int | None, action: Callable[[], None] = lambda: None) -> None:
-        """Call `action` whenever the instruction at `address` is about to run; None: remove the breakpoint.
+        """Call `action` whenever the instruction at `address` is about to run; if `address` is None, remove
+        the breakpoint.
 
         The action may let the program hang at this instruction (`hang`), set another breakpoint, or write to
         memory.
@@ -136,7 +137,9 @@ class Cpu:
         `kind`: UC_HOOK_MEM_READ or UC_HOOK_MEM_WRITE of Unicorn.
         """
         self._uc.hook_add(kind, lambda *_: on_use(self._execution.address), begin=address, end=address + 3)
-        self.breakpoint(0)  # With any breakpoint set, the exact processor runs all instructions.
+        # While any breakpoint is set, the exact processor (execution.cpp) runs all instructions, so the
+        # address is exact.
+        self.breakpoint(0)
         self._uc.ctl_flush_tb()
 
     @property
@@ -226,7 +229,8 @@ class Cpu:
                 lambda _uc, address, _size, _: on_block(address, self.instructions + self._execution.done),
             )
         self._settle_speed()
-        # Code that Unicorn has already translated still calls the old hooks.
+        # Discard Unicorn's translated code, because it still calls the hooks that existed when it was
+        # translated.
         self._uc.ctl_flush_tb()
 
     def _settle_speed(self) -> None:
@@ -359,7 +363,8 @@ class Cpu:
         self._hand_over()
 
     def _drops_access(self, now_ps: int) -> bool:
-        """Advance time to that of an access; return whether a reset came before and prevents the access."""
+        """Advance time to that of an access; return whether a reset came before the access and prevents it.
+        """
         self._pc = self._execution.address
         self._machine.advance_to(now_ps)
         if self._restart:
@@ -377,7 +382,7 @@ class Cpu:
     def _on_limit(self, now_ps: int, pc: int) -> None:
         """Process events that are due before the next instruction.
 
-        The slice then continues, unless they end it.
+        After the events the slice continues, unless one of them ends it.
         """
         machine, slice_ = self._machine, self._execution
         self._pc = pc

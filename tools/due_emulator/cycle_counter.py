@@ -9,7 +9,7 @@ from tools.due_emulator.quick_reads import QuickRegister
 class CycleCounter:
     """Counts cycles of a clock from a given time on. The clock's rate may change meanwhile.
 
-    `rate_hz`: returns the present rate as numerator and denominator.
+    `rate_hz`: function that returns the clock's present rate [Hz] as numerator and denominator.
     """
 
     def __init__(self, machine: Machine, rate_hz: Callable[[], tuple[int, int]]) -> None:
@@ -26,7 +26,7 @@ class CycleCounter:
         self._rate = self._rate_hz()
 
     def rate_changed(self) -> None:
-        """Keep the present count, because the rate has just changed."""
+        """Continue from the present count at the new rate, because the clock's rate has just changed."""
         if self._rate_hz() != self._rate:
             self.restart(self.cycles)
 

@@ -29,16 +29,17 @@ uint64_t time_after(const Execution& e, uint64_t instructions) {
     return e.slice_ps + instructions * kPsPerS / e.hz + e.charged_ps;
 }
 
-// Virtual time at which the present instruction began. When Unicorn starts again at a conditional
-// instruction, it may not call before_instruction, so an access can come before the first counted instruction
-// of a slice.
+// Returns the virtual time at which the present instruction began. `done` can be 0 here: when Unicorn starts
+// again at a conditional instruction, it may not call before_instruction, so an access to a peripheral can
+// come before the first counted instruction of a slice.
 uint64_t time_of_instruction(const Execution& e) {
     if (e.done) return time_after(e, e.done - 1);
     const uint64_t cycle_ps = (kPsPerS + e.hz - 1) / e.hz;
     return e.charged_ps > cycle_ps ? e.slice_ps + e.charged_ps - cycle_ps : e.slice_ps;
 }
 
-// The number of instructions in the slice if nothing happens before the next known event.
+// Returns the number of instructions after which the slice ends if nothing happens before the next known
+// event.
 uint64_t instructions_to_end(const Execution& e) {
     uint64_t longest = e.longest;
     if (e.waiting && e.done + e.waiting_instructions < longest) longest = e.done + e.waiting_instructions;
@@ -70,7 +71,8 @@ bool is_special(uint16_t halfword) {
     return high == 0xDE || high == 0xDF || high == 0xBE || is_hint;
 }
 
-// Count instructions. Unicorn does not report those whose condition is false, but they take a cycle, too.
+// Counts the instructions up to `end` that Unicorn has not reported: those whose condition is false. They
+// take a cycle, too.
 inline void count_silent_ones(Execution& e, void* processor, uint64_t end) {
     while (e.next < end) {
         uint16_t halfword = 0;
@@ -89,7 +91,7 @@ uint64_t count_instructions(const Execution& e, uint64_t begin, uint64_t end) {
     return count;
 }
 
-// The second halfword of an instruction, or 0 if it has none.
+// Returns the second halfword of an instruction, or 0 if the instruction has only one.
 uint16_t second_halfword(const Execution& e, uint64_t address, uint16_t first) {
     return is_wide(first) && in_flash(e, address + 2, 2) ? flash_halfword(e, address + 2) : 0;
 }
@@ -108,7 +110,7 @@ void describe(const Execution& e, uint64_t address, uint32_t bytes, Block& block
     if (needs.unknown()) block.needs_exact = 1;
 }
 
-// Return the block of code at an address, or null if it is not in flash. Code in flash never changes.
+// Returns the block of code at an address, or null if the block is not in flash. Code in flash never changes.
 inline Block* find_block(const Execution& e, uint64_t address, uint32_t bytes) {
     if (!in_flash(e, address, bytes)) return nullptr;
     Block& block = e.blocks[(address - e.flash_base) / 2];
@@ -133,7 +135,7 @@ bool fits(const Execution& e, void* processor, const Block* block) {
            addresses_are_aligned(e, processor, *block);
 }
 
-// Return why a Cortex-M3 refuses the instruction at an address that is about to run.
+// Returns why a Cortex-M3 refuses the instruction at `address`, which is about to run.
 uint64_t refusal_of(Execution& e, void* processor, uint64_t address) {
     uint16_t code[2] = {0, 0};
     if (in_flash(e, address, sizeof code))
@@ -153,8 +155,8 @@ uint64_t refusal_of(Execution& e, void* processor, uint64_t address) {
 
 // Accesses to peripherals
 
-// Read a register whose value Python keeps in QuickReads, if the read has no side effect. Return false for
-// all other registers.
+// Reads a register without a call of Python, if Python keeps the register's value in QuickReads and the read
+// has no side effect. Returns false if Python has to perform the read.
 bool read_quickly(const Execution& e, uint64_t address, uint64_t size, uint64_t now_ps, uint64_t* value) {
     if (!e.may_be_quick || size != 4 || e.next_event_ps <= now_ps) return false;
     const QuickReads& quick = *e.quick;
@@ -175,7 +177,7 @@ bool read_quickly(const Execution& e, uint64_t address, uint64_t size, uint64_t 
     return false;
 }
 
-// A hash of r0 to r12.
+// Returns a hash of the values in r0 to r12.
 uint64_t hash_of_registers(const Execution& e) {
     uint64_t hash = 14695981039346656037u;
     for (int i = 0; i < kRegisters; ++i) {
@@ -186,8 +188,9 @@ uint64_t hash_of_registers(const Execution& e) {
     return hash;
 }
 
-// Whether a loop waits without counting its iterations. That is so if the value of another read has changed,
-// or if no processor register has changed.
+// Whether the loop that contains read number `i` only waits, without counting its iterations. That is so if,
+// since this instruction last read, another instruction has read a changed value, or no processor register
+// has changed.
 bool only_waits(Execution& e, uint64_t i) {
     if (e.recent_changes[i] != e.changes) return true;
     const uint64_t hash = hash_of_registers(e);
@@ -196,7 +199,7 @@ bool only_waits(Execution& e, uint64_t i) {
     return same;
 }
 
-// Advance time if a read is a poll (a read by which the program waits); see POLL_PCS in execution.py.
+// Advances time if a read is a poll (a read by which the program waits); see POLL_PCS in execution.py.
 void charge_read(Execution& e, uint64_t value, uint64_t now_ps) {
     uint64_t i = 0;
     while (i < e.recent_count && e.recent_pcs[i] != e.address) ++i;
@@ -217,7 +220,8 @@ void charge_read(Execution& e, uint64_t value, uint64_t now_ps) {
     e.recent_changes[i] = e.changes;
 }
 
-// Make an access at its exact time. If an event is due after the access, the slice ends there.
+// Makes an access to a peripheral at its exact time. Then processes the events that are due after the access;
+// they may end the slice.
 uint64_t access(Execution& e, uint64_t address, uint64_t size, const uint64_t* written) {
     if (e.dead) return 0;
     e.calm = 0;
@@ -233,7 +237,8 @@ uint64_t access(Execution& e, uint64_t address, uint64_t size, const uint64_t* w
         e.limit = 0;
         return 0;
     }
-    // A read that starts an action is no poll, because the code after it may have little time.
+    // A read that changes the next event has started an action. It is no poll: time must not jump, because
+    // the code after the read may have little time until that event.
     if (written || e.next_event_ps != next_event_ps)
         e.recent_count = 0;
     else if (!e.dropped)
@@ -247,7 +252,8 @@ uint64_t access(Execution& e, uint64_t address, uint64_t size, const uint64_t* w
     return value;
 }
 
-// Note code in RAM. Only the exact processor runs it, and does not notice if the fast one overwrites it.
+// Notes the range of the program's code that is in RAM. Only the exact processor runs this code, and it does
+// not notice if the fast processor overwrites the code, so run_fast compares the range before and after.
 void note_code_elsewhere(Execution& e, uint64_t address, uint64_t bytes) {
     if (e.code_begin == e.code_end) e.code_begin = e.code_end = address;
     if (address < e.code_begin) e.code_begin = address;
@@ -255,16 +261,16 @@ void note_code_elsewhere(Execution& e, uint64_t address, uint64_t bytes) {
     if (e.code_end - e.code_begin > kCodeBytes) e.may_be_fast = 0;
 }
 
-// Refuse a jump to an address without bit 0, which takes a processor out of Thumb state. Starting the
-// processor again would hide that.
+// Refuses a jump to an address without bit 0, which takes a processor out of Thumb state. This must be
+// checked before the processor starts again, because a start always sets Thumb state.
 void check_thumb(Execution& e, void* processor) {
     uint32_t epsr = 0;
     e.reg_read(processor, static_cast<int>(e.epsr_register), &epsr);
     if (!(epsr & kEpsrThumb)) e.refusal = kNotThumb;
 }
 
-// Run blocks with the fast processor, starting from the state of the exact processor, and then copy the new
-// state to the exact processor.
+// Runs blocks with the fast processor, starting from the state of the exact processor, and then copies the
+// new state to the exact processor.
 void run_fast(Execution& e, uint64_t pc) {
     uint8_t code[kCodeBytes], code_now[kCodeBytes];
     const size_t code_bytes = e.code_end - e.code_begin;
@@ -276,8 +282,8 @@ void run_fast(Execution& e, uint64_t pc) {
     check_thumb(e, e.fast);
     const bool is_cut_off = error || (e.interrupt != kNoInterrupt && e.interrupt != kExceptionExit);
     if (is_cut_off && e.refusal != kNotThumb && e.fast_block != kNowhere) {
-        // The exact processor repeats the instruction at which the fast one stopped, and reports what it
-        // does.
+        // The exact processor will repeat the instruction at which the fast processor stopped, and will
+        // report what that instruction does.
         Block& block = e.blocks[(e.fast_block - e.flash_base) / 2];
         uint32_t stopped_at = 0;
         e.reg_read(e.fast, static_cast<int>(e.pc_register), &stopped_at);
@@ -372,7 +378,7 @@ void write_peripheral(void*, uint64_t offset, unsigned size, uint64_t value, voi
     access(*space.execution, space.base + offset, size, &value);
 }
 
-// Run from an address until something ends the slice. Return Unicorn's error, or 0.
+// Runs the program from an address until something ends the slice. Returns Unicorn's error, or 0.
 int run(Execution* execution, uint64_t pc) {
     Execution& e = *execution;
     const uint64_t to_end = instructions_to_end(e);

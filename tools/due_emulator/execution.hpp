@@ -34,7 +34,7 @@ struct QuickReads {
 struct Block {
     uint16_t bytes;
     uint16_t instructions;
-    // bit i is set: unless register i holds a multiple of 4, the exact processor must run this block
+    // bit i is 1 if the exact processor must run this block whenever register i holds no multiple of 4
     uint16_t aligned;
     uint8_t needs_exact;
 };
@@ -78,7 +78,8 @@ struct Execution {
     uint64_t recent_values[kPollPcs];
     uint64_t recent_changes[kPollPcs];
     uint64_t recent_registers[kPollPcs];
-    uint64_t changes;  // number of reads whose value differed from the previous one
+    // number of reads that gave another value than the previous read by the same instruction
+    uint64_t changes;
     int32_t registers[kNumbers];
     uint64_t access_cycles;
     uint64_t waiting_instructions;

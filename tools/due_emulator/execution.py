@@ -28,14 +28,18 @@ SOURCE = Path(__file__).with_suffix(".cpp")
 FOLDER = Path(__file__).parents[2] / "build" / "due_emulator"
 COMMAND = ("c++", "-std=c++11", "-O2", "-fPIC", "-shared", "-Wall", "-Wextra", "-Wconversion", "-Werror")
 NOWHERE = 1
-"""An address at which no instruction can be, since it is odd."""
+"""An odd number, which stands for "no address", since no instruction can be at an odd address."""
 NO_INTERRUPT = (1 << 64) - 1
 ACCESS_CYCLES = 4
-"""Duration of an access to a peripheral through the bus bridge [cycles]: a round number."""
+"""Duration of an access to a peripheral through the bus bridge [cycles]. The real duration varies; this is a
+round number.
+"""
 WAITING_INSTRUCTIONS = 200
-"""Longest slice [instructions] while the priority of an interrupt keeps it waiting; 2.4 us at 84 MHz.
+"""Largest number of instructions in a slice while an interrupt waits because its priority is too low; 2.4 us
+at 84 MHz.
 
-A change of BASEPRI may enable the interrupt at any instruction, and Unicorn does not report the change.
+Slices are short then because any instruction may change BASEPRI and so let the interrupt in, and Unicorn does
+not report the change.
 """
 POLL_PCS = 8
 POLL_NEAR_PS = 25_000_000
@@ -129,10 +133,11 @@ class Execution(ctypes.Structure):
     `done`: number of instructions that began in this slice. `limit`: the slice ends before the next
     instruction once `done` reaches it. `address`: address of the instruction that began last. `slice_ps`:
     moment when the slice began.
-    `hz`: its clock. `until_ps`, `longest`: latest end of the slice [ps, instructions].
+    `hz`: frequency of the processor's clock. `until_ps`, `longest`: latest end of the slice [ps] and largest
+    number of instructions in it.
 
-    The callbacks keep these up to date: `next_event_ps`; `halted_until_ps`; `waiting`: an interrupt is
-    pending;
+    The callbacks keep these up to date: `next_event_ps`: time of the next event; `halted_until_ps`: no
+    instruction runs before this time; `waiting`: an interrupt is pending;
     `stops`: the next instruction may not run in this slice; `dead`: an error has to be raised; `dropped`: a
     reset came before the access.
 
@@ -141,7 +146,7 @@ class Execution(ctypes.Structure):
     caused it;
     `traps_division`: division by 0 is refused. `breakpoint`: on_limit is called before the instruction at
     this address, or NOWHERE; only the exact processor stops there. `may_be_fast`, `may_be_quick`: 0 turns off
-    the fast processor and the reading of registers in C++; the results are the same.
+    the fast processor and the reading of registers in C++, which does not change the results.
     """
 
     _fields_ = (
@@ -214,7 +219,7 @@ class Execution(ctypes.Structure):
         self.breakpoint = NOWHERE
 
     def attach(self, exact: unicorn.Uc, fast: unicorn.Uc, peripherals: dict[int, int]) -> None:
-        """Use these Unicorn instances, which are new and have the same memory.
+        """Use these two Unicorn instances, which are new and share one memory.
 
         `peripherals`: size of each range of peripherals, by base address.
         """

@@ -16,9 +16,9 @@ from tools.due_emulator.board import Board
 from tools.due_emulator.bridge import seconds_to_ps
 
 LONGEST_S = 1e6
-"""Longest accepted time [s]; longer ones are probably mistakes."""
+"""Longest accepted time [s]; longer times are probably mistakes."""
 NAMES = {"at_s": "at", "for_s": "for"}
-"""Names of settings in the text of a fault."""
+"""Names in the text of a fault, for fields that have another name in the class."""
 
 Time = Annotated[float, msgspec.Meta(ge=0, le=LONGEST_S)]
 SomeTime = Annotated[float, msgspec.Meta(gt=0, le=LONGEST_S)]
@@ -38,8 +38,8 @@ class _Fault(
 class SdaStuck(_Fault, frozen=True, tag="sda_stuck"):
     """The sensor holds SDA low.
 
-    If `clocks` is not 0, it releases SDA after that many rising edges of SCL, otherwise after `for_s`, or
-    never if that is 0.
+    If `clocks` is not 0, the sensor releases SDA after that many rising edges of SCL, otherwise after `for_s`
+    seconds, or never if `for_s` is 0.
     """
 
     clocks: Count = 0
@@ -51,13 +51,15 @@ class SdaStuck(_Fault, frozen=True, tag="sda_stuck"):
 
 
 class SclStuck(_Fault, frozen=True, tag="scl_stuck"):
-    """SCL is held low for `for_s`, or forever if `for_s` is 0."""
+    """SCL is held low for `for_s` seconds, or forever if `for_s` is 0."""
 
     for_s: Time = 0.0
 
 
 class NackBurst(_Fault, frozen=True, tag="nack_burst"):
-    """The sensor does not acknowledge the next `count` bytes, or any byte for `for_s`."""
+    """The sensor does not acknowledge the next `count` bytes or, if `for_s` is given instead, any byte for
+    `for_s` seconds.
+    """
 
     count: Count = 0
     for_s: Time = 0.0
@@ -78,7 +80,8 @@ class StaleByte(_Fault, frozen=True, tag="stale_byte"):
 
 
 class Unplug(_Fault, frozen=True, tag="unplug"):
-    """The sensor is unplugged for `for_s` (0: forever); when it is plugged in again, it has its reset values.
+    """The sensor is unplugged for `for_s` seconds (0: forever). When it is plugged in again, its registers
+    have their reset values.
 
     `who_am_i`: identification of another sensor that is plugged in instead.
     """
@@ -90,7 +93,7 @@ class Unplug(_Fault, frozen=True, tag="unplug"):
 class Clone(_Fault, frozen=True, tag="clone"):
     """The sensor is replaced by a clone with another WHO_AM_I.
 
-    The clone starts as after power-up. If `at_s` is 0, it is on the board from the beginning.
+    The clone starts as after power-up. If `at_s` is 0, the clone is on the board from the beginning.
     """
 
     who_am_i: Byte
@@ -99,8 +102,8 @@ class Clone(_Fault, frozen=True, tag="clone"):
 class BrownOut(_Fault, frozen=True, tag="brown_out"):
     """The supply voltage of one part sags.
 
-    sensor: its registers get their reset values while it keeps running. board: the processor restarts with
-    random contents of RAM.
+    If `part` is "sensor", the sensor's registers get their reset values while the sensor keeps running. If it
+    is "board", the processor restarts with random contents of RAM.
     """
 
     part: Literal["sensor", "board"] = "sensor"
@@ -109,7 +112,7 @@ class BrownOut(_Fault, frozen=True, tag="brown_out"):
 class UartLoss(_Fault, frozen=True, tag="uart_loss"):
     """Bytes of the serial port are lost.
 
-    The next `count` bytes are lost, or for `for_s` each byte with this `probability`.
+    Either the next `count` bytes are lost, or each byte is lost with this `probability` for `for_s` seconds.
     """
 
     count: Count = 0
@@ -123,7 +126,7 @@ class UartLoss(_Fault, frozen=True, tag="uart_loss"):
 
 
 class HostStopsReading(_Fault, frozen=True, tag="host_stops_reading"):
-    """The host reads nothing from the serial port for `for_s`."""
+    """The host reads nothing from the serial port for `for_s` seconds."""
 
     for_s: SomeTime
 
@@ -150,7 +153,7 @@ class SensorClock(_Fault, frozen=True, tag="sensor_clock"):
 
 
 class WatchdogStarvation(_Fault, frozen=True, tag="watchdog_starvation"):
-    """The program hangs for `for_s`, and interrupts stay pending.
+    """The program hangs for `for_s` seconds: no instruction runs, and interrupts stay pending.
 
     The watchdog, if it is on, resets the board.
     """
@@ -180,7 +183,7 @@ KINDS: dict[str, type[_Fault]] = {str(kind.__struct_config__.tag): kind for kind
 
 
 def never_happened(faults: Sequence[Fault], now_s: float) -> list[str]:
-    """Return a remark on each fault that did not begin, because the run ended before."""
+    """Return a remark on each fault that did not begin because the run ended before it was due."""
     return [
         f"{fault.__struct_config__.tag} at {fault.at_s:g} s did not happen: the run ended at {now_s:g} s"
         for fault in faults

@@ -13,9 +13,10 @@ KEY = 0x5A
 GET_DESCRIPTOR, GET_GPNVM, START_ID, STOP_ID = 0x00, 0x0D, 0x0E, 0x0F
 FRDY, FCMDE = 1, 2
 COMMAND_PS = 10 * PS_PER_US
-"""Duration of a command of the controller: a round number."""
+"""Duration that the emulation gives a command of the controller: a round number."""
 FASTEST_HZ = (19_000_000, 34_000_000, 53_000_000, 78_000_000, 90_000_000)
-"""Highest master clock for each number of wait states, from 0 up. Each is the lower value of two sources.
+"""Highest master clock [Hz] that the flash tolerates with 0, 1, 2, 3 and 4 wait states. Each is the lower
+value of two sources.
 
 Datasheet 45.9 at VDDCORE 1.8 V has 19, 50, 64, 80 and 90 MHz for 0 to 4 wait states. The vendor's header
 sam3x8e.h (CHIP_FREQ_FWS_0 to 3) has 22.5, 34, 53 and 78 MHz.

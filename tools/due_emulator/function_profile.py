@@ -37,8 +37,9 @@ class Profile:
 
     `functions`: names by address. A function extends to the next one; if code runs into the next function
     without a jump, its instructions count for the first function until the next jump. `phases`: names of
-    functions. A phase lasts from a call of its function to the return. Interrupts and other phases that it
-    calls do not count for it. A function that the compiler has inlined cannot be a phase.
+    functions. A phase lasts from a call of its function to the return. Instructions of interrupts, and of
+    other phases that the function calls, do not count for it. A function that the compiler has inlined cannot
+    be a phase.
 
     Raises:
         ValueError: the program has no function with a phase's name.
@@ -50,7 +51,7 @@ class Profile:
         self.by_function: Counter[str] = Counter()
         """Number of instructions of each function, without the functions that it called."""
         self.by_phase: Counter[str] = Counter()
-        """Number of instructions of each phase."""
+        """Number of instructions of each phase, over all its calls."""
         self.calls: Counter[str] = Counter()
         """Number of calls of each phase."""
         self._cpu = cpu
@@ -58,8 +59,8 @@ class Profile:
         self._names = [functions[address] for address in self._begins]
         self._phases = {address: name for address, name in functions.items() if name in phases}
         self._calls: dict[int, list[tuple[str, int]]] = {}
-        """The running phases with their return addresses, the innermost phase last, by number of active
-        exceptions.
+        """For each number of active exceptions: the running phases with their return addresses, the innermost
+        phase last.
         """
         self._function = ELSEWHERE
         self._phase: str | None = None
@@ -82,8 +83,8 @@ class Profile:
             running.pop()
         if address in self._phases:
             call = (self._phases[address], self._cpu.return_address)
-            # The same call can be seen twice: a block that was interrupted before its first instruction
-            # begins again, and so does a loop.
+            # This method may be called twice at one call of a function: the function's first block begins
+            # again if it was interrupted before its first instruction, or if it is the body of a loop.
             if running[-1:] != [call]:
                 running.append(call)
                 self.calls[call[0]] += 1
@@ -92,7 +93,7 @@ class Profile:
     def _attribute(self, instructions: int) -> None:
         """Add the latest instructions to the function and phase that were running.
 
-        They are those since the last call of this method.
+        The latest instructions are those since the last call of this method.
         """
         ran = instructions - self._counted
         self._counted = instructions

@@ -16,13 +16,18 @@ from tools.due_emulator.machine import PS_PER_S, PS_PER_US
 from tools.due_emulator.reset_controller import ResetType
 
 CHUNK_BYTES = 64
-"""Number of bytes after which they are decoded even if no frame has ended."""
+"""Largest number of received bytes that wait to be decoded. So many are decoded even if no frame has ended.
+"""
 MAX_GAP = 1 << 30
-"""Limit of a gap, so large that every gap is counted as a gap."""
+"""Longest gap, in lost samples, after which the decoder does not begin a new epoch. It is so large that no
+gap begins one, and the samples of every gap are counted as lost.
+"""
 
 
 class HostView:
-    """Receives bytes as they arrive, and keeps counts. A longer run needs no more memory."""
+    """Receives the board's bytes as they arrive, and keeps only counts, so that a longer run needs no more
+    memory.
+    """
 
     def __init__(self, board: Board) -> None:
         self.board = board
@@ -40,7 +45,7 @@ class HostView:
         self.fault_texts: list[str] = []
         self.refused: str | None = None
         self.flags: dict[str, int] = {}
-        """Number of samples that had a flag set, by the flag's name."""
+        """For each flag's name: number of samples that had this flag set."""
         self.min_step_us: int | None = None
         self.max_step_us: int | None = None
         self._steps = self._steps_us = 0
@@ -68,7 +73,7 @@ class HostView:
     def stop(self) -> None:
         """Store the present time as the end of the present boot.
 
-        If the boot continues, a later call replaces it.
+        If the boot continues, a later call replaces the stored time.
         """
         self.boots[-1].ended_ps = self.now_ps
 
@@ -79,7 +84,9 @@ class HostView:
 
     @property
     def rate_hz(self) -> float | None:
-        """Samples per second of the device's own clock, including lost samples; None before two samples."""
+        """Sampling rate, by the device's own clock and including lost samples [Hz]; None before two samples
+        have arrived.
+        """
         return self._steps / self._steps_us * 1e6 if self._steps_us else None
 
     def on_data(self, data: bytes) -> None:
@@ -91,7 +98,7 @@ class HostView:
                 self.on_frame(item)
 
     def on_frame(self, frame: Frame) -> None:
-        """Process a good frame."""
+        """Process a frame that has passed its checks."""
         host_ns = self.now_ps // 1000
         match frame.message:
             case wire.Hello() as hello:
@@ -153,7 +160,9 @@ class HostView:
 
     @property
     def due(self) -> int | None:
-        """Number of samples that the board's timer demanded; None if no timer on the board sets the times."""
+        """Number of samples that the board's timer demanded; None if no timer on the board sets the times of
+        samples.
+        """
         timer = self.hello is not None and self.hello.sampling_mode == wire.SamplingMode.TIMER
         return sum(boot.due for boot in self.boots) if timer else None
 

@@ -1,6 +1,6 @@
-"""The wires SDA and SCL between the Due and the sensor, and which side holds which wire low.
+"""The wires SDA and SCL between the Due and the sensor, and which of the two holds which wire low.
 
-For a program that bit-bangs, every edge is modelled.
+If the program drives the wires itself (bit-banging), every edge is modelled.
 
 For speed the TWI transfers whole bytes; its clock edges are not on the wires. If the TWI is cut off within a
 byte, the sensor stays in the middle of that byte, holds SDA low if its present bit is a 0, and releases SDA
@@ -31,7 +31,8 @@ class Phase(Enum):
 
 # Over 12 attributes: each is one wire, or one state of the transfer on the two wires.
 class I2cLines:
-    """The two wires with the sensor at one end. If `socket` is None, there is no sensor, only pull-ups.
+    """The wires SDA and SCL with the sensor at one end. If `socket` is None, there is no sensor, only
+    pull-ups.
 
     SDA is the wire `sda`, SCL the wire `scl`; the PIO drives them like any other wire.
     """
@@ -64,7 +65,8 @@ class I2cLines:
     def take(self, controller: str) -> None:
         """Let a controller begin a transfer.
 
-        The run ends with an error if the program clocked the wires itself before, and no STOP followed.
+        The run ends with an error if the program has clocked the wires itself before and has not ended with a
+        STOP.
         """
         if self.clocks_without_stop:
             self.machine.fault(
@@ -92,7 +94,8 @@ class I2cLines:
             self.socket.stop()
 
     def cut_off(self, sending: bool, byte: int, bits: int) -> None:
-        """Continue after a controller stopped within a byte, with SCL high, after `bits` (0 to 7) whole bits.
+        """Set the wires' state after a controller has stopped within a byte, with SCL high, after `bits` (0
+        to 7) whole bits.
 
         A sensor that was sending holds SDA low as long as its present bit is a 0.
         """
@@ -106,12 +109,14 @@ class I2cLines:
     # Faults of wires and sensor
 
     def hold_sda(self, clocks: int = 0) -> None:
-        """Let a stuck sensor hold SDA low for `clocks` rising edges of SCL; 0: until `release_sda`."""
+        """Let a stuck sensor hold SDA low for `clocks` rising edges of SCL or, if `clocks` is 0, until
+        `release_sda` is called.
+        """
         self._stuck_clocks = clocks
         self._move(self.sda, "a stuck sensor", False)
 
     def release_sda(self) -> None:
-        """Let the stuck sensor release SDA; if SCL is high, this edge is a STOP on the wires."""
+        """Let the stuck sensor release SDA; if SCL is high, the rising edge of SDA is a STOP on the wires."""
         self._stuck_clocks = 0
         self.sda.drive("a stuck sensor", None)
 

@@ -112,7 +112,7 @@ class Icm20948(Chip):
         return self._registers.get(register, 0)
 
     def spoil(self, register: int, value: int) -> None:
-        """Change a register without the driver's knowledge."""
+        """Change a register without the driver's knowledge, for tests of what the driver notices."""
         self._registers[register] = value
 
     # Registers
@@ -151,7 +151,7 @@ class Icm20948(Chip):
             self._registers[register] = value & _WRITABLE.get(register, 0)
             if self.output_hz != before:
                 self._start_clock()
-        if self.register(FIFO_RST):  # While this register is not 0, the FIFO stays empty [8.58].
+        if self.register(FIFO_RST):  # While FIFO_RST is not 0, the FIFO stays empty [8.58].
             self.fifo.clear()
 
     def _restore(self) -> None:

@@ -1,4 +1,6 @@
-"""Reads a firmware image for the board, and the facts that its build recorded in a JSON file."""
+"""Reads a firmware image for the board, and the facts that the image's build has written into a JSON file
+next to it.
+"""
 
 import hashlib
 import json
@@ -13,8 +15,8 @@ from tools.due_emulator.memory_map import FLASH_BYTES
 class Image(NamedTuple):
     """A firmware image with facts about it.
 
-    `ram_bytes`: RAM that it needs, from the JSON file next to it, or None. `build_id`: from the JSON file,
-    otherwise computed from the contents.
+    `ram_bytes`: RAM that the image needs, from the JSON file next to the image; None without such a file.
+    `build_id`: taken from the JSON file, otherwise computed from the image's contents.
     """
 
     path: Path

@@ -1,4 +1,4 @@
-"""Counts the sampling instants that were due on the board, from the sensor's bus and the resets."""
+"""Counts the sampling instants that were due on the board, from what the sensor's bus and the resets show."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -41,7 +41,7 @@ class Boot:
     def due(self) -> int:
         """Number of sampling instants since the first read of the sensor.
 
-        There is one every 10 ms, whether its sample was received or not.
+        There is one instant every 10 ms, whether its sample was received or not.
         """
         return 0 if self.first_ps is None else (self.ended_ps - self.first_ps) // PERIOD_PS + 1
 

@@ -51,7 +51,7 @@ class Alarm:
         self.number = self._machine.note(delay_ps, self, quiet)
 
     def cancel(self) -> None:
-        """Cancel the action. This has no effect after the action has happened."""
+        """Cancel the action. A call after the action has happened has no effect."""
         self.number = 0
 
 
@@ -71,9 +71,12 @@ class Machine:
         self.quick_reads = QuickReads()
         """Registers whose values a program reads without calling their peripheral."""
         self.on_irq: Callable[[int, bool], None] = lambda irq, level: None
-        """Function that receives changes of interrupt requests; the board connects the NVIC here."""
+        """Function that receives changes of interrupt requests; the board sets it to a function of the NVIC.
+        """
         self.on_clock_change: list[Callable[[], None]] = []
-        """Functions that are called after `mck_hz` has changed, for all parts that count its cycles."""
+        """Functions that are called after the master clock `mck_hz` has changed, so that all parts that count
+        its cycles notice.
+        """
         self.asleep = False
         """Whether the processor sleeps."""
         self.idle_ps = 0

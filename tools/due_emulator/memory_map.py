@@ -9,8 +9,8 @@ FLASH_BASE = 0x0008_0000
 FLASH_BYTES = 512 * 1024
 BANK_BYTES = FLASH_BYTES // 2
 RAM_BASE = 0x2007_0000
-"""Second address of the memory SRAM0; behind it, SRAM1 follows without a gap. Linker scripts for the board
-use this address.
+"""Second address of the memory SRAM0. There, SRAM1 follows SRAM0 without a gap, so linker scripts for the
+board use this address.
 """
 SRAM0_BASE = 0x2000_0000
 SRAM0_BYTES = 64 * 1024
@@ -35,7 +35,7 @@ class Memory:
         self.flash[:] = bytes([ERASED]) * FLASH_BYTES
 
     def program(self, image: bytes) -> None:
-        """Put an image at the beginning of a blank flash.
+        """Erase the flash and put an image at its beginning.
 
         Raises:
             ValueError: the image is empty or longer than the flash.
@@ -47,7 +47,7 @@ class Memory:
         self.is_blank = False
 
     def lose_power(self, seed: int) -> None:
-        """Fill the RAM with random bytes: no program may rely on its contents."""
+        """Fill the RAM with random bytes, because no program may rely on its contents after power-up."""
         self._rubbish = np.random.default_rng(seed).bytes(RAM_BYTES)
         self.ram[:] = self._rubbish
 
@@ -59,7 +59,7 @@ class Memory:
     def stack_depth_bytes(self) -> int:
         """Return the largest depth of the stack since power-up, in bytes.
 
-        It reaches from the stack's top down to the lowest byte that was written.
+        The depth reaches from the stack's top down to the lowest byte that was written.
         """
         top = int.from_bytes(self.flash[:4], "little") - RAM_BASE
         changed = [i for i in range(top) if self.ram[i] != self._rubbish[i]]

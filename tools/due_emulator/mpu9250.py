@@ -17,13 +17,13 @@ QUIET_NS = 11 * MS_NS
 3.4.2).
 """
 READY_NS = 95 * MS_NS
-"""Time after power-up in which written settings are lost.
+"""Time after power-up in which settings that a driver writes are lost.
 
 The limit in 3.4.2 is 100 ms. The model's time is a little shorter, because a driver may count its 100 ms from
 an earlier time.
 """
 RESET_NS = READY_NS
-"""Time after H_RESET in which written settings are lost.
+"""Time after a reset by the bit H_RESET in which settings that a driver writes are lost.
 
 No document gives this time; the vendor's driver waits 100 ms. In this time the chip acknowledges, and the bit
 H_RESET reads as 1.
@@ -96,7 +96,8 @@ class Mpu9250(Chip):
         phase_ps = self._now_ns * PS_PER_NS - self._anchor_ps - self._updates * old_ps
         self._clock_ppm = ppm
         self._start_clock()
-        if old_ps and self._period_ps:  # The sample-rate divider keeps its phase.
+        # A change of the clock's rate keeps the fraction of the sample period that has passed.
+        if old_ps and self._period_ps:
             self._anchor_ps -= phase_ps * self._period_ps // old_ps
 
     @property
@@ -120,7 +121,7 @@ class Mpu9250(Chip):
         return self._registers[register]
 
     def spoil(self, register: int, value: int) -> None:
-        """Change a register without the driver's knowledge."""
+        """Change a register without the driver's knowledge, for tests of what the driver notices."""
         self._store(register, value)
 
     # Power supply
@@ -195,7 +196,9 @@ class Mpu9250(Chip):
             self._push_fifo(bytes([value]))
             return
         if register in _SCALING:
-            self._refresh_output()  # Data that are already measured keep their scale.
+            # Store the present counts before the range changes: values that were measured earlier keep the
+            # old scale.
+            self._refresh_output()
         before = self.output_hz
         self._registers[register] = value & self.variant.writable.get(register, 0)
         if register == reg.USER_CTRL and value & reg.FIFO_RST:
@@ -229,7 +232,7 @@ class Mpu9250(Chip):
     def _next_internal_ns(self) -> int | None:
         """Return the time of the next internal event; None if there is none.
 
-        Updates of the output registers are such events only if the FIFO or an interrupt needs them.
+        An update of the output registers is an event only if the FIFO or an interrupt needs it.
         """
         is_followed = self._interrupts() or self._fills_fifo()
         update_ns = self._next_update_ns() if is_followed else None
@@ -246,9 +249,9 @@ class Mpu9250(Chip):
             self._update(at_ns)
 
     def _skip_updates(self) -> None:
-        """Perform the last of the updates that were skipped.
+        """Perform the last one of the updates of the output registers that were skipped.
 
-        They were skipped because neither FIFO nor interrupt needed them.
+        Updates are skipped while neither the FIFO nor an interrupt needs them.
         """
         if self._period_ps is None:
             return
@@ -286,7 +289,7 @@ class Mpu9250(Chip):
         return overflow
 
     def _refresh_output(self) -> None:
-        """Measure the values of the last update into the internal output registers."""
+        """Store the motion at the time of the last update, as counts, in the internal output registers."""
         if self._output_ns != self._last_update_ns:
             self._output_ns = self._last_update_ns
             self._output = self._measure(self.world.at(self._output_ns))

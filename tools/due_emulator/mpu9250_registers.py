@@ -37,7 +37,9 @@ USER_FIFO_EN, I2C_IF_DIS, FIFO_RST = 0x40, 0x10, 0x04
 H_RESET, SLEEP, CLKSEL, CLKSEL_STOP = 0x80, 0x40, 0x07, 0x07
 
 FIFO_SOURCES = ((0x08, 0, 6), (0x80, 6, 8), (0x40, 8, 10), (0x20, 10, 12), (0x10, 12, 14))
-"""Bit of FIFO_EN (register 35) and slice of the 14 output bytes, in the order of register numbers."""
+"""For each source of data in the FIFO: its bit in FIFO_EN (register 35) and its slice of the 14 output bytes,
+in the order of register numbers.
+"""
 
 # Writable bits of each register. Registers that are absent here are read-only or reserved.
 _WRITABLE = {

@@ -1,8 +1,8 @@
 """The motion that the sensor measures: angular rate, acceleration and temperature at a given time.
 
-The rate is piecewise constant. Value k begins half a period before the time of k periods, and ends half a
-period after it. A program that reads the sensor at all multiples of the period therefore reads each value
-exactly once.
+The rate is piecewise constant. Value number k holds from half a period before the time of k periods until
+half a period after that time. A program that reads the sensor at all multiples of the period therefore reads
+each value exactly once.
 """
 
 from pathlib import Path
@@ -56,7 +56,8 @@ class World(Protocol):
     def at(self, now_ns: int) -> Motion:
         """Return the motion at a time.
 
-        Times of successive calls never decrease. The same value is returned as the same object.
+        Times of successive calls never decrease. As long as the motion does not change, the same object is
+        returned.
         """
 
 
@@ -124,7 +125,9 @@ class Fractional(Stepped):
         self._noise = NoiseGenerator(msgspec.structs.replace(settings, lsb_per_dps=0.0))
 
     def next_rate(self, k: int) -> Vector:
-        """Return the next value of the noise. If it is no longer finite, FlteaError is raised."""
+        """Return the next value of the noise. FlteaError is raised if the noise has grown beyond finite
+        numbers.
+        """
         x, y, z = self._noise.step()
         return x, y, z
 
@@ -132,7 +135,7 @@ class Fractional(Stepped):
 class Replayed(Stepped):
     """A recording that is replayed at one row per period, whatever its own rate is.
 
-    It starts again after its end.
+    After its end, the recording starts again.
 
     Axes that are missing in the recording are 0. Recorded accelerations are not used, because recordings do
     not state the accelerometer's scale.

@@ -43,7 +43,7 @@ class Peripheral:
     def on_read(self, register: str) -> int:
         """Return the value that a read of the program gives.
 
-        It is the stored value, unless a subclass overrides this method.
+        This is the stored value, unless a subclass overrides this method.
         """
         return self.registers[register]
 

@@ -34,7 +34,7 @@ class Pio(Peripheral):
         self.on_mux_change: list[Callable[[], None]] = []
         """Functions that are called when pins are reassigned between this controller and peripherals."""
         self.on_output: Callable[[int, bool], None] = lambda bit, level: None
-        """Functions that are called with (bit, level) when the level of an output pin changes."""
+        """Function that is called with (bit, level) when the level of an output pin changes."""
         self._wires: dict[int, Wire] = {}
         self._shown = 0
         self._power_up()
@@ -126,7 +126,9 @@ class Pio(Peripheral):
                 tell()
 
     def _follow(self, bits: int) -> None:
-        """Set the wires of these pins as the registers demand, and call the functions in `on_output`."""
+        """Set the wires of these pins as the registers demand, and call `on_output` for each output that has
+        changed.
+        """
         for bit, wire in self._wires.items():
             if bits >> bit & 1:
                 who = f"P{self.name[-1]}{bit}"
@@ -149,7 +151,7 @@ class Pio(Peripheral):
     def _is_event(self, bit: int, level: bool) -> bool:
         """Return whether an edge is an event (31.5.10).
 
-        Any edge is, unless the pin's additional mode selects one direction.
+        Any edge is an event, unless the pin's additional mode selects one direction.
 
         If the mode selects a level, the edge to that level is the event.
         """

@@ -22,7 +22,9 @@ PLLA_OUTPUT_HZ = (96_000_000, 192_000_000)
 UPLL_HZ = 480_000_000
 KEY, WP_KEY = 0x37, 0x50_4D43
 CLOCKED_IDS = (1 << 45) - (1 << 8)
-"""Peripherals whose clock can be switched: 8 to 44 (datasheet 9.1, taken from a secondary source)."""
+"""Bits of the peripherals whose clock can be switched: identifiers 8 to 44 (datasheet 9.1, taken from a
+secondary source).
+"""
 CSS_SLOW, CSS_MAIN, CSS_PLLA, CSS_UPLL = range(4)
 MOSCXTS, LOCKA, MCKRDY, LOCKU, MOSCSELS, MOSCRCS = (1 << bit for bit in (0, 1, 3, 6, 16, 17))
 PCKRDY = 0x700
@@ -32,7 +34,7 @@ PLLAR_ONE = 1 << 29
 
 
 class Pmc(Peripheral):
-    """The clocks of the chip. The program sets them up, and each needs some time until it is ready.
+    """The clocks of the chip. The program sets them up, and each clock needs some time until it is ready.
 
     `check_flash`: called with the new master clock before each change; it ends the run if the flash is too
     slow for that clock.

@@ -1,4 +1,4 @@
-"""The board in real time, with its programming port as a pseudo-terminal.
+"""Runs the emulated board in real time, with its programming port as a pseudo-terminal.
 
 The board is reset whenever a program opens this port.
 
@@ -17,17 +17,17 @@ from tools.pty_port import PtyPort
 CHUNK_S = 0.005
 ERASE_BAUD = 1200
 BEHIND_S = 0.5
-"""Smallest lag behind real time that causes a warning [s]. At half the speed, a lag grows to this in a
-second.
+"""Smallest lag behind real time that causes a warning [s]. If the board runs at half of real time, the lag
+grows to this value in a second.
 """
 AGAIN_S = 60.0
 """Shortest time between two warnings [s]."""
 WINDOW_S = 1.0
-"""Time over which the speed of emulation is measured [s]."""
+"""Shortest time over which the speed of the emulation is measured [s]."""
 
 
 class Pace:
-    """Measures how far a run lags behind real time. `look` must be called with rising times."""
+    """Measures how far a run lags behind real time. `check` must be called with rising times."""
 
     def __init__(self) -> None:
         self.worst_lag_s = 0.0
@@ -38,7 +38,8 @@ class Pace:
     def check(self, real_s: float, board_s: float) -> str | None:
         """Return the warning that is due now, or None.
 
-        `real_s`: real time since the beginning [s]. `board_s`: the board's virtual time since then [s].
+        `real_s`: real time since the beginning [s]. `board_s`: the board's virtual time since the beginning
+        [s].
         """
         lag_s = real_s - board_s
         self.worst_lag_s = max(self.worst_lag_s, lag_s)

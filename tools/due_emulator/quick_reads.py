@@ -1,7 +1,7 @@
 """Registers that programs poll, stored so that `execution.cpp` can read them without Python.
 
-`execution.cpp` only performs reads without side effects. Each peripheral updates its entries whenever they
-change.
+`execution.cpp` only performs reads without side effects. Each peripheral updates the entries of its registers
+whenever these change.
 """
 
 import ctypes
@@ -11,11 +11,11 @@ NONE, WORD, COUNTER = range(3)
 
 
 class QuickRegister(ctypes.Structure):
-    """A register that either holds a value, or counts.
+    """A register that either holds a value, or counts cycles of a clock.
 
     A register that holds has the value `value`; while one of the bits `cleared` is set in it, a read has a
-    side effect, and Python performs it. A register that counts has `from_cycles` plus the cycles of the
-    frequency hz / divider since `from_ps`, modulo `period`.
+    side effect, and Python performs it. The value of a register that counts is `from_cycles` plus the number
+    of cycles, of the frequency hz / divider, since `from_ps`; all modulo `period`.
     """
 
     _fields_ = tuple(

@@ -28,7 +28,7 @@ struct Need {
 
 inline bool is_wide(uint16_t halfword) { return halfword >> 11 >= 0x1D; }  // A5.1
 
-// Examine an instruction of 16 bits; of these, LDM, STM, PUSH and POP need aligned addresses.
+// Examines an instruction of 16 bits. Of these instructions, LDM, STM, PUSH and POP need aligned addresses.
 inline Need need_of_narrow(uint16_t h) {
     if (h >> 12 == 0xC) return {kWordsUnaligned, h >> 8 & 7u};
     if ((h & 0xF600) == 0xB400) return {kWordsUnaligned, kSp};
@@ -36,7 +36,7 @@ inline Need need_of_narrow(uint16_t h) {
     return {kNotRefused, 0};
 }
 
-// Examine loads and stores of several words, and exclusive loads and stores (A5.3.5, A5.3.6; alignment:
+// Examines loads and stores of several words, and exclusive loads and stores (A5.3.5, A5.3.6; alignment:
 // A3.2.1).
 inline Need need_of_several(uint16_t h1, uint16_t h2) {
     const unsigned base = h1 & 15u;
@@ -49,7 +49,8 @@ inline Need need_of_several(uint16_t h1, uint16_t h2) {
         case 7:
             return {kNotOfM3, 0};  // LDREXD, STREXD
         default:
-            return {kNotRefused, 0};  // exclusive accesses to bytes, and table branches
+            // exclusive accesses to bytes, and table branches: they need no alignment
+            return {kNotRefused, 0};
     }
 }
 
@@ -78,7 +79,7 @@ class AddressNeeds {
         for (unsigned i = 0; i < 16; ++i) from_[i] = i;
     }
 
-    // Process the next instruction of the block.
+    // Processes the next instruction of the block.
     void follow(uint64_t address, uint16_t h1, uint16_t h2) {
         const Need need = need_of(h1, h2);
         if (need.refusal == kNotOfM3) unknown_ = true;
@@ -91,14 +92,15 @@ class AddressNeeds {
             follow_narrow(address, h1);
     }
 
-    // Bit i: register i must hold a multiple of 4 at the beginning of the block.
+    // Bit i is 1 if register i must hold a multiple of 4 at the beginning of the block.
     uint16_t aligned() const { return aligned_; }
-    // Whether an address may come from elsewhere, or the block has an instruction that a Cortex-M3 does not
-    // know.
+    // Whether the needs of the block cannot be decided: an address may come from elsewhere than a register at
+    // the block's beginning, or the block has an instruction that a Cortex-M3 does not know.
     bool unknown() const { return unknown_; }
 
   private:
-    // number for "a multiple of 4"; as a base address, PC counts as one
+    // origin of a value that is a multiple of 4; it is PC's number because PC as a base address is such a
+    // value
     static constexpr unsigned kMultiple = kPc;
     static constexpr unsigned kElsewhere = 16;
 
@@ -132,7 +134,7 @@ class AddressNeeds {
         become(to, value);
     }
 
-    // Process an instruction of 16 bits: moves, shifts, additions, comparisons, loads and stores (A5.2).
+    // Processes an instruction of 16 bits: moves, shifts, additions, comparisons, loads and stores (A5.2).
     void follow_narrow(uint64_t address, uint16_t h) {
         const unsigned low = h & 7u, middle = h >> 3 & 7u, high = h >> 8 & 7u, wide = (h >> 4 & 8u) | low;
         const unsigned first = h >> 11;
@@ -204,8 +206,8 @@ class AddressNeeds {
         }
     }
 
-    // Process a load or store of several words. A base register that is written back changes by a multiple of
-    // 4.
+    // Processes a load or store of several words. A base register that is written back needs no action, since
+    // it changes by a multiple of 4.
     void follow_several(uint16_t h1, uint16_t h2) {
         const bool loads = h1 & 0x10;
         if (!(h1 & 0x40)) {
@@ -220,8 +222,8 @@ class AddressNeeds {
         if (exclusive) lose(h2 & 15u);
     }
 
-    // Process a shift of a register by a constant (A5.3.11). It can copy, make a multiple of 4, or compute an
-    // address in a table.
+    // Processes a shift of a register by a constant (A5.3.11). The shift can copy the register, make a
+    // multiple of 4 of it, or compute an address in a table.
     void follow_shifted(uint16_t h1, uint16_t h2) {
         const unsigned to = h2 >> 8 & 15u, base = h1 & 15u;
         const unsigned shift = (h2 >> 10 & 0x1Cu) | (h2 >> 6 & 3u);
@@ -247,7 +249,7 @@ class AddressNeeds {
         if (loads) lose(to);
     }
 
-    // Process ADD, SUB, MOV and similar instructions with a constant (A5.3.1, A5.3.3).
+    // Processes ADD, SUB, MOV and similar instructions with a constant (A5.3.1, A5.3.3).
     void follow_immediate(uint16_t h1, uint16_t h2, unsigned base, unsigned to) {
         const bool plain = h1 & 0x200;
         const unsigned what = h1 >> 4 & 31u;
@@ -264,8 +266,8 @@ class AddressNeeds {
             lose(to);
     }
 
-    // Compute the constant of an instruction: ThumbExpandImm (A5.3.2), as far as needed to see multiples of
-    // 4.
+    // Computes the constant of an instruction (ThumbExpandImm, A5.3.2), as far as is needed to see whether it
+    // is a multiple of 4.
     static uint32_t expanded(uint16_t h1, uint16_t h2) {
         const unsigned how = (h1 >> 7 & 8u) | (h2 >> 12 & 7u), byte = h2 & 0xFFu;
         if (how == 2) return byte << 8;

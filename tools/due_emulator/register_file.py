@@ -6,7 +6,7 @@ PLAIN = (
     *("HSMCI", "SSC", "SPI0", "PWM", "EMAC", "CAN0", "CAN1", "ADC", "DMAC", "DACC", "SMC", "MATRIX"),
     *("SUPC", "RTT", "RTC", "GPBR", "CHIPID", "UOTGHS"),
 )
-"""Names of the peripherals that are emulated in this way."""
+"""Names of the peripherals of which only the registers are emulated."""
 
 RESET_VALUES = {
     ("CHIPID", "CIDR"): 0x285E_0A60,  # SAM3X8E (datasheet 9.2.3; flash tools expect this value)
@@ -17,7 +17,9 @@ REFUSED = {
     ("DMAC", "EN"): 0x01,
     ("EMAC", "NCR"): 0x0C,
 }
-"""Bits that would start functions that are not modelled."""
+"""By peripheral and register: bits that would start functions that are not modelled. Writing them ends the
+run.
+"""
 SUPC_KEY, SUPC_KEYED = 0xA5, ("CR", "MR")
 USB_CTRL_ENABLED, USB_CTRL_FROZEN, USB_CLOCK_USABLE = 1 << 15, 1 << 14, 1 << 14
 

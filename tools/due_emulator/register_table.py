@@ -9,7 +9,9 @@ from typing import NamedTuple
 TABLE = Path(__file__).with_name("sam3x_registers.json")
 
 READ_AS_ZERO = {("TWI0", "CR"), ("TWI1", "CR")}
-"""Write-only registers that may be read nevertheless: the Arduino core sets STOP by `TWI_CR |= STOP`."""
+"""Write-only registers that may be read nevertheless: the Arduino core sets STOP by `TWI_CR |= STOP`, which
+reads the register first.
+"""
 
 TRIPLES = (
     *(("IER", "IDR", "IMR"), ("CHER", "CHDR", "CHSR"), ("ENA", "DIS", "SR"), ("SCER", "SCDR", "SCSR")),
@@ -70,7 +72,8 @@ def peripherals() -> dict[str, PeripheralTable]:
 def bit_registers(name: str) -> dict[str, tuple[str, bool]]:
     """Return the registers of a peripheral that set or clear bits of another register.
 
-    For each of them, the value is the other register's name, and whether bits are set.
+    The value for each such register is the name of the other register, and whether a write sets the bits
+    (True) or clears them (False).
     """
     registers = peripherals()[name].registers
     found: dict[str, tuple[str, bool]] = {}

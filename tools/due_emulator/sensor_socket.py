@@ -18,7 +18,7 @@ class SensorSocket:
         self.chip = chip
         self.int_wire = Wire(machine, "the sensor's INT pin")
         self.nacks_left = 0
-        """Number of coming bytes that are not acknowledged."""
+        """Number of bytes, from the next one on, that the sensor will not acknowledge."""
         self.nack_until_ps = 0
         """Time until which no byte is acknowledged [ps]."""
         self._alarm = Alarm(machine, self._on_event)
@@ -64,7 +64,7 @@ class SensorSocket:
         self.settle()
 
     def plug(self, who_am_i: int | None = None) -> None:
-        """Plug in the sensor, or one with another `who_am_i`; it powers up."""
+        """Plug in the sensor, or another sensor with this `who_am_i`, which then powers up."""
         self._catch_up()
         self.int_wire.drive("sensor", False)
         self.chip.power_on(who_am_i)

@@ -103,7 +103,7 @@ class Channel:
         self.compare_changed()
 
     def compare_changed(self) -> None:
-        """Apply a change of RC or of the mode, without resetting the count."""
+        """Apply a change of the register RC or of the mode, without resetting the count."""
         if self._counter.cycles >= self._period:  # This restart loses the elapsed fraction of a cycle.
             self._counter.restart(self._counter.cycles % self._period)
         self._seen = self._counter.cycles
@@ -111,7 +111,7 @@ class Channel:
         self._lay_out()
 
     def read_status(self) -> int:
-        """Read SR, the status register. The read clears its events."""
+        """Read SR, the status register. The read clears the events in SR."""
         self._settle()
         value = self._timer.registers[f"SR{self._n}"]
         self._timer.registers[f"SR{self._n}"] = value & ~EVENTS

@@ -7,7 +7,7 @@ from tools.due_emulator.peripheral import Peripheral
 
 KEY = 0x52_4E47
 CYCLES = 84
-"""Number of clock cycles in which a new random word is made (datasheet 41.1)."""
+"""Number of clock cycles that the generator needs for a new random word (datasheet 41.1)."""
 DATRDY = 1
 
 

@@ -23,7 +23,9 @@ PDC_ENABLES = 0x101
 IDLE_LINE = 0xFF
 
 LAST_BIT = 7.5
-"""Bit position where SCL waits while RHR is full; after RHR is read, half a bit is left to set STOP."""
+"""Position in a received byte [bits] at which the controller holds SCL while RHR is full. After the program
+has read RHR, half a bit is left in which it can set STOP.
+"""
 BYTE_BITS = 9
 
 Transfer = Generator[float | None, None, None]
@@ -53,7 +55,9 @@ class Twi(Peripheral):
         """Total time for which transfers have held the bus [ps]."""
         self.transfers = 0
         self.stale_reads = 0
-        """Number of coming reads after which an extra byte stays in RHR, as if STOP had been set too late."""
+        """Number of reads, from the next one on, after which an extra byte stays in RHR, as if STOP had been
+        set too late.
+        """
         self._quick_status = machine.quick_reads.add(
             self.table.base + self.table.registers["SR"].offset, self.clock_id("SR")
         )
@@ -101,7 +105,9 @@ class Twi(Peripheral):
         return self.busy_ps + running
 
     def on_read(self, register: str) -> int:
-        """Read a register: a read of SR clears its events; a read of RHR lets the next byte end."""
+        """Read a register: a read of SR clears its events; a read of RHR lets the next byte end, which waits
+        in its last bit while RHR is full.
+        """
         value = self.registers[register]
         if register == "SR":
             self.flag("SR", CLEARED_BY_READ, False)
@@ -231,7 +237,8 @@ class Twi(Peripheral):
             end_ps = max(end_ps, machine.now_ps + rest_ps)
             self._on_line = (True, byte, end_ps - self._ps(BYTE_BITS))
             yield (end_ps - machine.now_ps) / self._bit_ps
-            while machine.now_ps > end_ps:  # A device stretched SCL meanwhile.
+            # A device has held SCL low meanwhile, which delays the byte's end.
+            while machine.now_ps > end_ps:
                 end_ps = machine.now_ps + rest_ps
                 yield BYTE_BITS - LAST_BIT
             more = self._stop_ps >= end_ps - self._ps(1)
@@ -244,7 +251,7 @@ class Twi(Peripheral):
     def _anticipate(self) -> Transfer:
         """After the program has read the last byte, receive the idle level of the bus as one more byte.
 
-        The Linux driver empties RHR because this can happen.
+        The real controller can do so too: because of it, the Linux driver empties RHR.
         """
         while self.registers["SR"] & RXRDY:
             yield None
@@ -306,7 +313,8 @@ class Twi(Peripheral):
             bits = next(self._transfer)
         except StopIteration:
             return
-        # The program can end these two kinds of waits early.
+        # Only two kinds of waits can be ended early by an access of the program: None, which has no other
+        # end, and LAST_BIT.
         self._waiting = bits in (None, LAST_BIT)
         if bits is not None:
             self._alarm.set(self._ps(bits))

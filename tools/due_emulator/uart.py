@@ -83,7 +83,8 @@ class Transmitter(Peripheral):
                 self._control_pdc(value)
             case "TCR" | "TNCR":
                 if register == "TNCR" and value and not r["TCR"]:
-                    # The datasheet does not say whether the next block then starts immediately.
+                    # The datasheet does not say whether the next block starts immediately if TCR is 0 when
+                    # TNCR is written.
                     self.machine.fault(f"{self.name}_TNCR is written while TCR is 0: write TPR and TCR first")
                 r[register] = value & 0xFFFF
                 if r[register]:
