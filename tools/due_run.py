@@ -79,7 +79,7 @@ class DueRun(HostView):
         schedule_faults(self.board, [parse_fault(text) for text in faults])
 
     def run_until(self, at_s: float) -> "DueRun":
-        """Run until `at_s`, and then until a time at which no bytes of a sample are under way.
+        """Run until `at_s`, and then on to a time at which no bytes of a sample are on the way to the host.
 
         If the run ended early, `error` says why.
         """
@@ -126,7 +126,7 @@ class DueRun(HostView):
 
     @property
     def hellos(self) -> list[Hello]:
-        """The HELLOs that the host reported: those that differ from the HELLO before."""
+        """The HELLOs that the host reported, which are those that differ from the HELLO before them."""
         return [record for record in self.records if isinstance(record, Hello)]
 
     @property
@@ -136,20 +136,21 @@ class DueRun(HostView):
 
     @property
     def stats(self) -> Stats:
-        """The host's own counts."""
+        """The host's own counts of bytes, frames and samples."""
         return self._pipeline.stats()
 
     # Methods that compare board and host
 
     def unheard(self) -> list[int]:
-        """Return how many sampling instants at the end of a boot the host did not hear of.
+        """Return how many sampling instants at the end of a boot did not become known to the host by any
+        sample.
 
         There is a number for each boot that read the sensor.
         """
         return [boot.due - (boot.heard[1] + 1 if boot.heard else 0) for boot in self.boots if boot.bursts]
 
     def check(self) -> str | None:
-        """Return the first contradiction between board and host, or None.
+        """Return a text about the first contradiction between board and host; None if there is none.
 
         The sample of each sampling instant must be delivered, counted as lost, or unheard at the end of a
         boot. All values must be those that the sensor gave.
@@ -169,7 +170,9 @@ class DueRun(HostView):
         return self.check_values()
 
     def check_values(self) -> str | None:
-        """Return the first sample that differs from what the sensor gave at the sample's time, or None."""
+        """Return a text about the first sample that differs from what the sensor gave at the sample's time;
+        None if no sample differs.
+        """
         zero_ps, boot_id = 0, None
         bursts = [burst for boot in self.boots for burst in boot.bursts if len(burst.data) >= DATA_BYTES]
         i = 0
@@ -203,7 +206,7 @@ class DueRun(HostView):
         self.arrivals.append(Arrival(frame, self.now_ps))
 
     def on_burst(self, burst: Burst) -> None:
-        """Store a read of the sensor, which collects the bytes that the sensor sends."""
+        """Store a read of the sensor. The stored object collects the bytes that the sensor then sends."""
         super().on_burst(burst)
         self.boots[-1].bursts.append(burst)
 

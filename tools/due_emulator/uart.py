@@ -134,7 +134,7 @@ class Transmitter(Peripheral):
         self._feed()
 
     def _feed(self) -> None:
-        """Move bytes from memory to the holding register, and from there to the wire."""
+        """Move bytes from memory to the holding register, and from the holding register to the wire."""
         if self._holding is None:
             self._fetch()
         if self._shifting is None and self._holding is not None and self._enabled:

@@ -1,6 +1,6 @@
 """The watchdog timer of the SAM3X (datasheet, chapter 15).
 
-It is on after a reset, with a time-out of 16 s, and its mode register can be written once.
+After a reset the watchdog is on, with a time-out of 16 s, and its mode register can be written once.
 """
 
 from collections.abc import Callable
@@ -17,7 +17,7 @@ WDUNF, WDERR = 1, 2
 class Watchdog(Peripheral):
     """Calls `bite`, which resets the board, when the program has not fed the watchdog in time.
 
-    It stops counting while the processor sleeps if WDIDLEHLT is set, which is so after a reset.
+    The watchdog does not count while the processor sleeps if WDIDLEHLT is set, as it is after a reset.
     """
 
     def __init__(self, machine: Machine, bite: Callable[[], None]) -> None:
@@ -29,7 +29,7 @@ class Watchdog(Peripheral):
         self._feed()
 
     def reset(self) -> None:
-        """Switch on, with the longest time-out."""
+        """Reset the watchdog, which switches it on with the longest time-out."""
         super().reset()
         self._written = False
         self.machine.set_irq(IRQ, False)
@@ -41,7 +41,7 @@ class Watchdog(Peripheral):
         return self.field("MR", "WDV") * DIVIDER * PS_PER_S // SLOW_CLOCK_HZ
 
     def on_read(self, register: str) -> int:
-        """Read a register; a read of SR clears it."""
+        """Read a register; a read of SR clears SR."""
         value = self.registers[register]
         if register == "SR":
             self.registers["SR"] = 0
@@ -73,7 +73,8 @@ class Watchdog(Peripheral):
             self._fail(WDERR)
         else:
             self._fed_ps = self._clock_ps()
-            # If the alarm is set already, it comes too early, and is set again then.
+            # An alarm that is set already goes off too early now, and `_look` then sets it for the remaining
+            # time.
             if not self._alarm.is_set:
                 self._wait()
 

@@ -8,8 +8,8 @@ from tools.due_emulator.machine import Machine
 class Wire:
     """One wire that connects several parts.
 
-    A driver holds it low (False), drives it high (True) or releases it (None). If all drivers release it, a
-    pull-up keeps it high.
+    A driver holds the wire low (False), drives it high (True) or releases it (None). If all drivers release
+    the wire, a pull-up keeps it high.
 
     The run ends at a short circuit: one driver drives high while another holds low.
     """

@@ -80,7 +80,7 @@ def played(
 ) -> Iterator[tuple[str, str, Outcome]]:
     """Yield part, name and outcome of each fault whose name contains one of the words.
 
-    If there are no words, all faults are caused.
+    If no words are given, all faults are caused.
     """
     for part in parts:
         cases = [one for one in PARTS[part].cases if not words or any(word in one.name for word in words)]
@@ -88,7 +88,9 @@ def played(
         for case in cases:
             try:
                 yield part, case.name, playing[case.name].result()
-            except Skip as why:  # The other faults may not need what is missing.
+            # Go on after `Skip`: the other faults may not need the program or permission that is missing
+            # here.
+            except Skip as why:
                 yield part, case.name, Outcome([], 0, {}, more=f"{NOT_PLAYED}: {why}")
 
 

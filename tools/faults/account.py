@@ -1,6 +1,6 @@
 """Accounts for every sample.
 
-It was delivered, or it was counted as lost, or no program can know of it.
+Each sample was delivered, or it was counted as lost, or no program can know of it.
 """
 
 from collections import Counter
@@ -11,15 +11,15 @@ from tools.faults.outcome import LOST
 from tools.faults.program import Program
 
 Sample = tuple[Any, int]
-"""A sample: its source, such as a board's name, and its number there."""
+"""A sample, given by its source, such as a board's name, and its number at that source."""
 Record = dict[str, Any]
 
 
 class Heard(NamedTuple):
     """What one program reported: for each sample, how often it was delivered or counted as lost.
 
-    `dropped`: number of records that it dropped because its standard output was full, from its last `stats`
-    record.
+    `dropped`: number of records that the program dropped because its standard output was full, from its last
+    `stats` record.
     """
 
     delivered: Counter[Sample]
@@ -28,9 +28,9 @@ class Heard(NamedTuple):
 
 
 class Account(NamedTuple):
-    """Number of samples that were due, and numbers by what became of them.
+    """The samples that were due: their number, and how many of them were delivered, lost and so on (`where`).
 
-    `wrong`: texts on contradictions.
+    `wrong`: a text for each contradiction that was found.
     """
 
     due: int
@@ -65,7 +65,8 @@ def account(
 ) -> Account:
     """Compare what the programs reported with the samples that were due.
 
-    `excused`: due samples of which no program can know if they were not delivered. `excuse`: reason why not.
+    `excused`: due samples that no program can count as lost if they are not delivered. `excuse`: the reason
+    why no program can know of them.
     `once`: each sample may be delivered only once, and counted as lost only once.
     """
     delivered, lost = Counter[Sample](), Counter[Sample]()
@@ -91,7 +92,8 @@ def account(
 
 
 def shown(samples: set[Sample]) -> str:
-    """Return a text with the number of samples of each source, and the smallest sample number."""
+    """Return a text that gives, for each source, the number of these samples and the smallest sample number.
+    """
     counts = Counter(whose for whose, _ in samples)
     return ", ".join(
         f"{count} of {whose} from {min(number for one, number in samples if one == whose)}"
@@ -114,9 +116,9 @@ def wrong_ends(program: Program) -> list[str]:
 def wrong_sums(records: Sequence[Record]) -> list[str]:
     """Return a text for each output whose counts are wrong.
 
-    Written, dropped and queued records together must be as many as were published.
+    For each output, the written, dropped and queued records together must be as many as were published.
 
-    An error record that another thread published meanwhile may be counted in addition.
+    The count may be smaller by the number of error records, because another thread may publish one meanwhile.
     """
     last = max((k for k, record in enumerate(records) if record["class"] == "stats"), default=None)
     outputs = {} if last is None else records[last].get("outputs", {})
@@ -125,7 +127,8 @@ def wrong_sums(records: Sequence[Record]) -> list[str]:
     published = last + outputs["stdout"]["dropped"]
     errors = sum(record["class"] == "error" for record in records)
     sums = {name: one["written"] + one["dropped"] + one["queued"] for name, one in outputs.items()}
-    # The output `record` also counts the recorded chunks of bytes from the serial port.
+    # The output `record` is left out, because it also counts the recorded chunks of bytes from the serial
+    # port.
     return [
         f"{name} accounts for {count} of {published} records"
         for name, count in sums.items()

@@ -26,10 +26,11 @@ class Measured(NamedTuple):
 
     `due`: number of sampling instants of all boots by the emulator's own clock, since the first read of the
     sensor. `delivered`, `lost`: the host's counts. `unheard`: sampling instants at the end of a boot whose
-    samples did not arrive. Because a reset ended the boot, no later sample shows that they are missing.
-    `recovery_s`: longest interruption at the host, from the last good sample before it to the first one after
-    it [virtual s]. `epochs`: reasons of new epochs. `status`: fields of the last boot's STATUS. `wrong`: a
-    contradiction in the counts, or None.
+    samples did not arrive. They are not counted as lost, because a reset ended the boot and no later sample
+    shows that they are missing.
+    `recovery_s`: duration of the longest interruption at the host, from the last good sample before the
+    interruption to the first good sample after it [virtual s]. `epochs`: reasons of new epochs. `status`:
+    fields of the last boot's STATUS. `wrong`: text about a contradiction in the counts, or None.
     """
 
     due: int
@@ -69,10 +70,10 @@ class DueExpected(NamedTuple):
     """The expected outcome of a fault on the emulated board.
 
     `lost`, `recovery_s`, `unheard`: smallest and largest permitted value of these fields of `Measured`.
-    `epochs`, `faults`: kinds of new epochs and of FAULT messages, in order. `i2c_errors`, `bus_recoveries`:
-    fields of the last boot's STATUS. `resets`: causes of the resets. `bad_frames`: number of frames that the
-    host refused. `lost_on_the_way`: whether samples are lost on the wire, so that the board cannot count
-    them.
+    `epochs`: reasons of new epochs, in order. `faults`: kinds of FAULT messages, in order. `i2c_errors`,
+    `bus_recoveries`: fields of the last boot's STATUS. `resets`: causes of the resets. `bad_frames`: number
+    of frames that the host refused. `lost_on_the_way`: whether samples are lost on the wire, so that the
+    board cannot count them.
     """
 
     lost: tuple[int, int]
@@ -88,7 +89,7 @@ class DueExpected(NamedTuple):
 
     @property
     def of_outcome(self) -> Expected:
-        """The expected values of the figures in the report's table."""
+        """The part of these expected values that the report's table shows."""
         return Expected((*self.faults, *self.epochs), lost=self.lost, excused=self.unheard)
 
     def differences(self, one: Measured) -> list[str]:
@@ -126,8 +127,8 @@ class DueCase(NamedTuple):
 
 UNINTERRUPTED = (0.0099, 0.0151)
 RESTART = ("sensor_restart",)
-# The firmware tries to set up the sensor every 0.1 s, and a set-up takes 0.15 s. Recovery adds at most these
-# times to the duration of a fault.
+# The firmware tries to set up the sensor every 0.1 s, and a set-up takes 0.15 s. An interruption may
+# therefore be longer than the fault by at most the sum of these two times.
 DUE_CASES = (
     DueCase(
         "SDA held, 5 clocks free it",
@@ -234,12 +235,12 @@ DUE_CASES = (
 
 
 def measure(image: bytes, case: DueCase) -> tuple[DueRun, Measured]:
-    """Run the emulated board with the faults of a case; return the run and its results."""
+    """Run the emulated board with the faults of a `DueCase`; return the run and its results."""
     run = DueRun(image, faults=case.faults).run_until(case.until_s)
     arrivals = [sample.at_ps for sample in run.of(wire.Sample)]
     samples = run.stats.sample_counts
     status = run.status._asdict()
-    del status["cpu_share"], status["longest_step"]  # these fields are not counts
+    del status["cpu_share"], status["longest_step"]  # unlike the other fields of STATUS, these are not counts
     status["reset_cause"] = wire.ResetCause(run.status.reset_cause).name.lower()
     return run, Measured(
         due=sum(boot.due for boot in run.boots),

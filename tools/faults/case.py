@@ -32,7 +32,7 @@ class Case(NamedTuple):
 def play(case: Case, **how: Any) -> Outcome:
     """Cause a fault in a folder of its own, and compare its outcome with the expected outcome.
 
-    A difference counts as wrong, and so does an exception.
+    A difference from the expected outcome counts as wrong, and so does an exception.
 
     `how`: options of `Stage`.
 
@@ -55,9 +55,10 @@ def play(case: Case, **how: Any) -> Outcome:
 
 
 def play_all(cases: Sequence[Case], *, at_once: int, **how: Any) -> dict[str, "Future[Outcome]"]:
-    """Cause several faults, `at_once` of them at the same time, since they mostly wait.
+    """Cause several faults, `at_once` of them at the same time, since they mostly wait for something and need
+    little processor time.
 
-    The results are futures of the outcomes, by name.
+    Return the futures of the outcomes, by the names of the faults.
     """
     pool = ThreadPoolExecutor(at_once)
     found = {case.name: pool.submit(play, case, **how) for case in cases}
@@ -71,7 +72,7 @@ def line(cells: tuple[str, ...]) -> str:
 
 
 def cells(name: str, one: Outcome) -> tuple[str, ...]:
-    """Return the cells of a fault's row, without the first one that names the part of the program."""
+    """Return the cells of a fault's row, without the first cell, which names the part of the program."""
     parts = " + ".join(f"{count} {where}" for where, count in one.where.items() if count) or "0"
     figures = (f"{what} {_number(value)}" for what, value in one.figures.items())
     wrong = f" **{'; '.join(one.wrong)}**" if one.wrong else ""
@@ -85,7 +86,7 @@ def cells(name: str, one: Outcome) -> tuple[str, ...]:
 
 
 def report(rows: list[tuple[str, str, Outcome]]) -> str:
-    """Return the table of parts, names and outcomes, and a summary."""
+    """Return a table in Markdown from `rows` (part, name of the fault, outcome), with a summary below it."""
     lines = [line(HEADS), "|---" * len(HEADS) + "|"]
     lines += [line((part, *cells(name, one))) for part, name, one in rows]
     wrong = sum(not one.is_right for _, _, one in rows)

@@ -34,7 +34,7 @@ ASK = Ask(
     block_bytes=8 * SAMPLES // PIECES + 256,
 )
 DONE = 3
-"""Number of files after which the scheduler is killed."""
+"""Number of identified files after which the scheduler is killed."""
 
 
 CLUSTER = """
@@ -67,7 +67,7 @@ class Cluster:
     kill = close
 
     def pause(self) -> None:
-        """Stop the process; its connections stay open."""
+        """Suspend the process with SIGSTOP; its connections stay open."""
         self._process.send_signal(signal.SIGSTOP)
 
 
@@ -94,7 +94,8 @@ def worker_killed(stage: Stage) -> Outcome:
         warnings.simplefilter("ignore")  # Dask warns about its own ports and files
         with start(n_workers=2, threads_per_worker=1, dashboard_address=None, host="127.0.0.1") as cluster:
             for nanny in cluster.workers.values():
-                nanny.close_gracefully()  # tells the nanny not to start a new worker
+                # tells the nanny not to start a new worker in place of the killed one
+                nanny.close_gracefully()
             workers = DaskWorkers(cluster.scheduler_address)
             pids = list(workers._client.run(os.getpid).values())
 

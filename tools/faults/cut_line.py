@@ -10,10 +10,11 @@ CHUNK = 1 << 16
 class CutLine:
     """A TCP port of this machine that forwards connections to another port.
 
-    While the connection is cut, neither end notices it. Data that one end sends wait, like packets that are
-    sent again and again, and so does the news that one end has closed. A new connection gets no answer.
+    While the connection is cut, neither end notices it. Data that one end sends wait here, like packets that
+    are sent again and again. The news that one end has closed waits in the same way. A new connection gets no
+    answer.
 
-    `port`: the port that forwards.
+    `port`: the port that clients connect to. `to`: the port to which their data are forwarded.
     """
 
     def __init__(self, to: int) -> None:
@@ -42,7 +43,7 @@ class CutLine:
             one.close()
 
     def _accept(self) -> None:
-        with contextlib.suppress(OSError):  # The port was closed meanwhile.
+        with contextlib.suppress(OSError):  # `accept` fails when `close` has closed the port.
             while True:
                 near, _ = self._listener.accept()
                 threading.Thread(target=self._connect, args=(near,), daemon=True).start()
@@ -60,7 +61,8 @@ class CutLine:
             threading.Thread(target=self._pass_on, args=ends, daemon=True).start()
 
     def _pass_on(self, from_: socket.socket, to: socket.socket) -> None:
-        with contextlib.suppress(OSError):  # The other direction of the connection has ended already.
+        # A call fails if the thread of the other direction has already ended the connection.
+        with contextlib.suppress(OSError):
             while data := from_.recv(CHUNK):
                 self._whole.wait()
                 to.sendall(data)

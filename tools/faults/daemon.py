@@ -1,6 +1,6 @@
 """Runs the daemon on a simulated board's port.
 
-What the daemon wrote is compared with what the board sent.
+What the daemon has written is compared with what the board has sent.
 """
 
 import contextlib
@@ -24,7 +24,7 @@ from tools.faults.stage import Stage
 
 RECORDING = "recording"
 BEFORE = AFTER = 150
-"""Number of samples before and after the fault."""
+"""Numbers of samples that the board sends before and after the fault."""
 UNINTERRUPTED_S = 0.45
 
 
@@ -77,7 +77,7 @@ class Scene:
     def fault(self, *, before: int = BEFORE) -> Iterator[Board]:
         """Send `before` samples, then let the caller cause the fault in the `with` block.
 
-        The time at which the block ends is stored.
+        The time at which the block ends is stored as the end of the fault.
         """
         self.board.send(before)
         yield self.board
@@ -88,7 +88,9 @@ class Scene:
         self.board.send_until(lambda: kind in self.programs[-1].errors(), kind)
 
     def finish(self, *, after: int = AFTER) -> None:
-        """Send `after` more samples, wait until the newest program has the last one, and end the program."""
+        """Send `after` more samples, wait until the program that was started last has received the last
+        sample, and end this program.
+        """
         self.board.send(after)
         i, k = max(self.board.arrived())
         boot, program = self.board.boots[i], self.programs[-1]
@@ -105,7 +107,8 @@ class Scene:
         line_is_known: bool = True,
         recording_is_whole: bool = True,
     ) -> Outcome:
-        """Finish, if this is not done yet; return what became of samples, recording and estimates.
+        """Call `finish`, if it has not been called yet; return what became of samples, recording and
+        estimates.
 
         `but`: name of the only output that may lose records. `excuse`, `line_is_known`: see `samples_of`.
         `recording_is_whole`: whether the recording has to contain all bytes that were sent.
@@ -146,7 +149,7 @@ def samples_of(
     """Account for each sampling instant of a board, identified by its boot and its number in that boot.
 
     `programs`: the records of the programs that listened, one after another. `excuse`: why no program can
-    know of some samples at the beginning or the end of a boot, which it did not use. If this is empty, there
+    know of some samples at the beginning or the end of a boot that were not delivered. If it is empty, there
     must be no such samples. `line_is_known`: False if another program also read bytes from the serial port.
     """
     boots = {boot.boot_id: number for number, boot in enumerate(board.boots)}
@@ -198,7 +201,7 @@ def check_totals(records: Sequence[Record]) -> list[str]:
 def faults_of(programs: Sequence[Program], board: Board) -> list[str]:
     """Return the kinds of errors that programs reported.
 
-    `silent` is left out if the board really was silent.
+    The kind `silent` is left out if the board really was silent for that long.
     """
     was_silent = board.longest_silence_s > SILENCE_S - 1
     kinds = (kind for program in programs for kind in program.errors())
@@ -262,9 +265,10 @@ def lost_by_outputs(program: Program, but: str = "") -> list[str]:
 
 
 def time_stamps_off_ms(program: Program, *epochs: int) -> dict[str, float]:
-    """Return by how much host times scatter about a straight line in device time [ms].
+    """Return by how much the difference between host time and device time varies within an epoch [ms].
 
-    It is the difference of the largest and smallest deviation, in the worst of the epochs.
+    The result is the largest minus the smallest of these differences, for the one of the epochs where it is
+    largest.
     """
     spreads = []
     for epoch in epochs:
@@ -275,5 +279,5 @@ def time_stamps_off_ms(program: Program, *epochs: int) -> dict[str, float]:
 
 
 def bad_frames(program: Program) -> dict[str, float]:
-    """Return the number of frames that did not pass the program's checks."""
+    """Return the number of frames that did not pass the program's checks, as a figure of the report."""
     return {"bad frames": sum(program.of("stats")[-1]["link"]["bad_frames"].values())}

@@ -21,15 +21,17 @@ from tools.faults.stage import Stage
 
 CUT = "the half frame"
 MOST_OTHERS_DROPPED = 6
-"""Largest number of HELLO and STATUS frames that the board may drop in addition to samples; it sends four in
-two seconds.
+"""Largest number of HELLO and STATUS frames that the board may drop in addition to samples; the board sends
+four such frames in two seconds.
 """
 MODEM = b"AT\r"
 DUE = "USB VID:PID=2341:003D SER=75230303 LOCATION=1-1"
 
 
 def replug(stage: Stage) -> Outcome:
-    """Unplug the board and plug it in again: the link, as udev makes it, then points to another port."""
+    """Unplug the board and plug it in again, after which the link, like a link that udev makes, points to
+    another port.
+    """
     scene = Scene(stage)
     _unplug_and_plug(scene)
     return scene.outcome(excuse=CUT)
@@ -59,11 +61,12 @@ def _unplug_and_plug(scene: Scene, show: Callable[..., None] = lambda *devices: 
     `show`: makes ports of these names known to the daemon.
     """
     with scene.fault() as board:
-        # Wait, since the buffer of the port may still contain bytes.
+        # Wait until the daemon has all samples, since the port's buffer may still contain bytes, which
+        # unplugging would lose.
         scene.program.wait_for_sample(board.boots[-1].boot_id, board.boots[-1].due - 1)
         board.begin_frame()
-        # This comes before the unplugging, since the system gives the free name to the next new port of any
-        # program.
+        # Hide the port before the unplugging, since the system then gives its name to the next new port of
+        # any program.
         show()
         board.unplug()
         scene.program.wait_for(lambda: "no_port" in scene.program.errors(), "the loss")
@@ -75,7 +78,7 @@ def _unplug_and_plug(scene: Scene, show: Callable[..., None] = lambda *devices: 
 def reset_in_mid_frame(stage: Stage) -> Outcome:
     """Reset the board in the middle of a frame.
 
-    It sends half a frame, then the 0x00 and the HELLO of a new boot.
+    The board sends half a frame, then the 0x00 and the HELLO of a new boot.
     """
     scene = Scene(stage)
     with scene.fault() as board:
@@ -98,7 +101,9 @@ def modem_manager_writes(stage: Stage) -> Outcome:
 
 
 def modem_bytes_in_the_stream(stage: Stage) -> Outcome:
-    """Send the bytes that an echo of another program's writing would give, between frames and inside one."""
+    """Send the bytes that would come back if the port echoed another program's writing, between frames and
+    inside a frame.
+    """
     scene = Scene(stage)
     with scene.fault() as board:
         board.inject(MODEM)
@@ -113,7 +118,7 @@ def modem_bytes_in_the_stream(stage: Stage) -> Outcome:
 def another_reader(stage: Stage) -> Outcome:
     """Let another program read the port too, as ModemManager does for some seconds.
 
-    It gets some of the bytes.
+    The other program takes away some of the bytes.
     """
     scene = Scene(stage)
     thief = os.open(scene.board.link, os.O_RDONLY | os.O_NOCTTY | os.O_NONBLOCK)
@@ -123,14 +128,15 @@ def another_reader(stage: Stage) -> Outcome:
     def steal() -> None:
         nonlocal stolen
         while not stop.is_set():
-            select.select([thief], [], [], 0.01)  # This wakes up at the same time as the daemon.
+            # The thread wakes up at the same time as the daemon, when bytes arrive.
+            select.select([thief], [], [], 0.01)
             with contextlib.suppress(BlockingIOError):
                 stolen += len(os.read(thief, 64))
 
     thread = threading.Thread(target=steal)
     with scene.fault() as board:
         thread.start()
-        # These are fewer samples than `link.max_gap`, so they begin no epoch even if the daemon gets none of
+        # These are fewer samples than `link.max_gap`, so no new epoch begins even if the daemon gets none of
         # them.
         board.send(80)
         stop.set()
@@ -192,7 +198,8 @@ def long_stall_of_the_program(stage: Stage) -> Outcome:
     scene = Scene(stage)
     with scene.fault() as board:
         scene.program.process.send_signal(signal.SIGSTOP)
-        board.fill_the_line()  # 70 kB, which would take half a minute
+        # 70 kB at once; at the board's rate, the port's buffer would take half a minute to fill
+        board.fill_the_line()
         board.send(200)
         scene.program.process.send_signal(signal.SIGCONT)
     scene.finish()

@@ -1,6 +1,6 @@
 """Faults of the daemon's outputs.
 
-An output may lose its own records if it counts them, but no other output may lose any.
+The output with the fault may lose records if it counts them, but no other output may lose any.
 """
 
 import math
@@ -24,7 +24,9 @@ from tools.faults.stage import Stage
 
 PAGES = 3
 MOST_MB = 10.0
-"""Largest permitted growth of memory [MB]. A program still grows a little after its start."""
+"""Largest permitted growth of the daemon's memory [MB]. It is not 0, because a program still grows a little
+after its start.
+"""
 PAGE = ("--dashboard", "127.0.0.1:0")
 
 
@@ -119,7 +121,7 @@ def _taken_away(stage: Stage, take: Callable[[Scene], None]) -> Outcome:
 
 
 def _recorded_or_counted(scene: Scene, folder: Path) -> Outcome:
-    """Finish, and check that each byte from the board is recorded or counted as lost."""
+    """End the daemon, and check that each byte from the board is recorded or counted as lost."""
     scene.finish()
     recorded, last = read_recording(folder), scene.program.of("stats")[-1]
     of_link, missing = last["link"]["bytes"], sum(gap.bytes for gap in recorded.gaps)

@@ -11,7 +11,9 @@ from tools.faults.stage import Stage
 
 HOUR_NS = 3600 * 10**9
 FLUSHED_S = 1.0
-"""When the daemon is killed, the recording may lack the bytes of at most this time before [s]."""
+"""When the daemon is killed, the recording may lack the bytes of the last seconds before, but of no more than
+this time [s].
+"""
 
 
 def kill_9(stage: Stage) -> Outcome:

@@ -8,7 +8,9 @@ from dataclasses import dataclass, field
 from tools.faults.outcome import LOST, Outcome
 
 Bounds = float | tuple[float, float] | None
-"""A value, or its smallest and largest value, or None if it depends on the machine's speed."""
+"""What is expected of a number: a value, or a smallest and largest value, or None if the number depends on
+the machine's speed.
+"""
 SOME = (1, math.inf)
 """Bounds of a number that depends on the machine's speed, but is not 0."""
 
@@ -19,14 +21,12 @@ class Expected:
 
     Attributes:
         reported: Kinds of errors and alerts, and reasons of new epochs, in this order. If this is a set, any
-        order is right, since the order depends on the machine's speed.
-        perhaps: Kinds that may be reported in addition, since they depend on the machine's speed.
-        instead: Kinds that may be reported instead of others: the other kind, by the expected kind.
-        due: Number of records.
-        lost: Number of records that are counted as lost.
-        excused: Number of records that neither arrived nor are counted as lost, but for which there is a
-        reason.
-        figures: Bounds of the outcome's figures.
+        order is right, since the order depends on the machine's speed. perhaps: Kinds that may be reported in
+        addition, since they depend on the machine's speed. instead: Kinds that may be reported instead of
+        expected ones. The key is the expected kind, the value the kind that may be reported in its place.
+        due: Number of records. lost: Number of records that are counted as lost. excused: Number of records
+        that neither arrived nor are counted as lost, but for which there is a reason. figures: Bounds of the
+        outcome's figures.
 
     The expected numbers of records hold for faults that last seconds, but not for those that `--long`
     prolongs.
@@ -64,7 +64,7 @@ class Expected:
         return found
 
     def allows(self, reported: Sequence[str]) -> bool:
-        """Return whether the reported kinds are those that are expected."""
+        """Return whether the reported kinds are the expected ones, in the expected order if there is one."""
         normal = {instead: kind for kind, instead in self.instead.items()}
         kinds = [normal.get(kind, kind) for kind in reported if kind not in self.perhaps]
         return (set(kinds) if isinstance(self.reported, frozenset) else tuple(kinds)) == self.reported
@@ -79,6 +79,8 @@ def within(value: float, bounds: Bounds) -> bool:
 
 
 def shown(kinds: Sequence[str] | frozenset[str]) -> str:
-    """Return the kinds as a cell of a table. A kind that occurs several times in a row is listed once."""
+    """Return the kinds as the text of a table's cell. A kind that occurs several times in a row is listed
+    once.
+    """
     order = sorted(kinds) if isinstance(kinds, frozenset) else kinds
     return ", ".join(kind for kind, _ in itertools.groupby(order)) or "–"

@@ -1,4 +1,4 @@
-"""Faults around `fltea fleet`: of broker, network, disk, clock and sensors."""
+"""Faults of what `fltea fleet` depends on: broker, network, disk, clock and sensors."""
 
 import math
 import time
@@ -19,7 +19,7 @@ def broker_killed(stage: Stage) -> Outcome:
     """Kill the broker with SIGKILL, and start it again."""
     scene = FleetScene(stage)
     scene.publish(2)
-    time.sleep(1.5)  # The broker saves its messages once a second.
+    time.sleep(1.5)  # Wait until the broker has saved its messages, which it does once a second.
     scene.broker.kill()
     scene.until(lambda: not scene.is_connected(), "the loss")
     scene.broker.start()
@@ -36,7 +36,8 @@ def broker_killed(stage: Stage) -> Outcome:
 def split(stage: Stage, *, seconds: float, lasts: bool) -> Outcome:
     """Suspend the process of the broker, so that no connection passes data.
 
-    `seconds`: how long. `lasts`: wait in addition until the fleet has reported the loss of the broker.
+    `seconds`: duration of the suspension. `lasts`: whether the suspension lasts on until the fleet has
+    reported the loss of the broker.
     """
     scene = FleetScene(stage)
     scene.publish(1)
@@ -86,8 +87,8 @@ def _after_split(scene: FleetScene, *wrong: tuple[bool, str]) -> Outcome:
         f"{scene.newest()} of {SENSORS * AXES} axes have their newest fit",
         *wrong,
         (("the broker is back." in scene.fleet.stderr) != bool(outages), "its return"),
-        # The fits of the first round were received before, and no fit is replaced while the fleet is
-        # connected.
+        # At most the fits since the first round can be replaced: the fleet received the first round before,
+        # and no fit is replaced while the fleet is connected.
         (
             not 0 <= replaced <= (scene.fits - SENSORS if outages else 0),
             f"{found['fits']} of {scene.fits} fits",
@@ -97,7 +98,7 @@ def _after_split(scene: FleetScene, *wrong: tuple[bool, str]) -> Outcome:
 
 
 def disk_full(stage: Stage) -> Outcome:
-    """Fill the disk on which the fleet's history is, and clear it again."""
+    """Fill the disk on which the fleet's history is, and free the space again."""
     disk = stage.disk("disk")
     scene = FleetScene(stage, history=disk.folder, disk=disk)
     disk.attach(scene.fleet.process.pid)

@@ -23,9 +23,9 @@ EVERY_S = 0.05
 class FleetScene:
     """A broker, a fleet and its sensors.
 
-    `flags`: options of `fltea fleet`. `history`: folder of its history, if it keeps one. `disk`: the disk
-    that has this folder. `behind_line`: whether the fleet reaches the broker through `line`, which can be
-    cut.
+    `flags`: options of `fltea fleet`. `history`: folder of the fleet's history, if it keeps one. `disk`: the
+    small disk on which this folder is, if any. `behind_line`: whether the fleet reaches the broker through
+    `line`, which can be cut.
 
     Raises:
         Skip: mosquitto is not installed.
@@ -99,7 +99,7 @@ class FleetScene:
         return sum(row["samples"] == self.turn for row in self._ask("table?count=500")["rows"])
 
     def rows(self) -> int:
-        """Return the number of rows of the history; 0 before its file is made."""
+        """Return the number of rows in the fleet's history; 0 before the file of the history is made."""
         assert self._folder is not None
         with contextlib.closing(sqlite3.connect(self._folder / HISTORY, timeout=5)) as database:
             return int(database.execute("SELECT count(*) FROM fit").fetchone()[0])
@@ -134,8 +134,9 @@ class FleetScene:
     ) -> Outcome:
         """Return the outcome.
 
-        `wrong`: pairs of a condition that must not hold and its text. `due`: number of records, by default of
-        fits. `where`: numbers of records by what became of them, by default of the fits that arrived.
+        `wrong`: pairs of a condition that must not be true, and the text to report if it is. `due`: number of
+        records that were published, by default of fits. `where`: numbers of records by what became of them,
+        by default the number of fits that the fleet received.
         """
         return Outcome(
             self.kinds(),

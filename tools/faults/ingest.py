@@ -24,8 +24,8 @@ from tools.frames_load import RATE_HZ
 PAST_LEASE_S = AWAY_S = 8.0
 DAY_NS = 86_400 * 10**9
 DISK, STORE = "160m", "96MB"
-"""Sizes of the server's disk and of its store. The store's limit is smaller than the disk, and leaves enough
-space for the streams that workers request.
+"""Size of the server's disk, and limit of the server's store of messages. The limit is smaller than the disk,
+and leaves enough space for the streams that workers request.
 """
 
 
@@ -61,7 +61,7 @@ def worker_stands_still(stage: Stage) -> Outcome:
 def worker_cut_off(stage: Stage) -> Outcome:
     """Cut the network between a worker and the server, and restore it later.
 
-    It is cut until the other worker has all boards.
+    The network is cut until the other worker has all boards.
     """
     scene = nats_scene(stage)
     first, second = scene.workers
@@ -89,7 +89,8 @@ def clock_jumps(stage: Stage, *days: int) -> Outcome:
         stage.set_clock(ahead * DAY_NS)
         time.sleep(PAST_LEASE_S)
         since = _reported(scene.workers) - before
-        # Partitions may also move because the connection to NATS was lost.
+        # Partitions that moved while the connection to NATS was lost are no error, since the loss may be the
+        # reason.
         if since["partition_taken"] and not since["nats_lost"]:
             wrong.append(f"{since['partition_taken']} partitions were taken when the clock was set")
     return _killed(scene, wrong)
@@ -100,7 +101,9 @@ def _reported(workers: list[Program]) -> Counter[str]:
 
 
 def _killed(scene: Scene, wrong: list[str] | None = None) -> Outcome:
-    """Kill the first worker, and let the second one take over all boards. `wrong`: errors found before."""
+    """Kill the first worker, and wait until the second one has taken over all boards. `wrong`: texts about
+    errors that were found before.
+    """
     first, second = scene.workers
     before = boards_of(second)
     epochs = len(second.of("epoch"))
@@ -115,9 +118,10 @@ def _killed(scene: Scene, wrong: list[str] | None = None) -> Outcome:
 
 
 def _processed_without_a_lease(records: list[dict[str, Any]], since: int) -> int:
-    """Count the samples that a worker delivered before it took a partition.
+    """Count the samples that a worker delivered before it reported that it had taken a partition.
 
-    Samples before number `since` are not counted, because they were under way already.
+    Samples with numbers below `since` are not counted, because they were on the way already when the worker
+    was stopped.
     """
     lease = next(i for i, r in enumerate(records) if r["class"] == "error" and r["kind"] == "partition_taken")
     return sum(r["class"] == "sample" and r["seq"] >= since for r in records[:lease])
@@ -133,7 +137,9 @@ def _share_again(scene: Scene, worker: Program) -> None:
 
 
 def server_killed(stage: Stage, *, nats: bool, away_s: float, qos: int = 1) -> Outcome:
-    """Kill the server, and start it again after `away_s`. `qos`: 0 if boards do not repeat lost messages."""
+    """Kill the server, and start it again after `away_s` seconds. `qos`: MQTT's quality of service; with 0
+    the boards do not repeat lost messages.
+    """
     scene = nats_scene(stage, qos=qos) if nats else Scene(stage, stage.broker())
     scene.server.kill()
     time.sleep(away_s)
@@ -158,7 +164,9 @@ def cut_off(stage: Stage) -> Outcome:
 
 
 def store_full(stage: Stage, *, qos: int = 1) -> Outcome:
-    """Fill the server's store up to its limit by the stream of another program, then delete this stream."""
+    """Fill the server's store up to its limit with a stream that is not the workers', then delete this
+    stream.
+    """
     server, _ = _server_on_small_disk(stage)
     scene = Scene(stage, server, qos)
     server.fill_store()
@@ -180,7 +188,7 @@ def disk_full(stage: Stage) -> Outcome:
 
 
 def _server_on_small_disk(stage: Stage) -> tuple[NatsServer, SmallDisk]:
-    """Return a server that may be killed and started again on the same small disk."""
+    """Return a server whose files are on a small disk that survives a kill of the server, and this disk."""
     disk = stage.disk("js", size=DISK)
     if not disk.is_mounted:
         raise Skip("no small disk can be made here (unshare, mount)")
@@ -188,7 +196,7 @@ def _server_on_small_disk(stage: Stage) -> tuple[NatsServer, SmallDisk]:
 
 
 def _wait_until_lost(scene: Scene) -> None:
-    """Wait until all workers have reported the loss, and for AWAY_S more."""
+    """Wait until all workers have reported the loss of the server, and for AWAY_S more."""
     for worker in scene.workers:
         worker.wait_for(lambda worker=worker: "nats_lost" in worker.errors(), "word of it")  # type: ignore[misc]
     time.sleep(AWAY_S)
@@ -211,8 +219,8 @@ QOS_0 = ", boards send with QoS 0"
 TAKEN = frozenset({"partition_taken"})
 LOST_AND_TAKEN = TAKEN | {"nats_lost", "nats_back"}
 PERHAPS = frozenset({"fits_slowed", "partition_caught_up", "silent", "snapshot_failed"})
-"""Kinds of errors that may be reported. They depend on how busy the machine is, and on which worker had a
-board.
+"""Kinds of errors that may be reported but need not. Whether they are reported depends on how busy the
+machine is, and on which worker had a board.
 """
 NATS_PERHAPS = PERHAPS | {"nats_lost", "nats_back"}
 
@@ -220,7 +228,7 @@ NATS_PERHAPS = PERHAPS | {"nats_lost", "nats_back"}
 def _nats(reported: frozenset[str], *, lost: Bounds = 0, perhaps: frozenset[str] = PERHAPS) -> Expected:
     """Return the expected outcome of a fault of NATS.
 
-    The output of a program may drop records, and counts them.
+    Any number of excused records is allowed, since the output of a program may drop records, which it counts.
     """
     return Expected(reported, perhaps=perhaps, lost=lost, excused=None)
 

@@ -24,8 +24,8 @@ from tools.frames_load import RATE_HZ, Sensors
 
 DEVICES = 8
 EVERY_S = 0.5
-"""Time between messages of a board. Each message has the samples of one second, so samples come twice as fast
-as from real boards.
+"""Time between two messages of a board [s]. Each message has the samples of one second, so samples come twice
+as fast as from real boards.
 """
 PARTITIONS, SNAPSHOT_S, KEPT_MB = 4, 2, 24
 OF_NATS = {
@@ -37,11 +37,12 @@ OF_NATS = {
 
 
 class Boards:
-    """Boards that repeatedly publish a second of samples, from one thread and over one connection.
+    """Boards that repeatedly publish messages with a second of samples, all from one thread and over one
+    connection.
 
-    `qos`: with 1, messages that were not acknowledged are sent again. They are sent one at a time, because
-    after an outage the library would change the order of several unacknowledged messages. `seconds`: number
-    of seconds that each board has published.
+    `qos`: with 1, messages that were not acknowledged are sent again. Messages are then sent one at a time,
+    because after an outage the MQTT library would change the order of several unacknowledged messages.
+    `seconds`: number of seconds that each board has published.
     """
 
     def __init__(self, port: int, qos: int) -> None:
@@ -73,9 +74,10 @@ class Boards:
             self.seconds += 1
 
     def _next(self, *, acknowledged: bool = False) -> None:
-        """Send waiting messages: all of them with QoS 0, otherwise one.
+        """Send waiting messages: with QoS 0 all of them, otherwise one, unless an earlier one is not
+        acknowledged yet.
 
-        With QoS 0, the library does not keep messages.
+        With QoS 0, the MQTT library does not keep messages that it has sent, so their order cannot change.
         """
         with self._lock:
             self._sending = self._sending and self._qos > 0 and not acknowledged
@@ -128,7 +130,9 @@ class Scene:
         return self._stage.daemon("-s", url, "--format", "ndjson", *flags, **how)
 
     def until_all_by(self, *workers: Program, since: int = 0) -> None:
-        """Wait until these workers have processed samples of all boards, with numbers from `since` on."""
+        """Wait until these workers together have processed, of each board, a sample with a number from
+        `since` on.
+        """
         names = set(self.boards.names)
         wait_until(
             lambda: set().union(*(boards_of(one, since) for one in workers)) == names,
@@ -136,7 +140,7 @@ class Scene:
         )
 
     def until_all_again(self) -> None:
-        """Wait until the programs together receive new samples of all boards."""
+        """Wait until the programs together have processed new samples of all boards."""
         self.until_all_by(*self.workers, since=self.boards.samples)
 
     def outcome(self, more: str, wrong: Sequence[str] = ()) -> Outcome:
@@ -153,7 +157,8 @@ class Scene:
 
 
 def boards_of(worker: Program, since: int = 0) -> set[str]:
-    """Return the boards of which a worker has processed samples with numbers from `since` on."""
+    """Return the names of the boards of which a worker has processed a sample with a number from `since` on.
+    """
     return {device for device, newest in worker.newest.copy().items() if newest >= since}
 
 
@@ -166,7 +171,7 @@ def samples_of(
 ) -> Outcome:
     """Return what became of the first `published` samples of each board.
 
-    The workers' records show it.
+    The records that the workers wrote show it.
     """
 
     def sample(record: dict[str, object]) -> Sample:

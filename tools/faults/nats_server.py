@@ -22,9 +22,11 @@ T = TypeVar("T")
 
 
 class NatsServer(Server):
-    """A NATS server with JetStream, the mapping to partitions, and MQTT; it can be killed and restarted.
+    """A NATS server with JetStream, MQTT, and the mapping of boards to partitions; it can be killed and
+    restarted.
 
-    `store`: limit of its files, in the syntax of its settings. `before`: a command that starts the server.
+    `store`: largest size of the server's files, in the syntax of its settings. `before`: a command that
+    starts the server.
 
     Raises:
         Skip: nats-server is not installed.
@@ -49,7 +51,7 @@ class NatsServer(Server):
     def _ask(self, question: Callable[[JetStreamContext], Coroutine[Any, Any, T]]) -> T:
         """Ask the server over a new connection.
 
-        The timeout is long, because a busy disk delays the answer.
+        The timeout is long, because the answer comes late when the disk is busy.
         """
 
         async def asked() -> T:
@@ -82,7 +84,7 @@ class NatsServer(Server):
         return Counter(json.loads(entry.value or b"{}").get("owner", "") for entry in entries)
 
     def fill_store(self) -> None:
-        """Fill the store with another stream, up to the server's own limit."""
+        """Fill the server's store with a stream that is not the workers', up to the server's limit."""
 
         async def fill(stream: JetStreamContext) -> None:
             await stream.add_stream(name=BALLAST, subjects=["ballast"])

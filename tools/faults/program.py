@@ -1,6 +1,7 @@
 """Runs `fltea` as a process.
 
-Its records are stored with their times of arrival, and also its standard error and its exit code.
+The program's records are stored with their times of arrival. Its standard error and its exit code are stored,
+too.
 """
 
 import os
@@ -27,7 +28,7 @@ class Skip(Exception):
 
 
 def wait_until(condition: Callable[[], bool], what: str, *, every_s: float = 0.01) -> None:
-    """Wait for a condition.
+    """Wait until a condition is true.
 
     Raises:
         TimeoutError: the condition was not met in time.
@@ -46,7 +47,7 @@ class Program:
     time [ns].
     `ports`: file with the USB ports that the program shall find (see `shim`). `before`: a command that starts
     the program.
-    `program`: what Python runs, if not fltea.
+    `program`: arguments of Python that start the program, if it is not fltea.
     """
 
     def __init__(
@@ -89,7 +90,7 @@ class Program:
         return [record["kind"] for record in self.of("error")]
 
     def wait_for(self, condition: Callable[[], bool], what: str, *, every_s: float = 0.01) -> None:
-        """Wait for a condition, but only as long as the program runs.
+        """Wait until a condition is true, but only as long as the program runs.
 
         Raises:
             RuntimeError: the program ended before.
