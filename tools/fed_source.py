@@ -1,4 +1,6 @@
-"""A source for a pipeline whose transport events the caller supplies."""
+"""A source of a pipeline for tests and tools: the caller itself supplies the transport events, such as
+received bytes.
+"""
 
 from collections.abc import Iterator
 

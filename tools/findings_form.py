@@ -1,6 +1,7 @@
-"""Checks that the scripts in `findings/` have the form that its README.md describes: part of `make lint`.
+"""Checks that the scripts in `findings/` have the form that findings/README.md describes. `make lint` runs
+it.
 
-It does not check what the scripts find. Usage: findings_form.py [FOLDER]
+The program does not check what the scripts find. Usage: findings_form.py [FOLDER]
 """
 
 import re
@@ -11,8 +12,8 @@ ROOT = Path(__file__).resolve().parents[1]
 PARTS = ("library", "expected", "seen", "matters", "fltea")
 """Names of the sections in the head of a script, in this order."""
 SHORTEST_PART = 40
-"""Smallest number of characters of a section, which is at least a sentence. The section `library` may be
-shorter.
+"""Smallest number of characters of a section, since a section is at least a sentence. The section `library`
+may be shorter.
 """
 OWN = re.compile(r"import fltea|from fltea|-m fltea|/fltea\b|pip\S* install.*fltea")
 INSTALLS = re.compile(r"^\S*pip\S*\" install (.*)$", re.MULTILINE)
@@ -23,7 +24,7 @@ NEEDED = {
     "trap 'rm -rf \"$folder\"' EXIT": "removes the folder by a trap",
     "-m venv": "makes a virtual environment there",
 }
-"""Texts that each script must contain, with the purpose of each."""
+"""Texts that each script must contain, each with its purpose."""
 SOURCE = re.compile(r"https?://|section \d|register ", re.IGNORECASE)
 
 

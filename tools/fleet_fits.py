@@ -1,4 +1,4 @@
-"""Simulates noises of sensors, and fits any number of sensors with the daemon's own live estimator.
+"""Simulates noises of sensors, and makes fits for any number of sensors with the daemon's own live estimator.
 
 A few records are simulated and fitted; the other fits are scaled from these. If the samples of a noise are
 multiplied by `factor`, its fit stays the same, but N, B, K and the densities are multiplied by `factor`, and
@@ -28,8 +28,9 @@ RATE_HZ = 100.0
 class Noise(NamedTuple):
     """Noise of a gyroscope axis.
 
-    `N`, `B`, `K`: as in IEEE Std 952, in deg/s. `fractional`: α, f [s^-α] and the variance of the steps of a
-    fractional state. `resonance`: its frequency [Hz], the radius of its poles and the variance of its steps.
+    `N`, `B`, `K`: as in IEEE Std 952, in deg/s. `fractional`: order α, f [s^-α] and variance of the steps of
+    a noise of fractional order. `resonance`: frequency of the resonance [Hz], radius of its poles and
+    variance of its steps.
     `low_pass_hz`: corner frequency of a two-pole low-pass filter through which all the noise passes.
     """
 
@@ -43,7 +44,7 @@ class Noise(NamedTuple):
     def spectrum(self, hz: Array, rate_hz: float) -> Array:
         """Return the spectral density at frequencies `hz` > 0.
 
-        It is normalised so that white noise of variance R has the density R.
+        The density is normalised so that white noise of variance R has the density R.
         """
         h, turn = 1 / rate_hz, 2 * np.pi * hz
         found = (self.N**2 + self.B**2 / turn + (self.K / turn) ** 2) / h
@@ -62,7 +63,7 @@ class Noise(NamedTuple):
     def draw(self, samples: int, rng: np.random.Generator, rate_hz: float = RATE_HZ) -> Array:
         """Return the samples of a record, an array of shape (samples,).
 
-        The record is half a period of periodic noise, so that its two ends are not correlated.
+        The record is half a period of a periodic noise. A whole period would have correlated ends.
         """
         whole = np.fft.rfft(rng.standard_normal(2 * samples))
         hz = np.asarray(np.fft.rfftfreq(2 * samples, 1 / rate_hz), dtype=np.float64)
@@ -82,9 +83,9 @@ NOISES = {
 
 
 def fits(record: Array, at: Iterable[int], rate_hz: float = RATE_HZ) -> Iterator[AxisFit]:
-    """Yield the daemon's fits of an axis, with curves, each after a number of samples.
+    """Yield the fits, with curves, that the daemon would make of an axis after given numbers of samples.
 
-    `at`: these numbers, in rising order.
+    `at`: these numbers of samples, in rising order.
     """
     live = LiveAxes(("gyro_x",), 1 / rate_hz, LiveConfig(), GYRO_UNIT)
     taken = 0
@@ -96,12 +97,12 @@ def fits(record: Array, at: Iterable[int], rate_hz: float = RATE_HZ) -> Iterator
 
 SAMPLES = 1 << 17
 LONG = 1 << 19
-"""Number of samples of the fractional noise, from which α is known to ± 0.05."""
+"""Number of samples in a record of the fractional noise. From so many samples, α is known to ± 0.05."""
 USUAL = Noise(B=0.003, K=0.0015)
-"""Noise of most axes: N, B and K can all be estimated."""
+"""Noise of most axes. From its records, N, B and K can all be estimated."""
 USUAL_FITS, RELAXING_FITS, OTHER_FITS = 12, 4, 2
 OTHERS = 0.3
-"""Share of axes that have one of the other noises."""
+"""Proportion of the axes, among chips of the first kind, that have one of the noises in OTHER."""
 
 
 class Changed(NamedTuple):
@@ -135,10 +136,10 @@ OTHER: dict[str, Draw] = {
     "asleep": lambda _: np.full(SAMPLES, 0.1),
     "just begun": lambda rng: _white(rng, 30),
 }
-"""Functions that draw the other noises of sensors, by name. The fractional noise is drawn twice as often as
-each other noise.
+"""Functions that draw a record of an unusual noise, by the noise's name. The fractional noise is drawn twice
+as often as each other noise.
 
-N of these noises is about that of the usual noise, so that no sensor is an outlier in N.
+These noises have about the same N as the usual noise, so that no sensor is an outlier in N.
 """
 
 RELAXING = "relaxing"

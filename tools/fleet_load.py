@@ -31,8 +31,8 @@ CHIPS = ("MPU-9250", "LSM6DSO")
 SECOND = 5
 """One sensor in this many has the second kind of chip."""
 SEQ = 123_456_789
-"""Placeholder for the sample numbers in a fit, which is encoded only once. Each message contains the true
-numbers instead.
+"""Placeholder for the sample numbers in a fit. A fit is encoded only once, and each message then has the true
+numbers in place of this value.
 """
 MOST_IN_FLIGHT = 5_000
 
@@ -50,9 +50,9 @@ BAD = ((3, "gyro_y", "N", 2.5), (31, "gyro_x", "B", 5.0), (57, "gyro_z", "K", 4.
 
 
 def bad_ones(sensors: int, count: int) -> list[Bad]:
-    """Choose which sensors are bad.
+    """Choose `count` sensors that are bad.
 
-    They are spread over the fleet, and have the kinds of fault in BAD, one after another.
+    The bad sensors are spread over the fleet, and have the kinds of fault in BAD, one after another.
     """
     found = []
     for number in range(count):
@@ -100,7 +100,9 @@ def sensor(place: int, bad: list[Bad]) -> Sensor:
 
 
 def _axis_stats(rng: np.random.Generator) -> AxisStats:
-    """Return statistics with a random bias. Biases of sensors differ by far more than their errors."""
+    """Return statistics of an axis with a random bias. As in real fleets, the biases of sensors differ by far
+    more than the errors with which they are known.
+    """
     tracker = TrackerStats(
         model="white",
         nis=1.0,
@@ -115,7 +117,9 @@ def _axis_stats(rng: np.random.Generator) -> AxisStats:
 
 
 class Publisher:
-    """One MQTT connection for all sensors. `published` and `acknowledged` count messages of QoS 1."""
+    """One MQTT connection for all sensors. `published` and `acknowledged` are the numbers of messages (QoS 1)
+    that were published, and that the broker has acknowledged.
+    """
 
     def __init__(self, host: str, port: int, prefix: str) -> None:
         self._prefix = prefix

@@ -24,7 +24,7 @@ from tools.made_up_board import HELLO, MadeUpBoard, frames
 RATE_HZ = 100
 LONGEST_S, MOST_DEVICES, MOST_A_SECOND = 600, 10_000, 20_000
 VOICES = 8
-"""Number of different noises. Devices with the same noise differ in their HELLO."""
+"""Number of different sequences of noise. Devices with the same noise differ only in their HELLO."""
 
 
 class Sensors:
@@ -39,7 +39,8 @@ class Sensors:
         self._samples: list[bytes] = []
 
     def message(self, k: int, second: int) -> bytes:
-        """Return the message of sensor `k` for a second: HELLO and its samples."""
+        """Return the message of sensor `k` for second number `second`: HELLO, and the samples of that second.
+        """
         if second != self._second:
             self._second = second
             self._samples = [self._speak(voice, second) for voice in range(VOICES)]
@@ -47,7 +48,7 @@ class Sensors:
         return frames(self._boards[k].greets()) + self._samples[k % VOICES]
 
     def _speak(self, voice: int, second: int) -> bytes:
-        """Return the frames of a second of samples with one of the noises."""
+        """Return the frames of one second of samples, with noise sequence number `voice`."""
         board, noise = self._voices[voice], self._rngs[voice].normal(0, 3, (RATE_HZ, 3))
         board.instant = second * RATE_HZ
         return frames(board.sample(gyro) for gyro in np.rint(noise).astype(int).tolist())
@@ -58,7 +59,7 @@ def _hello(k: int) -> wire.Hello:
 
 
 def run(host: str, port: int, version: MQTTProtocolVersion, given: argparse.Namespace) -> dict[str, Any]:
-    """Publish in real time; return the counts, and how late the last message was."""
+    """Publish in real time; return the counts of messages, and by how much a message was late at most."""
     client = Client(CallbackAPIVersion.VERSION2, "", protocol=version)
     client.max_inflight_messages_set(0)
     client.connect(host, port)

@@ -2,8 +2,8 @@
 
 It writes firmware/core/engine/fixed_nodes.hpp.
 
-The decay rates of the modes form a grid as in firmware/core/engine/memory_nodes.hpp, for an unlimited window.
-They are written as integers (memory_fixed.hpp).
+The decay rates of the modes form the same kind of grid as in firmware/core/engine/memory_nodes.hpp, for a
+memory that is not limited to a window. They are written as integers, as memory_fixed.hpp needs them.
 """
 
 import math
@@ -16,13 +16,14 @@ SOURCE, HEADER = "tools/gen_fixed_nodes.py", "firmware/core/engine/fixed_nodes.h
 DIGITS = 3
 HEAD = 5
 HORIZON = 100_000
-"""Horizon of the memory [samples]. This value, DIGITS and HEAD were chosen by measurements
-(firmware/README.md, "What it costs").
+"""Number of past samples for which the modes have to be accurate. This value, DIGITS and HEAD were chosen by
+measurements (firmware/README.md, "What it costs").
 """
 
 
 def step_for(error: float) -> float:
-    """Return the largest step of the quadrature whose error is at most `error`.
+    """Return the largest step between the nodes of the quadrature (numerical integration over decay rates)
+    whose error is at most `error`.
 
     The quadrature uses the trapezoidal rule.
     """
@@ -40,7 +41,7 @@ def _alias(step: float) -> float:
 def top_for(step: float, error: float) -> int:
     """Return the position of the fastest node of the quadrature, in steps above 1.
 
-    The next node would contribute less than a quarter of `error`.
+    The next faster node would contribute less than a quarter of `error`.
     """
     n, top = HEAD + 1, 0
     while True:

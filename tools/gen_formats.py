@@ -1,4 +1,5 @@
-"""Writes the tables of host/docs/guide/files.md: the formats that can be read, and what known loggers write.
+"""Writes the tables of host/docs/guide/files.md. One lists the formats that can be read, the other what known
+loggers write.
 
 The tables come from formats.py and dialects.toml (read by dialects.py) in host/fltea/recording.
 """
@@ -25,7 +26,7 @@ def outputs(root: Path) -> dict[str, str]:
 
 
 def formats() -> str:
-    """Return the table of formats: those that fltea reads, and those that have to be converted first."""
+    """Return the table of the formats that fltea reads and of those that have to be converted first."""
     read = (
         (f"{one.guide}{_endings(one.suffixes)}", f"`fltea identify {_example(one)}`", code(one.extra))
         for one in FORMATS.values()

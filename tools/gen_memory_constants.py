@@ -23,14 +23,14 @@ DEGREE = 18
 
 
 def ratio(b: mpmath.mpf) -> mpmath.mpf:
-    """Return the value of the function that the polynomial approximates."""
+    """Return the value at `b` of the function that the polynomial approximates."""
     return 2 * mpmath.sqrt(mpmath.pi) * mpmath.gamma(b + 4) / mpmath.gamma(b + mpmath.mpf(7) / 2)
 
 
 def fit(centre: mpmath.mpf, half: mpmath.mpf) -> list[mpmath.mpf]:
     """Interpolate `ratio` at the Chebyshev points of `centre` ± `half`.
 
-    Returns the coefficients, that of the highest power first.
+    Returns the coefficients of the polynomial, with that of the highest power first.
     """
     points = [mpmath.cos(mpmath.pi * (k + mpmath.mpf(1) / 2) / (DEGREE + 1)) for k in range(DEGREE + 1)]
     powers = mpmath.matrix([[t ** (DEGREE - i) for i in range(DEGREE + 1)] for t in points])

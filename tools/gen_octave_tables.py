@@ -9,8 +9,8 @@ SOURCE, HEADER = "tools/gen_octave_tables.py", "firmware/core/engine/octave_tabl
 BLOCK = 256
 """Number of samples in a block (firmware/core/engine/block_fft.hpp)."""
 LOWEST, LINES = 45, 45
-"""First FFT bin that is used of each level of the spectrum, and number of these bins (engine/welch_level.hpp,
-octave_ladder.hpp).
+"""First FFT bin that is used in each level of the spectrum, and number of bins that are used
+(engine/welch_level.hpp, octave_ladder.hpp).
 """
 MIDDLE = 0.49998341447554523
 TAPS = (
@@ -22,7 +22,9 @@ TAPS = (
 
 
 def over_gain(line: int, level: int) -> float:
-    """Return the reciprocal of the power gain of the filters before a level, at FFT bin `line` of it."""
+    """Return 1 / power gain of all filters that the samples pass before `level`, at FFT bin `line` of this
+    level.
+    """
     gain = 1.0
     for passed in range(1, level + 1):
         angle = 2 * math.pi * line / BLOCK / 2**passed

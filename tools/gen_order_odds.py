@@ -1,11 +1,11 @@
-"""Calibrates the odds that a noise has an order (`spectrum.order_odds`).
+"""Calibrates the odds that a noise is of fractional order (`spectrum.order_odds`).
 
 It writes order_odds_constants.py in the same folder as that module.
 
 Draws noises of each population of `tools.validation.odds.populations` at several lengths, runs the model
-search on each noise, and fits a logistic regression in which each population has its share at each length.
-This takes some ten minutes on two cores. The results for the drawn noises are stored, so that a second run
-only makes the fit.
+search on each noise, and fits a logistic regression. In it, the noises of each population have the
+population's weight at each length, however many were drawn. This takes some ten minutes on two cores. The
+results for the drawn noises are stored, so that a second run only makes the fit.
 
 Usage: python -m tools.gen_order_odds [--series 600] [--kept build/order_odds.ndjson] [--print]
 """
@@ -29,10 +29,12 @@ HERE = Path(__file__).resolve().parents[1] / "host/fltea/spectrum"
 SEED = 45
 """Seed of the noises for the calibration; the validation draws with other seeds."""
 LENGTHS = {3_000: 1.0, 20_000: 1.0, 60_000: 1.0, 200_000: 0.4, 1_000_000: 0.1}
-"""For each length of a record [samples], the ratio of the number of noises to that at the shortest length."""
+"""For each length of a record [samples]: number of noises of this length, divided by the number of noises of
+the shortest length.
+"""
 AT_ONCE = 20
 RIDGE = 1e-5
-"""Ridge penalty, which keeps coefficients finite that the noises do not determine."""
+"""Ridge penalty of the regression. It keeps those coefficients finite that the noises do not determine."""
 
 
 def tasks(series: int) -> list[Task]:
@@ -46,8 +48,10 @@ def tasks(series: int) -> list[Task]:
 
 
 def fitted(rows: list[Row]) -> tuple[tuple[float, float], list[list[float]]]:
-    """Return the range of ordinates, and the coefficients of the log odds."""
-    # The model search gives no odds for a noise that is nearly white.
+    """Return the smallest and largest number of ordinates among the noises, and the coefficients of the log
+    odds.
+    """
+    # Leave out noises for which the model search gives no odds because they are nearly white.
     rows = [row for row in rows if row["odds"] is not None]
     drawn = Counter((row["population"], row["samples"]) for row in rows)
     weight = np.array([POPULATIONS[r["population"]][1] / drawn[r["population"], r["samples"]] for r in rows])

@@ -8,7 +8,8 @@ from tools.generated import rendered
 from tools.protocol_definition import CRC_SIZE, HEADER_SIZE, Protocol, load
 
 SOURCE = "protocol/messages.toml"
-# Bytes that COBS adds: one code byte and the closing 0x00. Frames are too short for a second code byte.
+# Number of bytes that COBS adds to a frame: one code byte and the closing 0x00. Frames are too short for a
+# second code byte.
 OVERHEAD = HEADER_SIZE + CRC_SIZE + 2
 
 

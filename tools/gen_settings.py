@@ -20,7 +20,7 @@ TOML = "host/docs/reference/defaults.toml"
 def cpp() -> str:
     """Return the text of the board's header file.
 
-    It has the settings of `estimator` and `link` that the board has, too.
+    The file has those settings of `estimator` and `link` that exist on the board, too.
     """
     rows = [
         _constant(one)

@@ -56,7 +56,7 @@ def cell(text: str) -> str:
 
 
 def rows(values: Sequence[object], in_one: int, indent: int = 4) -> str:
-    """Return the values in lines of `in_one` values, with a comma after each value."""
+    """Return the values as source text: lines of `in_one` values each, with a comma after each value."""
     lines = (values[i : i + in_one] for i in range(0, len(values), in_one))
     return "\n".join(" " * indent + " ".join(f"{value}," for value in line) for line in lines)
 
@@ -71,7 +71,8 @@ def rendered(template: str, **values: Any) -> str:
 
 
 def update(root: Path, wanted: Mapping[str, str], *, check: bool, source: str) -> int:
-    """Write the files whose contents differ from `wanted`; with `check` print their names instead.
+    """Write the files whose contents differ from `wanted`; if `check` is True, only print a message with the
+    name of each such file.
 
     `wanted`: texts by path below `root`. `source`: name of the source of the texts, for messages. Returns the
     exit code: 1 if `check` found a difference. An unchanged file keeps its modification time, so that nothing

@@ -1,8 +1,8 @@
 """Makes the frames of a simulated board, one sampling instant after another.
 
 The board has no port and no clock: its time is the number of sampling instants divided by its rate. The
-modules that use it decide when its frames are sent, and what is remembered of them: `standin` serves a port
-in real time, `faults.pty_board` remembers every byte, `bench.feeder` sends for hundreds of boards, and tests
+modules that use it decide when its frames are sent, and what is stored of them: `standin` serves a port in
+real time, `faults.pty_board` remembers every byte, `bench.feeder` sends for hundreds of boards, and tests
 feed the frames to the host directly (`estimating_board`, `wire_story` and `frames_messages` in tests/rig).
 """
 
@@ -45,10 +45,9 @@ class Sent(NamedTuple):
     """A message with its header, as the board sends it.
 
     Attributes:
-        instant: Number of the sampling instant since the boot at which it is sent.
-        message: The message.
-        sequence: Number of the message among the messages of its type, modulo 2**16.
-        device_us: Time since the boot [us], modulo 2**32.
+        instant: Number of the sampling instant since the boot at which it is sent. message: The message.
+        sequence: Number of the message among the messages of its type in this boot, modulo 2**16. device_us:
+        Time since the boot [us], modulo 2**32.
     """
 
     instant: int
@@ -70,23 +69,20 @@ def frames(sent: Iterable[Sent]) -> bytes:
 class MadeUpBoard:
     """A simulated board that sends samples, and a greeting at its first instant and then once a second.
 
-    The greeting is HELLO, ESTIMATOR if it estimates, and STATUS.
+    The greeting is HELLO, ESTIMATOR if the board estimates, and STATUS.
 
     Each type of message is numbered separately; a SAMPLE has the number of its sampling instant.
 
     Attributes:
-        hello: The HELLO that the board sends.
-        status: The STATUS that it sends after HELLO, or None if it sends none.
-        instant: Number of sampling instants since the boot. If a caller raises it, the board misses samples.
+        hello: The HELLO that the board sends. status: The STATUS that it sends after HELLO, or None if it
+        sends none. instant: Number of sampling instants since the boot. If a caller increases it, the board
+        skips the samples between.
 
     Args:
-        hello: As the attribute.
-        status: As the attribute.
-        rate_hz: Sampling rate [Hz]; None for the rate that `hello` states.
-        pace: Ratio of the true sampling period to the nominal period.
-        first: Number of the first SAMPLE.
-        own: The estimator that the board runs; None if it does not estimate.
-        own_late: Number of sampling instants after which the estimates of a sample are sent.
+        hello: As the attribute. status: As the attribute. rate_hz: Sampling rate [Hz]; None for the rate that
+        `hello` states. pace: Ratio of the true sampling period to the nominal period. first: Number of the
+        first SAMPLE. own: The estimator that the board runs; None if the board does not estimate. own_late:
+        Number of sampling instants by which the estimates of a sample are sent later than the sample.
     """
 
     def __init__(
@@ -149,7 +145,7 @@ class MadeUpBoard:
     def booted(self) -> bytes:
         """Return the bytes that begin a boot.
 
-        They are 0x00, which ends any unfinished frame, then HELLO, and ESTIMATOR if the board estimates.
+        The bytes are 0x00, which ends any unfinished frame, then HELLO, and ESTIMATOR if the board estimates.
         """
         return b"\0" + frames(self.states())
 
@@ -166,8 +162,8 @@ class MadeUpBoard:
     def tick(self, gyro: Sequence[int] | None, accel: Sequence[int] = LEVEL) -> list[Sent]:
         """Send all messages of a sampling instant.
 
-        They are a greeting if a second begins, the sample, and estimates that are due. If `gyro` is None, the
-        board misses the sample.
+        The messages are a greeting if a second begins, the sample, and the estimates that are due. If `gyro`
+        is None, the board misses the sample and sends none.
         """
         second = int(self.instant / self._rate_hz)
         sent = self.greets() if second != self._greeted else []
@@ -179,7 +175,9 @@ class MadeUpBoard:
         return sent
 
     def _estimates(self, gyro: Sequence[int] | None) -> list[wire.Estimate]:
-        """Compute the estimates of this instant, and return those that are due."""
+        """Compute the estimates of this instant's sample, and return the estimates (perhaps of earlier
+        samples) that are due now.
+        """
         if self._own is None:
             return []
         number = (self._first + self.instant) % SEQUENCE_WRAP

@@ -137,7 +137,9 @@ GOOD = [
     ),
     ("spectrum, largest values", (SPECTRUM, U16, U32), (255, U16, 255, 255, *(LARGEST,) * 15)),
 ]
-"""The cases of good.txt. Each has its name; type, sequence number and time in the header; and the fields."""
+"""The cases of good.txt. Each consists of a name, the three values of the header (type, sequence number,
+time), and the fields of the message.
+"""
 
 RAW = [
     ("unknown type, no payload", UNKNOWN, 3, 77, b""),
@@ -159,7 +161,7 @@ def close(body: bytes) -> bytes:
 
 
 def body(kind: int, sequence: int, device_us: int, data: bytes) -> bytes:
-    """Return header, payload and CRC of a frame, before COBS."""
+    """Return header, payload and CRC of a frame, not yet encoded by COBS."""
     head = struct.pack("<BHI", kind, sequence, device_us) + data
     return head + struct.pack("<I", zlib.crc32(head))
 
@@ -288,8 +290,8 @@ LONG = frame(SAMPLE, 1, 2, payload(SAMPLE, TYPICAL_SAMPLE) + b"\x01\x02\x03")
 FUTURE = frame(HELLO, 4, 5, struct.pack("<BBI10x", 2, 0, 1))
 ONE, TWO, THREE = sample(1, 10_000), sample(2, 20_000), sample(3, 30_000)
 # The first twelve bytes of `TWO` end with the COBS code 04 and two of the three bytes that this code
-# announces. If another frame follows, a decoder reads its first code, 03, as the third of these bytes, and
-# the byte 02 after it as a code. COBS then finds no error.
+# announces. If another frame follows, a decoder takes that frame's first code, 03, for the third of these
+# bytes, and the following byte, 02, for a code. So COBS finds no error, and only the CRC can.
 CUT = TWO[:12]
 # A frame of 26 bytes without a zero, so that the encoded block consists of the code 0x1B and these bytes.
 SOLID = frame(SAMPLE, 0x0101, 0x7F7F7F7F, b"\x7f" * 15)
@@ -305,7 +307,8 @@ FOUND = {
     "two": "frame 2 2 20000",
     "three": "frame 2 3 30000",
 }
-"""How a decoder reports a frame, by the frame's name."""
+"""For the name of each frame in STREAMS: the line by which streams.txt says that a decoder finds this frame.
+"""
 STREAMS: list[tuple[str, list[bytes], str]] = [
     (
         "a boot: 0x00, then every kind of message",

@@ -19,9 +19,9 @@ from tools.generated import TEMPLATES, rendered
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = "For example:"
 METAVARS = {"<str>": "WORD", "<int>": "N", "<float>": "NUMBER"}
-"""The word in a man page, by Typer's placeholder for a value without a name."""
+"""For each of Typer's placeholders for a value without a name: the word that man pages print instead."""
 COMPLETIONS = {"bash": "bash/fltea", "zsh": "zsh/_fltea", "fish": "fish/fltea.fish"}
-"""File name below the folder of completions, as the shell expects it, by shell."""
+"""For each shell: name of its file below the folder of completions, as the shell expects it."""
 
 DOCUMENTS = "/usr/share/doc/fltea"
 """Folder in which the Debian package has the files of `host/docs`. Man pages refer to it, since a reader may
@@ -30,7 +30,9 @@ have no clone.
 
 
 def roff(text: str) -> str:
-    """Return text escaped for a man page, so that no line is a roff request; `words` become bold."""
+    """Return text escaped for a man page, so that no line is taken for a roff request. Words between
+    backticks become bold.
+    """
     text = text.replace("host/docs/", f"{DOCUMENTS}/").replace("\\", r"\e").replace("-", r"\-")
     text = re.sub(r"`([^`]*)`", r"\\fB\1\\fP", text)
     return "\n".join(r"\&" + line if line[:1] in (".", "'") else line for line in text.split("\n"))
@@ -63,7 +65,7 @@ def _entry(parameter: Any, context: Any) -> Entry:
 def _default(parameter: Any) -> str:
     """Return an option's default as text.
 
-    It is empty if the default is a path on the machine that writes the page.
+    The text is empty if the default is a path on the machine that writes the page.
     """
     default = getattr(parameter.default, "value", parameter.default)
     of_machine = isinstance(default, Path) and default.is_absolute()

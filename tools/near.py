@@ -17,10 +17,10 @@ from typing import NamedTuple
 ROOT = Path(__file__).resolve().parents[1]
 CXX = {".cpp", ".hpp", ".h"}
 ENGINE = ("native", "spectrum", "estimator", "wire")
-"""Folders with the tests of the native module and of the engine's headers."""
+"""Folders below tests/ with the tests of the native module and of the engine's headers."""
 ALSO = {"cli": ("site",), "settings": ("site", "cli")}
-"""Further folders with tests of a package of the host, by package. The tests of a package are in the folder
-of the same name.
+"""For some packages of the host: further folders below tests/ with tests of the package. The package's own
+tests are in the folder that has its name.
 """
 TESTS_OF = {
     "host/native/": ENGINE,
@@ -38,14 +38,18 @@ TESTS_OF = {
     "tools/hashes": ("dist",),
     "Makefile": ("native/test_source_hash.py",),
 }
-"""Tests of a file, by the beginning of the file's path. The first match counts."""
+"""For the beginning of a file's path: the folders or files below tests/ that test this file. The first match
+counts.
+"""
 MOST_USERS = 8
-"""Largest number of test files that `make near` runs for one helper. If more use it, they only run with all
-tests.
+"""Largest number of test files that `make near` runs for one helper. If more test files use the helper, they
+run only when all tests run.
 """
 
 MOST_SAID = 4
-"""Largest number of files that are printed by name for one command."""
+"""Largest number of files of a command that are printed by name. If there are more, only their number is
+printed.
+"""
 
 Users = Callable[[str], list[str]]
 
@@ -102,7 +106,9 @@ def tests_of(name: str, users: Users) -> list[str]:
 
 
 def typed(name: str) -> str:
-    """Return what mypy checks for a file: its room or folder, or of helpers the file alone."""
+    """Return what mypy checks after a change of a file: the file's package in host/fltea or its folder in
+    tools or tests. Of a helper, it checks the file alone.
+    """
     match Path(name).parts:
         case ("host", "fltea", _, _, *_) as parts:
             return "/".join(parts[:3])

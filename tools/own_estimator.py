@@ -1,7 +1,7 @@
 """The estimator that a simulated board runs, computed by the host's engine.
 
-It computes in double precision; the protocol's messages round to single precision. Like the firmware, it
-computes bias and R from the start-up window, and then estimates with unlimited memory.
+The engine computes in double precision; the protocol's messages round to single precision. Like the firmware,
+this estimator computes bias and R from the start-up window, and then estimates with unlimited memory.
 """
 
 from collections.abc import Sequence
@@ -24,13 +24,13 @@ from fltea.wire import layout as wire
 CONFIG = Config()
 SETTINGS = CONFIG.estimator
 NOT_TRACKED = (0.0,) * 4
-"""The fields of the bias tracker in ESTIMATE. They are zero, because this board makes no fits and has no
-tracker.
+"""Values of the bias tracker's fields in ESTIMATE. They are zero, because the simulated board makes no fits
+and has no tracker.
 """
 
 
 def f32(value: float) -> float:
-    """Return the nearest number of single precision."""
+    """Return the number of single precision that is nearest to `value`."""
     return float(unpack("<f", pack("<f", value))[0])
 
 
@@ -75,7 +75,8 @@ TRIPLE = JOINT._replace(
 
 
 class OwnEstimator:
-    """Estimates three axes of counts, `lsb` counts per deg/s, with sampling period `h` [s].
+    """Computes the estimates of three axes from samples in counts. `lsb`: counts per deg/s. `h`: sampling
+    period [s].
 
     `stated`: the settings in the form of the message ESTIMATOR, with the present bias and R, and the number
     of samples that are still to come in the start-up window.

@@ -26,8 +26,8 @@ HEADER_SIZE = 7
 CRC_SIZE = 4
 COBS_BLOCK = 254
 
-# The position of these fields never changes, because every reader must be able to state the version that it
-# refuses.
+# The position of these fields of HELLO never changes, because every reader must be able to name the version
+# that it refuses.
 FIXED_PREFIX = [("protocol_major", "u8"), ("protocol_minor", "u8"), ("schema_hash", "u32")]
 
 # Names that C++, Python or the generated classes already use.

@@ -1,6 +1,6 @@
 """The serial port of a simulated board, as a pseudo-terminal.
 
-It knows its name, the bytes that no program has read, and whether a program has it open.
+The port knows its name, the bytes that no program has read, and whether a program has it open.
 """
 
 import contextlib
@@ -114,7 +114,7 @@ class PtyPort:
     def heard(self) -> bytes:
         """Return the bytes that programs have sent to the board."""
         found = b""
-        # This happens if there are no more bytes, or if no program has the port open.
+        # OSError means that there are no more bytes, or that no program has the port open.
         with contextlib.suppress(OSError):
             while chunk := os.read(self.master, 4096):
                 if chunk[0]:
@@ -126,8 +126,8 @@ class PtyPort:
     def was_emptied(self) -> bool:
         """Return whether a program has discarded the unread bytes since the last call.
 
-        Every program discards them while it opens the port. This call also discards the bytes that programs
-        have sent to the board.
+        Every program discards the unread bytes while it opens the port. This call also discards the bytes
+        that programs have sent to the board.
         """
         poll = select.poll()
         poll.register(self.master, select.POLLPRI)

@@ -1,6 +1,6 @@
 """Functions that MkDocs calls in `make docs`.
 
-They insert parts of pages that are generated from the code, and write equations as MathML.
+These functions insert the parts of pages that are generated from the code, and write equations as MathML.
 
 A line such as `<!-- generated: settings -->` in a page is replaced by a generated part.
 """
@@ -34,7 +34,8 @@ GENERATED = re.compile(r"^<!-- generated: (\w+) -->$", re.MULTILINE)
 def commands() -> str:
     """Return a section for each command with all its options, as Typer writes it.
 
-    The title is left out, and also the list of commands, because Typer cuts off their summaries.
+    Two parts of Typer's page are left out: the title, and the list of commands, in which Typer cuts off the
+    summaries.
     """
     write = [sys.executable, "-m", "typer", "fltea.cli.app", "utils", "docs", "--name", "fltea"]
     page = subprocess.run(write, check=True, capture_output=True, encoding="utf-8").stdout
@@ -44,7 +45,8 @@ def commands() -> str:
 def metrics() -> str:
     """Return a table of all metrics.
 
-    For each, it has the labels, the field that the metric shows, and other outputs that show this field.
+    For each metric, the table has the labels, the field of the records that the metric shows, and other
+    outputs that show this field.
     """
     by_name = {figure.metric_name: figure for figure in FIGURES}
     rows = []
@@ -100,7 +102,9 @@ def _part(asked: re.Match[str]) -> str:
 
 
 def on_page_content(content: str, **_: Any) -> str:
-    r"""Replace \(…\) and \[…\] by MathML, which browsers draw without a script; let keys scroll tables."""
+    r"""Replace \(…\) and \[…\] by MathML, which browsers draw without a script, and make wide tables
+    scrollable by keys.
+    """
     content = re.sub(r"<th( style=\"[^\"]*\")?></th>", "<td></td>", content)
     return EQUATION.sub(_mathml, content).replace("<table>", '<table tabindex="0">')
 

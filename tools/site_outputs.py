@@ -13,7 +13,7 @@ def switch(output: Output) -> str:
 def outputs() -> str:
     """Return a row for each output.
 
-    It has the output's name in `stats.outputs`, what the output writes, and how it is switched on.
+    A row has the output's name in `stats.outputs`, what the output writes, and how it is switched on.
     """
     text = [
         "| output | gives | switched on by | package's extra | records of [many devices](ingest.md) |",

@@ -1,9 +1,10 @@
 """A device without hardware: sends protocol frames at 100 Hz on a pseudo-terminal, with noise of known order.
 
-It boots whenever a program opens the port, as a Due does: 0x00, HELLO, then samples. A Due takes longer to
-boot than a program takes to open the port; this device therefore boots again if the program empties the port
-after the first bytes. Its samples are quantised like those of an MPU-9250 at ±2000 deg/s. With --estimate it
-also sends estimates of its own. The first line on standard output has the port's name.
+The device boots whenever a program opens the port, as a Due does: it sends 0x00, HELLO, then samples. A
+program empties the port when it has opened it. A Due has not booted by then, but this device has, and
+therefore boots again if the program empties the port after the first bytes. The samples are quantised like
+those of an MPU-9250 at ±2000 deg/s. With --estimate the device also sends estimates of its own. The first
+line on standard output has the port's name.
 """
 
 import argparse
@@ -25,8 +26,8 @@ from tools.pty_port import PtyPort
 
 POLL_S = 0.02
 OPENING_S = 0.3
-"""Longest time [s] between opening the port and emptying it that is expected of a program. A Due takes longer
-to boot.
+"""Longest time [s] that a program is expected to take from opening the port to emptying it. A Due takes
+longer than this to boot.
 """
 
 

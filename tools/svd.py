@@ -4,7 +4,7 @@ Peculiarities of this file that matter here; `read` handles all of them:
 
 * An array is one register `NAME[%s]` with dim and dimIncrement: it becomes NAME0, NAME1, ...
 * Registers of PMC and MATRIX have the peripheral's name as prefix, registers of other peripherals have no
-  such prefix. The prefix is removed, but names in PMC such as CKGR_MOR keep theirs.
+  such prefix. The prefix is removed, except that names in PMC such as CKGR_MOR keep their other prefix.
 * Registers can share one offset (TC_CMR in wave mode, USART in SPI mode, UOTGHS pipes): the later registers
   are alternatives of the first register, and divide the same bits into other fields.
 * A register without a resetValue is write-only, or it follows pins (PIO_PDSR) or events (UART_SR).

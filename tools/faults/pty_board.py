@@ -21,7 +21,9 @@ INTRODUCTION_S = 0.2
 
 Damage = Callable[[bytes], bytes]
 Instants = set[tuple[int, int]]
-"""A set of sampling instants: number of the boot (from 0), and number of the instant in that boot."""
+"""A set of sampling instants. Each is given by the number of the boot (from 0) and the number of the instant
+in that boot.
+"""
 
 
 class Boot:
@@ -47,8 +49,8 @@ class Board:
 
     Its methods send in the caller's thread, and wait for the times of the board's clock. `streams`: bytes
     sent, for each time that the board was plugged in. `dropped`: number of frames that were lost because the
-    port was full. `longest_silence_s`: longest time without sending while it was plugged in; on a busy
-    machine, the system may let this process wait.
+    port was full. `longest_silence_s`: longest time without sending while the board was plugged in. It may be
+    long because a busy system lets this process wait.
     """
 
     def __init__(self, link: Path, seed: int = 1) -> None:
@@ -90,7 +92,7 @@ class Board:
     # --- sending ---
 
     def introduce(self, heard: Callable[[], bool], **how: int) -> None:
-        """Boot, and send HELLO until `heard` returns True; see `boot`."""
+        """Boot, and send HELLO until `heard` returns True. `how`: parameters of the boot, as for `boot`."""
         self._begin_boot(**how)
         deadline_s = time.monotonic() + PATIENCE_S
         while not heard():
@@ -116,13 +118,15 @@ class Board:
         self._write(self._board.booted())
 
     def send(self, instants: int, damage: Damage | None = None) -> None:
-        """Send the frames of a number of sampling instants. `damage`: changes the bytes of each instant."""
+        """Send the frames of a number of sampling instants. `damage`: function that changes the bytes of each
+        instant before they are sent.
+        """
         for _ in range(instants):
             data = self._tick()
             self._write(damage(data) if damage else data)
 
     def send_until(self, condition: Callable[[], bool], what: str) -> None:
-        """Send until a condition is met."""
+        """Send samples until a condition is true."""
         deadline_s = time.monotonic() + PATIENCE_S
         while not condition():
             if time.monotonic() > deadline_s:
@@ -130,7 +134,7 @@ class Board:
             self.send(1)
 
     def send_during(self, action: Callable[[], object]) -> None:
-        """Send while another thread runs `action`; an exception of `action` is raised here."""
+        """Send samples while another thread runs `action`; an exception of `action` is raised here."""
         with ThreadPoolExecutor(1) as pool:
             doing = pool.submit(action)
             self.send_until(doing.done, "something else to be done")
@@ -156,13 +160,14 @@ class Board:
     def fill_the_line(self) -> None:
         """Send idle bytes, which have no meaning, until the port is full, since no program reads."""
         full = 0
-        # The system moves bytes from one buffer to the next; if it is busy, this takes some time.
+        # The port counts as full after five vain attempts, because a busy system takes some time to move
+        # bytes from one buffer to the next.
         while full < 5:
             full = 0 if self._port.fill() else full + 1
             time.sleep(0.05)
 
     def heard(self) -> bytes:
-        """Return the bytes that programs sent to the board, which does not listen."""
+        """Return the bytes that programs sent to the board, which itself ignores them."""
         return self._port.heard()
 
     def arrived(self) -> Instants:
@@ -200,7 +205,8 @@ class Board:
         if left_ns > 0:
             time.sleep(left_ns * 1e-9)
         gyro = x, y, z = tuple(round(self._random.gauss(0, 3)) for _ in range(3))
-        # Two of the accelerations make each frame unique among the frames of all boots.
+        # The x and y accelerations are not physical: they make each frame unique among the frames of all
+        # boots.
         accel = boot.boot_id, self._random.randrange(1 << 15), LEVEL[2]
         self._board.status = STATUS._replace(dropped_frames=self.dropped)
         sent = self._board.tick(gyro, accel)

@@ -44,7 +44,7 @@ def installed(name: str) -> str:
 class Server:
     """A server process. After construction, it listens at all its TCP ports.
 
-    `log`: its log file. `how`: options of Popen.
+    `log`: file to which the server writes its log. `how`: options of Popen.
     """
 
     def __init__(self, command: Sequence[str | Path], ports: Sequence[int], log: Path, **how: Any) -> None:
@@ -65,7 +65,7 @@ class Server:
         wait_until(listening, str(self._command[0]))
 
     def stop(self, number: signal.Signals = signal.SIGTERM) -> None:
-        """Send a signal, and wait for the end."""
+        """Send a signal to the server, and wait for its end."""
         self.process.send_signal(number)
         self.process.wait(PATIENCE_S)
 
@@ -74,12 +74,12 @@ class Server:
         self.stop(signal.SIGKILL)
 
     def pause(self) -> None:
-        """Suspend the process until `go_on`. Its connections stay open, but pass no data."""
+        """Suspend the process until `go_on` is called. Its connections stay open, but pass no data."""
         self.process.send_signal(signal.SIGSTOP)
         os.waitid(os.P_PID, self.process.pid, os.WSTOPPED | os.WNOWAIT)
 
     def go_on(self) -> None:
-        """Continue after `pause`."""
+        """Let the process continue after `pause`."""
         self.process.send_signal(signal.SIGCONT)
 
     def said(self) -> str:
@@ -90,8 +90,8 @@ class Server:
 class Broker(Server):
     """The MQTT broker mosquitto on a TCP port of its own.
 
-    `persistent`: it saves retained messages once a second. `logs`: it logs everything, so that `received`
-    works. `settings`: more lines for its configuration.
+    `persistent`: whether the broker saves retained messages once a second. `logs`: whether the broker logs
+    everything, so that `received` works. `settings`: more lines for its configuration.
 
     Raises:
         Skip: mosquitto is not installed.
@@ -115,9 +115,9 @@ class Broker(Server):
         return self.port
 
     def is_heard(self) -> bool:
-        """Return whether any program has subscribed since the first start."""
+        """Return whether any program has subscribed since the broker's first start."""
         return "Sending SUBACK to" in self.said()
 
     def received(self) -> Counter[str]:
-        """Return how many messages the broker has received, by the last part of the topic."""
+        """Return how many messages the broker has received, for each last part of a topic, such as `fit`."""
         return Counter(RECEIVED.findall(self.said()))

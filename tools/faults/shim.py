@@ -18,7 +18,7 @@ from serial.tools import list_ports
 from serial.tools.list_ports_common import ListPortInfo
 
 SHIFT_S = 0.001
-"""Time between two updates of the native reader's clock [s]."""
+"""Time between two updates of the clock shift in the native code that reads serial ports [s]."""
 
 
 def set_clock_by(path: Path) -> None:

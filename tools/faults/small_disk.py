@@ -1,4 +1,4 @@
-"""A small disk that the caller can fill and clear again."""
+"""A small disk that the caller can fill, and whose space the caller can free again."""
 
 import os
 import resource
@@ -8,13 +8,15 @@ from pathlib import Path
 
 SIZE = "4m"
 WHERE_FULL, WHERE_LIMITED = "disk_full", "record_failed"
-"""Kinds of the error that a program has to report: for a full file system, and for a limit on its files."""
+"""Kind of the error that a program has to report if its file system is full, and if the size of its files is
+limited.
+"""
 
 
 class SmallDisk:
     """A small file system that only one program sees.
 
-    If the system does not permit this, a limit on the size of the program's files replaces it.
+    If the system does not permit such a file system, a limit on the size of the program's files replaces it.
 
     `folder`: folder into which the program records. `size`: size in the syntax of `mount`. `is_mounted`:
     whether there is a file system, not only a limit. `kind`: kind of the error that the program has to
@@ -33,12 +35,16 @@ class SmallDisk:
         self._keeper: subprocess.Popen[bytes] | None = None
 
     def attach(self, pid: int) -> None:
-        """Open the disk as the program with this number sees it. It stays open until `close`."""
+        """Open the folder of the disk as the process `pid` sees it. The folder stays open until `close` is
+        called.
+        """
         self._pid = pid
         self._fd = os.open(f"/proc/{self._pid}/root{self.folder}", os.O_RDONLY | os.O_DIRECTORY)
 
     def hold(self) -> Sequence[str]:
-        """Mount the disk until `close`; return the beginning of a command whose program sees the disk."""
+        """Mount the disk until `close` is called; return the beginning of a command whose program sees the
+        disk.
+        """
         keep = ("sh", "-c", "echo; exec sleep infinity")
         self._keeper = subprocess.Popen([*self.before, *keep], stdout=subprocess.PIPE)
         assert self._keeper.stdout is not None
@@ -48,7 +54,9 @@ class SmallDisk:
 
     @property
     def inside(self) -> Path:
-        """A path to the folder for this process, which is valid even after the program has ended."""
+        """A path by which this process can use the disk's folder. The path is valid even after the program
+        has ended.
+        """
         return Path(f"/proc/self/fd/{self._fd}")
 
     def fill(self) -> None:

@@ -12,7 +12,7 @@ from tools.faults.server import Broker
 from tools.faults.small_disk import SmallDisk
 
 QUICK = ("--startup", "50", "--set", "estimator.window=200")
-"""A start-up window of 0.5 s instead of 5 s."""
+"""Setting of the estimator's start-up window: 0.5 s instead of 5 s, so that faults can be played sooner."""
 
 
 class _Ends(Protocol):
@@ -23,12 +23,14 @@ E = TypeVar("E", bound=_Ends)
 
 
 class Stage(contextlib.ExitStack):
-    """A folder, and all that runs for a fault. On exit, everything is ended.
+    """A folder, and all programs and servers that run for one fault. When the `with` block ends, all of them
+    are ended.
 
     Further functions that are to be called on exit can be registered with `callback`.
 
     `short`: whether faults last seconds instead of minutes. `image`: firmware image for the emulated Due, by
-    default the committed image. `clock`: file that shifts the clock of the programs that are started with it.
+    default the committed image. `clock`: file whose value shifts the clock of the programs that are started
+    with it (`set_clock`).
     """
 
     def __init__(self, folder: Path, *, short: bool = True, image: Path | None = None) -> None:
@@ -38,7 +40,7 @@ class Stage(contextlib.ExitStack):
         self.set_clock(0)
 
     def closing(self, made: E) -> E:
-        """Close `made` on exit."""
+        """Call `made.close` when the `with` block ends; return `made`."""
         self.callback(made.close)
         return made
 

@@ -41,7 +41,9 @@ MOST_SURVIVORS = 2
 MOST_SURVIVORS_OF_HOST = 1 / 3
 
 EVERYWHERE = ("core/engine/", "arduino/")
-"""Folders of firmware/. The judges of files in these folders are together all judges."""
+"""Folders of firmware/. Every judge judges the files of at least one of them, so both folders together need
+all judges.
+"""
 
 
 class Result(NamedTuple):
@@ -67,7 +69,7 @@ class Result(NamedTuple):
 
 
 def try_mutant(mutant: Mutant, base: Path, *, everyone: bool = False) -> Result:
-    """Judge one bug in a copy of the folder `base`, with all files that are built there."""
+    """Copy the folder `base`, with all files that have been built in it, and judge one bug in the copy."""
     with tempfile.TemporaryDirectory(dir=base.parent) as folder:
         root = Path(folder) / "fltea"
         shutil.copytree(base, root)

@@ -24,7 +24,9 @@ OTHER: dict[type[ast.AST], Any] = dict(zip(ONE, TWO, strict=True)) | dict(zip(TW
 OTHER |= {ast.FloorDiv: ast.Mult, ast.Mod: ast.FloorDiv, ast.BitAnd: ast.BitOr}
 NAMES = {"min": "max", "max": "min", "minimum": "maximum", "maximum": "minimum", "any": "all", "all": "any"}
 TELLS = {"problem", "report", "say", "tell", "warn", "warning", "info", "debug", "print", "echo", "help"}
-"""Functions whose arguments are texts for people; an underscore may precede the name."""
+"""Functions whose arguments are texts for people and are not changed. In the sources, an underscore may
+precede the name.
+"""
 
 
 class Change(NamedTuple):
@@ -80,7 +82,9 @@ def changes(file: str, text: str) -> Iterator[Change]:
 
 
 def _acting(node: ast.AST) -> Iterator[ast.expr | ast.stmt]:
-    """Yield the expressions and statements that do something, the outermost first."""
+    """Yield the expressions and statements of `node` whose change alters what the program does, the outermost
+    first.
+    """
     if isinstance(node, ast.expr | ast.stmt):
         yield node
     for name, value in ast.iter_fields(node):

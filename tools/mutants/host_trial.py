@@ -14,11 +14,12 @@ PATIENCE_S = 1800.0
 TEST_S = 120
 """Time limit of one test [s]; a test that hangs counts as failed."""
 MOST_OUTSIDE = 10
-"""Largest number of test files that run from other folders than the module's own. Tests of all folders import
-a basic module.
+"""Largest number of test files that run although they are not in the folder with the changed module's own
+tests. There must be a limit, since tests of all folders import a basic module.
 """
 
-# The import finder of an editable install has precedence over sys.path, so it is removed.
+# The import finder of an editable install is removed, because it has precedence over sys.path and would find
+# the original instead of the copy.
 ONLY_THE_COPY = """import sys
 sys.meta_path[:] = [finder for finder in sys.meta_path if "editable" not in type(finder).__module__]
 """

@@ -159,9 +159,10 @@ def on_the_emulator(root: Path) -> str | None:
 
 
 def _asserted(output: str) -> str:
-    """Return the static assertion that kept a mutant from being built.
+    """Return the line about the static assertion that kept a mutant from being built, from the compiler's
+    output.
 
-    If there is none, Invalid is raised.
+    Invalid is raised if no static assertion failed.
     """
     if ASSERTED not in output:
         raise Invalid(output)

@@ -44,7 +44,7 @@ def tasks(options: Options) -> list[Task]:
 def compare(name: str, duration_s: float, simulations: int) -> list[Row]:
     """Return one row for a noise: the ratios of computed to simulated figures.
 
-    No row if the noise is not identified.
+    Return no row if the noise cannot be identified.
     """
     n, h = round(duration_s * RATE_HZ), 1 / RATE_HZ
     y = NOISES[name].draw(n, RATE_HZ, np.random.default_rng([zlib.crc32(name.encode()), n]))

@@ -1,8 +1,8 @@
-"""Measure how often white noise gets another verdict within 24 hours.
+"""Measure how often white noise gets a verdict other than white within 24 hours.
 
-`evidence.ANYTIME_LEVEL` is chosen by it.
+The significance level `evidence.ANYTIME_LEVEL` was chosen with these measurements.
 
-Days of one axis at 100 Hz are fitted as often as those of a live sensor (fltea.stream.fit_times): two
+A simulated day of one axis at 100 Hz is fitted as often as a live sensor (fltea.stream.fit_times): in two
 thousand refits, a hundred of them with a new model search. For each rule and level, the tables give the share
 of axes for which the rule ever rejects white noise; for the verdict, at its own level, the share of axes that
 ever get a verdict other than white. Noises with relaxations are not white and have no order. For them, the
@@ -32,7 +32,7 @@ from tools.validation.tables import Table, grouped, share
 Draw = Callable[[int], Array]
 
 SEEDS, QUICK_SEEDS = 200, 4
-"""Number of axes of each noise; the axes of a quick run last half an hour."""
+"""Number of axes of each noise. The axes of a quick run are simulated for half an hour instead of a day."""
 H = 0.01
 DAY, SHORT = 8_640_000, 180_000
 PERIOD = round(1 / H)
@@ -41,9 +41,9 @@ LEVELS = (0.05, 0.01, 3e-3, 1e-3, 3e-4, 1e-4, 5e-5, 3e-5, 1e-5)
 
 
 def _relaxations(poles: tuple[float, ...], rng: np.random.Generator) -> Draw:
-    """Return a generator of AR(1) processes of unit variance in white noise.
+    """Return a function that draws samples of white noise plus AR(1) processes of unit variance.
 
-    Each call continues the same processes.
+    Each call of the function continues the same processes.
     """
     sizes = [math.sqrt(1 - pole * pole) for pole in poles]
     streams = [Stream([size], [1.0, -pole]) for pole, size in zip(poles, sizes, strict=True)]
@@ -71,7 +71,7 @@ def tasks(options: Options) -> list[Task]:
 
 
 def axis(noise: str, samples: int, seed: int) -> list[Row]:
-    """Return the highest significance level at which each rule never rejects white noise."""
+    """Return, for one axis, the highest significance level at which each rule never rejects white noise."""
     rng = np.random.default_rng((seed, samples))
     draw: Draw = (lambda n: WHITE[noise](n, rng)) if noise in WHITE else _relaxations(POLES[noise], rng)
     sums, last_refit, taken, of = Octaves(1), LastRefit(), 0, _levels if noise in WHITE else _claim
@@ -103,9 +103,10 @@ def _evidence(sums: Octaves, last_refit: LastRefit, taken: int) -> Evidence:
 
 
 def _levels(sums: Octaves, last_refit: LastRefit, taken: int, *, is_search: bool) -> dict[str, float]:
-    """Return the lowest level at which each rule rejects now.
+    """Return, for each rule, the lowest significance level at which the rule rejects white noise in the
+    present refit.
 
-    Some rules are applied only in a model search.
+    Some rules apply only in refits with a model search.
     """
     e = _evidence(sums, last_refit, taken)
     f = e.candidates

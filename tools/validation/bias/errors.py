@@ -1,7 +1,7 @@
-"""Measure the error of the bias.
+"""Measure the error of the estimated bias.
 
-The error is the difference from the true mean rate of the next second. Also measured: how often it is within
-2 σ.
+The error is the difference between the estimated bias and the true mean rate of the next second. How often
+the error is within 2 σ is measured, too.
 """
 
 import math
@@ -33,9 +33,9 @@ def tasks(options: Options) -> list[Task]:
 
 
 def of_noise(noise: str, first: int) -> list[Row]:
-    """Track one simulated sensor.
+    """Track the bias of one simulated sensor.
 
-    Return one row for each averaging time, with the mean squares of the errors.
+    Return one row for each span of time in SPANS, with the mean squares of the errors in this span.
     """
     n = max(end for _, end in SPANS.values())
     ahead = round(AHEAD_S / H)
@@ -64,9 +64,9 @@ def _mean_square(e: Array) -> float:
 
 
 def tables(rows: Sequence[Row]) -> list[Table]:
-    """Return the errors divided by those of the best peer, and the shares within 2 σ.
+    """Return the errors of fltea divided by those of the best peer, and how often they are within 2 σ.
 
-    The file has all errors.
+    The file with the tables also has the errors of all peers.
     """
     cells: list[Any] = []
     errors: list[Any] = []

@@ -9,7 +9,9 @@ from tools.validation.tables import Table, grouped, number
 
 SECTION = "false alarms"
 HOURS, QUICK_HOURS = 24.0, 1.0
-"""Name of this section, and hours of simulated data for each noise."""
+"""Hours of simulated data for each noise, in a full and in a quick run. SECTION is the name of this section
+of `bias`.
+"""
 AT_ONCE = 60_000
 WEEK_H = 168.0
 
@@ -45,7 +47,7 @@ def count(noise: str, hours: float) -> list[Row]:
 
 
 def tables(rows: Sequence[Row]) -> list[Table]:
-    """Return the counts, also converted to counts in a week."""
+    """Return the numbers of reported steps, also converted to steps in a week of one axis."""
     cells = []
     for noise, (row,) in grouped(rows, lambda row: row["noise"]).items():
         hours, told = row["axis_hours"], row["events"]

@@ -22,8 +22,8 @@ from tools.validation.tables import Table, grouped, number
 
 SECTION = "filter from the file"
 WAYS = "with its bias", "run over the recording"
-"""The two ways to start the filter: with the bias from the file, or without a bias by filtering the
-recording.
+"""The two ways to start the filter: with the bias from the file, or without any bias, by filtering the whole
+recording first.
 """
 FUTURES, QUICK_FUTURES = 50, 10
 UNKNOWN = 10.0
@@ -31,7 +31,7 @@ UNKNOWN = 10.0
 
 
 def tasks(options: Options) -> list[Task]:
-    """Return a task for each noise, and sensor of AXES axes."""
+    """Return one task for each noise and each simulated sensor of AXES axes."""
     futures = QUICK_FUTURES if options.quick else FUTURES
     return [
         Task(name, navigate, (noise, first, futures), REST)
@@ -46,8 +46,8 @@ def navigate(noise: str, first: int, futures: int) -> list[Row]:
 
     Return one row for each axis.
 
-    A row's `squares` holds, for each way to start the filter, the mean of (error / σ)² after TIMES_S; None if
-    the file lacks the figures for it.
+    A row's `squares` has, for each way to start the filter, the mean of (heading error / σ)² at each of
+    TIMES_S. It is None if the file lacks the figures that this way needs.
     """
     axes = lanes(SECTION, noise, range(first, first + AXES))
     y, _ = drawn(axes, REST)
@@ -118,7 +118,9 @@ def _value(figure: Any) -> float | None:
 
 
 def squares(plain: Plain, angles: Array) -> list[float]:
-    """Return the mean of (heading error / σ)² after TIMES_S. `angles`: true angles, (futures, times)."""
+    """Return the mean of (heading error / σ)² at each of TIMES_S. `angles`: true angles of all continuations,
+    of shape (futures, times).
+    """
     found = []
     for k, t_s in enumerate(TIMES_S):
         angle, std = plain.heading(round(t_s / H))
@@ -127,7 +129,9 @@ def squares(plain: Plain, angles: Array) -> list[float]:
 
 
 def tables(rows: Sequence[Row]) -> list[Table]:
-    """Return the RMS of error / σ by noise and time; one table for each way to start the filter."""
+    """Return one table for each way to start the filter, with the RMS of (heading error / σ) for each noise
+    and time.
+    """
     return [_table(rows, way) for way in WAYS]
 
 

@@ -1,6 +1,6 @@
 """Measure how often the heading after a rest is within its predicted band.
 
-Each recording has many independent continuations.
+For this, each simulated recording is continued many times, each time independently.
 """
 
 import math
@@ -25,7 +25,7 @@ from tools.validation.tables import Table, grouped
 
 SECTION = "headings"
 REST = 60_000
-"""Number of samples of the recording: ten minutes."""
+"""Number of samples of the recording at rest: ten minutes."""
 TIMES_S = (10, 60, 300)
 FUTURES, QUICK_FUTURES = 100, 20
 
@@ -74,7 +74,9 @@ def forecast(noise: str, first: int, futures: int) -> list[Row]:
 
 
 def turned(axis: Lane, section: str, noise: str, number: int, futures: int) -> Array:
-    """Return the angles after TIMES_S, (futures, times), of independent continuations of the recording."""
+    """Return the angles at each of TIMES_S of independent continuations of the recording, as an array
+    (futures, times).
+    """
     ends = np.array([round(t_s / H) for t_s in TIMES_S])
     rng = generator(f"{section}, futures", noise, number)
     return np.array([H * np.cumsum(axis.fork(rng).take(ends[-1])[0])[ends - 1] for _ in range(futures)])
@@ -108,9 +110,10 @@ def judge_fails(y: Array) -> bool:
 
 @cache
 def best_stds(noise: str) -> tuple[float, ...]:
-    """Return the standard deviations after TIMES_S of a Kalman filter that knows the noise.
+    """Return the standard deviations that a Kalman filter that knows the noise predicts for the heading at
+    each of TIMES_S.
 
-    Empty if no plain filter fits it.
+    The result is empty if no plain Kalman filter is optimal for the noise.
     """
     known = TEN[noise].known
     if known is None:
@@ -122,15 +125,17 @@ def best_stds(noise: str) -> tuple[float, ...]:
 
 
 def tables(rows: Sequence[Row]) -> list[Table]:
-    """Return the shares within the bands, the relative widths of the bands, and the rejected models."""
+    """Return how often the headings are within the bands, the relative widths of the bands, and how many
+    models are rejected.
+    """
     cells = []
     for noise, those in grouped(rows, lambda row: row["noise"]).items():
         by_time = [[row["times"][k] for row in those] for k in range(len(TIMES_S))]
         inside = [f"{100 * np.mean([one['inside'] for one in times]):.0f} %" for times in by_time]
         widths = []
         for times in by_time:
-            # Compared with the error, a width shows whether the band is honest; it does not show whether the
-            # band is narrow.
+            # If possible, the width is divided by the best possible width. Divided by the error that was
+            # seen, it only shows whether the band is honest, not whether it could be narrower.
             said = math.sqrt(float(np.mean([one["std"] ** 2 for one in times])))
             seen = math.sqrt(float(np.mean([one["square"] for one in times])))
             best = times[0]["best"]

@@ -37,7 +37,9 @@ class Plain:
         self.x[0] = model.bias
 
     def run(self, y: Array) -> None:
-        """Filter samples (n,). Loops over numbers are faster than arrays for so few states."""
+        """Filter the samples `y` of shape (n,). Loops over numbers are used, since they are faster than
+        arrays for so few states.
+        """
         phi, Q, R = self._phi.tolist(), self._Q.tolist(), self._R
         x, P = self.x.tolist(), self.P.tolist()
         states = range(len(x))
@@ -53,7 +55,7 @@ class Plain:
         self.x, self.P = np.array(x), np.array(P)
 
     def heading(self, n: int) -> tuple[float, float]:
-        """Return the angle of the next n samples, and its standard deviation."""
+        """Return the angle that the bias adds up to during the next n samples, and its standard deviation."""
         size = len(self._phi)
         step, noise = np.zeros((size + 1, size + 1)), np.zeros((size + 1, size + 1))
         step[:size, :size], step[size, :size], step[size, size] = np.diag(self._phi), self._h * self._phi, 1.0
@@ -61,7 +63,7 @@ class Plain:
         noise[size, :size] = noise[:size, size] = self._h * self._Q
         noise[size, size] = self._h**2 * (self._Q.sum() + self._R)
         F, Q = np.eye(size + 1), np.zeros((size + 1, size + 1))
-        while n:  # The prediction over n samples, by repeated doubling of the step.
+        while n:  # Predict over n samples by repeatedly doubling the length of the step.
             if n & 1:
                 F, Q = step @ F, step @ Q @ step.T + noise
             step, noise, n = step @ step, step @ noise @ step.T + noise, n >> 1

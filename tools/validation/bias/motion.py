@@ -1,6 +1,6 @@
-"""Measure what a turn does to the bias.
+"""Measure how much a turn of the sensor disturbs the estimated bias.
 
-The sensor turns about z, and the axes x and y measure a small share of the rate.
+The sensor turns about z, and the axes x and y measure a small proportion of the rate.
 """
 
 import math
@@ -21,10 +21,10 @@ from tools.validation.tables import Table, grouped, number
 SECTION = "motion"
 REST_S, TURN_S, AFTER_S = 120, 30, 60
 RATE, LEAK = 10.0, 0.005
-"""Rate about z [deg/s], and the share of the rate that x and y measure."""
+"""Rate about z [deg/s], and the proportion of this rate that x and y measure."""
 WAYS = "live stage", "Live.add(at_rest=False)"
-"""The live program gets no information about the turn and no accelerometer; `fltea.Live` is told that the
-sensor is not at rest.
+"""The two ways to track the bias. The live program gets neither an accelerometer nor any information about
+the turn. `fltea.Live` is told that the sensor is not at rest.
 """
 
 
@@ -82,7 +82,9 @@ def _told(y: Array, begin: int, end: int) -> tuple[Array, Array]:
 
 
 def tables(rows: Sequence[Row]) -> list[Table]:
-    """Return the largest errors divided by σ, and the largest errors [deg/s] with those of the peers."""
+    """Return a table of the largest errors divided by σ, and a table of the largest errors [deg/s] of fltea
+    and of the peers.
+    """
     cells: list[Any] = []
     errors: list[Any] = []
     for (way, axis), those in grouped(rows, lambda row: (row["way"], row["axis"])).items():

@@ -26,19 +26,19 @@ from tools.validation.recursions import (
 H = 0.01
 """Sampling period [s]."""
 SIGMA = 0.1
-"""Standard deviation of the white noise in each sample [deg/s]."""
+"""Standard deviation of the white noise in one sample [deg/s]."""
 OFFSETS = 0.5
 """Offsets are drawn uniformly between plus and minus this value [deg/s]; the filters do not know them."""
 PAST = 1 << 17
-"""Length of the impulse response of fractional and 1/f noise, in samples: 22 minutes."""
+"""Length of the impulse response of fractional and 1/f noise [samples], which is 22 minutes."""
 FINE = 8
-"""Oversampling factor for filters that act in a sensor before it samples."""
+"""Oversampling factor for the filters inside a sensor, which act before the sensor samples."""
 
 
 class Component(Protocol):
     """One component of a noise. `state`: internal state after the last sample.
 
-    None before the first sample.
+    The state is None before the first sample.
     """
 
     def draw(self, rng: np.random.Generator, n: int, state: Any) -> tuple[Array, Any]:
@@ -75,7 +75,8 @@ class Filtered(NamedTuple):
 class Convolved(NamedTuple):
     """White noise convolved with an impulse response.
 
-    The response is of order α and parameter f, or, if α = 0, of 1/f noise of order d.
+    The impulse response is that of fractional noise of order α with the parameter f or, if α is 0, that of
+    1/f noise of order d.
     """
 
     sigma: float
@@ -118,7 +119,7 @@ class Ramp(NamedTuple):
 
 
 class FractionalGaussian(NamedTuple):
-    """Fractional Gaussian noise; it cannot be continued."""
+    """Fractional Gaussian noise. Unlike the other components, it cannot be continued."""
 
     sigma: float
     hurst: float
@@ -141,7 +142,9 @@ def relaxation(sigma: float, tau_s: float) -> Filtered:
 
 
 class Noise(NamedTuple):
-    """The components of a sample: the signal, which the bias should follow, and the fast noise."""
+    """The components of a simulated noise: the signal, which the bias should follow, and the fast noise
+    (`rest`).
+    """
 
     signal: tuple[Component, ...]
     rest: tuple[Component, ...] = (White(),)
@@ -177,12 +180,12 @@ FILTERED: dict[str, Noise] = {
     "CIC": Noise((), (CIC,)),
     "fGn .7": Noise((FractionalGaussian(SIGMA, 0.7),), ()),
 }
-"""Filtered noises. For white noise through a filter, the bias is the offset alone; for the others it is the
-mean over a second.
+"""Filtered noises. For the filtered white noises (EMA, CIC), the true bias is the offset alone. Otherwise, it
+is the mean of offset and noise over a second.
 """
 NOISES = TEN | FILTERED
 MODELLED = tuple(name for name in TEN if name not in ("popcorn", "ramp", "DLPF"))
-"""The noises that a verdict can name and a filter can model."""
+"""Names of the noises that a verdict can name and a filter can model."""
 
 
 class Lane:
@@ -204,7 +207,7 @@ class Lane:
         return sum(found[signals:], x), x
 
     def fork(self, rng: np.random.Generator) -> "Lane":
-        """Return an independent continuation of the same past."""
+        """Return an axis with the same past whose later samples are drawn independently, from `rng`."""
         other = copy.copy(self)
         other._rng, other._states = rng, list(self._states)
         return other
@@ -216,7 +219,7 @@ def generator(section: str, name: str, number: int = 0) -> np.random.Generator:
 
 
 def lanes(section: str, name: str, numbers: Sequence[int]) -> list[Lane]:
-    """Return one axis for each number."""
+    """Return one simulated axis for each of `numbers`, which decide the random numbers of the axes."""
     return [Lane(name, generator(section, name, number)) for number in numbers]
 
 
@@ -227,6 +230,8 @@ def drawn(axes: Sequence[Lane], n: int) -> tuple[Array, Array]:
 
 
 def mean_ahead(x: Array, n: int) -> Array:
-    """Return, for each sample, the mean of the n samples after it, (len(x) - n, ...)."""
+    """Return, for each sample, the mean of the n samples after it. The result has the shape (len(x) - n,
+    ...).
+    """
     sums = np.cumsum(x, axis=0)
     return np.asarray((sums[n:] - sums[:-n]) / n)

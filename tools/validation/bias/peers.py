@@ -1,6 +1,6 @@
 """Bias at rest by other methods: VQF, imufusion and means.
 
-Each takes rates (n, 3) [deg/s] and returns biases (n, 3).
+Each method is a function that takes rates (n, 3) [deg/s] and returns biases (n, 3) [deg/s].
 
 Both libraries use their default settings and start with a bias of 0.
 """
@@ -15,7 +15,9 @@ from fltea.settings.extras import load
 from tools.validation.bias.noises import H
 
 GRAVITY, ACCEL_SIGMA = 9.81, 0.02
-"""Reading of the accelerometer that VQF requires [m/s²]: the sensor lies flat and still."""
+"""Acceleration and standard deviation of the accelerometer that VQF requires [m/s²]. They simulate a sensor
+that lies flat and still.
+"""
 AT_ONCE = 20_000
 """Number of samples for which VQF returns its whole state in one call."""
 MEAN_S = 10.0
@@ -36,7 +38,9 @@ def _library(name: str) -> Any:
 
 
 def vqf(y: Array) -> Array:
-    """Return VQF's bias (Laidig & Seel, 2023), estimated at rest, and by gravity in motion."""
+    """Return the bias by VQF (Laidig & Seel, 2023). VQF estimates it from the rates at rest, and with gravity
+    in motion.
+    """
     rng = np.random.default_rng(20261126)
     accel = rng.normal((0.0, 0.0, GRAVITY), ACCEL_SIGMA, y.shape)
     rates, it = np.ascontiguousarray(np.radians(y)), _library("vqf").VQF(H)
@@ -48,7 +52,9 @@ def vqf(y: Array) -> Array:
 
 
 def imufusion(y: Array) -> Array:
-    """Return the offset of imufusion's `Bias` (x-io's Fusion): a low-pass while all rates stay small."""
+    """Return the offset that imufusion's `Bias` (x-io's Fusion) computes: the rates through a low-pass
+    filter, which runs while all rates stay small.
+    """
     library = _library("imufusion")
     it, settings = library.Bias(), library.BiasSettings()
     settings.sample_rate = 1 / H

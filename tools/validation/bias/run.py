@@ -1,4 +1,5 @@
-"""Measure the bias with steps, turns and filtered noise, and headings and files, against peers.
+"""Measure how good bias, headings and figures in files are, and compare the bias with that of other methods
+(peers).
 
 Each section has a name: `--only headings` runs one section, `--only 'errors: ramp'` one noise of a section.
 """
@@ -12,7 +13,7 @@ from tools.validation.runner import Options, Row, Task
 from tools.validation.tables import Table, grouped
 
 SEEDS, QUICK_SEEDS = 24, 6
-"""Number of axes of each kind, rounded up to whole sensors of AXES axes."""
+"""Number of simulated axes of each kind. It is rounded up to whole sensors of AXES axes."""
 SECTIONS: dict[str, ModuleType] = {
     module.SECTION: module for module in (steps, errors, false_alarms, motion, headings, file_filter)
 }
