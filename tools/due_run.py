@@ -142,8 +142,7 @@ class DueRun(HostView):
     # Methods that compare board and host
 
     def unheard(self) -> list[int]:
-        """Return how many sampling instants at the end of a boot did not become known to the host by any
-        sample.
+        """Return how many sampling instants a boot still had after the last sample that the host received.
 
         There is a number for each boot that read the sensor.
         """
@@ -170,7 +169,8 @@ class DueRun(HostView):
         return self.check_values()
 
     def check_values(self) -> str | None:
-        """Return a text about the first sample that differs from what the sensor gave at the sample's time;
+        """Return a text about the first sample that differs from what the sensor gave at the sample's time.
+
         None if no sample differs.
         """
         zero_ps, boot_id = 0, None

@@ -1,5 +1,6 @@
-"""A source of a pipeline for tests and tools: the caller itself supplies the transport events, such as
-received bytes.
+"""A source of a pipeline for tests and tools.
+
+The caller itself supplies the transport events, such as received bytes.
 """
 
 from collections.abc import Iterator

@@ -1,5 +1,6 @@
-"""Checks that the scripts in `findings/` have the form that findings/README.md describes. `make lint` runs
-it.
+"""Checks that the scripts in `findings/` have the form that findings/README.md describes.
+
+`make lint` runs it.
 
 The program does not check what the scripts find. Usage: findings_form.py [FOLDER]
 """

@@ -100,8 +100,9 @@ def sensor(place: int, bad: list[Bad]) -> Sensor:
 
 
 def _axis_stats(rng: np.random.Generator) -> AxisStats:
-    """Return statistics of an axis with a random bias. As in real fleets, the biases of sensors differ by far
-    more than the errors with which they are known.
+    """Return statistics of an axis with a random bias.
+
+    As in real fleets, the biases of sensors differ by far more than the errors with which they are known.
     """
     tracker = TrackerStats(
         model="white",
@@ -117,8 +118,10 @@ def _axis_stats(rng: np.random.Generator) -> AxisStats:
 
 
 class Publisher:
-    """One MQTT connection for all sensors. `published` and `acknowledged` are the numbers of messages (QoS 1)
-    that were published, and that the broker has acknowledged.
+    """One MQTT connection for all sensors.
+
+    `published` and `acknowledged` are the numbers of messages (QoS 1) that were published, and that the
+    broker has acknowledged.
     """
 
     def __init__(self, host: str, port: int, prefix: str) -> None:

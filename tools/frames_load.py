@@ -39,8 +39,7 @@ class Sensors:
         self._samples: list[bytes] = []
 
     def message(self, k: int, second: int) -> bytes:
-        """Return the message of sensor `k` for second number `second`: HELLO, and the samples of that second.
-        """
+        """Return the message of sensor `k` for second number `second`: HELLO and that second's samples."""
         if second != self._second:
             self._second = second
             self._samples = [self._speak(voice, second) for voice in range(VOICES)]

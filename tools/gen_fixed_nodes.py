@@ -22,8 +22,9 @@ measurements (firmware/README.md, "What it costs").
 
 
 def step_for(error: float) -> float:
-    """Return the largest step between the nodes of the quadrature (numerical integration over decay rates)
-    whose error is at most `error`.
+    """Return the largest step between nodes with which the quadrature's error is at most `error`.
+
+    The quadrature integrates over the modes' decay rates.
 
     The quadrature uses the trapezoidal rule.
     """

@@ -22,8 +22,9 @@ TAPS = (
 
 
 def over_gain(line: int, level: int) -> float:
-    """Return 1 / power gain of all filters that the samples pass before `level`, at FFT bin `line` of this
-    level.
+    """Return 1 / power gain of all filters that the samples pass before `level`.
+
+    The gain is that at FFT bin `line` of this level.
     """
     gain = 1.0
     for passed in range(1, level + 1):

@@ -48,8 +48,9 @@ def tasks(series: int) -> list[Task]:
 
 
 def fitted(rows: list[Row]) -> tuple[tuple[float, float], list[list[float]]]:
-    """Return the smallest and largest number of ordinates among the noises, and the coefficients of the log
-    odds.
+    """Return the fitted coefficients of the log odds, with their range of validity.
+
+    The range comes first: the smallest and largest number of ordinates among the noises.
     """
     # Leave out noises for which the model search gives no odds because they are nearly white.
     rows = [row for row in rows if row["odds"] is not None]

@@ -12,8 +12,9 @@ SOURCE = f"{MEMBER} of {PACKAGE}"
 
 
 def table(peripherals: dict[str, Peripheral]) -> str:
-    """Return the emulator's table as JSON with one register in each line. A field of a register is written as
-    [lowest bit, width].
+    """Return the emulator's table as JSON with one register in each line.
+
+    A field of a register is written as [lowest bit, width].
     """
     return "{\n" + ",\n".join(map(_peripheral, peripherals.values())) + "\n}\n"
 

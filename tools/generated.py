@@ -71,8 +71,9 @@ def rendered(template: str, **values: Any) -> str:
 
 
 def update(root: Path, wanted: Mapping[str, str], *, check: bool, source: str) -> int:
-    """Write the files whose contents differ from `wanted`; if `check` is True, only print a message with the
-    name of each such file.
+    """Write the files whose contents differ from `wanted`.
+
+    If `check` is True, only print a message with the name of each such file.
 
     `wanted`: texts by path below `root`. `source`: name of the source of the texts, for messages. Returns the
     exit code: 1 if `check` found a difference. An unchanged file keeps its modification time, so that nothing

@@ -175,8 +175,9 @@ class MadeUpBoard:
         return sent
 
     def _estimates(self, gyro: Sequence[int] | None) -> list[wire.Estimate]:
-        """Compute the estimates of this instant's sample, and return the estimates (perhaps of earlier
-        samples) that are due now.
+        """Compute the estimates of this instant's sample, and return the estimates that are due now.
+
+        Those may be of earlier samples.
         """
         if self._own is None:
             return []

@@ -30,8 +30,9 @@ have no clone.
 
 
 def roff(text: str) -> str:
-    """Return text escaped for a man page, so that no line is taken for a roff request. Words between
-    backticks become bold.
+    """Return text escaped for a man page, so that no line is taken for a roff request.
+
+    Words between backticks become bold.
     """
     text = text.replace("host/docs/", f"{DOCUMENTS}/").replace("\\", r"\e").replace("-", r"\-")
     text = re.sub(r"`([^`]*)`", r"\\fB\1\\fP", text)

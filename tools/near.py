@@ -106,8 +106,10 @@ def tests_of(name: str, users: Users) -> list[str]:
 
 
 def typed(name: str) -> str:
-    """Return what mypy checks after a change of a file: the file's package in host/fltea or its folder in
-    tools or tests. Of a helper, it checks the file alone.
+    """Return what mypy checks after a change of a file.
+
+    It checks the file's package in host/fltea, or its folder in tools or tests. Of a helper, it checks the
+    file alone.
     """
     match Path(name).parts:
         case ("host", "fltea", _, _, *_) as parts:

@@ -75,8 +75,9 @@ TRIPLE = JOINT._replace(
 
 
 class OwnEstimator:
-    """Computes the estimates of three axes from samples in counts. `lsb`: counts per deg/s. `h`: sampling
-    period [s].
+    """Computes the estimates of three axes from samples in counts.
+
+    `lsb`: counts per deg/s. `h`: sampling period [s].
 
     `stated`: the settings in the form of the message ESTIMATOR, with the present bias and R, and the number
     of samples that are still to come in the start-up window.

@@ -102,8 +102,9 @@ def _part(asked: re.Match[str]) -> str:
 
 
 def on_page_content(content: str, **_: Any) -> str:
-    r"""Replace \(…\) and \[…\] by MathML, which browsers draw without a script, and make wide tables
-    scrollable by keys.
+    r"""Replace \(…\) and \[…\] by MathML, and let keys scroll the tables.
+
+    Browsers draw MathML without a script.
     """
     content = re.sub(r"<th( style=\"[^\"]*\")?></th>", "<td></td>", content)
     return EQUATION.sub(_mathml, content).replace("<table>", '<table tabindex="0">')

@@ -61,8 +61,9 @@ def records() -> str:
 
 
 def rows(struct: type[msgspec.Struct], path: str = "", *, own: bool = True) -> Rows:
-    """Yield path, type and meaning of each field. `own`: whether to leave out the fields that all records
-    have.
+    """Yield path, type and meaning of each field.
+
+    `own`: whether to leave out the fields that all records have.
     """
     info = types.type_info(struct)
     assert isinstance(info, types.StructType)

@@ -114,8 +114,9 @@ class Cpu:
             self._hook_watcher()
 
     def breakpoint(self, address: int | None, action: Callable[[], None] = lambda: None) -> None:
-        """Call `action` whenever the instruction at `address` is about to run; if `address` is None, remove
-        the breakpoint.
+        """Call `action` whenever the instruction at `address` is about to run.
+
+        If `address` is None, remove the breakpoint.
 
         The action may let the program hang at this instruction (`hang`), set another breakpoint, or write to
         memory.
@@ -363,8 +364,7 @@ class Cpu:
         self._hand_over()
 
     def _drops_access(self, now_ps: int) -> bool:
-        """Advance time to that of an access; return whether a reset came before the access and prevents it.
-        """
+        """Advance time to that of an access. Return whether an earlier reset prevents it."""
         self._pc = self._execution.address
         self._machine.advance_to(now_ps)
         if self._restart:

@@ -57,8 +57,9 @@ class SclStuck(_Fault, frozen=True, tag="scl_stuck"):
 
 
 class NackBurst(_Fault, frozen=True, tag="nack_burst"):
-    """The sensor does not acknowledge the next `count` bytes or, if `for_s` is given instead, any byte for
-    `for_s` seconds.
+    """The sensor does not acknowledge the next `count` bytes.
+
+    If `for_s` is given instead, it acknowledges no byte for `for_s` seconds.
     """
 
     count: Count = 0
@@ -80,8 +81,9 @@ class StaleByte(_Fault, frozen=True, tag="stale_byte"):
 
 
 class Unplug(_Fault, frozen=True, tag="unplug"):
-    """The sensor is unplugged for `for_s` seconds (0: forever). When it is plugged in again, its registers
-    have their reset values.
+    """The sensor is unplugged for `for_s` seconds (0: forever).
+
+    When it is plugged in again, its registers have their reset values.
 
     `who_am_i`: identification of another sensor that is plugged in instead.
     """

@@ -25,8 +25,9 @@ gap begins one, and the samples of every gap are counted as lost.
 
 
 class HostView:
-    """Receives the board's bytes as they arrive, and keeps only counts, so that a longer run needs no more
-    memory.
+    """Receives the board's bytes as they arrive, and keeps only counts.
+
+    A longer run therefore needs no more memory.
     """
 
     def __init__(self, board: Board) -> None:
@@ -84,8 +85,9 @@ class HostView:
 
     @property
     def rate_hz(self) -> float | None:
-        """Sampling rate, by the device's own clock and including lost samples [Hz]; None before two samples
-        have arrived.
+        """Sampling rate, by the device's own clock and including lost samples [Hz].
+
+        None before two samples have arrived.
         """
         return self._steps / self._steps_us * 1e6 if self._steps_us else None
 
@@ -160,8 +162,9 @@ class HostView:
 
     @property
     def due(self) -> int | None:
-        """Number of samples that the board's timer demanded; None if no timer on the board sets the times of
-        samples.
+        """Number of samples that the board's timer demanded.
+
+        None if no timer on the board sets the times of samples.
         """
         timer = self.hello is not None and self.hello.sampling_mode == wire.SamplingMode.TIMER
         return sum(boot.due for boot in self.boots) if timer else None

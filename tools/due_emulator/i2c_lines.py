@@ -31,8 +31,9 @@ class Phase(Enum):
 
 # Over 12 attributes: each is one wire, or one state of the transfer on the two wires.
 class I2cLines:
-    """The wires SDA and SCL with the sensor at one end. If `socket` is None, there is no sensor, only
-    pull-ups.
+    """The wires SDA and SCL with the sensor at one end.
+
+    If `socket` is None, there is no sensor, only pull-ups.
 
     SDA is the wire `sda`, SCL the wire `scl`; the PIO drives them like any other wire.
     """
@@ -94,8 +95,9 @@ class I2cLines:
             self.socket.stop()
 
     def cut_off(self, sending: bool, byte: int, bits: int) -> None:
-        """Set the wires' state after a controller has stopped within a byte, with SCL high, after `bits` (0
-        to 7) whole bits.
+        """Set the wires' state after a controller has stopped within a byte, with SCL high.
+
+        `bits` (0 to 7) is the number of whole bits before.
 
         A sensor that was sending holds SDA low as long as its present bit is a 0.
         """
@@ -109,8 +111,9 @@ class I2cLines:
     # Faults of wires and sensor
 
     def hold_sda(self, clocks: int = 0) -> None:
-        """Let a stuck sensor hold SDA low for `clocks` rising edges of SCL or, if `clocks` is 0, until
-        `release_sda` is called.
+        """Let a stuck sensor hold SDA low for `clocks` rising edges of SCL.
+
+        If `clocks` is 0, the sensor holds SDA until `release_sda` is called.
         """
         self._stuck_clocks = clocks
         self._move(self.sda, "a stuck sensor", False)

@@ -1,5 +1,6 @@
-"""Reads a firmware image for the board, and the facts that the image's build has written into a JSON file
-next to it.
+"""Reads a firmware image for the board, and facts about it.
+
+The image's build has written the facts into a JSON file next to the image.
 """
 
 import hashlib

@@ -125,8 +125,9 @@ class Fractional(Stepped):
         self._noise = NoiseGenerator(msgspec.structs.replace(settings, lsb_per_dps=0.0))
 
     def next_rate(self, k: int) -> Vector:
-        """Return the next value of the noise. FlteaError is raised if the noise has grown beyond finite
-        numbers.
+        """Return the next value of the noise.
+
+        FlteaError is raised if the noise has grown beyond finite numbers.
         """
         x, y, z = self._noise.step()
         return x, y, z

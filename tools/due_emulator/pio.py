@@ -126,8 +126,9 @@ class Pio(Peripheral):
                 tell()
 
     def _follow(self, bits: int) -> None:
-        """Set the wires of these pins as the registers demand, and call `on_output` for each output that has
-        changed.
+        """Set the wires of these pins as the registers demand.
+
+        Call `on_output` for each output that has changed.
         """
         for bit, wire in self._wires.items():
             if bits >> bit & 1:

@@ -105,8 +105,10 @@ class Twi(Peripheral):
         return self.busy_ps + running
 
     def on_read(self, register: str) -> int:
-        """Read a register: a read of SR clears its events; a read of RHR lets the next byte end, which waits
-        in its last bit while RHR is full.
+        """Read a register.
+
+        A read of SR clears its events. A read of RHR lets the next byte end, which waits in its last bit
+        while RHR is full.
         """
         value = self.registers[register]
         if register == "SR":

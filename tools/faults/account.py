@@ -92,8 +92,7 @@ def account(
 
 
 def shown(samples: set[Sample]) -> str:
-    """Return a text that gives, for each source, the number of these samples and the smallest sample number.
-    """
+    """Return a text with the number of these samples and the smallest sample number, for each source."""
     counts = Counter(whose for whose, _ in samples)
     return ", ".join(
         f"{count} of {whose} from {min(number for one, number in samples if one == whose)}"

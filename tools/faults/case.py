@@ -55,8 +55,9 @@ def play(case: Case, **how: Any) -> Outcome:
 
 
 def play_all(cases: Sequence[Case], *, at_once: int, **how: Any) -> dict[str, "Future[Outcome]"]:
-    """Cause several faults, `at_once` of them at the same time, since they mostly wait for something and need
-    little processor time.
+    """Cause several faults, `at_once` of them at the same time.
+
+    Several can run at once, because they mostly wait and need little processor time.
 
     Return the futures of the outcomes, by the names of the faults.
     """

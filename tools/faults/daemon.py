@@ -88,8 +88,9 @@ class Scene:
         self.board.send_until(lambda: kind in self.programs[-1].errors(), kind)
 
     def finish(self, *, after: int = AFTER) -> None:
-        """Send `after` more samples, wait until the program that was started last has received the last
-        sample, and end this program.
+        """Send `after` more samples, and end the program that was started last.
+
+        Before its end, wait until it has received the last sample.
         """
         self.board.send(after)
         i, k = max(self.board.arrived())
@@ -107,8 +108,9 @@ class Scene:
         line_is_known: bool = True,
         recording_is_whole: bool = True,
     ) -> Outcome:
-        """Call `finish`, if it has not been called yet; return what became of samples, recording and
-        estimates.
+        """Return what became of samples, recording and estimates.
+
+        Call `finish` first, if it has not been called yet.
 
         `but`: name of the only output that may lose records. `excuse`, `line_is_known`: see `samples_of`.
         `recording_is_whole`: whether the recording has to contain all bytes that were sent.

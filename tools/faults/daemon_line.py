@@ -29,8 +29,9 @@ DUE = "USB VID:PID=2341:003D SER=75230303 LOCATION=1-1"
 
 
 def replug(stage: Stage) -> Outcome:
-    """Unplug the board and plug it in again, after which the link, like a link that udev makes, points to
-    another port.
+    """Unplug the board and plug it in again.
+
+    After that the link, like a link that udev makes, points to another port.
     """
     scene = Scene(stage)
     _unplug_and_plug(scene)
@@ -101,8 +102,9 @@ def modem_manager_writes(stage: Stage) -> Outcome:
 
 
 def modem_bytes_in_the_stream(stage: Stage) -> Outcome:
-    """Send the bytes that would come back if the port echoed another program's writing, between frames and
-    inside a frame.
+    """Send the bytes that would come back if the port echoed another program's writing.
+
+    They are sent between frames and inside a frame.
     """
     scene = Scene(stage)
     with scene.fault() as board:

@@ -79,8 +79,9 @@ def within(value: float, bounds: Bounds) -> bool:
 
 
 def shown(kinds: Sequence[str] | frozenset[str]) -> str:
-    """Return the kinds as the text of a table's cell. A kind that occurs several times in a row is listed
-    once.
+    """Return the kinds as the text of a table's cell.
+
+    A kind that occurs several times in a row is listed once.
     """
     order = sorted(kinds) if isinstance(kinds, frozenset) else kinds
     return ", ".join(kind for kind, _ in itertools.groupby(order)) or "–"

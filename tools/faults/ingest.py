@@ -101,8 +101,9 @@ def _reported(workers: list[Program]) -> Counter[str]:
 
 
 def _killed(scene: Scene, wrong: list[str] | None = None) -> Outcome:
-    """Kill the first worker, and wait until the second one has taken over all boards. `wrong`: texts about
-    errors that were found before.
+    """Kill the first worker, and wait until the second one has taken over all boards.
+
+    `wrong`: texts about errors that were found before.
     """
     first, second = scene.workers
     before = boards_of(second)
@@ -137,8 +138,9 @@ def _share_again(scene: Scene, worker: Program) -> None:
 
 
 def server_killed(stage: Stage, *, nats: bool, away_s: float, qos: int = 1) -> Outcome:
-    """Kill the server, and start it again after `away_s` seconds. `qos`: MQTT's quality of service; with 0
-    the boards do not repeat lost messages.
+    """Kill the server, and start it again after `away_s` seconds.
+
+    `qos`: MQTT's quality of service; with 0 the boards do not repeat lost messages.
     """
     scene = nats_scene(stage, qos=qos) if nats else Scene(stage, stage.broker())
     scene.server.kill()
@@ -164,9 +166,7 @@ def cut_off(stage: Stage) -> Outcome:
 
 
 def store_full(stage: Stage, *, qos: int = 1) -> Outcome:
-    """Fill the server's store up to its limit with a stream that is not the workers', then delete this
-    stream.
-    """
+    """Fill the server's store up to its limit with a stream of another program. Then delete this stream."""
     server, _ = _server_on_small_disk(stage)
     scene = Scene(stage, server, qos)
     server.fill_store()

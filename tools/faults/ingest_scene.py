@@ -37,8 +37,9 @@ OF_NATS = {
 
 
 class Boards:
-    """Boards that repeatedly publish messages with a second of samples, all from one thread and over one
-    connection.
+    """Boards that repeatedly publish messages with a second of samples.
+
+    All publish from one thread and over one connection.
 
     `qos`: with 1, messages that were not acknowledged are sent again. Messages are then sent one at a time,
     because after an outage the MQTT library would change the order of several unacknowledged messages.
@@ -74,8 +75,9 @@ class Boards:
             self.seconds += 1
 
     def _next(self, *, acknowledged: bool = False) -> None:
-        """Send waiting messages: with QoS 0 all of them, otherwise one, unless an earlier one is not
-        acknowledged yet.
+        """Send messages that wait.
+
+        With QoS 0 send all of them, otherwise one, if all earlier ones are acknowledged.
 
         With QoS 0, the MQTT library does not keep messages that it has sent, so their order cannot change.
         """
@@ -130,8 +132,10 @@ class Scene:
         return self._stage.daemon("-s", url, "--format", "ndjson", *flags, **how)
 
     def until_all_by(self, *workers: Program, since: int = 0) -> None:
-        """Wait until these workers together have processed, of each board, a sample with a number from
-        `since` on.
+        """Wait until these workers have processed new samples of all boards.
+
+        New samples are those with numbers from `since` on. A board counts if any of the workers has processed
+        one.
         """
         names = set(self.boards.names)
         wait_until(
@@ -157,8 +161,7 @@ class Scene:
 
 
 def boards_of(worker: Program, since: int = 0) -> set[str]:
-    """Return the names of the boards of which a worker has processed a sample with a number from `since` on.
-    """
+    """Return the names of boards of which a worker has processed a sample with a number from `since` on."""
     return {device for device, newest in worker.newest.copy().items() if newest >= since}
 
 

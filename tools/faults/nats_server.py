@@ -22,8 +22,9 @@ T = TypeVar("T")
 
 
 class NatsServer(Server):
-    """A NATS server with JetStream, MQTT, and the mapping of boards to partitions; it can be killed and
-    restarted.
+    """A NATS server with JetStream, MQTT, and the mapping of boards to partitions.
+
+    It can be killed and restarted.
 
     `store`: largest size of the server's files, in the syntax of its settings. `before`: a command that
     starts the server.

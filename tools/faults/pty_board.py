@@ -118,8 +118,9 @@ class Board:
         self._write(self._board.booted())
 
     def send(self, instants: int, damage: Damage | None = None) -> None:
-        """Send the frames of a number of sampling instants. `damage`: function that changes the bytes of each
-        instant before they are sent.
+        """Send the frames of a number of sampling instants.
+
+        `damage`: function that changes the bytes of each instant before they are sent.
         """
         for _ in range(instants):
             data = self._tick()

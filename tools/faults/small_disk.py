@@ -35,15 +35,17 @@ class SmallDisk:
         self._keeper: subprocess.Popen[bytes] | None = None
 
     def attach(self, pid: int) -> None:
-        """Open the folder of the disk as the process `pid` sees it. The folder stays open until `close` is
-        called.
+        """Open the folder of the disk as the process `pid` sees it.
+
+        The folder stays open until `close` is called.
         """
         self._pid = pid
         self._fd = os.open(f"/proc/{self._pid}/root{self.folder}", os.O_RDONLY | os.O_DIRECTORY)
 
     def hold(self) -> Sequence[str]:
-        """Mount the disk until `close` is called; return the beginning of a command whose program sees the
-        disk.
+        """Mount the disk until `close` is called.
+
+        Return the beginning of a command whose program sees the disk.
         """
         keep = ("sh", "-c", "echo; exec sleep infinity")
         self._keeper = subprocess.Popen([*self.before, *keep], stdout=subprocess.PIPE)
@@ -54,8 +56,9 @@ class SmallDisk:
 
     @property
     def inside(self) -> Path:
-        """A path by which this process can use the disk's folder. The path is valid even after the program
-        has ended.
+        """A path by which this process can use the disk's folder.
+
+        The path is valid even after the program has ended.
         """
         return Path(f"/proc/self/fd/{self._fd}")
 

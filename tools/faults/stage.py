@@ -23,8 +23,9 @@ E = TypeVar("E", bound=_Ends)
 
 
 class Stage(contextlib.ExitStack):
-    """A folder, and all programs and servers that run for one fault. When the `with` block ends, all of them
-    are ended.
+    """A folder, and all programs and servers that run for one fault.
+
+    When the `with` block ends, all of them are ended.
 
     Further functions that are to be called on exit can be registered with `callback`.
 

@@ -82,8 +82,9 @@ def changes(file: str, text: str) -> Iterator[Change]:
 
 
 def _acting(node: ast.AST) -> Iterator[ast.expr | ast.stmt]:
-    """Yield the expressions and statements of `node` whose change alters what the program does, the outermost
-    first.
+    """Yield the expressions and statements of `node` that may be changed, the outermost first.
+
+    A change of them alters what the program does.
     """
     if isinstance(node, ast.expr | ast.stmt):
         yield node

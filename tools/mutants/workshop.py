@@ -159,8 +159,9 @@ def on_the_emulator(root: Path) -> str | None:
 
 
 def _asserted(output: str) -> str:
-    """Return the line about the static assertion that kept a mutant from being built, from the compiler's
-    output.
+    """Return the line about the static assertion that kept a mutant from being built.
+
+    `output`: the compiler's output.
 
     Invalid is raised if no static assertion failed.
     """

@@ -103,8 +103,9 @@ def _evidence(sums: Octaves, last_refit: LastRefit, taken: int) -> Evidence:
 
 
 def _levels(sums: Octaves, last_refit: LastRefit, taken: int, *, is_search: bool) -> dict[str, float]:
-    """Return, for each rule, the lowest significance level at which the rule rejects white noise in the
-    present refit.
+    """Return, for each rule, the lowest significance level at which it rejects white noise now.
+
+    The rules are applied to the present refit.
 
     Some rules apply only in refits with a model search.
     """
@@ -121,7 +122,8 @@ def _levels(sums: Octaves, last_refit: LastRefit, taken: int, *, is_search: bool
         found = [level for level in LEVELS if find_peaks(whole, level * by_level)]
     return {
         "null test": e.p_all,
-        # Better than white noise if -BIC > APART + 2 log(LEVEL / level).
+        # The rule rejects at `level` if -BIC, by which the best model beats white noise, exceeds APART + 2
+        # log(LEVEL / level). This is solved for `level`.
         "sentences": min(LEVEL * math.exp((bic + APART) / 2), 1.0),
         "drift": next(
             (level * 0.999 for level in LEVELS[::-1] if e.slow.is_drift(FALSE_DRIFT * level / LEVEL)), 1.0

@@ -1,9 +1,9 @@
-"""Critical values of likelihood ratios for noises without white noise.
+"""Measure critical values of likelihood ratios for noises in which the variance R of white noise is 0.
 
-The first table is about two normal estimates with the correlation ρ. The second estimate, R, cannot be
-negative, and its best value is 0 while the first estimate is fixed at its true value. The 95 % point of the
-likelihood ratio then depends only on ρ. `spectrum.intervals.AT_BOUND` was chosen by this table and by the
-correlations that the Fisher information gives for 35 noises without white noise (second table). The part
+The first table is about two normally distributed estimates with the correlation ρ. The second estimate, R,
+cannot be negative, and its best value is 0 while the first estimate is fixed at its true value. The 95 %
+point of the likelihood ratio then depends only on ρ. `spectrum.intervals.AT_BOUND` was chosen from this table
+and from the correlations that the Fisher information gives for 35 such noises (second table). The part
 `evaluate` counts how often the intervals then hold the true value.
 """
 
@@ -19,12 +19,14 @@ from tools.validation.runner import Options, Row, Task
 from tools.validation.tables import Table, grouped
 
 SEEDS = QUICK_SEEDS = 1
-"""Only the first table uses random numbers, and they are always the same."""
+"""One run suffices: only the first table uses random numbers, and these are always the same."""
 H = 0.01
 LENGTHS = (3_000, 20_000, 60_000)
 ORDERS = (0.25, 0.3, 0.35, 0.45, 0.5, 0.65, 0.9)
 FEEDBACKS = (0.02, 0.05, 0.08, 0.2, 0.4)
-"""-g / 2^α"""
+"""The simulated values of -g / 2^α, where g = h^α f: they reach from 0 (a state that never forgets) to 1 (the
+limit of stationarity).
+"""
 NAMES = ("alpha", "f", "F")
 CORRELATIONS = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 0.99, 1.0)
 DRAWN = 1_000_000
@@ -38,11 +40,14 @@ def tasks(options: Options) -> list[Task]:
 
 
 def critical_values() -> list[Row]:
-    """Return the 95 % points for two normal estimates, given that R is 0 if the other is fixed."""
+    """Return, for each correlation, the 95 % point of the likelihood ratio of two normal estimates.
+
+    One of the estimates, R, is at its bound 0 while the other one is fixed.
+    """
     rng = np.random.default_rng(0)
     other, below = rng.standard_normal(DRAWN), np.abs(rng.standard_normal(DRAWN))
-    # `below`: how far below 0 R would be without its bound while the other estimate is fixed, in standard
-    # deviations; `free`: the same with no estimate fixed
+    # `below`: how far R would be below 0 if it had no bound, while the other estimate is fixed [standard
+    # deviations]. `free`: the value of R if neither estimate is fixed, at most 0.
     rows: list[Row] = []
     for rho in CORRELATIONS:
         free = np.minimum(rho * other - np.sqrt(max(1 - rho**2, 1e-12)) * below, 0.0)
@@ -51,7 +56,7 @@ def critical_values() -> list[Row]:
 
 
 def correlated(n: int) -> list[Row]:
-    """Return each parameter's correlation with R, noise by noise."""
+    """Return the correlation of each parameter with R, for each noise."""
     noises = [(alpha, -part * 2**alpha) for alpha in ORDERS for part in FEEDBACKS]
     return [
         {"samples": n, "parameter": name, "correlation": correlation}
@@ -73,7 +78,7 @@ def correlations(alpha: float, g: float, n: int) -> dict[str, float]:
 
 
 def tables(rows: list[Row]) -> list[Table | str]:
-    """Return critical values and correlations."""
+    """Return the table of critical values and the table of correlations."""
     points = [(f"{row['rho']:.2f}", f"{row['critical']:.2f}") for row in rows if "rho" in row]
     noises = grouped(
         (row for row in rows if "samples" in row), lambda row: (f"{row['samples']:,}", row["parameter"])

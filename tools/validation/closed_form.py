@@ -1,4 +1,7 @@
-"""Noises of the grammar by closed forms in numpy, which share no code with the native fits."""
+"""Spectra and samples of noises by closed formulas in numpy, which share no code with the native fits.
+
+The noises are sums of parts, as in the grammar of noise.
+"""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -8,11 +11,14 @@ from fltea.noise import parts as p
 from fltea.records.arrays import Array
 
 AROUND = 4
-"""Length of the circle on which samples are drawn, divided by the length of the record."""
+"""Length of the periodic noise from which a record is cut, divided by the length of the record."""
 
 
 def closed_form(parts: Iterable[p.Part], lam: Array, h: float) -> Array:
-    """Return the spectrum at λ [rad a sample], (len(lam),). `h`: sampling period [s]."""
+    """Return the spectrum of the sum of the parts, as an array (len(lam),).
+
+    `lam`: frequencies [rad a sample]. `h`: sampling period [s].
+    """
     total, gain, floor = np.zeros_like(lam), np.ones_like(lam), 0.0
     for part in parts:
         if isinstance(part, p.FILTERS):
@@ -25,7 +31,7 @@ def closed_form(parts: Iterable[p.Part], lam: Array, h: float) -> Array:
 
 
 def samples(parts: Sequence[p.Part], n: int, h: float, rng: np.random.Generator) -> Array:
-    """Draw Gaussian samples (n,) with the spectrum of the parts, cut out of a circle."""
+    """Draw n Gaussian samples with the spectrum of the parts, cut out of longer periodic noise (a circle)."""
     circle = AROUND * n
     lam = 2 * np.pi * np.arange(1, circle // 2 + 1) / circle
     waves = np.zeros(circle // 2 + 1, dtype=np.complex128)
@@ -34,7 +40,8 @@ def samples(parts: Sequence[p.Part], n: int, h: float, rng: np.random.Generator)
     y = np.fft.irfft(waves, circle)[:n]
     is_high_passed = any(isinstance(part, p.HighPass) for part in parts)
     walks = [part.K for part in parts if isinstance(part, p.Walk) and not is_high_passed]
-    # A circle cannot hold the mean of a random walk's steps, so the mean is drawn separately.
+    # On a circle the steps of a random walk have the mean 0, so their true mean is drawn separately, and
+    # added as a ramp.
     return np.asarray(
         y + sum(K * math.sqrt(h / circle) * rng.standard_normal() for K in walks) * np.arange(n)
     )

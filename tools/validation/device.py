@@ -1,6 +1,6 @@
 """Compare the board's estimates and fits with the host's.
 
-The board's code is compiled for this machine.
+For this, the board's code is compiled for the machine that runs this program.
 
 Estimates: the board computes in float and integers. It is compared with the host's engine in double, which
 has the same settings and a memory that is accurate to nine digits without a limit in time. The samples are
@@ -31,14 +31,16 @@ from tools.validation.tables import Table, grouped
 Counts = NDArray[np.int16]
 
 SEEDS, QUICK_SEEDS = 2, 1
-"""Number of records of each fitted noise."""
+"""Number of records that are drawn of each noise in NOISES, for the comparison of the fits."""
 H = 0.01
 RECORDINGS = Path(__file__).resolve().parents[3] / "shared/recordings"
 AGES = (3_000, 100_000, 1_000_000)
 CHUNK = 50_000
 SIMULATED = {"white": None, "α 0.3, f -1": (0.3, -1.0), "α 0.6, f -3": (0.6, -3.0)}
 SIGMA_DPS, FULL_SCALE_DPS = 0.15, 2_000.0
-"""α and f of the simulated noises, whose offset is 1 deg/s; None for white noise."""
+"""SIMULATED has α and f [s^-α] of the simulated noises, None for white noise. Their standard deviation is
+SIGMA_DPS and their offset 1 deg/s.
+"""
 
 LEVEL = 0.05
 SIGMA = 3.0
@@ -47,12 +49,18 @@ NOISES = (
     *((0.3, -0.01, 0.05), (0.5, -0.02, 0.02), (0.6, -0.05, 0.3), (0.8, -0.005, 0.05), (0.4, -0.1, 0.5)),
     *((0.9, -0.01, 0.01), (0.7, -0.03, 0.1), (0.2, -0.02, 0.3), (1.0, -0.01, 0.05), (0.5, -0.005, 0.2)),
 )
-"""α, g = h^α f, and the share of the state's innovations in the noise."""
+"""α, g = h^α f, and the variance of the fractional state's steps as a proportion of this variance plus that
+of the white noise.
+"""
 FITTED = (60_000, 1_000_000)
 
 
 def tasks(options: Options) -> list[Task]:
-    """Return one task for each estimator variant and series, and one for the fits of each record length."""
+    """Return the tasks.
+
+    There is one for each combination of estimator variant and series, and one for the fits at each record
+    length.
+    """
     samples, lengths = (AGES[1], FITTED[:1]) if options.quick else (AGES[2], FITTED)
     axes = [f"{file.stem} {axis}" for file in sorted(RECORDINGS.glob("*.npz")) for axis in "xyz"]
     return [
@@ -66,7 +74,10 @@ def tasks(options: Options) -> list[Task]:
 
 
 def series(name: str, samples: int) -> Counts:
-    """Return an axis of a recording, or simulated noise, in counts of the board's sensor."""
+    """Return the series with this name, in counts of the board's sensor.
+
+    It is an axis of a recording, or simulated noise.
+    """
     if name not in SIMULATED:
         stem, _, axis = name.rpartition(" ")
         with np.load(RECORDINGS / f"{stem}.npz") as d:
@@ -81,7 +92,11 @@ def series(name: str, samples: int) -> Counts:
 
 
 def differences(variant: str, name: str, samples: int) -> list[Row]:
-    """Return the largest |Δα| and |Δf| up to each age and at the end, and the guard's interventions."""
+    """Return how much the estimates of board and host differ on a series.
+
+    The row has the largest |Δα| and |Δf| up to each age [samples], those at the end, and how often the host's
+    guard intervened.
+    """
     counts = series(name, samples)
     bias, R = host_baseline(counts[:STARTUP])
     device, host = Device(variant), host_engine(variant, R)
@@ -108,7 +123,7 @@ def differences(variant: str, name: str, samples: int) -> list[Row]:
 
 
 def agreement(samples: int, records: int) -> list[Row]:
-    """Return how much the fits of board and host differ on each noise.
+    """Return how much the board's and the host's fits of the same records differ, for each record.
 
     `records`: number of records of each noise.
     """
@@ -118,7 +133,10 @@ def agreement(samples: int, records: int) -> list[Row]:
 
 
 def drawn(n: int, alpha: float, g: float, weight: float, rng: np.random.Generator) -> Counts:
-    """Return sensor counts of a fractional state in white noise, drawn by its spectrum."""
+    """Return samples of a fractional state in white noise as sensor counts.
+
+    They are drawn from the noise's spectrum.
+    """
     lam = np.maximum(np.arange(n + 1), 1) * np.pi / n
     turn = np.exp(-1j * lam)
     density = weight / np.abs((1 - turn) ** alpha - g * turn) ** 2 + 1 - weight
@@ -149,7 +167,7 @@ def compare(counts: Counts) -> dict[str, Any]:
 
 
 def tables(rows: list[Row]) -> list[Table | str]:
-    """Return a table of estimates for each variant, and one of the fits."""
+    """Return a table of the estimates' differences for each variant, and one of the fits' differences."""
     found: list[Table | str] = []
     by_variant = grouped((row for row in rows if "variant" in row), lambda row: row["variant"])
     for variant, some in by_variant.items():

@@ -1,9 +1,11 @@
-"""Measures how often `fltea fleet` calls a healthy sensor odd: fleets with real fits of simulated noise.
+"""Measures how often `fltea fleet` calls a healthy sensor odd.
+
+The fleets are simulated, and their fits are real fits of simulated noise.
 
 The daemon's live estimator fits each record. Fleets with one axis per sensor are drawn from these fits, and
-compared as the program compares them. If sensors are to differ, N, B, K and density of each are multiplied by
-a random factor, as by another gain. α and f do not change. Records that grow to a day are compared repeatedly
-while they grow.
+compared as the program compares them. If sensors are to differ, N, B, K and the density of each sensor are
+multiplied by a random factor, as if it had another gain. α and f do not change. Sensors whose records grow to
+a day are compared repeatedly while the records grow.
 """
 
 import math
@@ -32,17 +34,22 @@ DIFFER = (0.0, 0.03)
 SIZES = (20, 100)
 DAY_HZ, DAY = 10.0, 864_000
 FIRST, GROWTH = 600, 1.2
-"""Number of samples at the first comparison of a day; factor by which a record grows until the next one."""
+"""Number of samples at the first comparison of a day, and factor by which the records grow from one
+comparison to the next.
+"""
 AT_ONCE = 10
 Fits = list[AxisFit]
 Place = tuple[Fits, list[dict[str, Figure]], float]
-"""A sensor of a fleet: its fits at each comparison, their figures, and the factor of its noise."""
+"""A sensor of a fleet: its fit at each comparison, the figures of each fit, and the factor by which its noise
+is multiplied.
+"""
 
 
 def tasks(options: Options) -> list[Task]:
-    """Return the tasks that fit records of one length.
+    """Return the tasks, which fit records of simulated noise.
 
-    Except with --quick, others fit growing records at all comparisons of a day.
+    Some tasks fit records of one length. Others, which --quick leaves out, fit growing records at all
+    comparisons of a day.
     """
     grown = FIRST * GROWTH ** np.arange(math.ceil(math.log(DAY / FIRST, GROWTH)))
     day = [*np.round(grown).astype(int).tolist(), DAY]
@@ -56,7 +63,7 @@ def tasks(options: Options) -> list[Task]:
 
 
 def fitted(noise: str, first: int, count: int, at: Sequence[int], rate_hz: float) -> list[Row]:
-    """Return the fits of some sensors: for each, one fit for each comparison."""
+    """Return one row for each of `count` sensors, with one fit for each comparison."""
     rows: list[Row] = []
     for seed in range(first, first + count):
         record = NOISES[noise].draw(at[-1], np.random.default_rng((seed, at[-1])), rate_hz)
@@ -66,7 +73,7 @@ def fitted(noise: str, first: int, count: int, at: Sequence[int], rate_hz: float
 
 
 def tables(rows: list[Row]) -> list[Table | str]:
-    """Return the share of fleets, and of comparisons, in which any sensor is called odd."""
+    """Return a table that says in how many of the fleets and comparisons any sensor is called odd."""
     cells = []
     for name, rate_hz in dict.fromkeys((row["noise"], row["rate_hz"]) for row in rows):
         pool = [
@@ -94,12 +101,13 @@ def _shares(shares: dict[str, float]) -> tuple[str, ...]:
 def share_of_fleets(
     pool: list[Fits], rate_hz: float, sensors: int, differ: float, count: int, *, ages: bool = False
 ) -> dict[str, float]:
-    """Return the share of fleets in which any sensor is ever called odd.
+    """Return the proportion of fleets in which any sensor is ever called odd.
 
-    The result is by figure, for any figure (`any`), and as a share of comparisons (`comparison`). `ages`:
-    each sensor has been on for a different time, and there is one comparison. Otherwise all began at the same
-    time and are compared while their records grow; fits change little between these comparisons, so a single
-    odd result already is an alert.
+    There is a proportion for each figure by which sensors are called odd, one for all figures (`any`), and
+    one of comparisons instead of fleets (`comparison`). `ages`: if True, each sensor has been on for a
+    different time, and there is one comparison. Otherwise all sensors began at the same time and are compared
+    while their records grow. Fits change little between these comparisons, so an odd result would be
+    repeated, and a single one counts as an alert.
     """
     rng = np.random.default_rng(sensors)
     figures = [_all_figures(comparisons, rate_hz) for comparisons in pool]
@@ -122,7 +130,7 @@ def share_of_fleets(
 
 
 def _all_figures(comparisons: Fits, rate_hz: float) -> list[dict[str, Figure]]:
-    """Return the figures of one sensor for each comparison."""
+    """Return, for each comparison, the figures of one sensor that are compared."""
     found: list[dict[str, Figure]] = []
     for fit in comparisons:
         found.append(figures_of(fit, rate_hz, found[-1] if found else {}))
@@ -130,7 +138,7 @@ def _all_figures(comparisons: Fits, rate_hz: float) -> list[dict[str, Figure]]:
 
 
 def _odd_at(fleet: list[Place], turns: NDArray[np.int64]) -> set[str]:
-    """Return the figures by which any sensor is called odd.
+    """Return the names of the figures by which any sensor of the fleet is called odd in one comparison.
 
     `turns`: for each sensor, the index of the fit that is compared.
     """

@@ -1,4 +1,4 @@
-"""Measures how good forecasts and their tests are: the first half of a series predicts the second.
+"""Measures how good forecasts and their tests are. For this, the first half of a series predicts the second.
 
 The series are ten minutes at 100 Hz of the noises of `states`. Each half is processed as by `fltea identify
 --forecast`.
@@ -29,7 +29,8 @@ def tasks(options: Options) -> list[Task]:
 def judge(name: str, series: int) -> list[Row]:
     """Judge the forecasts for series of one noise.
 
-    Returns predicted and observed mean squares for each series and time.
+    Returns rows with the predicted and the observed mean square of the heading error, for each series and
+    time ahead.
     """
     rng = np.random.default_rng((20261125, zlib.crc32(name.encode())))
     parts = NOISES[name]
@@ -46,7 +47,10 @@ def judge(name: str, series: int) -> list[Row]:
 
 
 def tables(rows: list[Row]) -> list[Table | str]:
-    """Return tables of the shares inside the 95 % bands by time, and of the series whose model fails."""
+    """Return a table of how often headings are inside the 95 % band, for each noise and time ahead.
+
+    It also says for how many series the test rejects the model.
+    """
     times = sorted({row["t_s"] for row in rows})
     cells: list[Any] = []
     for name, those in grouped(rows, lambda row: row["noise"]).items():

@@ -15,7 +15,7 @@ from fltea.stream.live import NO_FIT
 from fltea.stream.tracking import SensorTracks
 
 AXES = 3
-"""Number of axes of a sensor. If there are more columns of samples, they belong to several sensors."""
+"""Number of axes of a sensor. If an array of samples has more columns, they belong to several sensors."""
 GROWTH = 10
 """From one accepted fit to the next, a record grows by 1/GROWTH, as in `fltea.stream.fit_times`."""
 
@@ -30,7 +30,7 @@ class StepEvent(NamedTuple):
 
 
 class Lived(NamedTuple):
-    """What the daemon publishes for samples, (n, axes)."""
+    """What the daemon publishes for n samples of each axis, as arrays (n, axes)."""
 
     bias: Array
     bias_std: Array
@@ -39,10 +39,10 @@ class Lived(NamedTuple):
 
 
 class LiveSensor:
-    """What the daemon does with the samples of one sensor. `h`: sampling period [s].
+    """Processes the samples of one sensor as the daemon does. `h`: sampling period [s].
 
-    A fit is accepted after the first second, and then again as the record grows. The tracker uses it from the
-    next sample on.
+    A fit is accepted after the first second, and then again as the record grows. The tracker uses the
+    accepted fit from the next sample on.
     """
 
     def __init__(self, axes: int, h: float, unit: str = "deg/s") -> None:

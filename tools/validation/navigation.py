@@ -1,9 +1,11 @@
-"""Measures how good a plain Kalman filter is that uses only the file of `--gauss-markov`.
+"""Measures how good a plain Kalman filter is with the figures of `identify --gauss-markov`.
 
-For each noise, axes of sensors are identified from ten minutes at 100 Hz. The filter starts at the end of the
-record, or without knowledge of the bias, followed by a minute at rest. Then it predicts the error of the
-heading in the next five minutes. The result is the root mean square of (error / predicted σ), which should be
-1.
+The file that this command writes is all that the filter gets.
+
+For each noise, axes of sensors are identified from ten minutes at 100 Hz. The filter starts in two ways: at
+the end of the record with the bias from the file, or without knowledge of the bias a minute earlier. Then it
+predicts the error of the heading in the next five minutes. The result is the root mean square of (error /
+predicted σ), which should be 1.
 """
 
 import math
@@ -51,7 +53,7 @@ class PlainFilter:
         self.x[0], self.P[0, 0] = given.bias, given.bias_std**2
 
     def forget(self) -> None:
-        """Forget the bias."""
+        """Forget the bias: give it a σ that is far larger than that of the noise."""
         self.x[:] = 0
         self.P[0, 0] = 1e4 * (self.R + self.P.sum())
 
@@ -64,7 +66,7 @@ class PlainFilter:
             self.P = self.P - np.outer(gain, self.P.sum(axis=0))
 
     def ahead(self) -> tuple[Array, Array]:
-        """Return the drift of the heading after `TIMES_S`, and its σ."""
+        """Return the predicted error of the heading at each of `TIMES_S`, and the σ of this error."""
         n = len(self.x)
         A, G = np.diag([*self.phi, 1.0]), np.vstack([np.eye(n), np.full(n, H)])
         A[n, :n] = H * self.phi
@@ -88,9 +90,9 @@ def tasks(options: Options) -> list[Task]:
 
 
 def measure(name: str, series: int) -> list[Row]:
-    """Return a row for each series and time with error / σ.
+    """Return one row for each series and time ahead, with heading error / σ.
 
-    One filter knows the bias at first, and one does not.
+    There are two filters: one begins with the bias from the file, the other without a bias.
     """
     rng = np.random.default_rng((20261128, zlib.crc32(name.encode())))
     rows: list[Row] = []
@@ -127,7 +129,7 @@ def _noise(name: str, rng: np.random.Generator, n: int) -> Array:
 def tables(rows: list[Row]) -> list[Table | str]:
     """Return tables by noise and time.
 
-    They show error / σ, and the ratio of the filter's σ to that of the forecast.
+    The tables show heading error / σ, and the filter's σ divided by that of the forecast.
     """
     titles = {
         "end": "Heading error over σ, RMS, from the end of the record on",

@@ -17,7 +17,7 @@ def new_figure(width: float, height: float) -> "Figure":
 
 
 def png(figure: "Figure") -> bytes:
-    """Return the figure as PNG with a palette, which needs a quarter of the space."""
+    """Return the figure as a PNG file with a palette, which is a quarter as large as without one."""
     from PIL import Image
 
     drawn, small = io.BytesIO(), io.BytesIO()

@@ -2,8 +2,8 @@
 
 The series are simulated at 100 Hz: white noise, and fractional noise of several strengths in white noise. For
 white noise, two tests are made: with the spectrum in constant memory, as `identify` and the live fit do
-(`live`), and with the periodogram of the whole record (`whole`). The gallery counts false claims and
-verdicts, `evaluate` intervals.
+(`live`), and with the periodogram of the whole record (`whole`). False claims and verdicts are counted by the
+part `gallery`, intervals by the part `evaluate`.
 """
 
 import zlib
@@ -26,7 +26,7 @@ from tools.validation.tables import Table, grouped, share_within
 SEEDS, QUICK_SEEDS = 400, 20
 """Number of series of each white noise, and the number with --quick.
 
-For the power at 10 min it is a tenth.
+Of each noise with an order, a tenth of this number is simulated at a length of 10 min.
 """
 H = 0.01
 LENGTHS = {"30 s": 3_000, "200 s": 20_000, "10 min": 60_000}
@@ -42,11 +42,13 @@ STRENGTHS: dict[str, tuple[float, float, float]] = {
     for alpha, f in ((0.1, 0.0), (0.3, 0.0), (0.3, -1.8), (0.6, -0.3), (0.6, -3.0))
     for share in (0.1, 0.3, 1.0)
 }
-"""Fractional noise in white noise: α, f [s^-α], and share of the power that the fractional state has."""
+"""Fractional noise in white noise: α, f [s^-α], and the proportion of the power that the fractional noise
+has.
+"""
 
 
 def tasks(options: Options) -> list[Task]:
-    """Return a task for each noise and length."""
+    """Return one task for each noise and record length."""
     of_white = [(name, length, options.seeds) for name in WHITE for length in LENGTHS]
     coloured = [
         (name, length, max(options.seeds // divide, 2))
@@ -59,7 +61,10 @@ def tasks(options: Options) -> list[Task]:
 
 
 def count(name: str, length: str, series: int) -> list[Row]:
-    """Count rejections at 5 and 1 %, and series of white noise in which a line or resonance is found."""
+    """Count how often the null test rejects at the 5 % and the 1 % level.
+
+    Also count in how many series of white noise a line or resonance is found.
+    """
     rng = np.random.default_rng((20260601, zlib.crc32(f"{name}, {length}".encode())))
     samples, white = LENGTHS[length], name in WHITE
     if not white:
@@ -84,7 +89,10 @@ def _in_white(state: FractionalState, share: float, n: int, rng: np.random.Gener
 
 
 def tables(rows: list[Row]) -> list[Table | str]:
-    """Return tables of false alarms and of the test's power."""
+    """Return a table of false alarms on white noise, and a table of the test's power.
+
+    The power is how often the test rejects noise with an order.
+    """
     white = [row for row in rows if row["noise"] in WHITE]
     coloured = grouped((row for row in rows if row["noise"] in STRENGTHS), lambda row: row["noise"])
     found: list[Table | str] = []

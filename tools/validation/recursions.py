@@ -9,7 +9,7 @@ from scipy.signal import lfilter, oaconvolve
 
 
 class Stream:
-    """The filter b(z) / a(z), which continues where the last piece of its input ended."""
+    """The filter b(z) / a(z) for an input that comes in pieces. It continues where the last piece ended."""
 
     def __init__(self, b: Any, a: Any, state: float = 0.0) -> None:
         self._b, self._a = b, a
@@ -18,22 +18,28 @@ class Stream:
     def run(self, e: Array) -> Array:
         """Return the output for one piece (n,) of the input."""
         if not len(e):
-            return e  # scipy would forget the filter's state
+            return e  # an empty piece is not passed to scipy, which would forget the filter's state
         y, self._zi = lfilter(self._b, self._a, e, zi=self._zi)
         return np.asarray(y)
 
 
 def fractional_difference(d: float, n: int) -> Array:
-    """Return the coefficients of (1 - B)^-d, (n,), the impulse response of fractional integration.
+    """Return n coefficients of (1 - B)^-d, where B delays by one sample.
 
-    With d < 0 it is a fractional difference.
+    They are the impulse response of fractional integration.
+
+    With d < 0 they are that of a fractional difference.
     """
     k = np.arange(1.0, n)
     return np.concatenate([[1.0], np.cumprod((k - 1 + d) / k)])
 
 
 def state_response(alpha: float, g: float, n: int) -> Array:
-    """Return x_1 ... x_n after ω_0 = 1 alone, where x_{k+1} = g x_k - sum_j c_j(α) x_{k+1-j} + ω_k."""
+    """Return the impulse response x_1 ... x_n of the state, if ω_0 = 1 and all other ω are 0.
+
+    The state is x_{k+1} = g x_k - sum_j c_j(α) x_{k+1-j} + ω_k, where c_j(α) are the coefficients of the
+    difference of order α.
+    """
     series = fractional_difference(-alpha, n)
     series[1] -= g
     return inverse_series(series)
@@ -58,7 +64,8 @@ def convolved(e: Array, response: Array, n: int) -> Array:
 class FractionalState:
     """Draws `n` samples at a time of the state of order α and g = h^α f, with steps of variance 1.
 
-    Every x depends on at least `PAST` steps before it, so it is stationary from the first sample.
+    Each sample x depends on at least `PAST` steps before it, so the series is stationary from the first
+    sample.
     """
 
     PAST = 1 << 16
@@ -71,12 +78,12 @@ class FractionalState:
         """Variance of x."""
 
     def draw(self, rng: np.random.Generator) -> Array:
-        """Return new samples of x, (n,)."""
+        """Return n new samples of x."""
         return convolved(rng.standard_normal(self._size), self._response, self._n)
 
 
 def fractional_noise(d: float, n: int, rng: np.random.Generator) -> Array:
-    """Return exact ARFIMA(0, d, 0), (n,), |d| < 1/2, by its autocovariance."""
+    """Return n samples of exact ARFIMA(0, d, 0) with |d| < 1/2, drawn by its autocovariance."""
     k = np.arange(1.0, n + 1)
     variance = math.exp(math.lgamma(1 - 2 * d) - 2 * math.lgamma(1 - d))
     covariance = variance * np.concatenate([[1.0], np.cumprod((k - 1 + d) / (k - d))])
@@ -84,14 +91,17 @@ def fractional_noise(d: float, n: int, rng: np.random.Generator) -> Array:
 
 
 def fractional_gaussian_noise(hurst: float, n: int, rng: np.random.Generator) -> Array:
-    """Return exact fractional Gaussian noise of variance 1, (n,)."""
+    """Return n samples of exact fractional Gaussian noise of variance 1."""
     k = np.arange(n + 1.0)
     power = 2 * hurst
     return circulant_noise((np.abs(k - 1) ** power - 2 * k**power + (k + 1) ** power) / 2, rng)
 
 
 def circulant_noise(covariance: Array, rng: np.random.Generator) -> Array:
-    """Return Gaussian noise, (n,), with a given autocovariance, (n + 1,): Davies and Harte (1987)."""
+    """Return n samples of Gaussian noise with a given autocovariance (n + 1,).
+
+    The method is that of Davies and Harte (1987).
+    """
     n = len(covariance) - 1
     eigenvalues = np.maximum(np.fft.rfft(np.concatenate([covariance, covariance[-2:0:-1]])).real, 0.0)
     z = np.empty(n + 1, dtype=np.complex128)

@@ -19,16 +19,17 @@ class Options(NamedTuple):
     """Which of a part's tasks are run."""
 
     seeds: int
-    """Number of series, records or axes of each kind, as the part defines."""
+    """Number of series, records or axes of each kind. The part decides which of these it counts."""
     quick: bool = False
     only: tuple[str, ...] = ()
-    """Only noises are used whose name contains one of these texts; empty: all noises."""
+    """Only noises whose name contains one of these texts are used. If empty, all noises are used."""
     first: int = 0
-    """Number of the first record in the gallery. Records with other numbers are other random samples of the
-    same noises.
+    """Number of the first record in the part `gallery`. Records with other numbers are other random samples
+    of the same noises.
     """
     hours: int = 0
-    """Hours of one sensor, in which false steps are counted; 0: the part's default."""
+    """Number of hours of one sensor in which false steps are counted. If 0, the default of the part is used.
+    """
 
     def wanted(self, name: str) -> bool:
         """Return whether a noise with this name is used."""
@@ -42,7 +43,7 @@ class Task(NamedTuple):
     work: Callable[..., list[Row]]
     arguments: tuple[Any, ...]
     samples: int = 0
-    """Length of the record. If lengths differ, tasks with the longest records begin first."""
+    """Length of the task's record. If lengths differ, tasks with the longest records begin first."""
 
     @property
     def key(self) -> str:
@@ -58,9 +59,9 @@ class _Kept(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 def run(tasks: Sequence[Task], workers: Workers, file: Path, *, resume: bool = False) -> list[Row]:
     """Run all tasks and return their rows in the order of the tasks, whatever the order of the work.
 
-    `file`: NDJSON, which gets a line for each task when it is done, and at the end all lines in the order of
-    the tasks.
-    `resume`: tasks whose rows the file has are not repeated.
+    `file`: NDJSON file that gets a line for each task when the task is done. At the end it is written anew,
+    with all lines in the order of the tasks.
+    `resume`: if True, tasks whose rows the file already has are not repeated.
 
     Raises:
         FlteaError: a worker died.

@@ -1,4 +1,4 @@
-"""Puts the parts of a fit and of the truth in the same order, to compare them."""
+"""Puts the parts of a fitted noise and of the true noise in the same order, to compare them."""
 
 from collections.abc import Sequence
 
@@ -17,6 +17,6 @@ def in_order(truth: Sequence[Part]) -> list[Part]:
 
 
 def found_in_order(found: Sequence[Estimated]) -> list[Estimated]:
-    """Return the parts of a fit in the same order, without white noise whose variance may be 0."""
+    """Return the parts of a fit in the order of `in_order`. White noise is left out if it may be 0."""
     some = [one for one in found if one.part != "white" or one.values["R"].low not in (None, 0.0)]
     return sorted(some, key=lambda one: (one.part, one.value("tau_s") if "tau_s" in one.values else 0.0))

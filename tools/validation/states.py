@@ -1,7 +1,8 @@
 """Compares the tracker's bias on known noises with a filter that knows the noise and the offset.
 
-The series at 100 Hz are white noise of 0.14 deg/s with a state of each kind, by recursions of this tool. Each
-is processed as by the daemon: by the tracker, with a new fit whenever the record has grown by a tenth.
+Each series, at 100 Hz, is white noise of 0.14 deg/s plus a state of one kind, which this program draws itself
+by recursions. Each series is processed as by the daemon: by the tracker, with a new fit whenever the record
+has grown by a tenth.
 """
 
 import math
@@ -26,10 +27,10 @@ SEEDS, QUICK_SEEDS = 60, 6
 """Number of series of each noise, and the number with --quick."""
 H, R, N = 0.01, 0.02, 20_000
 AHEAD = 100
-"""Number of samples in the next second, over which the bias is predicted."""
+"""Number of samples in a second: the bias is predicted as the mean of the next second."""
 SPANS = {"6–30 s": (600, 3_000), "60–200 s": (6_000, N)}
 OVERSAMPLED = 8
-"""Oversampling factor for a low-pass that acts before a sensor samples."""
+"""Oversampling factor for the low-pass inside a sensor, which acts before the sensor samples."""
 
 NOISES: dict[str, tuple[Part, ...]] = {
     "white": (),
@@ -44,7 +45,9 @@ NOISES: dict[str, tuple[Part, ...]] = {
     "1/f^0.9": (Arfima(0.45, 1e-9, 0.2 * R),),
     "low-pass of 20 Hz, relaxation of 1 s": (Relaxation(0.1, 1.0), LowPass(20.0, 2.0)),
 }
-"""For each noise, its parts in addition to white noise, and a low-pass that the white noise passes."""
+"""For each noise: its parts in addition to white noise. If there is a low-pass among them, only the white
+noise passes it.
+"""
 
 
 def tasks(options: Options) -> list[Task]:
@@ -53,9 +56,10 @@ def tasks(options: Options) -> list[Task]:
 
 
 def track(name: str, series: int) -> list[Row]:
-    """Track series of one noise.
+    """Track the bias of several series of one noise.
 
-    Returns mean squares of errors, and shares of errors within 2 σ, by time span.
+    Returns one row for each span of time, with root mean squares of errors and how often the error is within
+    2 σ.
 
     The bias is the expected mean of the next second, so it is compared with the state's mean over this
     second.
@@ -92,7 +96,7 @@ def _rms(e: Array) -> float:
 
 
 def state(parts: tuple[Part, ...], rng: np.random.Generator, n: int) -> Array:
-    """Return the sum of the parts, (n,), without the white noise."""
+    """Return n samples of the sum of the parts, without the white noise."""
     x = np.zeros(n)
     for part in parts:
         match part:
@@ -115,7 +119,7 @@ def _fractional(part: Order, n: int) -> FractionalState:
 
 
 def white(parts: tuple[Part, ...], rng: np.random.Generator, n: int) -> Array:
-    """Return the white noise, (n,), after the low-pass of the parts."""
+    """Return n samples of the white noise, after the low-pass if there is one among the parts."""
     low = next((part for part in parts if isinstance(part, LowPass)), None)
     if low is None:
         return rng.normal(0, math.sqrt(R), n)
@@ -125,7 +129,7 @@ def white(parts: tuple[Part, ...], rng: np.random.Generator, n: int) -> Array:
 
 
 def tables(rows: list[Row]) -> list[Table | str]:
-    """Return a table of the errors, relative to the smallest possible ones, by time span."""
+    """Return a table of the errors for each span of time, divided by the smallest possible errors."""
     cells: list[Any] = []
     for name, both in grouped(rows, lambda row: row["noise"]).items():
         errors = [f"{row['bias'] / (row['best'] if row['best'] > 1e-6 else row['y']):.3f}" for row in both]

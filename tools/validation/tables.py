@@ -1,4 +1,4 @@
-"""Tables of results for a terminal and as Markdown, with intervals of shares."""
+"""Tables of results, for a terminal and as Markdown, and cells with proportions and their intervals."""
 
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple, TypeVar
@@ -12,19 +12,20 @@ T = TypeVar("T")
 K = TypeVar("K", bound=Hashable)
 
 NONE = "–"
-"""Text of a cell without a value."""
+"""Text of a cell that has no value."""
 Z = float(norm.ppf(0.975))
 """95 % of a normal distribution lie within ± Z standard deviations."""
 
 
 class Table(NamedTuple):
-    """Rows of text under a title."""
+    """A table: rows of text under a title and headings."""
 
     title: str
     headings: Sequence[str]
     rows: Sequence[Sequence[str]]
     brief: bool = True
-    """Whether the table is short enough for a terminal; other tables are only in the file."""
+    """Whether the table is short enough to be shown in a terminal. Other tables are only written to the file.
+    """
 
     def markdown(self) -> str:
         """Return the table as Markdown, after its title."""
@@ -52,18 +53,18 @@ def number(value: float | None, form: str) -> str:
 
 
 def share(count: int, total: int) -> str:
-    """Return a cell with a share."""
+    """Return a cell with a proportion in percent."""
     return number(count / total if total else None, ".1%")
 
 
 def interval(count: int, total: int) -> tuple[float, float]:
-    """Return the 95 % interval of a share (Wilson's interval)."""
+    """Return the 95 % interval of a proportion (Wilson's interval)."""
     found = binomtest(count, total).proportion_ci(method="wilson")
     return float(found.low), float(found.high)
 
 
 def share_within(count: int, total: int) -> str:
-    """Return a cell with a share and its 95 % interval."""
+    """Return a cell with a proportion and its 95 % interval."""
     low, high = interval(count, total)
     return f"{share(count, total)} ({100 * low:.0f}…{100 * high:.0f})"
 

@@ -118,8 +118,9 @@ def _value(figure: Any) -> float | None:
 
 
 def squares(plain: Plain, angles: Array) -> list[float]:
-    """Return the mean of (heading error / σ)² at each of TIMES_S. `angles`: true angles of all continuations,
-    of shape (futures, times).
+    """Return the mean of (heading error / σ)² at each of TIMES_S.
+
+    `angles`: true angles of all continuations, of shape (futures, times).
     """
     found = []
     for k, t_s in enumerate(TIMES_S):
@@ -129,8 +130,9 @@ def squares(plain: Plain, angles: Array) -> list[float]:
 
 
 def tables(rows: Sequence[Row]) -> list[Table]:
-    """Return one table for each way to start the filter, with the RMS of (heading error / σ) for each noise
-    and time.
+    """Return one table for each way to start the filter.
+
+    It has the RMS of (heading error / σ) for each noise and time.
     """
     return [_table(rows, way) for way in WAYS]
 

@@ -74,8 +74,9 @@ def forecast(noise: str, first: int, futures: int) -> list[Row]:
 
 
 def turned(axis: Lane, section: str, noise: str, number: int, futures: int) -> Array:
-    """Return the angles at each of TIMES_S of independent continuations of the recording, as an array
-    (futures, times).
+    """Return the angles at each of TIMES_S of independent continuations of the recording.
+
+    The array has the shape (futures, times).
     """
     ends = np.array([round(t_s / H) for t_s in TIMES_S])
     rng = generator(f"{section}, futures", noise, number)
@@ -110,8 +111,7 @@ def judge_fails(y: Array) -> bool:
 
 @cache
 def best_stds(noise: str) -> tuple[float, ...]:
-    """Return the standard deviations that a Kalman filter that knows the noise predicts for the heading at
-    each of TIMES_S.
+    """Return the σ of the heading at each of TIMES_S by a Kalman filter that knows the noise.
 
     The result is empty if no plain Kalman filter is optimal for the noise.
     """
@@ -125,8 +125,9 @@ def best_stds(noise: str) -> tuple[float, ...]:
 
 
 def tables(rows: Sequence[Row]) -> list[Table]:
-    """Return how often the headings are within the bands, the relative widths of the bands, and how many
-    models are rejected.
+    """Return a table of how often headings are within their bands.
+
+    It also has the relative widths of the bands, and how many models are rejected.
     """
     cells = []
     for noise, those in grouped(rows, lambda row: row["noise"]).items():

@@ -37,8 +37,9 @@ class Plain:
         self.x[0] = model.bias
 
     def run(self, y: Array) -> None:
-        """Filter the samples `y` of shape (n,). Loops over numbers are used, since they are faster than
-        arrays for so few states.
+        """Filter the samples `y` of shape (n,).
+
+        Loops over numbers are used, since they are faster than arrays for so few states.
         """
         phi, Q, R = self._phi.tolist(), self._Q.tolist(), self._R
         x, P = self.x.tolist(), self.P.tolist()

@@ -82,8 +82,9 @@ def _told(y: Array, begin: int, end: int) -> tuple[Array, Array]:
 
 
 def tables(rows: Sequence[Row]) -> list[Table]:
-    """Return a table of the largest errors divided by σ, and a table of the largest errors [deg/s] of fltea
-    and of the peers.
+    """Return a table of the largest errors divided by σ, and one of the largest errors.
+
+    The latter are in deg/s, of fltea and of the peers.
     """
     cells: list[Any] = []
     errors: list[Any] = []

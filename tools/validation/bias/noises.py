@@ -142,9 +142,7 @@ def relaxation(sigma: float, tau_s: float) -> Filtered:
 
 
 class Noise(NamedTuple):
-    """The components of a simulated noise: the signal, which the bias should follow, and the fast noise
-    (`rest`).
-    """
+    """The components of a simulated noise. The bias should follow `signal`, but not the fast noise `rest`."""
 
     signal: tuple[Component, ...]
     rest: tuple[Component, ...] = (White(),)
@@ -230,8 +228,9 @@ def drawn(axes: Sequence[Lane], n: int) -> tuple[Array, Array]:
 
 
 def mean_ahead(x: Array, n: int) -> Array:
-    """Return, for each sample, the mean of the n samples after it. The result has the shape (len(x) - n,
-    ...).
+    """Return, for each sample, the mean of the n samples after it.
+
+    The result has the shape (len(x) - n, ...).
     """
     sums = np.cumsum(x, axis=0)
     return np.asarray((sums[n:] - sums[:-n]) / n)

@@ -38,8 +38,9 @@ def _library(name: str) -> Any:
 
 
 def vqf(y: Array) -> Array:
-    """Return the bias by VQF (Laidig & Seel, 2023). VQF estimates it from the rates at rest, and with gravity
-    in motion.
+    """Return the bias by VQF (Laidig & Seel, 2023).
+
+    VQF estimates it from the rates at rest, and with gravity in motion.
     """
     rng = np.random.default_rng(20261126)
     accel = rng.normal((0.0, 0.0, GRAVITY), ACCEL_SIGMA, y.shape)
@@ -52,8 +53,9 @@ def vqf(y: Array) -> Array:
 
 
 def imufusion(y: Array) -> Array:
-    """Return the offset that imufusion's `Bias` (x-io's Fusion) computes: the rates through a low-pass
-    filter, which runs while all rates stay small.
+    """Return the offset that imufusion's `Bias` (x-io's Fusion) computes.
+
+    It is the output of a low-pass filter for the rates, which runs while all rates stay small.
     """
     library = _library("imufusion")
     it, settings = library.Bias(), library.BiasSettings()

@@ -1,5 +1,6 @@
-"""Measure how good bias, headings and figures in files are, and compare the bias with that of other methods
-(peers).
+"""Measure how good bias, headings and figures in files are.
+
+The bias is compared with that of other methods (peers).
 
 Each section has a name: `--only headings` runs one section, `--only 'errors: ramp'` one noise of a section.
 """

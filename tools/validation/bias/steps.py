@@ -15,15 +15,17 @@ from tools.validation.tables import Table, grouped
 
 SECTION = "steps"
 SIZES, AT_S = (1.0, 0.3), (120, 3600)
-"""Sizes of the step, in standard deviations of a sample, and times of the step after the first sample [s]."""
+"""Sizes of the step [standard deviations of the noise in one sample], and times of the step after the first
+sample [s].
+"""
 WATCHED_S, QUICK_WATCHED_S = 1200, 300
 WITHIN, STAYS_S = 0.2, 2.0
-"""The bias is known again when its error stays below this share of the step for this time [s]. A short mean
-may come near by chance, but it does not stay there.
+"""The bias is known again when its error stays below this proportion of the step for this time [s]. The time
+matters, because a mean of few samples may come near the true bias by chance, but does not stay there.
 """
 SAMPLES_TO_SEE = 30
-"""Multiplied by (σ/δ)², the number of samples that the quickest test with one false alarm a week needs
-(Lorden, 1971).
+"""The quickest test with one false alarm a week needs this number times (σ/δ)² samples, where δ is the size
+of the step and σ the standard deviation of the noise (Lorden, 1971).
 """
 
 
@@ -42,7 +44,7 @@ def tasks(options: Options) -> list[Task]:
 def stepped(size: float, at_s: int, first: int, watched_s: int) -> list[Row]:
     """Let the bias of each axis of a sensor step.
 
-    Return one row for each axis with the time that each estimate needs [s].
+    Return one row for each axis, with the time [s] after which each estimate knows the bias again.
     """
     name = f"{size:g} σ at {at_s} s"
     n, at = round((at_s + watched_s) / H), round(at_s / H)
@@ -70,7 +72,7 @@ def stepped(size: float, at_s: int, first: int, watched_s: int) -> list[Row]:
 def settled_s(near: Mask) -> float | None:
     """Return the time after which an estimate stays near the true value for STAYS_S [s].
 
-    None if it never does.
+    None if the estimate never stays near it.
     """
     n = round(STAYS_S / H)
     far = np.append(0, np.cumsum(~near))
@@ -79,7 +81,7 @@ def settled_s(near: Mask) -> float | None:
 
 
 def tables(rows: Sequence[Row]) -> list[Table]:
-    """Return the median and the longest time of each estimate."""
+    """Return a table with the median and the longest time that each estimate needs after a step."""
     cells = []
     for name, those in grouped(rows, lambda row: row["step"]).items():
         first = those[0]

@@ -1,4 +1,4 @@
-"""Check whether the intervals of one axis hold the true values."""
+"""Check whether the published intervals of one axis contain the true values."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -26,16 +26,18 @@ STEADY = tuple(kind for kind in p.CODES if kind.has("slow") or kind.has("fast on
 FREQUENCIES = 40_000
 """Number of frequencies at which the integral for the Allan deviation of a spectrum is evaluated."""
 SECONDS = 10.0
-"""Length of the forecasts that are checked [s]."""
+"""Time ahead for which forecasts are checked [s]."""
 
 
 class Seen(NamedTuple):
-    """An interval, and the true value that it should hold."""
+    """One interval (or a band of many), compared with the true value that it should contain."""
 
     quantity: str
     published: bool
     below: float = 0.0
-    """Share of the figures whose true value is below the interval."""
+    """Proportion of true values below the interval: 0 or 1 for a single figure, between them for the points
+    of a band.
+    """
     above: float = 0.0
     width: float | None = None
 
@@ -56,7 +58,10 @@ def analyse(parts: Parts, y: Array) -> Axis:
 
 
 def of_fit(axis: Axis) -> Iterator[Seen]:
-    """Yield N, the parameters of the order, and those of each part if the fitted parts are the true parts."""
+    """Yield the results for N, for the parameters of the order, and for those of each part.
+
+    The parameters of the parts count only if the fitted parts are the true parts.
+    """
     yield _seen("N", axis.figures.level.N, true_N(axis.parts))
     for name, true in _order(axis).items():
         yield _seen(str(FIGURES[name]), getattr(axis.verdict.order, name), true)
@@ -76,12 +81,12 @@ def of_fit(axis: Axis) -> Iterator[Seen]:
 
 
 def of_drift(axis: Axis, y: Array) -> Iterator[Seen]:
-    """Yield the interval of the drift rate; the true drift rate is 0."""
+    """Yield the result for the interval of the drift rate; the true drift rate is 0."""
     yield _seen("drift rate", drift_rate(y, H, axis.figures.spectrum(H)), 0.0)
 
 
 def of_allan(axis: Axis, y: Array) -> Iterator[Seen]:
-    """Yield the share of the points of the Allan deviation that are outside their band."""
+    """Yield how many of the points of the Allan deviation are outside their band, as a proportion."""
     found = allan([y], H)
     true = true_allan(axis.parts, np.rint(np.array(found.tau_s) / H))
     below, above = (float(np.mean(one)) for one in (true < found.low, true > found.high))
@@ -90,7 +95,10 @@ def of_allan(axis: Axis, y: Array) -> Iterator[Seen]:
 
 
 def of_forecast(axis: Axis, y: Array) -> Iterator[Seen]:
-    """Yield the share of pieces of the second half outside the band predicted from the first half."""
+    """Yield how much of a record's second half is outside the band predicted from the first half.
+
+    The results are proportions of stretches of the second half.
+    """
     half = len(y) // 2
     parts = analyse(axis.parts, y[:half]).figures.model.parts(H)
     judgement = judged(fitted_system(parts, np.ascontiguousarray(y[:half]), H), y, half, H)
@@ -110,7 +118,10 @@ def true_N(parts: Sequence[p.Part]) -> float:
 
 
 def true_allan(parts: Sequence[p.Part], factors: Array) -> Array:
-    """Return the Allan deviation from the spectrum. `factors`: averaging times, in samples (k,)."""
+    """Return the true Allan deviation, computed from the spectrum.
+
+    `factors`: averaging times [samples], (k,).
+    """
     # The spectra of slow parts rise without end at low frequencies, so the frequencies are closer there.
     edges = np.geomspace(1e-7, np.pi, FREQUENCIES + 1)
     lam, width = np.sqrt(edges[1:] * edges[:-1]), np.diff(edges)
@@ -123,7 +134,11 @@ def true_allan(parts: Sequence[p.Part], factors: Array) -> Array:
 
 
 def _order(axis: Axis) -> dict[str, float]:
-    """Return the true parameters of an order by field name, if parameters of its kind are published."""
+    """Return the true parameters of the noise's order by field name.
+
+    The result is empty if the noise has no order, or if the verdict publishes parameters of the other kind
+    (state or ARFIMA).
+    """
     R = sum(one.R for one in axis.parts if isinstance(one, p.White))
     for one in axis.parts:
         if isinstance(one, p.Order):

@@ -25,9 +25,9 @@ class Population(NamedTuple):
     shortest: int = SHORTEST
     """Least number of samples of a record."""
     longest: int = LONGEST
-    """Greatest number of samples."""
+    """Greatest number of samples of a record."""
     steady: bool = False
-    """Whether the Allan deviation, the drift and the forecasts are checked as well."""
+    """Whether the intervals of the Allan deviation, the drift and the forecasts are checked as well."""
 
 
 def between(rng: Rng, low: float, high: float) -> float:
@@ -43,8 +43,8 @@ def white(rng: Rng) -> p.White:
 def relaxation(rng: Rng, R: float, low_hz: float, high_hz: float, low: float, high: float) -> p.Relaxation:
     """Return a relaxation with a random corner frequency and level.
 
-    `low_hz`, `high_hz`: range of the corner frequency. `low`, `high`: range of the density at low frequencies
-    divided by R.
+    `low_hz`, `high_hz`: range of the corner frequency [Hz]. `low`, `high`: range of the relaxation's density
+    at low frequencies, divided by the density R of the white noise.
     """
     tau_s = 1 / (2 * math.pi * between(rng, low_hz, high_hz))
     phi = math.exp(-H / tau_s)
@@ -66,7 +66,8 @@ def _walk(rng: Rng, R: float) -> p.Walk:
 def _order(rng: Rng, R: float, low: float, high: float) -> p.Order:
     """Return a fractional part of random order.
 
-    `low`, `high`: range of the variance of its steps, divided by R, or by 1 without white noise.
+    `low`, `high`: range of the variance of the fractional part's steps, divided by the variance R of the
+    white noise; if R is 0, not divided.
     """
     alpha = rng.uniform(0.2, 0.8)
     g = -min(between(rng, 0.01, 0.6), 0.9 * 2**alpha)

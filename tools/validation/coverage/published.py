@@ -1,8 +1,8 @@
 """List every interval and every standard deviation that the program publishes, as its classes declare them.
 
 The source text of the classes is read. A field whose type is an interval, or whose name ends like a standard
-deviation's, counts as published until `FIGURES` says otherwise. A test fails for a field, or for a parameter
-of a noise part, that has no row here.
+deviation's, counts as published until `FIGURES` says otherwise. A test fails for each published field, and
+for each parameter of a part of a noise, that has no row here.
 """
 
 import ast
@@ -15,9 +15,9 @@ import fltea
 from fltea.noise.parts import CODES
 
 OF_INTERVALS = re.compile(r"\b(Interval|Coefficient)\b")
-"""Types with a lower and an upper end."""
+"""Names of the types that have a lower and an upper end."""
 OF_DEVIATIONS = re.compile(r"_std$")
-"""Names of standard deviations."""
+"""What the name of a field ends with if it is a standard deviation."""
 
 
 class Field(NamedTuple):
@@ -29,7 +29,7 @@ class Field(NamedTuple):
 
 
 class Elsewhere(NamedTuple):
-    """A figure that this measurement leaves out, and why."""
+    """A published figure that this measurement leaves out, with the reason."""
 
     why: str
 
@@ -68,19 +68,19 @@ FIGURES: dict[str, str | Elsewhere] = {
     "slope_std": Elsewhere("of a clock's rate by the doctor, which no record has"),
     "noise_std": Elsewhere("a deviation of samples, and no uncertainty"),
 }
-"""What is measured for all fields of a name, which mean the same figure in every class; or why nothing is
-measured.
+"""For each name of a field: what is measured for it, or why nothing is measured. Fields of the same name mean
+the same figure in every class.
 """
 ALLAN = "Allan deviation"
 
 
 def of_part(tag: str, parameter: str) -> str:
-    """Return the name of a parameter of a part."""
+    """Return the name of a parameter of a noise's part, such as "tau_s of relaxation"."""
     return f"{parameter} of {tag}"
 
 
 def parameters() -> list[str]:
-    """Return the names of all parameters of all parts that a fit has intervals of."""
+    """Return the names of all parameters, of all kinds of parts, for which a fit has intervals."""
     return [
         of_part(str(kind.__struct_config__.tag), name)
         for kind in CODES

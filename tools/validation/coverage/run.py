@@ -1,8 +1,9 @@
-"""Count how often each published interval holds the true value, on noises with random parameters.
+"""Count how often each published interval contains the true value, on noises with random parameters.
 
 An interval of a part's parameter counts only if the chosen model has exactly the true parts; otherwise the
 parameter describes something else. N counts wherever it is published. For the Allan deviation and the
-forecasts, an axis counts with the share of points, or of time intervals, that are inside their bands.
+forecasts, an axis does not count as 0 or 1 but with the proportion of points, or of stretches of time, that
+are inside their bands.
 """
 
 import math
@@ -20,7 +21,9 @@ from tools.validation.tables import NONE, Table, grouped, number
 SEEDS, QUICK_SEEDS = 400, 20
 """Number of axes of each population."""
 FORECAST, FORECAST_SHARE = "forecast", 2
-"""A forecast takes longer, so it is made for only one in this number of axes."""
+"""Name of the quantity, and the number of axes of which only one gets a forecast, since a forecast takes
+longer.
+"""
 
 
 def tasks(options: Options) -> list[Task]:
@@ -33,7 +36,7 @@ def tasks(options: Options) -> list[Task]:
 
 
 def count(name: str, axes: int) -> list[Row]:
-    """Count the intervals that hold the true value; return one row for each quantity."""
+    """Count the intervals of a population that contain the true value; return one row for each quantity."""
     population = POPULATIONS[name]
     rng = np.random.default_rng([45, zlib.crc32(name.encode())])
     seen = [one for number in range(axes) for one in _axis(population, rng, number)]
@@ -71,7 +74,10 @@ def _axis(population: Population, rng: np.random.Generator, number: int) -> list
 
 
 def tables(rows: list[Row]) -> list[Table | str]:
-    """Return the coverage of each quantity over all populations, and by population."""
+    """Return tables of how often each quantity's interval contains the true value.
+
+    One is over all populations, the other for each population.
+    """
     whole = [
         (str(quantity), *_cells(those))
         for quantity, those in sorted(grouped(rows, lambda row: row["quantity"]).items())

@@ -19,9 +19,9 @@ from tools.validation.runner import Row
 H = 0.01
 """Sampling period [s]."""
 POWER = 0.02
-"""Variance of y [(deg/s)²]; the axes of the paper's gyroscope have 0.0178 to 0.0235."""
+"""Variance of y [(deg/s)²]. The axes of the paper's gyroscope have variances of 0.0178 to 0.0235."""
 EDGE = 0.95
-"""Largest |g| of a case, as a share of the limit of stationarity."""
+"""Largest |g| of a case, where g = h^α f, divided by the value at which the noise ceases to be stationary."""
 
 ORDERS = (0.2, 0.4, 0.6, 0.8)
 PARAMETERS = (-0.3, -1.0, -3.0, -10.0)
@@ -30,7 +30,7 @@ LENGTHS = (3_000, 20_000, 60_000)
 
 
 class Case(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One noise by α, f and s2/R; all three are None for white noise."""
+    """One noise, given by α, f and s2/R. All three are None for white noise."""
 
     alpha: float | None = None
     f: float | None = None
@@ -40,14 +40,14 @@ class Case(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def name(self) -> str:
-        """The case in words."""
+        """The case as a text for people."""
         if self.alpha is None:
             return "white noise"
         return f"α = {self.alpha:g}, f = {self.f:g}, s2/R = {self.step_ratio:g}"
 
     @property
     def columns(self) -> Row:
-        """Return the case's columns in a table's rows.
+        """Return the columns that describe the case in the rows of tables.
 
         For white noise, the true parameters are left empty.
         """
@@ -71,13 +71,13 @@ class Noise(msgspec.Struct, frozen=True):
     """The noise model of a case."""
 
     g: float
-    """h^α f."""
+    """g = h^α f, where h is the sampling period."""
     s2: float
     """(deg/s)²"""
     R: float
     """(deg/s)²"""
     x_share: float
-    """Share of x in the power of y."""
+    """Variance of x as a proportion of the variance of y."""
 
 
 def grid(orders: Sequence[float], fs: Sequence[float], ratios: Sequence[float]) -> tuple[Case, ...]:
@@ -89,7 +89,9 @@ def grid(orders: Sequence[float], fs: Sequence[float], ratios: Sequence[float]) 
 
 
 def samples(case: Case, seeds: int, n: int, record: int = 0) -> Array:
-    """Draw y for all seeds, (n, seeds); the samples of a seed do not depend on the number of seeds.
+    """Draw y for all seeds, as an array (n, seeds).
+
+    The samples of a seed do not depend on the number of seeds.
 
     `record`: another number gives other samples of the same noise.
     """

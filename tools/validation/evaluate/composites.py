@@ -1,4 +1,6 @@
-"""Noises without an order: count the intervals that hold the true values, and false claims of an order.
+"""Count right intervals and false claims of an order, on noises without an order.
+
+An interval is right if it contains the true value.
 
 Composite noises have parts with arbitrary corner frequencies and sizes. The intervals of the chosen model
 count only if the model has exactly the true parts. Mixtures consist of random relaxations and a part that
@@ -36,7 +38,7 @@ COMPOSITES: dict[str, tuple[Part, ...]] = {
 
 
 def truth_of(parts: Sequence[Part]) -> list[grammar.Part]:
-    """Return the true parts in the units of the grammar."""
+    """Return the parts of a simulated noise as parts of the noise grammar, which fits use for results."""
     found: list[grammar.Part] = []
     for part in parts:
         match part:
@@ -59,9 +61,9 @@ def drawn(parts: Sequence[Part], n: int, rng: np.random.Generator) -> Array:
 
 
 def count_composite(name: str, series: int) -> list[Row]:
-    """Count the intervals of each parameter that hold the true value.
+    """Count the intervals of each parameter that contain the true value, on records of one composite noise.
 
-    An unknown end counts as infinitely far away.
+    An unknown end of an interval counts as infinitely far away.
     """
     rng = np.random.default_rng([OF_INTERVALS, *name.encode()])
     truth = in_order(truth_of(COMPOSITES[name]))
@@ -85,7 +87,7 @@ def count_composite(name: str, series: int) -> list[Row]:
 
 
 def count_claims(samples: int, series: int) -> list[Row]:
-    """Count the verdicts on random mixtures."""
+    """Count the verdicts of each kind on random mixtures, which have no order."""
     rng = np.random.default_rng([samples, 28])
     kinds = Counter(
         str(decide(examined(drawn(mixture(rng), samples, rng), H).evidence).kind) for _ in range(series)
@@ -94,7 +96,10 @@ def count_claims(samples: int, series: int) -> list[Row]:
 
 
 def mixture(rng: np.random.Generator) -> tuple[Part, ...]:
-    """Return one to three relaxations and white noise, and a rising part or a sharpening filter."""
+    """Return the parts of a random mixture of relaxations and white noise that rises with frequency.
+
+    It has one to three relaxations, and rises by a rising part or by a sharpening filter.
+    """
     slow = tuple(
         Relaxation(corner, float(np.exp(rng.uniform(0, 3))) * 10 / (1 + corner))
         for corner in np.exp(rng.uniform(math.log(0.05), math.log(10), rng.integers(1, 4))).tolist()

@@ -1,4 +1,7 @@
-"""Count how often the 95 % intervals of each parameter hold the true value: many series of a few noises."""
+"""Count how often the 95 % intervals of each parameter contain the true value.
+
+This is done on many series of a few noises.
+"""
 
 import math
 from typing import NamedTuple
@@ -24,11 +27,13 @@ class Point(NamedTuple):
     f: float
     """Parameter f [s^-α]."""
     white: float
-    """R / s2; 0 means that there is no white noise."""
+    """R / s2: variance of the white noise divided by that of the state's steps. 0 means that there is no
+    white noise.
+    """
 
     @property
     def name(self) -> str:
-        """The noise in words."""
+        """The noise as a text for people."""
         ratio = f"s2/R = {1 / self.white:.3g}" if self.white else "R = 0"
         return f"α = {self.alpha:g}, f = {self.f:g}, {ratio}"
 
@@ -46,7 +51,9 @@ POINTS = (
 
 
 def count_coverage(point: Point, samples: int, series: int, seed: int) -> list[Row]:
-    """Count the intervals for some series. `seed`: each seed gives another set of series.
+    """Count, for some series of a noise, the intervals that contain the true value.
+
+    `seed`: each seed gives another set of series.
 
     In the rows, `held` is the number of published intervals that hold the true value. `undefined` is the
     number of intervals that are not published, since the verdict has no order or the data do not determine

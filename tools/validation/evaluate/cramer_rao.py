@@ -1,4 +1,4 @@
-"""The Cramér–Rao bound of α and f for y = x + v: how well they can be known at best.
+"""The Cramér–Rao bound of α and f for y = x + v. It says how well α and f can be known at best.
 
 For long records the Fisher information of Gaussian noise with the spectrum S is (Whittle, *Ark. Mat.* 2,
 1953)
@@ -9,8 +9,8 @@ here for α, g = h^α f, log s2 and log R, all of them unknown. The bound holds 
 bound is as wide as the range of possible values, an estimator that returns its start value has a smaller
 spread.
 
-Spectra of noise with long memory have a cusp at λ = 0 with a width of about |g|^(1/α). Gauss–Legendre points
-in u with λ = π u^6 are dense there.
+Spectra of noise with long memory have a cusp at λ = 0 with a width of about |g|^(1/α). The points at which
+integrals are evaluated must be dense there. They are Gauss–Legendre points in u, where λ = π u^6.
 """
 
 import math
@@ -20,8 +20,8 @@ import numpy as np
 from fltea.records.arrays import Array
 
 PANELS, POINTS = 30, 50
-"""Number of panels of u between 0 and 1, and of Gauss–Legendre points in each panel. A single panel with all
-points would take seconds to compute at each import.
+"""Number of panels into which the range of u from 0 to 1 is divided, and number of Gauss–Legendre points in
+each panel. A single panel with all points would take seconds to compute at each import.
 """
 POWER = 6
 
@@ -38,7 +38,10 @@ LAM, WEIGHTS = _points()
 
 
 def mean(values: Array) -> Array:
-    """Return the mean over 0 ... π of a function whose values at `LAM` are along the last axis."""
+    """Return the mean, over frequencies from 0 to π, of a function.
+
+    `values`: values of the function at the frequencies `LAM`, along the last axis.
+    """
     return np.asarray(values @ WEIGHTS)
 
 
@@ -47,17 +50,20 @@ class Bound(NamedTuple):
 
     alpha: float
     f: float
-    """Of f [s^-α]."""
+    """Smallest standard deviation of an estimate of f [s^-α]."""
     F: float
-    """Of F = g + α."""
+    """Smallest standard deviation of an estimate of F = g + α, where g = h^α f."""
     s2: float
     R: float
 
 
 def log_slopes(lam: Array, alpha: float, g: float, s2: float, R: float) -> Array:
-    """Return ∂ log S by α, g, log s2 and log R, (4, len(lam)). `lam`: frequencies [rad a sample]."""
+    """Return the derivatives of the log spectrum by α, g, log s2 and log R, as an array (4, len(lam)).
+
+    `lam`: frequencies [rad a sample].
+    """
     z = np.exp(-1j * lam)
-    difference = -np.expm1(-1j * lam)  # 1 - z, without its rounding near λ = 0
+    difference = -np.expm1(-1j * lam)  # this is 1 - z, computed without loss of digits near λ = 0
     order = difference**alpha
     inverse = 1 / (order - g * z)
     x = s2 * np.abs(inverse) ** 2
@@ -68,9 +74,9 @@ def log_slopes(lam: Array, alpha: float, g: float, s2: float, R: float) -> Array
 
 
 def fisher(alpha: float, g: float, s2: float, R: float, n: int) -> Array:
-    """Return the Fisher information on α, g, log s2 and log R in n samples, (4, 4).
+    """Return the Fisher information on α, g, log s2 and log R in n samples, as a matrix (4, 4).
 
-    If R = 0, without log R, (3, 3).
+    If R = 0, log R is left out, and the matrix is (3, 3).
     """
     slopes = log_slopes(LAM, alpha, g, s2, R)
     if R == 0:
@@ -79,10 +85,10 @@ def fisher(alpha: float, g: float, s2: float, R: float, n: int) -> Array:
 
 
 def bound(alpha: float, g: float, s2: float, R: float, n: int, h: float) -> Bound:
-    """Return the bound for n samples; the bound of R is 0 if R = 0. `h`: sampling period [s]."""
+    """Return the bound for n samples. The bound of R is 0 if R = 0. `h`: sampling period [s]."""
     covariance = np.linalg.inv(fisher(alpha, g, s2, R, n))
     pair = covariance[:2, :2]
-    # f = h^-α g
+    # Derivatives of f = h^-α g by α and g, which convert the covariance of α and g to the variance of f.
     of_f = np.array([-math.log(h) * g, 1.0]) * h**-alpha
     logs = np.sqrt(np.diag(covariance)[2:])
     return Bound(

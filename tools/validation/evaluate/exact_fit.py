@@ -22,12 +22,16 @@ STEPS = 12
 SLOPE = 0.05
 """The search ends when the slope of -log L along each parameter is less than this."""
 DIFFERENCE = 1e-5
-"""Step of the differences from which slopes are computed."""
+"""Step of the parameters for the finite differences from which slopes of -log L are computed."""
 LEAST_CURVATURE = 0.02
-"""Least curvature that is assumed in each direction, so that a step is a few units at most."""
+"""Least curvature of -log L that the search assumes in each direction, so that one of its steps is a few
+units at most.
+"""
 ORDERS = 0.01, 1.99
 IMPOSSIBLE = 1e9
-"""Value of -log L for orders outside the limits, or so near a limit that rounding errors would decide."""
+"""Value that stands for -log L at orders outside the limits, or so near a limit that rounding errors would
+decide.
+"""
 
 
 class ExactFit(NamedTuple):
@@ -38,11 +42,11 @@ class ExactFit(NamedTuple):
     R: float
     nll: float
     theta: Array
-    """Transformed parameters of the fit (3,)."""
+    """Parameters of the fit as the search uses them: α, logit(-g / 2^α) and log s2/R."""
 
 
 class ExactSeries:
-    """Exact likelihood of one series y (n,). `h`: sampling period [s]."""
+    """Fits one series y (n,) by its exact likelihood. `h`: sampling period [s]."""
 
     def __init__(self, y: Array, h: float) -> None:
         self._y = np.asarray(y, dtype=np.float64)
@@ -53,18 +57,18 @@ class ExactSeries:
         self.whittle = np.array([alpha, logit, s2 - R])
 
     def fit(self, *starts: Array) -> ExactFit:
-        """Return the best of several fits.
+        """Return the best of the fits that begin at the Whittle fit and at `starts`.
 
-        `starts`: transformed parameters (3,) to start at, in addition to the Whittle fit's.
+        `starts`: further parameters, transformed as in `ExactFit.theta`, at which a search begins.
         """
         theta, nll = min((self._search(one) for one in (self.whittle, *starts)), key=lambda one: one[1])
         R = self._likelihood(theta).scale
         return ExactFit(float(theta[0]), R * math.exp(theta[2]), R, nll, theta)
 
     def covers(self, alpha: float, found: ExactFit) -> tuple[bool, ExactFit]:
-        """Return whether the 95 % interval of the profile likelihood holds an order, and the best fit.
+        """Return whether the profile likelihood's 95 % interval contains the order `alpha`, and the best fit.
 
-        The fit is `found`, or a better one that the profile has met.
+        The best fit is `found`, or a better one that was met while the order was fixed.
         """
         theta, nll = self._search(found.theta, alpha)
         if nll < found.nll:
@@ -72,7 +76,10 @@ class ExactSeries:
         return 2 * (nll - found.nll) <= CRITICAL, found
 
     def nll(self, theta: Array) -> float:
-        """Return the exact -log L at transformed parameters (3,), at the most likely scale."""
+        """Return the exact -log L at the transformed parameters `theta`.
+
+        The scale (R) is the most likely one for them.
+        """
         if not ORDERS[0] <= theta[0] <= ORDERS[1]:
             return IMPOSSIBLE
         try:
@@ -85,13 +92,16 @@ class ExactSeries:
         return of_spectrum(lambda lam: 1 + ratio * spectra.fractional(lam, alpha, g), self._y)
 
     def inverse_curvature(self, theta: Array, first: int = 0) -> Array:
-        """Return the inverse of Whittle's information on the parameters from index `first` on.
+        """Return the inverse of the information of Whittle's likelihood on transformed parameters.
 
-        The scale counts as unknown.
+        The parameters are those from index `first` on.
+
+        The scale (R) counts as unknown.
         """
         rows = np.empty((4, len(self._counts)))
         self._fits.slopes(self._codes, [0.0, *theta], np.empty(len(self._counts)), rows)
-        rows[0] += rows[3]  # the sum of the rows of R and s2 is the row of the scale
+        # a change of the scale changes log R and log s2 alike, so its row is the sum of their rows
+        rows[0] += rows[3]
         whole = (rows * self._counts) @ rows.T
         rest = whole[1:, 1:] - np.outer(whole[1:, 0], whole[0, 1:]) / whole[0, 0]
         values, vectors = np.linalg.eigh(rest[first:, first:])
@@ -99,7 +109,7 @@ class ExactSeries:
         return np.asarray(half @ half.T)
 
     def _search(self, start: Array, alpha: float | None = None) -> tuple[Array, float]:
-        """Return the transformed parameters (3,) and -log L of the best fit near `start`.
+        """Return the transformed parameters (3,) of the best fit near `start`, and its -log L.
 
         `alpha`: the order, if it is fixed.
         """

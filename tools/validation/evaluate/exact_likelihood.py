@@ -14,21 +14,21 @@ import numpy as np
 from fltea.records.arrays import Array
 
 CIRCLE = 1 << 17
-"""Number of frequencies on the whole circle. A memory longer than this number of samples cannot be
-represented.
+"""Number of frequencies from 0 to 2π at which the spectrum is used. They cannot represent a memory longer
+than this number of samples.
 """
 AVERAGED = 64
-"""Number of the lowest frequencies at which the spectrum is averaged over the bin, since the spectrum has a
-cusp at 0.
+"""Number of the lowest frequencies at which the mean of the spectrum over the frequency's bin is used instead
+of its value, since the spectrum has a cusp at 0.
 """
 POINTS, POWER = 48, 6
-"""Number of Gauss–Legendre points for these averages, and the power: in the lowest bin, λ is proportional to
-u^POWER.
+"""Number of Gauss–Legendre points u for each of these averages. In the lowest bin, the frequency λ is
+proportional to u^POWER, so that the points are dense near 0.
 """
 
 
 class Innovations(NamedTuple):
-    """One-step prediction errors."""
+    """One-step prediction errors of n samples, and their variances."""
 
     error: Array
     """(n, columns)"""
@@ -37,13 +37,13 @@ class Innovations(NamedTuple):
 
 
 class Likelihood(NamedTuple):
-    """The likelihood of one series, at the most likely mean and scale."""
+    """The likelihood of one series, for that mean and scale of the noise that are most likely."""
 
     nll: float
     """-log L, including all constants."""
     mean: float
     scale: float
-    """Factor for the given autocovariances."""
+    """Factor by which the given autocovariances have to be multiplied."""
 
 
 def frequencies() -> Array:
@@ -68,10 +68,12 @@ def autocovariance(values: Array, n: int) -> Array:
 
 
 def innovations(gamma: Array, y: Array) -> Innovations:
-    """Predict every sample of y (n, columns) from the samples before it. `gamma`: autocovariances of y (n,).
+    """Predict every sample of y (n, columns) from the samples before it.
+
+    `gamma`: autocovariances (n,) of each column of y.
 
     Raises:
-        ValueError: these are no autocovariances.
+        ValueError: the values in `gamma` cannot be autocovariances.
     """
     n = len(y)
     variance, weights = np.empty(n), np.zeros(n)
@@ -96,7 +98,7 @@ def likelihood(gamma: Array, y: Array) -> Likelihood:
     """Return the likelihood of one series y (n,) whose autocovariances are proportional to `gamma` (n,).
 
     Raises:
-        ValueError: these are no autocovariances.
+        ValueError: the values in `gamma` cannot be autocovariances.
     """
     n = len(y)
     error, variance = innovations(gamma, np.column_stack([y, np.ones(n)]))
@@ -111,7 +113,8 @@ def likelihood(gamma: Array, y: Array) -> Likelihood:
 def of_spectrum(spectrum: Callable[[Array], Array], y: Array) -> Likelihood:
     """Return the likelihood of one series y (n,).
 
-    `spectrum`: maps λ (m,) to values proportional to its spectrum (m,).
+    `spectrum`: function that returns, for frequencies λ (m,) [rad a sample], values (m,) proportional to the
+    spectrum of the noise.
     """
     return likelihood(autocovariance(spectrum(FREQUENCIES), len(y)), y)
 

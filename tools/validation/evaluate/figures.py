@@ -30,7 +30,11 @@ GREY = "#d9d9d9"
 
 
 class Map(NamedTuple):
-    """A figure: the quantity and the column of its scores that are shown, and the colours."""
+    """A heat map.
+
+    It shows one quantity, such as α, by one column of the quantity's scores, such as `rmse`; `low`, `high`,
+    `colours` and `form` say how.
+    """
 
     title: str
     quantity: str
@@ -56,10 +60,10 @@ MAPS = {
 
 
 def draw(rows: list[Row]) -> dict[str, bytes]:
-    """Return PNG files by name.
+    """Return the pictures as contents of PNG files, by name.
 
-    There is one for each of `MAPS`, one for the changed settings, and one for the errors before and after the
-    live fit.
+    There is one picture for each of `MAPS`, one for the changed settings, and one for the errors before and
+    after the live fit.
     """
     scores, changes = shown(frame(rows, "rows")), shown(frame(rows, "changes"))
     maps = {name: _grid_map(scores, one) for name, one in MAPS.items()}
@@ -69,7 +73,7 @@ def draw(rows: list[Row]) -> dict[str, bytes]:
 def shown(scores: DataFrame) -> DataFrame:
     """Return the scores of noises with an order, with the relative error of f.
 
-    NaN where half of the series have no estimate.
+    A score is NaN where half of the series or more have no estimate.
     """
     found = scores[scores.alpha.notna()].assign(error_of_f=lambda some: some.median_error / some.f.abs())
     columns = [one.column for one in MAPS.values()]

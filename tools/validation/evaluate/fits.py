@@ -1,4 +1,4 @@
-"""The order that is published for the same series: from the whole record, and by the live fit.
+"""Two published orders for the same series: one from the whole record, one by the live fit.
 
 Both orders come from the same model search and verdict. Only the spectrum differs: all ordinates of the
 record's periodogram, or the sums that the daemon's accumulators keep.
@@ -22,18 +22,20 @@ QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
 
 
 class FitReading(NamedTuple):
-    """The published results for all series; each array is (seeds,)."""
+    """The published results for all series of a noise; each array has the shape (seeds,)."""
 
     estimates: dict[str, Array]
-    """Estimates by the names of QUANTITIES; NaN if no estimate is published."""
+    """For each name in QUANTITIES: the estimates, NaN where none is published."""
     covered: dict[str, Mask]
-    """Whether the 95 % interval holds the true value, by quantity; empty if no true value is known."""
+    """For each quantity: whether its 95 % interval contains the true value. The dict is empty if no true
+    values are known.
+    """
     published: Mask
-    """Whether the verdict has an order that the data determine."""
+    """Whether the verdict on the series has an order that the data determine."""
 
 
 def truths(case: Case) -> dict[str, float]:
-    """Return the true values by the names of QUANTITIES; empty for white noise."""
+    """Return the true values of a case by the names of QUANTITIES. The result is empty for white noise."""
     if case.alpha is None or case.f is None:
         return {}
     noise = case.noise
@@ -51,7 +53,7 @@ def live_readings(y: Array, h: float, lengths: Sequence[int], truth: dict[str, f
 
 
 def live_spectra(y: Array, h: float, lengths: Sequence[int]) -> Iterator[list[Periodogram]]:
-    """Feed y (n, seeds) to the accumulators.
+    """Feed the samples y (n, seeds) to the accumulators that the daemon uses.
 
     Yield the periodogram of each series after each of `lengths` samples.
     """
@@ -63,7 +65,7 @@ def live_spectra(y: Array, h: float, lengths: Sequence[int]) -> Iterator[list[Pe
 
 
 def read_fits(spectra: Sequence[Periodogram], truth: dict[str, float]) -> FitReading:
-    """Return the results for one spectrum after the other."""
+    """Return the results of fits to one spectrum after the other."""
     found = [published(one) for one in spectra]
     values: dict[str, Array] = {name: np.array([_value(one, name) for one in found]) for name in QUANTITIES}
     covered = {name: np.array([holds(one, name, value) for one in found]) for name, value in truth.items()}
@@ -76,17 +78,20 @@ def published(p: Periodogram) -> OrderFit:
 
 
 def holds(found: OrderFit, name: str, truth: float) -> bool:
-    """Return whether an interval holds the true value; an unknown end counts as infinitely far away."""
+    """Return whether the interval of the quantity `name` contains the true value.
+
+    An unknown end counts as infinitely far away.
+    """
     one = getattr(found, name)
     above_low, below_high = one.low is None or one.low <= truth, one.high is None or truth <= one.high
     return one.value is not None and above_low and below_high
 
 
 def fitted_variances(y: Array, h: float, Q: float, power: float) -> tuple[Array, Array]:
-    """Return Q = s2 and R by the fits of y (n, seeds), each (seeds,).
+    """Return the variances Q = s2 and R that fits of y (n, seeds) give, as two arrays (seeds,).
 
-    If no order is published, they are the given `Q` and the variance `power` of y. Both are at least a
-    thousandth of `power`: the fit may give 0, and the filters need R > 0.
+    For a series without a published order, the results are the given `Q` and the variance `power` of y. Both
+    are at least a thousandth of `power`: the fit may give 0, and the filters need R > 0.
     """
     found = whole_reading(y, h, {})
     least = power / 1000

@@ -11,26 +11,31 @@ from fltea.settings.estimator import EstimatorConfig
 from numpy.typing import NDArray
 
 BLOCK = 100
-"""Number of samples of all series that are filtered in one call; all lengths are multiples of it."""
+"""Number of samples of each series that are filtered in one call. All record lengths are multiples of this
+number.
+"""
 
 
 class Reading(NamedTuple):
-    """The estimates that the page would show after some number of samples; each array is (seeds,)."""
+    """The estimates that the live page would show after some number of samples.
+
+    Each array has the shape (seeds,).
+    """
 
     alpha: Array
     alpha_std: Array
     f: Array
     f_std: Array
     valid: NDArray[np.bool_]
-    """False if the supervisor would not publish the estimate, or has restarted the filters on the way."""
+    """False if the filter's supervisor would not publish the estimate, or has restarted the filter before."""
 
 
 class Tuning(NamedTuple):
-    """New variances for the filters after some number of samples, each (seeds,).
+    """New variances for the filters after some number of samples, as arrays (seeds,).
 
     NaN leaves a variance as it is.
 
-    `beliefs`: the filter model with which each series continues, if it gets one.
+    `filter_models`: the filter model with which each series continues; None if the series keeps its own.
     """
 
     samples: int
@@ -54,11 +59,12 @@ def read(
     `h`: sampling period [s].
 
     `Q`, `R`: variances (seeds,) [(deg/s)²] in place of those in `config`. `tunings`: further variances while
-    the filter runs, in rising order; those within the start-up window are ignored.
+    the filter runs, in rising order; tunings within the start-up window are ignored.
 
     Lengths count from the first sample of the start-up window. They are rising multiples of BLOCK and longer
-    than the window. After the supervisor has withdrawn a series once, its estimates stay invalid, although
-    its filters restart as in the daemon.
+    than the window. After the supervisor has once restarted the filter of a series or refused to publish its
+    estimate, the estimates of this series stay invalid, although its filter restarts and goes on as in the
+    daemon.
     """
     seeds, nothing = y.shape[1], np.full(y.shape[1], np.nan)
     bank = Bank(tuple(f"series {i}" for i in range(seeds)), config, h, None)

@@ -12,7 +12,7 @@ from tools.validation.evaluate.exact_fit import ExactSeries
 from tools.validation.runner import Row
 
 SAMPLES = 3_000
-"""Number of samples of a series; the computing time grows with its square."""
+"""Number of samples of a series. It is small, because the computing time grows with its square."""
 CASES: tuple[Case, ...] = (
     Case(0.4, -1.0, 3.0),
     Case(0.6, -3.0, 0.3),
@@ -26,8 +26,10 @@ CASES: tuple[Case, ...] = (
 def judge(case: Case, seeds: int, samples: int = SAMPLES) -> list[Row]:
     """Fit every series three times.
 
-    Errors of α, and shares of intervals that hold the true α, count only series for which both likelihoods
-    give an order.
+    The fits use the exact likelihood, Whittle's likelihood of the whole record, and the sums of the live fit.
+
+    Errors of α, and intervals that contain the true α, are only counted on series for which both of Whittle's
+    fits give an order.
     """
     y, truth = cases.samples(case, seeds, samples), fits.truths(case)
     whole = fits.whole_reading(y, H, truth)
@@ -49,10 +51,10 @@ def judge(case: Case, seeds: int, samples: int = SAMPLES) -> list[Row]:
 
 
 def rms(error: Array) -> float | None:
-    """Return the root mean square; None without values."""
+    """Return the root mean square of the errors; None if there are none."""
     return round(math.sqrt(float(np.mean(error**2))), 6) if len(error) else None
 
 
 def share(flags: NDArray[np.bool_]) -> float | None:
-    """Return the share of the flags that are set; None without flags."""
+    """Return how many of the flags are set, as a proportion; None if there are none."""
     return round(float(np.mean(flags)), 6) if len(flags) else None

@@ -1,8 +1,10 @@
-"""The evaluation: bias, spread and coverage of the live fit and of the filters, on known noises.
+"""The evaluation of the live fit and the filters on known noises.
+
+It measures mean error, spread, and how often intervals contain the true value.
 
 Every noise is y = x + v with D^α x = f x + ω, stationary, at 100 Hz. `live` is the fit of the sums that the
-daemon keeps; `Whittle` is the same fit of the whole record. The filters `triple` and `joint` run as in the
-daemon; then with the Q and R of the live fit; then with the true Q and R.
+daemon keeps; `Whittle` is the same fit of the whole record. The filters `triple` and `joint` run three times:
+as in the daemon, with the Q and R of the live fit, and with the true Q and R.
 """
 
 from collections.abc import Sequence
@@ -23,31 +25,31 @@ from tools.validation.runner import Options, Row, Task
 from tools.validation.tables import Table
 
 SEEDS, QUICK_SEEDS = 20, 10
-"""Number of series of each noise. With fewer series, all intervals have to hold the true value for a figure
-to be called right.
+"""Number of series of each noise. With fewer, a figure would only be called right if all its intervals
+contained the true value.
 """
 FITS_TO_FILTERS = 4
-"""Number of fitted series for each filtered one: a fit takes less time than a filter, and a ratio of errors
-needs more series than an error.
+"""Number of series that are fitted, divided by the number that are filtered. It is above 1 because a fit
+takes less time than a filter, and a ratio of errors needs more series than an error.
 """
 MIXED_TO_FILTERS, CLAIMS_TO_FILTERS = 10, 15
-"""Number of series of each composite noise, and number of mixtures of each length, for each filtered
-series.
+"""Number of series of each composite noise, and number of mixtures of each length, both divided by the number
+of filtered series.
 """
 COVERAGE_TO_FILTERS = 50
-"""Number of series for the coverage for each filtered series: to measure a share of 95 % takes the most
-series.
+"""Number of series for the coverage of intervals, divided by the number of filtered series. To measure a
+proportion of 95 % takes the most series.
 """
 
 
 # Over 12 attributes: each is one choice of what to evaluate, with its default.
 class Plan(NamedTuple):
-    """What to evaluate: by default 53 noises, and the changed settings on six of them."""
+    """What to evaluate: by default 53 noises, and changed settings of the filters on six of them."""
 
     seeds: int
-    """Number of series of each noise for the filters."""
+    """Number of series of each noise that the filters process."""
     fit_seeds: int
-    """Number of series of each noise for the fits."""
+    """Number of series of each noise that are fitted."""
     coverage_series: int
     """Number of series for each noise and length in `coverage`."""
     grid: tuple[Case, ...] = cases.grid(cases.ORDERS, cases.PARAMETERS, cases.STEP_RATIOS)
@@ -56,7 +58,7 @@ class Plan(NamedTuple):
     """Noises on which the changed settings are tried."""
     changed_lengths: tuple[int, ...] = cases.LENGTHS[:2]
     fitted_samples: int = cases.LENGTHS[2]
-    """Number of samples of the separate record to which Q and R are fitted for settings with `fitted`."""
+    """Number of samples of the separate record from which settings with `fitted` get their Q and R."""
     refereed: tuple[Case, ...] = referee.CASES
     """Noises for the comparison with the exact likelihood."""
     shifts: tuple[Shift, ...] = shifts.SHIFTS
@@ -70,9 +72,9 @@ class Plan(NamedTuple):
 
 
 def plan_of(seeds: int, *, quick: bool = False) -> Plan:
-    """Return the whole plan.
+    """Return the plan of what to evaluate.
 
-    For a quick run, five noises of up to 20,000 samples, and the changed settings on two.
+    The plan of a quick run has five noises of up to 20,000 samples, and the changed settings on two of them.
     """
     plan = Plan(seeds, FITS_TO_FILTERS * seeds, COVERAGE_TO_FILTERS * seeds)
     if not quick:
@@ -135,7 +137,7 @@ def pictures(rows: list[Row]) -> dict[str, bytes]:
 
 
 def filters_case(case: Case, seeds: int, lengths: Sequence[int]) -> list[Row]:
-    """Score the online filters on one noise; the shorter records are the beginnings of the longest."""
+    """Score the online filters on one noise. The shorter records are beginnings of the longest record."""
     y = cases.samples(case, seeds, lengths[-1])
     readings = _readings(case, y, settings.MAIN, lengths, 0)
     tuned = tunings(y, H, lengths[-1])
@@ -155,7 +157,8 @@ def changed_case(
 def fits_case(case: Case, seeds: int, lengths: Sequence[int]) -> list[Row]:
     """Score the fits of whole records and the live fits of one noise.
 
-    A row of the kind `pair` has the errors of α by both fits, for the series for which both publish an order.
+    A row of the kind `pair` has the errors of α of both fits, on those series for which both fits publish an
+    order.
     """
     y, truth = cases.samples(case, seeds, lengths[-1]), fits.truths(case)
     rows: list[Row] = []
@@ -182,7 +185,10 @@ def fits_case(case: Case, seeds: int, lengths: Sequence[int]) -> list[Row]:
 
 
 def _row(kind: str, case: Case, n: int, estimator: str, quantity: str) -> Row:
-    """Return the columns that name a row's figure. `n`: number of samples, including the start-up window."""
+    """Return the columns that say which figure a row has.
+
+    `n`: number of samples, including the start-up window.
+    """
     return {"kind": kind, **case.columns, "samples": n, "estimator": estimator, "quantity": quantity}
 
 
@@ -213,10 +219,10 @@ def _filter_rows(
 def _readings(
     case: Case, y: Array, filters: Sequence[Setting], lengths: Sequence[int], fitted_samples: int
 ) -> dict[str, list[Reading]]:
-    """Return the readings by the name of the filter."""
+    """Run the filters on y (n, seeds); return their readings by the name of the filter."""
     noise, seeds = case.noise, y.shape[1]
     default_Q = filters[0].config.state.Q
-    # White noise has no steps, so Q stays as it is.
+    # White noise has no state and so no true Q, so the filters keep their default Q.
     Q: dict[str, Array | None] = {"config": None, "true": np.full(seeds, noise.s2 or default_Q)}
     R: dict[str, Array | None] = {"config": None, "true": np.full(seeds, noise.R)}
     if any("fitted" in (one.Q, one.R) for one in filters):

@@ -17,18 +17,18 @@ def score(
     covered: NDArray[np.bool_] | None = None,
     bound: float | None = None,
 ) -> Row:
-    """Score estimates (seeds,) of one quantity, those that are `valid`.
+    """Score those estimates (seeds,) of one quantity that are `valid`.
 
-    `covered`: whether the interval of each estimate holds the true value; by default the interval is ±Z times
-    `reported`.
+    `covered`: whether the interval of each estimate contains the true value. By default the interval is ±Z
+    times `reported`, the σ that the estimator reports.
 
     The row has these columns, None if there is no estimate or no true value: `seeds`; `without`, number of
     seeds without an estimate, since the filter was restarted or white noise was not rejected; `mean`; `sd`,
     the standard deviation over the seeds; `q05` and `q95`, quantiles; `bias`; `rmse`; `median_error`, the
     median of the absolute error; `reported_sd`, the median of the σ that the estimator reports; `coverage`,
-    the share of the 95 % intervals that hold the true value; `beyond_zero`, the share of the estimates that
-    differ from 0 by more than Z of their own σ; `cramer_rao_sd`; `sd_over_bound`, which is below 1 only for
-    biased estimates.
+    the proportion of the 95 % intervals that contain the true value; `beyond_zero`, the proportion of the
+    estimates that differ from 0 by more than Z of their own σ; `cramer_rao_sd`, the Cramér–Rao bound of `sd`;
+    `sd_over_bound`, `sd` divided by this bound, which is below 1 only for biased estimates.
     """
     good = valid & np.isfinite(estimate)
     values, number = estimate[good], int(good.sum())
@@ -56,6 +56,6 @@ def score(
                 covered = np.abs(estimate - truth) <= Z * reported
         if covered is not None:
             figures["coverage"] = covered[good].mean()
-    # Six digits, since the seventh depends on the rounding of the library that computed the sums.
+    # Keep six digits, since the seventh depends on the rounding of the library that computed the sums.
     rounded = {name: None if one is None else float(f"{one:.6g}") for name, one in figures.items()}
     return found | rounded

@@ -15,10 +15,11 @@ from tools.validation.evaluate.cases import POWER, Case
 
 
 class Setting(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The settings of a filter with a name, and the source of its Q and R.
+    """A named set of a filter's settings, and where the filter gets its Q and R.
 
-    `true`: Q and R are those of the noise, which a user does not know. `fitted`: they are the Whittle fit's
-    for another record of the same noise, if that is not white; a user gets them by `fltea identify`.
+    `config`: Q and R are those of the settings. `true`: Q and R are those of the noise, which a user does not
+    know. `fitted`: Q and R come from the Whittle fit of another record of the same noise, if the fit does not
+    find white noise. A user gets such values from `fltea identify`.
     """
 
     name: str
@@ -38,7 +39,7 @@ def _with(config: EstimatorConfig, **changes: Any) -> EstimatorConfig:
 WHITTLE = "Whittle"
 """Name of the maximum-likelihood fit of the whole record."""
 LIVE = "live"
-"""Name of the same fit of the sums that the daemon keeps."""
+"""Name of the same fit, made from the sums that the daemon keeps instead of the whole record."""
 
 MAIN: tuple[Setting, ...] = (
     Setting("triple", _TRIPLE),

@@ -18,14 +18,16 @@ from tools.validation.evaluate.cases import POWER, Case, H
 from tools.validation.runner import Row
 
 CONSTANT = 10_000
-"""Time constant of the fading memory, in samples."""
+"""Time constant with which the live fit's memory fades [samples]."""
 BEFORE, AFTER = 30_000, 3 * CONSTANT
 """Numbers of samples before and after the change."""
 BLOCK = 1_000
 """Number of samples that are passed to the fit in one call."""
 KNOCK_SAMPLES, KNOCK_SIGMAS = 80, 60.0
 DRIFT_SIGMAS, DRIFT_S = 20.0, 200.0
-"""Size of the offset's change [deg/s], and the time constant of its exponential rise."""
+"""For "temperature drifts": size of the offset's change [standard deviations of the noise], and the time
+constant of its exponential rise [s].
+"""
 
 
 class Shift(NamedTuple):
@@ -35,11 +37,11 @@ class Shift(NamedTuple):
     before: Case
     after: Case
     gain: float = 1.0
-    """Factor of the power after the change."""
+    """Factor by which the change multiplies the noise's power."""
     knock: bool = False
     drift: bool = False
     stationary: bool = False
-    """Whether the noise itself stays the same."""
+    """Whether the noise itself stays the same, so that only a disturbance is added."""
 
 
 SHIFTS: tuple[Shift, ...] = (
@@ -52,7 +54,7 @@ SHIFTS: tuple[Shift, ...] = (
 
 
 def samples(shift: Shift, seeds: int) -> Array:
-    """Draw y for all seeds, (BEFORE + AFTER, seeds)."""
+    """Draw y for all seeds, as an array (BEFORE + AFTER, seeds)."""
     y = np.concatenate(
         [
             cases.samples(shift.before, seeds, BEFORE, record=2),
@@ -70,7 +72,7 @@ def samples(shift: Shift, seeds: int) -> Array:
 
 
 def score_shift(shift: Shift, seeds: int) -> list[Row]:
-    """Return the scores of the live fit at the end, with and without a fading memory."""
+    """Return the scores of the live fit at the end of the series, with and without a fading memory."""
     y = samples(shift, seeds)
     return [_score(shift, y, memory) for memory in (None, CONSTANT * H)]
 
@@ -91,7 +93,7 @@ def _score(shift: Shift, y: Array, memory_s: float | None) -> Row:
         "change": shift.name,
         "memory_s": memory_s,
         "series": len(found),
-        # share of 95 % intervals that hold the α after the change, and the error of α
+        # number of 95 % intervals that contain the α after the change, and the error of α
         "holds": sum(low is not None and high is not None and low <= truth <= high for low, high in ends),
         "median_error": round(float(np.median(errors)), 6) if errors else None,
         "verdicts": dict(sorted(Counter(str(one.verdict) for one in found).items())),

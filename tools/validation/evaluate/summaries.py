@@ -13,20 +13,23 @@ from tools.validation.tables import NONE, Table, number, share_within, table
 ERROR = 0.1
 """Largest root mean square error of α for which a figure is called right."""
 COVERAGE = 0.9
-"""Least share of 95 % intervals that hold the true value, for a figure to be called right."""
+"""Smallest proportion of 95 % intervals that contain the true value, for a figure to be called right."""
 STRONG = 0.9
-"""Share of the power above which the state x dominates the noise."""
+"""If the state x has more than this proportion of the noise's power, it is said to dominate the noise."""
 FEWEST = 10
-"""Least number of series in which both fits reject white noise, for a ratio to be shown."""
+"""Smallest number of series in which both fits reject white noise, for a ratio of their errors to be shown.
+"""
 
 
 def frame(rows: list[Row], kind: str) -> DataFrame:
-    """Return the rows of a kind. Columns of names keep the order in which names first appear.
+    """Return the rows of a kind as a data frame.
+
+    In columns of names, the names are ordered as they first appear.
 
     Missing values are NaN.
 
-    The column `right` says whether a figure can be relied on: the error of α is within ERROR, intervals hold
-    the true α, and few values are missing.
+    The column `right` says whether a figure can be relied on: the error of α is at most ERROR, enough
+    intervals contain the true α (COVERAGE), and few values are missing.
     """
     found = DataFrame([row for row in rows if row["kind"] == kind])
     gaps = found.columns[found.isna().any()]
@@ -59,7 +62,7 @@ def tables(rows: list[Row]) -> list[Table | str]:
 
 
 def medians(scores: DataFrame) -> DataFrame:
-    """Return the median of α's error and of its bound over the noises of each s2/R."""
+    """Return the median, over the noises of each s2/R, of α's error and of its Cramér–Rao bound."""
     alpha = _of_order(scores)
     bound = alpha[alpha.estimator == WHITTLE].assign(estimator="bound", rmse=lambda some: some.cramer_rao_sd)
     both = concat([alpha, bound])
@@ -70,17 +73,20 @@ def medians(scores: DataFrame) -> DataFrame:
 
 
 def errors(scores: DataFrame) -> Table:
-    """Return the errors of α before and after the live fit, and the Cramér–Rao bound."""
+    """Return a table of the errors of α, and of their Cramér–Rao bound.
+
+    The errors are those of the filters with and without the live fit, and those of the fits.
+    """
     found = medians(scores)
     cells = [(*_names(at), *(number(one, ".3f") for one in row)) for at, *row in found.itertuples()]
     return Table("Error of α", ("error of α at s2/R", "samples", *(f"{one:g}" for one in found)), cells)
 
 
 def ratios(pairs: DataFrame, scores: DataFrame) -> Table:
-    """Return the errors of the live fit divided by those of the whole record's fit, by s2/R and length.
+    """Return a table of the live fit's errors divided by those of the whole record's fit, by s2/R and length.
 
-    `median` and `worst` are taken over noises. `all` is taken over all series of all noises, with errors in
-    units of the noise's whole-record error.
+    `median` and `worst` are taken over noises. `all` is taken over all series of all noises. For it, each
+    noise's errors are divided by the error of the whole record's fit on that noise.
     """
     live = _of_order(scores)[lambda some: some.estimator == LIVE]
     over_bound = (live.rmse / live.cramer_rao_sd).groupby([live.step_ratio, live.samples]).median()
@@ -97,7 +103,7 @@ def ratios(pairs: DataFrame, scores: DataFrame) -> Table:
 
 
 def coverages(scores: DataFrame) -> Table:
-    """Return the share of the 95 % intervals of all noises that hold the true value."""
+    """Return a table that says how often the 95 % intervals contain the true value, over all noises."""
     fits = scores[scores.estimator.isin([LIVE, WHITTLE]) & scores.coverage.notna()]
     known = fits.seeds - fits.without
     cells = []
@@ -111,10 +117,10 @@ def coverages(scores: DataFrame) -> Table:
 
 
 def held(counts: DataFrame) -> Table:
-    """Return the share of intervals that hold the true value, for each of a few noises.
+    """Return a table that says how often the intervals contain the true value, for each of a few noises.
 
-    If some intervals are undefined, and so hold every value, their share follows, and the share of the others
-    that hold the true value.
+    An undefined interval counts as containing every value. If there are such intervals, a cell also says how
+    many they are, and how many of the other intervals contain the true value.
     """
     cells = []
     for at, some in counts.groupby(["noise", "samples"], observed=True):
@@ -134,7 +140,10 @@ def _held(series: int, held: int, undefined: int) -> str:
 
 
 def parts(counts: DataFrame) -> Table:
-    """Return the coverage for the parts of composite noises, if the model has the same parts."""
+    """Return how often the intervals for the parts of composite noises contain the true value.
+
+    Only fits whose model has the true parts count.
+    """
     columns = {
         "composite noise": lambda one: one.noise,
         "quantity": lambda one: one.quantity,
@@ -204,7 +213,7 @@ def summary(scores: DataFrame) -> Table:
 
 
 def white(scores: DataFrame) -> Table:
-    """Return the estimates of each estimator for white noise, which has no order."""
+    """Return a table of what each estimator gives for white noise, which has no order."""
     cells = []
     for at, some in scores[scores.alpha.isna()].groupby(["estimator", "samples"], observed=True):
         by_quantity = {one.quantity: one for one in some.itertuples()}

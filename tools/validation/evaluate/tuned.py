@@ -1,8 +1,7 @@
 """The online filters with the Q and R of the live fit: `estimator.tuning = "live"`.
 
-A fit of the samples so far is made whenever the record has grown by 30 %. If the noise has an order, the
-fit's s2 and R replace the filters' Q and R, and the filters continue with the fit's α and f, as in the
-daemon.
+As in the daemon, the samples so far are fitted whenever the record has grown by 30 %. If the fit finds an
+order, its s2 and R replace the filters' Q and R, and the filters continue with its α and f.
 """
 
 import numpy as np
@@ -17,7 +16,7 @@ from tools.validation.evaluate.online import BLOCK, Tuning
 FIRST = 600
 """Number of samples before the first fit."""
 GROWTH = 1.3
-"""Growth factor of the record between two fits."""
+"""Factor by which the record grows from one fit to the next."""
 
 
 def tunings(y: Array, h: float, last: int) -> list[Tuning]:

@@ -1,6 +1,6 @@
 """Compares two runs of the gallery: which verdicts became better, worse, or only different.
 
-The verdicts are compared cell by cell; a cell is a noise at one rate and length.
+The verdicts are compared for each noise at each rate and length (a cell).
 """
 
 from collections import Counter
@@ -23,7 +23,10 @@ def change(before: Row, after: Row) -> str:
 
 
 def tables(before: list[Row], after: list[Row]) -> list[Table | str]:
-    """Return the changed cells, the number of each change, and how often α's interval contains the truth."""
+    """Return the number of changes of each kind as text, and a table of the changed cells.
+
+    Another text says how often α's interval contains the true α.
+    """
     known = {_cell(row): row for row in before}
     pairs = [(known[_cell(row)], row) for row in after if _cell(row) in known]
     changes = [(change(*pair), *pair) for pair in pairs]

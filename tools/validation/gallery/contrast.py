@@ -2,8 +2,9 @@
 
 A family is a set of models with free parameters. If the true spectrum is S, the 2 log L of a model M is on
 average smaller than that of the truth by 2 Σ (log(M / S) + S / M - 1), the sum over all ordinates. This is
-the model's shortfall. Apart from chance, no fit can do better than the family's smallest shortfall. So it
-tells whether a record can exclude the family. scipy finds the minimum; no code is shared with the fits.
+the model's shortfall. Apart from chance, no fit with the family can do better than the family's smallest
+shortfall. So the smallest shortfall tells whether a record can exclude the family. scipy finds the minimum;
+no code is shared with the fits.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,26 +16,34 @@ from scipy.ndimage import minimum_filter
 from scipy.optimize import Bounds, least_squares, minimize
 
 Family = Callable[[Array, Array], Array]
-"""A family of models: it maps parameters (k, count) and λ (bins,) to spectra (count, bins)."""
+"""A family of models: a function of `count` sets of k parameters (k, count) and of frequencies λ (bins,) that
+returns the spectra (count, bins) of the models.
+"""
 Nearest = Callable[["Bins"], float]
-"""Function that returns the smallest shortfall of a family for given bins."""
+"""Function that returns the smallest shortfall of one family, for a record with the given bins."""
 
 BINS = 160
 FIRST = 10
-"""Number of the lowest ordinate that is fitted; fewer periods in the record do not determine a model."""
+"""Number of the lowest ordinate that is fitted. Lower ordinates, with fewer periods in the record, do not
+determine a model.
+"""
 DEEPEST = 1e-6
-"""Smallest ratio of a density to the highest one; in periodograms, the zeros of filters are no deeper."""
+"""Smallest ratio of a spectrum's density to its highest density. In periodograms, the zeros of filters are no
+deeper.
+"""
 FLOOR = -3.0
-"""Logarithm of the largest white noise after a low-pass, relative to the density that it lets pass."""
+"""Logarithm of the largest ratio of two densities: that of white noise added after a low-pass, and that which
+the low-pass lets pass.
+"""
 POINTS, MOST_POINTS, STARTS = 15, 3_400, 6
-"""Number of grid points for each parameter, largest number of all points, and number of searches from
-them.
+"""Number of grid points for each parameter, largest number of points of a grid, and number of searches that
+begin at the best of these points.
 """
 RELAXATIONS = 6
 
 
 class Bins(NamedTuple):
-    """The ordinates from number `FIRST` to half the sample rate, joined in bins."""
+    """The ordinates of a record's spectrum from number `FIRST` to half the sample rate, joined in bins."""
 
     lam: Array
     weight: Array
@@ -45,7 +54,7 @@ class Bins(NamedTuple):
 def bins_of(spectrum: Callable[[Array], Array], n: int, around: Sequence[tuple[float, float]] = ()) -> Bins:
     """Return the bins of a record of `n` samples.
 
-    `around`: frequencies and widths [rad] with finely spaced bins.
+    `around`: frequencies and widths [rad] of peaks and notches, around which the bins are finely spaced.
     """
     last = (n - 1) // 2
     edges = np.unique(np.round(np.geomspace(FIRST, last + 1, BINS)).astype(int))
@@ -65,9 +74,11 @@ def below(bins: Bins, lam: float) -> Bins:
 
 
 def shortfall(bins: Bins, models: Array) -> Array:
-    """Return by how much 2 log L of models (count, bins) is smaller than that of the truth.
+    """Return by how much the expected 2 log L of each model is smaller than that of the truth.
 
-    Each model has the scale with which it fits best.
+    `models`: spectra (count, bins).
+
+    Each model is taken with the scale with which it fits best.
     """
     ratio = bins.truth / models
     total = bins.weight.sum()
@@ -96,15 +107,18 @@ def least(bins: Bins, family: Family, *box: tuple[float, float]) -> float:
     valleys = np.flatnonzero(found == around)
     ends = []
     for at in {*valleys[np.argsort(found[valleys])[:STARTS]].tolist(), *np.argsort(found)[:STARTS].tolist()}:
-        # Near the truth the shortfall is a sum of squares with narrow valleys, for which a least-squares
-        # search is needed.
+        # Begin with a least-squares search: near the truth, the shortfall is a sum of squares with narrow
+        # valleys, in which the other search would get stuck.
         near = least_squares(apart, flat[:, at], bounds=np.transpose(box), x_scale="jac", max_nfev=200).x
         ends.append(minimize(behind, near, method="L-BFGS-B", bounds=box).fun)
     return float(min(ends))
 
 
 def _with_floor(shape: Array, log_floor: Array) -> Array:
-    """Add white noise to spectra. `log_floor`: logarithm of its density, relative to the spectrum's scale."""
+    """Add white noise to spectra.
+
+    `log_floor`: logarithm of the white noise's density, relative to the scale of the spectrum.
+    """
     return np.asarray(shape + np.exp(log_floor)[:, np.newaxis])
 
 
@@ -161,19 +175,23 @@ CORNERS, SIZES, WALKS = (-7.0, 2.0), (-8.0, 10.0), (-14.0, 14.0)
 state = _nearest(_state, ORDERS, RATES, WHITE)
 """Smallest shortfall of the state D^α x = f x + ω, with an order of 0.15 to 0.85, in white noise."""
 arfima = _nearest(_arfima, ORDERS, (-7.0, 1.5), WHITE)
-"""Smallest shortfall of ARFIMA(1, d, 0) with an order in this range, in white noise."""
+"""Smallest shortfall of ARFIMA(1, d, 0), with an order d of 0.15 to 0.85, in white noise."""
 order_and_rise = _nearest(
     lambda p, lam: _state(p, lam) + _rise(p[3], p[4], lam), ORDERS, RATES, WHITE, *RISES
 )
-"""Smallest shortfall of such a state plus noise that rises with up to f⁴, in white noise."""
+"""Smallest shortfall of the state D^α x = f x + ω plus noise whose density rises with at most the 4th power
+of frequency, in white noise.
+"""
 high_passed_order = _nearest(_high_passed_order, ORDERS, RATES, WHITE, CORNERS, (1.0, 3.0))
-"""Smallest shortfall of such a state in white noise, after a high-pass of one to three poles."""
+"""Smallest shortfall of the state D^α x = f x + ω in white noise, after a high-pass of one to three poles."""
 one_relaxation = _nearest(lambda p, lam: _with_floor(_scaled(_ar1(p[0], lam)), p[1]), CORNERS, SIZES)
 """Smallest shortfall of AR(1) in white noise."""
 walk = _nearest(_walk, WALKS)
 """Smallest shortfall of a random walk in white noise."""
 walk_and_rise = _nearest(lambda p, lam: _walk(p, lam) + _rise(p[1], p[2], lam), WALKS, *RISES)
-"""Smallest shortfall of a random walk plus noise that rises with up to f⁴, in white noise."""
+"""Smallest shortfall of a random walk plus noise whose density rises with at most the 4th power of frequency,
+in white noise.
+"""
 walk_and_relaxation = _nearest(_walk_and_relaxation, WALKS, CORNERS, SIZES)
 """Smallest shortfall of a random walk and one relaxation, in white noise."""
 low_pass = _nearest(_low_pass, (-5.0, 1.2), (1.0, 8.0), (-12.0, FLOOR))
@@ -185,11 +203,11 @@ rising = _nearest(
     (0.0, 2.0),
     (-6.0, 6.0),
 )
-"""Smallest shortfall of noise that rises with up to f⁴, in white noise."""
+"""Smallest shortfall of noise whose density rises with at most the 4th power of frequency, in white noise."""
 
 
 def white(bins: Bins) -> float:
-    """Return the shortfall of white noise as the model."""
+    """Return the shortfall of white noise, as a model of the truth in `bins`."""
     return float(shortfall(bins, np.ones((1, len(bins.lam))))[0])
 
 
@@ -202,7 +220,7 @@ def without_order(bins: Bins) -> float:
     """Return the smallest shortfall of a sum of parts without an order.
 
     The parts are six relaxations, one that alternates in sign, a random walk and quantisation, of any sizes,
-    in white noise. The logarithms of the relaxations' corners are evenly spaced at the start.
+    in white noise. Each search starts with corners whose logarithms are evenly spaced.
     """
     bottom, top = float(np.log(bins.lam[0])), float(np.log(np.pi))
     starts = [(low, high) for low in (bottom - 2, bottom, bottom + 2) for high in (top - 2, top, top + 1.5)]
@@ -212,16 +230,17 @@ def without_order(bins: Bins) -> float:
 def _mixed(bins: Bins, log_corners: Array) -> float:
     """Return the smallest shortfall of a sum of parts without an order.
 
-    The search starts with these logarithms of the corners.
+    `log_corners`: logarithms of the relaxations' corners with which the search starts.
     """
     half = 4 * np.sin(bins.lam / 2) ** 2
-    # the spectrum of the last one is mirrored: high frequencies for low ones
+    # the last relaxation alternates in sign, so its spectrum is mirrored: it is largest at half the sample
+    # rate
     halves = np.stack([half] * RELAXATIONS + [4 - half])
     fixed = np.stack([1 / half, half, np.ones_like(half)])
     poles = len(halves)
 
     def behind(p: Array) -> tuple[float, Array]:
-        """Return the shortfall and its derivatives, by the logarithms of corners and sizes."""
+        """Return the shortfall, and its derivatives by the logarithms of corners and sizes."""
         corner = np.exp(p[:poles, np.newaxis])
         pole, rest = np.exp(-corner), -np.expm1(-corner)
         below = rest**2 + pole * halves

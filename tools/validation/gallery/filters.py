@@ -14,23 +14,27 @@ from tools.validation.gallery.parts import Relaxation
 from tools.validation.recursions import Stream
 
 AT_ONCE = 1 << 22
-"""Number of samples at a filter's input that are drawn at once, to limit the memory for long records."""
+"""Number of a filter's input samples that are drawn at once. It limits the memory that long records need."""
 OVER_CORNER = 8.0
-"""Smallest ratio of the rate at which a filter runs to its corner frequency."""
+"""Rate at which a filter runs, at least, divided by the filter's corner frequency."""
 MPU9250_DLPF = {250: 0.97, 184: 2.9, 92: 3.9, 41: 5.9, 20: 9.9, 10: 17.85, 5: 33.48}
-"""Bandwidths [Hz] and delays [ms] of the gyroscope's low-passes, from the register map."""
+"""For each bandwidth [Hz] of the MPU-9250's low-passes for the gyroscope: the delay [ms], from the register
+map.
+"""
 CONSTANT_DELAY_MS = 1.9
-"""What these delays have in addition to 0.159 / bandwidth, the delay of one pole.
+"""Difference between the delays in MPU9250_DLPF and 0.159 / bandwidth, the delay of a filter with one pole
+[ms].
 
-Since it is constant, the filter has one pole.
+Since the difference is the same for all bandwidths, the filter has one pole.
 """
 
 
 class LowPass(NamedTuple):
-    """A low-pass as chips have it, with a gain of 1 at low frequencies.
+    """A low-pass filter such as chips have, with a gain of 1 at low frequencies.
 
-    It has one pole, or the two poles of a Butterworth filter, at `hz`; or it has only `taps`, at the rate of
-    the output. `inner_hz`: the rate at which the filter runs; 0: several times the corner frequency.
+    The filter has one pole, or the two poles of a Butterworth filter, with the corner frequency `hz`. Or it
+    has only `taps` (its impulse response), at the rate of the output. `inner_hz`: the rate at which the
+    filter runs; if 0, several times the corner frequency.
     """
 
     hz: float = 0.0
@@ -39,7 +43,7 @@ class LowPass(NamedTuple):
     taps: tuple[float, ...] = ()
 
     def every(self, rate_hz: float) -> int:
-        """Return the number of inner samples for each output sample."""
+        """Return the number of samples at the filter's own rate for each output sample."""
         wanted = self.inner_hz or OVER_CORNER * self.hz
         return max(1, math.ceil(wanted / rate_hz - 1e-9))
 
@@ -55,22 +59,25 @@ class LowPass(NamedTuple):
         return [abs(1 - two) ** 2], [1.0, -2 * two.real, abs(two) ** 2]
 
     def power(self, lam: Array, inner_hz: float) -> Array:
-        """Return the squared gain at λ [rad per inner sample]."""
+        """Return the squared gain at the frequencies `lam` [rad per sample at the filter's own rate]."""
         return np.asarray(np.abs(freqz(*self.coefficients(inner_hz), worN=lam)[1]) ** 2)
 
 
 def moving_average(taps: int) -> LowPass:
-    """Return a filter that averages the last samples."""
+    """Return a filter that averages the last `taps` samples."""
     return LowPass(taps=(1 / taps,) * taps)
 
 
 def windowed_sinc(cut: float, taps: int = 31) -> LowPass:
-    """Return a low-pass of a sinc in Hamming's window. `cut`: corner as a share of the sample rate."""
+    """Return a low-pass whose impulse response is a sinc in Hamming's window.
+
+    `cut`: corner frequency divided by the sample rate.
+    """
     return LowPass(taps=tuple(firwin(taps, 2 * cut).tolist()))
 
 
 def mpu9250(bandwidth_hz: int) -> LowPass:
-    """Return the sensor's own low-pass, which runs at 1 kHz, or at 8 kHz for 250 Hz."""
+    """Return the MPU-9250's own low-pass. It runs at 1 kHz or, for a bandwidth of 250 Hz, at 8 kHz."""
     return LowPass(bandwidth_hz, 1, 8_000.0 if bandwidth_hz == 250 else 1_000.0)
 
 
@@ -85,7 +92,7 @@ class FlightFilter(LowPass):
 
 
 class Median(NamedTuple):
-    """White noise in which each sample is the median of the last few."""
+    """White noise after a median filter: each sample is the median of the last `samples` samples."""
 
     samples: int
 
@@ -96,7 +103,8 @@ class Median(NamedTuple):
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
         """See `Part`.
 
-        It is computed from the autocovariance of a long record, which is 0 beyond the window's length.
+        The density is computed from the autocovariance of a long record, which is 0 at lags beyond the
+        window's length.
         """
         found = np.full_like(lam, (covariance := _covariance(self))[0])
         for lag in range(1, self.samples):
@@ -111,7 +119,10 @@ def _covariance(median: Median) -> list[float]:
 
 
 class Through(NamedTuple):
-    """White noise and relaxations that have passed a filter and are then decimated by m."""
+    """White noise and relaxations that pass a filter.
+
+    Of the filter's output, only every m-th sample is kept (decimation).
+    """
 
     low_pass: LowPass
     inner: tuple[Relaxation, ...] = ()
@@ -127,12 +138,16 @@ class Through(NamedTuple):
             e = rng.standard_normal(count)
             for size, one in slow:
                 e += one.run(size * rng.standard_normal(count))
-            # With m times the variance, the density below the corner is unchanged.
+            # Decimation divides the density below the corner by m. The noise is drawn with m times the
+            # variance, so that this density stays the same.
             out[at : at + count // m] = stream.run(math.sqrt(m) * e)[::m]
         return out
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
-        """See `Part`. The spectrum is folded at half the output's rate, as decimation by m does."""
+        """See `Part`.
+
+        The spectrum is folded at half the output's rate, because decimation by m aliases higher frequencies.
+        """
         m = self.low_pass.every(rate_hz)
         found = np.zeros_like(lam)
         for k in range(m):
@@ -143,7 +158,7 @@ class Through(NamedTuple):
 
 
 class Held(NamedTuple):
-    """White noise of a chip that is read more often than it measures, so that values are repeated.
+    """White noise of a chip that is read more often than it measures, so that some readings repeat a value.
 
     `fresh`: number of new values in a cycle of readings. `pattern`: the index of the value that each reading
     of the cycle gets.
@@ -160,7 +175,8 @@ class Held(NamedTuple):
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
         """See `Part`.
 
-        It is the mean over the readings of a cycle: 1 + 2 Σ (share of repeated values) cos(lag λ).
+        The density is the mean over the readings of a cycle. It is 1 + 2 Σ p cos(lag λ), where p is the
+        proportion of readings whose value is the same `lag` readings later.
         """
         count = len(self.pattern)
         at = np.concatenate([self.pattern, np.array(self.pattern) + self.fresh])
@@ -192,7 +208,7 @@ class Jittered(NamedTuple):
         return y
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
-        """See `Part`. It is computed from the autocorrelation, averaged over the delays."""
+        """See `Part`. The density is computed from the autocorrelation, averaged over the random delays."""
         a = 2 * math.pi * self.hz / rate_hz
         late = np.arange(self.steps // 2) / self.steps
         spread = float(np.exp(-a * late).mean() * np.exp(a * late).mean())
@@ -202,7 +218,10 @@ class Jittered(NamedTuple):
         return np.asarray(1 + variance * (1 - spread + spread * ar1))
 
     def _scale(self, rate_hz: float) -> float:
-        """Return the factor with which the density at low frequencies is `height` without jitter."""
+        """Return the factor by which `height` is multiplied to draw the relaxation.
+
+        Without jitter, its density at low frequencies would then be `height`.
+        """
         pole = math.exp(-2 * math.pi * self.hz / rate_hz)
         fine = math.exp(-2 * math.pi * self.hz / (self.steps * rate_hz))
         return (1 - pole) / (1 + pole) * (1 + fine) / (1 - fine)

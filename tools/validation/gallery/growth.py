@@ -1,8 +1,8 @@
 """Measures whether more data ever give a weaker verdict, on growing records of the gallery's noises.
 
-Each noise is drawn once for the longest record; shorter records are its beginnings. A verdict is weaker than
-the previous one if the previous one was right and this one is not, or if this one is white and the previous
-one was not.
+A record of each noise is drawn at the greatest length, and the shorter records are beginnings of it. A
+verdict is weaker than that on the next shorter record if that one was right and this one is wrong, or if this
+one is white, which is not right, and that one was not white.
 """
 
 import itertools
@@ -19,10 +19,10 @@ RATE_HZ = 100.0
 FIRST = 500
 """Number of the first record of each noise.
 
-The gallery's rules were developed with records of other numbers.
+The records differ from those with which the gallery's rules were developed, which have other numbers.
 """
 SHORT: dict[str, str] = {"fractional or relaxations": "either", "line or resonance": "peak"}
-"""Short names of verdicts for the table."""
+"""Shorter names of some verdicts, for the table."""
 
 
 def tasks(options: Options) -> list[Task]:
@@ -42,7 +42,10 @@ def grow(name: str, number: int) -> list[Row]:
 
 
 def says_less(rows: list[Row]) -> list[Row]:
-    """Return the verdicts on one record, shortest first, that are weaker than the previous one."""
+    """Return the verdicts that are weaker than the one before them.
+
+    `rows`: verdicts on the beginnings of one record, the shortest first.
+    """
     return [
         after
         for before, after in itertools.pairwise(rows)
@@ -52,7 +55,10 @@ def says_less(rows: list[Row]) -> list[Row]:
 
 
 def tables(rows: list[Row]) -> list[Table | str]:
-    """Return tables of verdicts by length, and of records with a weaker verdict when they are longer."""
+    """Return a table of the verdicts by length, and one of the weaker verdicts.
+
+    The second has the records that get a weaker verdict when they grow.
+    """
     by_noise = grouped(rows, lambda row: row["noise"])
     cells = [
         (str(name), *(_kinds([row for row in some if row["samples"] == n]) for n in LENGTHS))
@@ -72,7 +78,7 @@ def tables(rows: list[Row]) -> list[Table | str]:
 
 
 def _kinds(rows: list[Row]) -> str:
-    """Return the verdicts as text, with their counts if they differ; ✗ marks a wrong one."""
+    """Return the verdicts as text, with the number of each if they differ. ✗ marks a wrong verdict."""
     words: list[str] = [
         SHORT.get(str(row["kind"]), str(row["kind"])) + " ✗" * (row["outcome"] == "wrong") for row in rows
     ]

@@ -15,7 +15,10 @@ SETTLED = 20.0
 
 
 class Coupled(NamedTuple):
-    """White noise and relaxations after a high-pass of one pole, or a Butterworth of more poles."""
+    """White noise and relaxations after a high-pass filter.
+
+    The filter has one pole, or is a Butterworth filter with more poles.
+    """
 
     hz: float
     poles: int = 1

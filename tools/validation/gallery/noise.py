@@ -12,7 +12,9 @@ from tools.validation.gallery.parts import Arfima, Flicker, Fractional, Part
 from tools.validation.gallery.periodic import Glitches, WanderingLine
 
 Treatment = Callable[[Array, np.random.Generator], Array]
-"""Function that returns the samples after a change, such as rounding."""
+"""Function that changes the samples of a finished record, for example by rounding, and returns the changed
+samples.
+"""
 
 Truth = Literal[
     "white",
@@ -34,8 +36,8 @@ Truth = Literal[
 class Line(NamedTuple):
     """A sine of constant frequency, which is aliased by sampling.
 
-    `of`: meaning of `hz`: "hz": the frequency; "rate": a share of the sample rate; "nyquist": the distance
-    below half the rate.
+    `of` says what `hz` means. "hz": the frequency [Hz]. "rate": the frequency divided by the sample rate.
+    "nyquist": the distance below half the sample rate [Hz].
     """
 
     hz: float
@@ -62,7 +64,7 @@ class Line(NamedTuple):
 class Drift(NamedTuple):
     """An offset that moves by `size` standard deviations of the white noise over the record.
 
-    It is a ramp, or a warm-up whose time constant is a fifth of the record.
+    The offset follows a ramp, or a warm-up whose time constant is a fifth of the record.
     """
 
     size: float
@@ -80,12 +82,12 @@ def rounded(sigma: float) -> Treatment:
 
 
 def outliers(y: Array, rng: np.random.Generator) -> Array:
-    """Replace one sample in 1,000 by ± 20."""
+    """Replace one sample in 1,000, on average, by ± 20."""
     return np.where(rng.random(len(y)) < 1e-3, 20.0 * rng.choice([-1.0, 1.0], len(y)), y)
 
 
 def bursts(y: Array, rng: np.random.Generator) -> Array:
-    """Replace occasional groups of 20 samples by Student's t with two degrees, three times as large."""
+    """Replace occasional groups of 20 samples by three times Student's t with two degrees of freedom."""
     inside = np.zeros(len(y), dtype=bool)
     for at in np.flatnonzero(rng.random(len(y)) < 1 / 2_000).tolist():
         inside[at : at + 20] = True
@@ -105,7 +107,7 @@ def step(y: Array, rng: np.random.Generator) -> Array:
 
 
 def swinging(half: int, ratio: float) -> Treatment:
-    """Return a treatment that multiplies every other `half` samples by `ratio`."""
+    """Return a treatment that multiplies every other group of `half` samples by `ratio`."""
 
     def treatment(y: Array, rng: np.random.Generator) -> Array:
         up = (np.arange(len(y)) + rng.integers(2 * half)) // half % 2
@@ -117,7 +119,7 @@ def swinging(half: int, ratio: float) -> Treatment:
 def dead_band(share: float) -> Treatment:
     """Return a treatment that sets small samples to 0.
 
-    `share`: limit for their size, as a share of a standard deviation.
+    `share`: largest size of such samples, divided by the standard deviation of the record.
     """
     return lambda y, rng: np.where(np.abs(y) <= share * y.std(), 0.0, y)
 
@@ -144,11 +146,13 @@ class Noise(NamedTuple):
     changes: bool = False
     """Whether the noise changes during the record."""
     swings: int = 0
-    """Number of samples after which its power rises or falls; 0: never."""
+    """Number of samples after which the noise's power rises or falls again. 0: the power never changes."""
     check: str = ""
     """Data check that must report a problem of the noise, with any verdict; empty if there is none."""
     spread: float | None = None
-    """Variance of white noise that the treatment adds to parts of variance 1; None if it adds none."""
+    """Variance of the white noise that the treatment adds when the parts together have the variance 1. None
+    if the treatment adds none.
+    """
     accepted: Accepted | None = None
 
     @property
@@ -158,7 +162,10 @@ class Noise(NamedTuple):
 
     @property
     def alpha(self) -> float | None:
-        """The order of its state D^α x = f x + ω, or of a like part; None if it has no such part."""
+        """The order of the noise's state D^α x = f x + ω, or of a part that is like it.
+
+        None if the noise has no such part.
+        """
         for part in self.parts:
             match part:
                 case Fractional():
@@ -181,7 +188,7 @@ class Noise(NamedTuple):
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
         """Return the density at λ without spectral lines and drift.
 
-        If the samples are changed afterwards, only its shape is right.
+        If the samples are changed by a treatment, only the shape of the density is right.
         """
         total = np.sum([part.spectrum(lam, rate_hz) for part in self.parts], axis=0)
         if self.spread is None:

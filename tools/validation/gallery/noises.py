@@ -1,4 +1,4 @@
-"""The noises of the gallery. Frequencies are in Hz unless they are called a share of the sample rate."""
+"""The noises of the gallery. Frequencies are in Hz, unless they are said to be divided by the sample rate."""
 
 from typing import Any
 

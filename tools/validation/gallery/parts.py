@@ -21,9 +21,13 @@ from tools.validation.recursions import (
 )
 
 LONGEST_MEMORY = 1 << 21
-"""Longest memory of the fractional state [samples]; its response decays in less."""
+"""Longest memory with which the fractional state is drawn [samples]. The state's impulse response decays in
+less.
+"""
 A_DECADE = 8
-"""Number of relaxations per decade whose sum is drawn as 1/f noise; it is within 0.1 % of 1/f."""
+"""Number of relaxations per decade of frequency whose sum is drawn as 1/f noise. The density of the sum is
+within 0.1 % of 1/f.
+"""
 
 
 class Part(Protocol):
@@ -34,7 +38,7 @@ class Part(Protocol):
         ...
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
-        """Return the density at λ."""
+        """Return the density at the frequencies `lam` [rad per sample]."""
         ...
 
 
@@ -55,7 +59,7 @@ class White(NamedTuple):
 
 
 class Telegraph(NamedTuple):
-    """Noise of ± size that changes its sign at random, every `stay_s` seconds on average."""
+    """Noise of plus or minus `size` that changes its sign at random, every `stay_s` seconds on average."""
 
     stay_s: float
     size: float
@@ -74,13 +78,19 @@ class Telegraph(NamedTuple):
 
 
 class AR1(NamedTuple):
-    """x_k = pole x_{k-1} + steps of standard deviation `size`; neither depends on the sample rate."""
+    """AR(1) noise: x_k = pole x_{k-1} + a random step of standard deviation `size`.
+
+    Neither `pole` nor `size` depends on the sample rate.
+    """
 
     pole: float
     size: float
 
     def stream(self, rng: np.random.Generator) -> Stream:
-        """Return the recursion that draws its samples, stationary from the first one."""
+        """Return the recursion that turns steps into samples.
+
+        Its start is drawn so that the samples are stationary from the first one.
+        """
         start = self.size * rng.standard_normal() / math.sqrt(1 - self.pole**2)
         return Stream([1.0], [1.0, -self.pole], self.pole * start)
 
@@ -117,7 +127,9 @@ def ladder(low_hz: float, high_hz: float, a_decade: float, corner_hz: float) -> 
     `corner_hz`: frequency at which 1/f noise of this level is as dense as the white noise.
     """
     count = round(math.log10(high_hz / low_hz) * a_decade) + 1
-    # With heights L / c, the sum over all corners c is about L a_decade / ln 10 · π / (2 f) at frequency f.
+    # If a relaxation with the corner c has the height level / c, the density of the sum over all corners is
+    # about level · a_decade / ln 10 · π / (2 f) at frequency f. It is 1, like that of the white noise, at f =
+    # corner_hz.
     level = corner_hz * math.log(10) / (a_decade * math.pi / 2)
     return tuple(
         Relaxation(corner, level / corner) for corner in np.geomspace(low_hz, high_hz, count).tolist()
@@ -147,7 +159,8 @@ class Arfima(NamedTuple):
 class Fractional(NamedTuple):
     """The project's own state D^α x = f x + ω, with f in s^-α and variance `step` of a step.
 
-    `window`: number of past samples on which it depends; 0: all. f may be above 0 only if this is limited.
+    `window`: number of past samples on which the state depends; 0 means all. f may be above 0 only if the
+    window is limited.
     """
 
     alpha: float
@@ -156,7 +169,10 @@ class Fractional(NamedTuple):
     window: int = 0
 
     def g(self, rate_hz: float) -> float:
-        """Return h^α f. At slow rates it is limited to half of the range in which x does not grow."""
+        """Return g = h^α f, where h is the sampling period.
+
+        At slow sample rates g is limited to half of the range in which x does not grow.
+        """
         g = float(rate_hz**-self.alpha) * self.f
         most = float(self._weights().sum()) / 2 if self.window else 0.0
         return min(max(g, -float(2.0**self.alpha) / 2), most)
@@ -175,7 +191,7 @@ class Fractional(NamedTuple):
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
         if self.f == 0:
-            # Start one record length before the first sample. What happened earlier would only be an offset.
+            # Start one record length before the first sample. Steps before that would only add an offset.
             response = fractional_difference(self.alpha, n + 1)
         else:
             length = min(LONGEST_MEMORY, 1 << (max(n, 1 << 16) - 1).bit_length())
@@ -218,7 +234,7 @@ class Walk(NamedTuple):
 
 
 class Resonance(NamedTuple):
-    """A pair of complex poles at a share of the sample rate.
+    """A resonance: a pair of complex poles. `share`: its frequency divided by the sample rate.
 
     `q`: ratio of the centre frequency to the width at half the power. `peak`: approximate density at the
     peak.
@@ -245,7 +261,7 @@ class Resonance(NamedTuple):
 
 
 class Notched(NamedTuple):
-    """White noise that passed a notch filter at a share of the sample rate.
+    """White noise that has passed a notch filter. `share`: frequency of the notch divided by the sample rate.
 
     `q`: ratio of the centre frequency to the width.
     """
@@ -264,7 +280,7 @@ class Notched(NamedTuple):
 
 
 class Differenced(NamedTuple):
-    """The difference of neighbouring samples of white noise of variance `power`."""
+    """The differences between neighbouring samples of white noise of variance `power`."""
 
     power: float
 

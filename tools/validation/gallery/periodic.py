@@ -11,19 +11,19 @@ from scipy.signal import lfilter
 FEWEST_SAMPLES, FEWEST_PERIODS, SURELY_ALIKE = 10, 10, 8.0
 """Conditions under which a comb of spectral lines has to be found.
 
-They are the smallest number of samples in a period, the smallest number of periods in a record, and the
-correlation with itself one period later [standard deviations].
+The conditions are the smallest number of samples in a period, the smallest number of periods in a record, and
+the smallest correlation of the record with itself one period later [standard deviations].
 """
 FAR, FEW_ORDINATES, MANY_ORDINATES = 5.0, 10.0, 100.0
 """Conditions for a spectral line of varying frequency.
 
-They are the ratio of its frequency to the frequency's standard deviation, and the number of ordinates within
-this deviation.
+The first is the ratio of the line's frequency to the standard deviation of the frequency. The others are
+small and large numbers of ordinates within this deviation.
 """
 
 
 class Glitches(NamedTuple):
-    """Noise that is disturbed in a few samples of each period.
+    """A disturbance that is added to a few samples of each period.
 
     A period need not be a whole number of samples.
 
@@ -36,7 +36,7 @@ class Glitches(NamedTuple):
     late: int = 0
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
-        """Return `n` samples with random phase."""
+        """Return `n` samples, which begin at a random phase."""
         period = self.period_s * rate_hz
         at = np.floor(np.arange(rng.uniform(0, period), n, period)).astype(int)
         at += rng.integers(-self.late, self.late + 1, len(at))
@@ -55,7 +55,7 @@ class WanderingLine(NamedTuple):
     tau_s: float
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
-        """Return `n` samples with random phase."""
+        """Return `n` samples, which begin at a random phase."""
         pole = math.exp(-1 / (rate_hz * self.tau_s))
         steps = self.spread_hz * math.sqrt(1 - pole**2) * rng.standard_normal(n)
         start = [pole * self.spread_hz * rng.standard_normal()]
@@ -65,7 +65,7 @@ class WanderingLine(NamedTuple):
 
 
 Said = tuple[set[VerdictKind], dict[VerdictKind, str]]
-"""The verdicts that are right, and those that are accepted, with the reasons."""
+"""The verdicts that are right, and the verdicts that are accepted, each with its reason."""
 
 
 def right_periodic(one: Glitches | WanderingLine, rate_hz: float, n: int) -> Said:

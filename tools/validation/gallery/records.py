@@ -1,8 +1,8 @@
 """Runs `fltea identify` on records of the gallery's noises, and judges whether the verdicts are right.
 
-The main figures are: the number of right verdicts; records of noises without an order that are called
-fractional; and claims of an order although 2 log L of a model without one is at most `MARGIN` smaller. There
-should be no such claims.
+There are three main figures: the number of right verdicts, the number of records of noises without an order
+that are called fractional, and the number of unsure claims. In these, an order is claimed although 2 log L of
+a model without an order is at most `MARGIN` smaller. There should be none.
 """
 
 import zlib
@@ -38,16 +38,19 @@ LENGTHS_S = (30.0, 600.0, 10_800.0)
 QUICK = (100.0, 600.0)
 """Sample rate [Hz] and length [s] of the records in a quick run."""
 MARGIN = 6.0
-"""How much larger 2 log L has to be with a claimed order than with any model without one."""
+"""How much larger 2 log L of the model with an order has to be than that of any model without an order, for a
+claim of an order.
+"""
 SCALE = 0.01
-"""Standard deviation of the white noise in the gallery [deg/s], as a sensor has it."""
+"""Standard deviation that the gallery's white noise has when it is identified [deg/s], as for a real sensor.
+"""
 CHECKS = "dead band", "common value", "clipped"
-"""Data checks that must not report a problem, except on the noises that have it."""
+"""Data checks that must not report a problem, except on the noises that have this problem."""
 COLOURS = {"right": "#4c9f70", "cannot be told": "#e9c46a", "wrong": "#d1495b"}
 SIGNS = {"right": "", "cannot be told": "?", "wrong": "✗"}
 """Signs next to a verdict that show the outcome to readers who cannot distinguish the colours."""
 ACROSS = 6
-"""Number of small pictures in a row."""
+"""Number of small pictures next to each other in a row."""
 
 
 def tasks(options: Options) -> list[Task]:
@@ -89,7 +92,7 @@ def judged(name: str, rate_hz: float, y: Array) -> Row:
 
 
 def _seen(y: Array, h: float) -> Row:
-    """Return the program's result for samples. The rest of the gallery does not call the program.
+    """Return the program's result for the samples `y`. Only this function of the gallery calls the program.
 
     The field `alpha` has the value and the ends of its interval. The field `ahead` is 2 log L of the best
     model with an order, minus that of the model with most parameters without an order; None if no model has
@@ -120,7 +123,11 @@ def _right(name: str, rate_hz: float, samples: int) -> Right:
 
 
 def tables(rows: list[Row]) -> list[Table | str]:
-    """Return tables of the wrong verdicts, the main figures, the reasons, and verdicts by true kind."""
+    """Return the main figures as sentences, and tables of the verdicts.
+
+    The tables have the wrong verdicts, the verdicts by true kind, and those that cannot be told, with
+    reasons.
+    """
     record = ("noise", "record", "verdict")
     wrong = _cells(rows, "wrong", lambda some: ", ".join(some[0]["right"]))
     untellable = _cells(rows, "cannot be told", lambda some: "; ".join({row["reason"]: 0 for row in some}))
@@ -144,7 +151,7 @@ def _cells(rows: list[Row], outcome: str, why: Callable[[list[Row]], str]) -> li
 
 
 def compared(before: list[Row], after: list[Row]) -> list[Table | str]:
-    """Return tables of what changed since an earlier run, for each noise, rate and length."""
+    """Return tables of the verdicts that changed since an earlier run, for each noise, rate and length."""
     return against.tables(before, after)
 
 

@@ -2,8 +2,8 @@
 
 There are three outcomes. A verdict that names the truth is right, and so is a verdict that names a model
 whose spectrum the record cannot distinguish from the truth. If the record cannot decide, a weaker verdict is
-accepted, and so is one to which chance may well lead. The reason is kept with it. All other verdicts are
-wrong.
+accepted, and so is a verdict to which chance may well lead. The reason is kept with each accepted verdict.
+All other verdicts are wrong.
 """
 
 import math
@@ -22,38 +22,43 @@ from tools.validation.gallery.parts import Differenced, Notched, Resonance, Whit
 from tools.validation.gallery.periodic import right_periodic
 
 SAME = 6.0
-"""Expected difference of 2 log L below which two spectra cannot be distinguished."""
+"""Expected difference of 2 log L between two spectra, below which a record cannot distinguish them."""
 UNSEEN = 2.0
-"""Expected difference of 2 log L below which a spectrum cannot be distinguished from white noise."""
+"""Expected difference of 2 log L between a spectrum and white noise, below which a record cannot distinguish
+them.
+"""
 LUCK = 2.0
 """Number of standard deviations by which chance may change a difference of 2 log L.
 
-The standard deviation is 2 √(expected difference).
+The standard deviation of the difference is 2 √(expected difference).
 """
 MORE = 13.0
-"""How much larger 2 log L may be, by chance, for parts without an order than for an order.
+"""How much larger 2 log L may be, by chance, for a sum of parts without an order than for an order.
 
-The reason is that they have more parameters.
+The reason is that the sum of parts has more parameters.
 """
 WITHOUT_ORDER = "a sum of relaxations, a walk and a rise"
 SLOW_ORDINATES = 9
 DRIFTS = 1.5
-"""Ratio of the slowest ordinates' expected power to white noise, above which there is some drift."""
+"""Expected power of the slowest ordinates divided by that of white noise, above which there is some drift."""
 SLOW_SEEN, RAMP_SEEN = 3.5, 30.0
 """Detection limits of drift, relative to white noise.
 
-The first is for the mean power of the slowest ordinates, the second for the power of a fitted cubic
+The first limit is for the mean power of the slowest ordinates, the second for the power of a fitted cubic
 polynomial.
 
-White noise exceeds the first with p = 1e-5. A drift below the second is irrelevant in practice.
+White noise exceeds the first limit with the probability 1e-5. A drift below the second limit is irrelevant in
+practice.
 """
 PEAK_ALARM = 3e-3
 NARROW, FEW_ORDINATES = 2.0, 10.0
-"""Widths of a peak, in ordinates: below the first it is a spectral line, below the second hardly wider."""
+"""Two limits for the width of a peak [ordinates]. A peak that is narrower than the first is a spectral line.
+One that is narrower than the second may be taken for a line.
+"""
 HIGH_CORNER = 0.2 * math.pi
 """Corner [rad per sample] above which a high-pass looks like a spectrum that rises."""
 INSIDE_THE_FILTER = 0.5
-"""Power gain of a filter from which on noise before the filter is visible in the spectrum."""
+"""Smallest power gain of a filter at which the noise before the filter is visible in the spectrum."""
 
 EITHER: VerdictKind = "fractional or relaxations"
 
@@ -66,7 +71,7 @@ class Right(NamedTuple):
     """Accepted verdicts, each with the reason."""
 
     def outcome(self, kind: VerdictKind) -> str:
-        """Return `right`, `cannot be told` or `wrong`."""
+        """Return whether the verdict `kind` is `right` or `wrong`, or `cannot be told` if it is accepted."""
         if kind in self.right:
             return "right"
         return "cannot be told" if kind in self.accepted else "wrong"
@@ -78,7 +83,11 @@ class _Notes:
         self.accepted: dict[VerdictKind, str] = {}
 
     def may(self, kind: VerdictKind, short: float, what: str, more: float = 0.0) -> None:
-        """Accept a verdict whose shortfall is `short`, unless the record can distinguish the spectra."""
+        """Note a verdict as right or accepted, unless the record shows that it is wrong.
+
+        It is right if the record cannot tell its model from the truth, and accepted if the record may fail
+        to. `short`: how far the model's expected 2 log L falls behind that of the truth.
+        """
         if short < SAME:
             self.right.add(kind)
         elif not distinguishable(short, SAME + more):
@@ -86,12 +95,15 @@ class _Notes:
 
 
 def distinguishable(short: float, needed: float) -> bool:
-    """Return whether the difference in 2 log L exceeds `needed` even with bad luck."""
+    """Return whether a difference in 2 log L exceeds `needed` even with bad luck.
+
+    `short`: the expected difference.
+    """
     return short - LUCK * 2 * math.sqrt(max(short, 0.0)) > needed
 
 
 def right_verdicts(noise: Noise, rate_hz: float, n: int) -> Right:
-    """Return the right verdicts on a record of `n` samples."""
+    """Return the right and the accepted verdicts on a record of `n` samples of a noise."""
     bins = contrast.bins_of(lambda lam: noise.spectrum(lam, rate_hz), n, _peaks(noise))
     notes = _Notes()
     short = contrast.white(bins)
@@ -99,8 +111,8 @@ def right_verdicts(noise: Noise, rate_hz: float, n: int) -> Right:
     if not seen:
         _nearly_white(notes, noise, bins, rate_hz, n, short)
     if noise.truth != "white" and short < UNSEEN:
-        # Other models are white at these frequencies, too, but that does not excuse the claim of such a
-        # model.
+        # The true model is right although it looks white at the fitted frequencies. Other models look white
+        # there, too, but it would be wrong to claim one of them.
         notes.right.add(_RULES[noise.truth][0])
     elif noise.truth != "white":
         notes.right.add(_RULES[noise.truth][0])
@@ -178,7 +190,10 @@ def _order(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> N
 
 
 def _rising(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
-    """Note the right verdicts on a rising spectrum, which an order with F < 0 has, too."""
+    """Note the right verdicts on a spectrum that rises with frequency.
+
+    An order with F < 0 has such a spectrum, too.
+    """
     notes.may("undecided", contrast.order(bins), "an order between 0.15 and 0.85")
 
 
@@ -204,7 +219,7 @@ def _low_pass(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -
     level = float(noise.spectrum(np.array([1e-3 * bins.lam[0]]), rate_hz)[0])
     if bins.truth[0] < level / 2:
         notes.accepted["drift"] = "the corner is below the lowest frequency that is fitted"
-    # The difference of a drifting record's ends leaks into the fitted ordinates.
+    # The two ends of a drifting record differ, and power of this jump leaks into the fitted ordinates.
     leak = noise.drift.size**2 / (n * bins.lam**2) if noise.drift is not None else 0.0
     with_leak = bins.truth + leak
     notes.may("drift", contrast.walk(bins._replace(truth=with_leak)), "a random walk")
@@ -226,16 +241,19 @@ def _relaxation_or_order(notes: _Notes, bins: Bins) -> None:
 
 
 def _high_pass(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
-    """If the filter stops nearly all frequencies of the record, the spectrum only rises."""
+    """Note whether "anti-persistent" is right on high-passed noise, too.
+
+    It is if the high-pass stops nearly all frequencies of the record, so that the spectrum only rises.
+    """
     half = float(bins.lam[np.flatnonzero(bins.truth > bins.truth[-1] / 2)[0]])
     if half > HIGH_CORNER:
         notes.right.add("anti-persistent")
 
 
 def _high_passed_relaxations(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
-    """A right verdict names the noise before the filter, or the filter.
+    """Note the right verdicts. They name the noise before the high-pass, or the high-pass itself.
 
-    A spectrum that rises and falls may also look like an order.
+    A spectrum that rises and falls may also look like an order behind a high-pass.
     """
     notes.right.add("high-pass")
     notes.may(EITHER, contrast.high_passed_order(bins), "an order behind a high-pass", MORE)
@@ -260,7 +278,10 @@ def _filtered_order(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: 
 
 
 def _passed(noise: Noise, bins: Bins, rate_hz: float) -> Bins:
-    """Return the noise that a filter passes, divided by the filter's gain."""
+    """Return the bins that a filter passes, with the noise's spectrum before the filter.
+
+    This is the spectrum in `bins` divided by the filter's gain.
+    """
     (part,) = (part for part in noise.parts if isinstance(part, Through))
     gain = Through(part.low_pass).spectrum(bins.lam, rate_hz)
     inside = contrast.below(bins, _end(bins, gain / gain[0]))
@@ -282,7 +303,11 @@ def _held(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> No
 
 
 def _lines(notes: _Notes, noise: Noise, rate_hz: float, n: int) -> None:
-    """Note for each spectral line whether the record shows it, and whether it determines its kind."""
+    """Note the right verdicts on noise with spectral lines.
+
+    They depend on whether the record shows a line, and whether it can tell a line from a drift or a
+    resonance.
+    """
     notes.right.clear()
     notes.accepted.clear()
     surely = False
@@ -323,11 +348,13 @@ def _lines(notes: _Notes, noise: Noise, rate_hz: float, n: int) -> None:
 
 
 CHANGE = math.log(2)
-"""Smallest difference of the logarithms of the variance in the two halves that is a change."""
+"""Smallest change between the two halves of a record: difference of the logarithms of their variances."""
 
 
 def _changes(notes: _Notes, n: int) -> None:
-    """Note the verdicts on noise whose halves differ by a factor of two or more.
+    """Note the verdicts on noise whose variance changes during the record.
+
+    It differs by a factor of two or more between the halves.
 
     Each half determines its variance to a relative accuracy of 1 / √(n / 4).
     """
@@ -341,7 +368,9 @@ def _changes(notes: _Notes, n: int) -> None:
 
 
 FEW_SWINGS = 16
-"""Number of changes of the power from which on the verdict has to say that they continue."""
+"""If the power changes at least this number of times in a record, the verdict has to be that the noise is not
+stationary.
+"""
 
 
 def _swings(notes: _Notes, half: int, n: int) -> None:

@@ -13,9 +13,9 @@ from tools.validation.runner import Row
 def count(population: str, samples: int, first: int, series: int, seed: int) -> list[Row]:
     """Return a row for each of `series` noises from number `first` on, with odds and verdict.
 
-    `lead`: how much better the best model with an order is by BIC. `over_rich`: how much larger its 2 log L
-    is than that of the model without an order that has most parameters. Both are None if the search found no
-    model that looks like an order.
+    `lead`: how much better, by BIC, the best model with an order is than the best model without one.
+    `over_rich`: how much larger its 2 log L is than that of the model without an order that has most
+    parameters. Both are None if the search found no model that looks like an order.
     """
     rows: list[Row] = []
     for number in range(first, first + series):

@@ -1,9 +1,9 @@
 """Random noises with and without an order, on which the odds of an order are calibrated and validated.
 
-All are in white noise of variance 1. In a record of n samples, corners are known from frequencies of ten
-periods on. The logarithms of the relaxations' corners are random between this frequency and a third of the
-rate, or they are regular: about equally spaced, with densities that fall as those of 1/f noise. None of these
-noises is in the gallery.
+All noises include white noise of variance 1. In a record, the lowest corner frequency that can be known has
+ten periods. The logarithms of the relaxations' corners are random between this frequency and a third of the
+sample rate. Or the corners are regular: their logarithms are about equally spaced, and the densities fall as
+those of 1/f noise. None of these noises is in the gallery.
 """
 
 import math
@@ -19,7 +19,9 @@ RATE_HZ = 100.0
 ORDERS, STEP_RATIOS = (0.2, 0.85), (-1.0, 1.0)
 """Ranges of the uniform distributions of α and of log10(s2/R)."""
 LEAST_F = -0.5
-"""F = g + α is uniformly distributed between this value and α. At F = α the state has no restoring force."""
+"""F = g + α, where g = h^α f, is uniformly distributed between this value and α. At F = α the state has no
+restoring force (f = 0).
+"""
 PERIODS, FASTEST_HZ = 10, 30.0
 DENSITIES = (-0.5, 2.0)
 """Range of log10 of the ratio of a relaxation's density to that of the white noise."""
@@ -27,17 +29,18 @@ MOST_RANDOM, MOST_REGULAR = 4, 5
 STEPS, SLOPES, LEVELS = (0.5, 1.2), (0.6, 1.4), (-0.5, 1.5)
 """Ranges for regular relaxations.
 
-They are the distance of corners in decades, the slope of -log density over log corner, and log10 of the
-density at 1 Hz.
+The ranges are for the distance between corners [decades], for the slope with which -log density rises over
+log corner, and for log10 of the density at 1 Hz.
 """
 SCATTER = 0.1
-"""Standard deviation of log10 of regular relaxations' densities from a straight line."""
+"""Standard deviation by which log10 of the densities of regular relaxations scatters about a straight line.
+"""
 
 Draw = Callable[[np.random.Generator, int], tuple[Part, ...]]
 
 
 def order(rng: np.random.Generator, n: int) -> tuple[Part, ...]:
-    """Return an order in white noise; F has either sign."""
+    """Return noise of fractional order in white noise. F = g + α may be positive or negative."""
     alpha = float(rng.uniform(*ORDERS))
     g = float(rng.uniform(LEAST_F, alpha)) - alpha
     ratio = float(10 ** rng.uniform(*STEP_RATIOS))
@@ -75,7 +78,7 @@ def regular_sum(rng: np.random.Generator, n: int) -> tuple[Part, ...]:
 
 
 def sum_and_rise(rng: np.random.Generator, n: int) -> tuple[Part, ...]:
-    """Return one to three relaxations and a rising part."""
+    """Return one to three relaxations and a part that rises with frequency."""
     return mixture(rng)
 
 
@@ -85,9 +88,9 @@ POPULATIONS: dict[str, tuple[Draw, float]] = {
     "regular sum": (regular_sum, 0.125),
     "sum and rise": (sum_and_rise, 0.125),
 }
-"""How each kind of noise is drawn, and its share among all noises.
+"""How the noises of each population are drawn, and the population's weight among all noises.
 
-Noises with and without an order are equally frequent.
+Noises with and without an order have the same total weight.
 """
 
 

@@ -1,4 +1,6 @@
-"""Validates the odds of an order: how reliable they are, and what share of true orders they find.
+"""Validates the odds of an order.
+
+It measures how reliable the odds are, and how many of the true orders are found with them.
 
 Noises are drawn from the populations that the odds were calibrated on, with other seeds.
 """
@@ -26,13 +28,13 @@ SEED = 2026
 LENGTHS = (3_000, 20_000, 60_000, 200_000)
 AT_ONCE = 20
 TELLS = 20.0
-"""Odds on which a person would act."""
+"""Odds that are so large that a person would act on them."""
 BINS = (1 / MOST, 0.1, 1 / 3, 0.8, 1.25, 3.0, 10.0, 1e9)
 FALSE_SHARES = (0.01, 0.02, 0.05, 0.1)
 
 
 def tasks(options: Options) -> list[Task]:
-    """Return a task for each group of noises of a population and length."""
+    """Return one task for each group of AT_ONCE noises of one population and length."""
     lengths = LENGTHS[:2] if options.quick else LENGTHS
     return [
         Task(
@@ -49,15 +51,22 @@ def tasks(options: Options) -> list[Task]:
 
 
 def tables(rows: list[Row]) -> list[Table | str]:
-    """Return tables of how reliable odds are, and of false and true claims.
+    """Return three tables.
 
-    The last one has the orders that are found at given shares of false claims.
+    They say how reliable the odds are, how often an order is claimed falsely and rightly, and how many true
+    orders are found.
+
+    The last table gives the proportion of true orders that are found if a given proportion of claims is false
+    (FALSE_SHARES).
     """
     return [_reliability(rows), _claims(rows), _found(rows)]
 
 
 def _weights(rows: Sequence[Row]) -> list[float]:
-    """Return the weight of each row, so that each population has its share at each length."""
+    """Return the weight of each row.
+
+    At each length, the rows of a population together have the population's weight.
+    """
     by_kind = grouped(rows, lambda row: (row["population"], row["samples"]))
     return [
         POPULATIONS[row["population"]][1] / len(by_kind[row["population"], row["samples"]]) for row in rows
@@ -65,9 +74,9 @@ def _weights(rows: Sequence[Row]) -> list[float]:
 
 
 def reliability(rows: Sequence[Row]) -> list[tuple[int, float, float, float]]:
-    """Return predicted and observed share of orders for each range of odds.
+    """Return, for each range of odds, the predicted and the observed proportion of noises with an order.
 
-    Each row also has the number of noises and the error of the observed share.
+    Each row also has the number of noises and the standard error of the observed proportion.
     """
     told = [row for row in rows if row["odds"] is not None]
     weight = np.array(_weights(told))
@@ -117,10 +126,12 @@ def _log_odds(row: Row) -> float:
 
 
 def operating(rows: Sequence[Row], against: str) -> tuple[list[float], list[float]]:
-    """Return the shares of claims among noises without an order, and among noises with one.
+    """Return how often an order is claimed falsely, and how often rightly.
 
-    An order is claimed if the odds are above a threshold; the shares are given for all thresholds. `against`:
-    the kind of noises without an order.
+    The first is a proportion of noises without an order, the second one of noises with an order.
+
+    An order is claimed if the model with an order leads by more than a threshold. Both proportions are given
+    for every threshold. `against`: the population of noises without an order.
     """
     scores = {
         name: np.array([_score(row) for row in rows if row["population"] == name])
@@ -134,9 +145,9 @@ def operating(rows: Sequence[Row], against: str) -> tuple[list[float], list[floa
 
 
 def _score(row: Row) -> float:
-    """Return the lead of the model with an order.
+    """Return by how much the best model with an order leads over the best model without one.
 
-    It sorts noises as the odds do, but is not limited as these are.
+    The lead sorts noises as the odds do, but is not limited as the odds are.
     """
     return -math.inf if row["lead"] is None else float(row["lead"])
 
