@@ -1,6 +1,6 @@
 """Writes the tables of host/docs/guide/files.md.
 
-One lists the formats that can be read, the other what known loggers write.
+One table lists the formats that can be read, the other what known loggers write.
 
 The tables come from formats.py and dialects.toml (read by dialects.py) in host/fltea/recording.
 """

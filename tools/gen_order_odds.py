@@ -1,6 +1,6 @@
 """Calibrates the odds that a noise is of fractional order (`spectrum.order_odds`).
 
-It writes order_odds_constants.py in the same folder as that module.
+The program writes order_odds_constants.py into the folder of the module `order_odds`.
 
 Draws noises of each population of `tools.validation.odds.populations` at several lengths, runs the model
 search on each noise, and fits a logistic regression. In it, the noises of each population have the

@@ -108,8 +108,7 @@ def tests_of(name: str, users: Users) -> list[str]:
 def typed(name: str) -> str:
     """Return what mypy checks after a change of a file.
 
-    It checks the file's package in host/fltea, or its folder in tools or tests. Of a helper, it checks the
-    file alone.
+    This is the file's package in host/fltea, or its folder in tools or tests. A helper is checked alone.
     """
     match Path(name).parts:
         case ("host", "fltea", _, _, *_) as parts:

@@ -105,7 +105,7 @@ class Cpu:
     def watch(self, on_block: Callable[[int, int], None] | None) -> None:
         """Call `on_block` at each block of code.
 
-        Its arguments are the block's address and the number of instructions so far.
+        The arguments of `on_block` are the block's address and the number of instructions so far.
 
         If `on_block` is None, the calls stop.
         """
@@ -407,7 +407,7 @@ class Cpu:
     def _hand_over(self) -> None:
         """Pass the machine's state to the slice.
 
-        This is called after everything that may have changed the state.
+        This method is called after everything that may have changed the machine's state.
         """
         machine, nvic, slice_ = self._machine, self._nvic, self._execution
         slice_.next_event_ps = machine.next_event_ps

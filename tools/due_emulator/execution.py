@@ -296,8 +296,8 @@ class Execution(ctypes.Structure):
     def heed_psr(self) -> None:
         """Make the processor notice that XPSR was set.
 
-        Unicorn stores separately whether a handler runs, and recognises a return from an exception by that.
-        It updates this state only when CPSR is set.
+        Unicorn stores separately whether a handler runs, and recognises a return from an exception by this
+        stored state. Unicorn updates the state only when CPSR is set.
         """
         uclib.uc_reg_read(self._exact, arm_const.UC_ARM_REG_CPSR, self._first_at)
         uclib.uc_reg_write(self._exact, arm_const.UC_ARM_REG_CPSR, self._first_at)
@@ -329,7 +329,7 @@ def _library() -> ctypes.CDLL:
 
 def _compile(library: Path) -> None:
     library.parent.mkdir(parents=True, exist_ok=True)
-    # Another process may do the same at this moment, so the finished file is renamed into place.
+    # Another process may compile the library at the same moment, so the finished file is renamed into place.
     with tempfile.TemporaryDirectory(dir=library.parent) as folder:
         fresh = Path(folder) / library.name
         try:

@@ -97,7 +97,7 @@ class I2cLines:
     def cut_off(self, sending: bool, byte: int, bits: int) -> None:
         """Set the wires' state after a controller has stopped within a byte, with SCL high.
 
-        `bits` (0 to 7) is the number of whole bits before.
+        `bits` (0 to 7): number of the byte's bits that were transferred completely before.
 
         A sensor that was sending holds SDA low as long as its present bit is a 0.
         """

@@ -86,8 +86,8 @@ class Variant(NamedTuple):
 def variant_of(who_am_i: int) -> Variant:
     """Return the variant with this WHO_AM_I. For an unknown value it is an MPU-9250 with that value."""
     if who_am_i == 0x68:
-        # This chip lacks the bit FIFO_MODE. When its FIFO is full, the newest bytes always replace the oldest
-        # (RM-MPU-6000A-00, registers 26 and 116).
+        # The MPU-6050 lacks the bit FIFO_MODE. When its FIFO is full, the newest bytes always replace the
+        # oldest (RM-MPU-6000A-00, registers 26 and 116).
         writable = _WRITABLE | {CONFIG: 0x3F, GYRO_CONFIG: 0xF8, INT_ENABLE: 0x19, PWR_MGMT_2: 0xFF}
         del writable[ACCEL_CONFIG_2]  # reserved on the MPU-6050
         return Variant(who_am_i, {PWR_MGMT_1: 0x40}, writable, False, True, fifo_bytes=1024)

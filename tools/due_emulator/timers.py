@@ -26,7 +26,7 @@ FULL = 1 << 32
 class Channel:
     """One counter of a timer. Its registers belong to the timer.
 
-    Their names end with the counter's number.
+    The names of these registers end with the counter's number.
     """
 
     def __init__(self, timer: "Timer", number: int) -> None:
@@ -104,7 +104,8 @@ class Channel:
 
     def compare_changed(self) -> None:
         """Apply a change of the register RC or of the mode, without resetting the count."""
-        if self._counter.cycles >= self._period:  # This restart loses the elapsed fraction of a cycle.
+        # Restarting the count loses the fraction of a cycle that has passed.
+        if self._counter.cycles >= self._period:
             self._counter.restart(self._counter.cycles % self._period)
         self._seen = self._counter.cycles
         self._schedule()

@@ -110,8 +110,9 @@ def copy_parts(to: Path) -> None:
 def forget_build(root: Path) -> None:
     """Remove the built files at `root` that make would wrongly regard as up to date in another copy."""
     (root / DOCTEST / "tests").unlink()
-    shutil.rmtree(root / NATIVE)  # These files are built with absolute paths.
-    shutil.rmtree(root / "build/tests-arduino")  # The dependency files in this folder contain absolute paths.
+    shutil.rmtree(root / NATIVE)  # These files contain absolute paths into the copy in which they were built.
+    # The dependency files in this folder contain such paths, too.
+    shutil.rmtree(root / "build/tests-arduino")
 
 
 def judge(root: Path, file: str, *, everyone: bool = False) -> list[Verdict]:

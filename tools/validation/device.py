@@ -2,10 +2,10 @@
 
 For this, the board's code is compiled for the machine that runs this program.
 
-Estimates: the board computes in float and integers. It is compared with the host's engine in double, which
-has the same settings and a memory that is accurate to nine digits without a limit in time. The samples are
-recordings of real sensors, if there are any, and simulated noise. Fits: twenty fractional noises in white
-noise, fitted by the board and by the host to the same counts.
+Estimates are compared in this way: the board computes in float and integers, the host's engine in double. The
+host has the same settings, and a memory that is accurate to nine digits without a limit in time. The samples
+are recordings of real sensors, if there are any, and simulated noise. For the fits, board and host fit the
+same counts of twenty records of fractional noise in white noise.
 """
 
 from collections.abc import Callable
@@ -76,7 +76,7 @@ def tasks(options: Options) -> list[Task]:
 def series(name: str, samples: int) -> Counts:
     """Return the series with this name, in counts of the board's sensor.
 
-    It is an axis of a recording, or simulated noise.
+    The series is an axis of a recording, or simulated noise.
     """
     if name not in SIMULATED:
         stem, _, axis = name.rpartition(" ")
@@ -135,7 +135,7 @@ def agreement(samples: int, records: int) -> list[Row]:
 def drawn(n: int, alpha: float, g: float, weight: float, rng: np.random.Generator) -> Counts:
     """Return samples of a fractional state in white noise as sensor counts.
 
-    They are drawn from the noise's spectrum.
+    The samples are drawn from the noise's spectrum.
     """
     lam = np.maximum(np.arange(n + 1), 1) * np.pi / n
     turn = np.exp(-1j * lam)

@@ -49,7 +49,7 @@ def judge(name: str, series: int) -> list[Row]:
 def tables(rows: list[Row]) -> list[Table | str]:
     """Return a table of how often headings are inside the 95 % band, for each noise and time ahead.
 
-    It also says for how many series the test rejects the model.
+    The table also says for how many series the test rejects the model.
     """
     times = sorted({row["t_s"] for row in rows})
     cells: list[Any] = []

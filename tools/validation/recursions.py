@@ -26,7 +26,7 @@ class Stream:
 def fractional_difference(d: float, n: int) -> Array:
     """Return n coefficients of (1 - B)^-d, where B delays by one sample.
 
-    They are the impulse response of fractional integration.
+    The coefficients are the impulse response of fractional integration.
 
     With d < 0 they are that of a fractional difference.
     """

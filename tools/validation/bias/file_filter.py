@@ -132,7 +132,7 @@ def squares(plain: Plain, angles: Array) -> list[float]:
 def tables(rows: Sequence[Row]) -> list[Table]:
     """Return one table for each way to start the filter.
 
-    It has the RMS of (heading error / σ) for each noise and time.
+    Each table has the RMS of (heading error / σ) for each noise and time.
     """
     return [_table(rows, way) for way in WAYS]
 

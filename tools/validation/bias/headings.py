@@ -127,7 +127,7 @@ def best_stds(noise: str) -> tuple[float, ...]:
 def tables(rows: Sequence[Row]) -> list[Table]:
     """Return a table of how often headings are within their bands.
 
-    It also has the relative widths of the bands, and how many models are rejected.
+    The table also has the relative widths of the bands, and how many models are rejected.
     """
     cells = []
     for noise, those in grouped(rows, lambda row: row["noise"]).items():

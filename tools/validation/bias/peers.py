@@ -55,7 +55,7 @@ def vqf(y: Array) -> Array:
 def imufusion(y: Array) -> Array:
     """Return the offset that imufusion's `Bias` (x-io's Fusion) computes.
 
-    It is the output of a low-pass filter for the rates, which runs while all rates stay small.
+    The offset is the output of a low-pass filter for the rates, which runs while all rates stay small.
     """
     library = _library("imufusion")
     it, settings = library.Bias(), library.BiasSettings()

@@ -12,7 +12,7 @@ H = 0.01
 SHORTEST, LONGEST = 6_000, 60_000
 """Least and greatest number of samples of a record: a minute to ten minutes."""
 SHORT = 3_000
-"""Number of samples in half a minute."""
+"""Smallest number of samples of a record in some populations: half a minute."""
 
 Parts = tuple[p.Part, ...]
 Rng = np.random.Generator

@@ -76,7 +76,7 @@ def _axis(population: Population, rng: np.random.Generator, number: int) -> list
 def tables(rows: list[Row]) -> list[Table | str]:
     """Return tables of how often each quantity's interval contains the true value.
 
-    One is over all populations, the other for each population.
+    The first table is over all populations, the second for each population.
     """
     whole = [
         (str(quantity), *_cells(those))

@@ -56,7 +56,7 @@ def truth_of(parts: Sequence[Part]) -> list[grammar.Part]:
 
 
 def drawn(parts: Sequence[Part], n: int, rng: np.random.Generator) -> Array:
-    """Return one record of the noise (n,)."""
+    """Return n samples of the noise that is the sum of the parts."""
     return np.asarray(sum(part.draw(n, RATE_HZ, rng) for part in parts))
 
 
@@ -98,7 +98,7 @@ def count_claims(samples: int, series: int) -> list[Row]:
 def mixture(rng: np.random.Generator) -> tuple[Part, ...]:
     """Return the parts of a random mixture of relaxations and white noise that rises with frequency.
 
-    It has one to three relaxations, and rises by a rising part or by a sharpening filter.
+    The mixture has one to three relaxations. A rising part or a sharpening filter makes it rise.
     """
     slow = tuple(
         Relaxation(corner, float(np.exp(rng.uniform(0, 3))) * 10 / (1 + corner))

@@ -1,6 +1,6 @@
 """Count how often the 95 % intervals of each parameter contain the true value.
 
-This is done on many series of a few noises.
+The intervals are counted on many series of a few noises.
 """
 
 import math

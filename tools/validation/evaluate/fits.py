@@ -65,7 +65,7 @@ def live_spectra(y: Array, h: float, lengths: Sequence[int]) -> Iterator[list[Pe
 
 
 def read_fits(spectra: Sequence[Periodogram], truth: dict[str, float]) -> FitReading:
-    """Return the results of fits to one spectrum after the other."""
+    """Return the published results of a fit to each of the spectra."""
     found = [published(one) for one in spectra]
     values: dict[str, Array] = {name: np.array([_value(one, name) for one in found]) for name in QUANTITIES}
     covered = {name: np.array([holds(one, name, value) for one in found]) for name, value in truth.items()}

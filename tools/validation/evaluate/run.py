@@ -1,6 +1,6 @@
 """The evaluation of the live fit and the filters on known noises.
 
-It measures mean error, spread, and how often intervals contain the true value.
+This part measures mean error, spread, and how often intervals contain the true value.
 
 Every noise is y = x + v with D^α x = f x + ω, stationary, at 100 Hz. `live` is the fit of the sums that the
 daemon keeps; `Whittle` is the same fit of the whole record. The filters `triple` and `joint` run three times:

@@ -39,7 +39,7 @@ def _with(config: EstimatorConfig, **changes: Any) -> EstimatorConfig:
 WHITTLE = "Whittle"
 """Name of the maximum-likelihood fit of the whole record."""
 LIVE = "live"
-"""Name of the same fit, made from the sums that the daemon keeps instead of the whole record."""
+"""Name of the maximum-likelihood fit of the sums that the daemon keeps in place of the whole record."""
 
 MAIN: tuple[Setting, ...] = (
     Setting("triple", _TRIPLE),

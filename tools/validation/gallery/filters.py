@@ -48,7 +48,7 @@ class LowPass(NamedTuple):
         return max(1, math.ceil(wanted / rate_hz - 1e-9))
 
     def coefficients(self, inner_hz: float) -> tuple[list[float], list[float]]:
-        """Return the coefficients b and a."""
+        """Return the coefficients b and a of the filter b(z) / a(z)."""
         if self.taps:
             return [*self.taps], [1.0]
         corner = 2 * math.pi * self.hz / inner_hz
@@ -85,7 +85,7 @@ class FlightFilter(LowPass):
     """A flight controller's filter: a two-pole Butterworth, and a notch of Q = 3 at four times its corner."""
 
     def coefficients(self, inner_hz: float) -> tuple[list[float], list[float]]:
-        """Return the coefficients b and a."""
+        """Return the coefficients b and a of the filter b(z) / a(z)."""
         b, a = super().coefficients(inner_hz)
         notch_b, notch_a = iirnotch(4 * self.hz, 3.0, fs=inner_hz)
         return np.convolve(b, notch_b).tolist(), np.convolve(a, notch_a).tolist()

@@ -33,9 +33,9 @@ LUCK = 2.0
 The standard deviation of the difference is 2 √(expected difference).
 """
 MORE = 13.0
-"""How much larger 2 log L may be, by chance, for a sum of parts without an order than for an order.
+"""How much larger, by chance, 2 log L may be for a sum of parts without an order than for an order.
 
-The reason is that the sum of parts has more parameters.
+The reason is the larger number of parameters.
 """
 WITHOUT_ORDER = "a sum of relaxations, a walk and a rise"
 SLOW_ORDINATES = 9
@@ -53,7 +53,7 @@ practice.
 PEAK_ALARM = 3e-3
 NARROW, FEW_ORDINATES = 2.0, 10.0
 """Two limits for the width of a peak [ordinates]. A peak that is narrower than the first is a spectral line.
-One that is narrower than the second may be taken for a line.
+One narrower than the second may be taken for a line.
 """
 HIGH_CORNER = 0.2 * math.pi
 """Corner [rad per sample] above which a high-pass looks like a spectrum that rises."""
@@ -95,10 +95,7 @@ class _Notes:
 
 
 def distinguishable(short: float, needed: float) -> bool:
-    """Return whether a difference in 2 log L exceeds `needed` even with bad luck.
-
-    `short`: the expected difference.
-    """
+    """Return whether a difference in 2 log L, expected to be `short`, exceeds `needed` even with bad luck."""
     return short - LUCK * 2 * math.sqrt(max(short, 0.0)) > needed
 
 
@@ -111,8 +108,8 @@ def right_verdicts(noise: Noise, rate_hz: float, n: int) -> Right:
     if not seen:
         _nearly_white(notes, noise, bins, rate_hz, n, short)
     if noise.truth != "white" and short < UNSEEN:
-        # The true model is right although it looks white at the fitted frequencies. Other models look white
-        # there, too, but it would be wrong to claim one of them.
+        # The true model is right. Other models, too, look white at these frequencies, but to claim one of
+        # them is wrong.
         notes.right.add(_RULES[noise.truth][0])
     elif noise.truth != "white":
         notes.right.add(_RULES[noise.truth][0])
@@ -280,7 +277,7 @@ def _filtered_order(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: 
 def _passed(noise: Noise, bins: Bins, rate_hz: float) -> Bins:
     """Return the bins that a filter passes, with the noise's spectrum before the filter.
 
-    This is the spectrum in `bins` divided by the filter's gain.
+    This is the spectrum in `bins` over the filter's gain.
     """
     (part,) = (part for part in noise.parts if isinstance(part, Through))
     gain = Through(part.low_pass).spectrum(bins.lam, rate_hz)
@@ -348,13 +345,13 @@ def _lines(notes: _Notes, noise: Noise, rate_hz: float, n: int) -> None:
 
 
 CHANGE = math.log(2)
-"""Smallest change between the two halves of a record: difference of the logarithms of their variances."""
+"""Smallest change between the halves of a record: difference of the logarithms of their variances."""
 
 
 def _changes(notes: _Notes, n: int) -> None:
     """Note the verdicts on noise whose variance changes during the record.
 
-    It differs by a factor of two or more between the halves.
+    The variance differs by a factor of two or more between the halves.
 
     Each half determines its variance to a relative accuracy of 1 / √(n / 4).
     """

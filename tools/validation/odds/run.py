@@ -1,6 +1,6 @@
 """Validates the odds of an order.
 
-It measures how reliable the odds are, and how many of the true orders are found with them.
+This part measures how reliable the odds are, and how many of the true orders are found with them.
 
 Noises are drawn from the populations that the odds were calibrated on, with other seeds.
 """
@@ -53,8 +53,8 @@ def tasks(options: Options) -> list[Task]:
 def tables(rows: list[Row]) -> list[Table | str]:
     """Return three tables.
 
-    They say how reliable the odds are, how often an order is claimed falsely and rightly, and how many true
-    orders are found.
+    The tables say how reliable the odds are, how often an order is claimed falsely and rightly, and how many
+    true orders are found.
 
     The last table gives the proportion of true orders that are found if a given proportion of claims is false
     (FALSE_SHARES).
