@@ -20,7 +20,7 @@ SCHEMA = TYPED.read_text(encoding="utf-8").partition("\n")[2]
 """Text of schema.txt without its first line, a comment."""
 HASH = zlib.crc32(SCHEMA.encode())
 CODES = {"u8": "B", "u16": "H", "u32": "I", "i16": "h", "f32": "f", "bytes16": "16s", "text24": "24s"}
-"""Format character of Python's struct, by field type."""
+"""For each type of a field: its format character in Python's module struct."""
 
 
 def layouts() -> dict[int, list[tuple[str, str]]]:

@@ -12,7 +12,7 @@ OUTPUT_BYTES = 14
 
 
 def output_bytes(motion: Motion, gyro_fs: int, accel_fs: int, who_am_i: int) -> bytes:
-    """Return the bytes of registers 59 to 72: acceleration, temperature, rate."""
+    """Return the bytes of registers 59 to 72 for a motion: acceleration, temperature, rate."""
     accel = [to_counts(a * ACCEL_LSB_PER_G[accel_fs]) for a in motion.accel_g]
     temperature = to_counts(temperature_counts(motion.celsius, who_am_i))
     gyro = [to_counts(r * GYRO_LSB_PER_DPS[gyro_fs]) for r in motion.rate_dps]

@@ -41,7 +41,7 @@ class Peripheral:
         self._store_reset_values()
 
     def on_read(self, register: str) -> int:
-        """Return the value that a read of the program gives.
+        """Return the value that the program gets when it reads the register.
 
         This is the stored value, unless a subclass overrides this method.
         """

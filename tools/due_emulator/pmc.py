@@ -93,8 +93,9 @@ class Pmc(Peripheral):
                 super().on_write(register, value)
 
     def on_read(self, register: str) -> int:
-        """Read a register: its stored value or, for CKGR_MCFR, the measured main clock, which is always
-        ready.
+        """Read a register.
+
+        Only CKGR_MCFR does not give its stored value, but the measured main clock, which is always ready.
         """
         if register == "CKGR_MCFR":
             return 1 << 16 | self._main_hz() * 16 // SLOW_CLOCK_HZ

@@ -89,7 +89,7 @@ class LiveSensor:
 
     @property
     def restarts(self) -> int:
-        """How often the trackers of all axes restarted because the offset had changed."""
+        """How often the trackers of all axes together have restarted because the offset had changed."""
         return sum(figures.restarts for _, figures in self._tracks.stats())
 
     def events(self) -> list[StepEvent]:

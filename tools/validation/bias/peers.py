@@ -2,7 +2,7 @@
 
 Each method is a function that takes rates (n, 3) [deg/s] and returns biases (n, 3) [deg/s].
 
-Both libraries use their default settings and start with a bias of 0.
+VQF and imufusion use their default settings and start with a bias of 0.
 """
 
 from collections.abc import Callable

@@ -85,7 +85,7 @@ def parameters() -> list[str]:
         of_part(str(kind.__struct_config__.tag), name)
         for kind in CODES
         for name in kind.__struct_fields__
-        if name != "samples"  # `samples` is a whole number without an interval
+        if name != "samples"  # the parameter `samples` is a whole number, for which there is no interval
     ]
 
 
