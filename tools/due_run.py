@@ -34,7 +34,7 @@ NO_ESTIMATES = {"estimator.startup": 1_000_000, "live.on": False}
 
 
 class Arrival(NamedTuple):
-    """A valid frame, and the virtual time at which its last byte reached the host."""
+    """A valid frame with the virtual time at which its last byte reached the host."""
 
     frame: Frame
     at_ps: int
@@ -93,7 +93,7 @@ class DueRun(HostView):
         self.stop()
         return self
 
-    # Methods on what the host received and reported
+    # Methods that return what the host received and reported
 
     def messages(self, kind: type[M]) -> list[M]:
         """Return the valid messages of one kind that arrived."""
@@ -126,7 +126,10 @@ class DueRun(HostView):
 
     @property
     def hellos(self) -> list[Hello]:
-        """The HELLOs that the host reported, which are those that differ from the HELLO before them."""
+        """The HELLOs that the host reported.
+
+        The host reports a HELLO only if it differs from the HELLO before it.
+        """
         return [record for record in self.records if isinstance(record, Hello)]
 
     @property
@@ -144,7 +147,7 @@ class DueRun(HostView):
     def unheard(self) -> list[int]:
         """Return how many sampling instants a boot still had after the last sample that the host received.
 
-        There is a number for each boot that read the sensor.
+        The result has one number for each boot that read the sensor.
         """
         return [boot.due - (boot.heard[1] + 1 if boot.heard else 0) for boot in self.boots if boot.bursts]
 

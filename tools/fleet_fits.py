@@ -28,9 +28,9 @@ RATE_HZ = 100.0
 class Noise(NamedTuple):
     """Noise of a gyroscope axis.
 
-    `N`, `B`, `K`: as in IEEE Std 952, in deg/s. `fractional`: order α, f [s^-α] and variance of the steps of
-    a noise of fractional order. `resonance`: frequency of the resonance [Hz], radius of its poles and
-    variance of its steps.
+    `N`, `B`, `K`: as in IEEE Std 952, in deg/s. `fractional`: for a noise of fractional order, its order α,
+    its f [s^-α] and the variance of its steps. `resonance`: frequency of the resonance [Hz], radius of its
+    poles and variance of its steps.
     `low_pass_hz`: corner frequency of a two-pole low-pass filter through which all the noise passes.
     """
 
@@ -102,7 +102,7 @@ USUAL = Noise(B=0.003, K=0.0015)
 """Noise of most axes. From its records, N, B and K can all be estimated."""
 USUAL_FITS, RELAXING_FITS, OTHER_FITS = 12, 4, 2
 OTHERS = 0.3
-"""Proportion of the axes, among chips of the first kind, that have one of the noises in OTHER."""
+"""Proportion of the axes of chips of the first kind that have one of the noises in OTHER."""
 
 
 class Changed(NamedTuple):

@@ -29,7 +29,7 @@ SPREAD = 0.08
 """Standard deviation of the logarithm of the sensors' noise: 0.08 means that noises differ by about 8 %."""
 CHIPS = ("MPU-9250", "LSM6DSO")
 SECOND = 5
-"""One sensor in this many has the second kind of chip."""
+"""One out of this number of sensors has the second kind of chip."""
 SEQ = 123_456_789
 """Placeholder for the sample numbers in a fit. A fit is encoded only once, and each message then has the true
 numbers in place of this value.
@@ -38,7 +38,7 @@ MOST_IN_FLIGHT = 5_000
 
 
 class Bad(NamedTuple):
-    """A bad sensor: on one axis of sensor number `place`, a figure is `times` its usual value."""
+    """A bad sensor. On one axis of sensor number `place`, a figure is `times` as large as usual."""
 
     place: int
     axis: str

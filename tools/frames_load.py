@@ -58,7 +58,7 @@ def _hello(k: int) -> wire.Hello:
 
 
 def run(host: str, port: int, version: MQTTProtocolVersion, given: argparse.Namespace) -> dict[str, Any]:
-    """Publish in real time; return the counts of messages, and by how much a message was late at most."""
+    """Publish in real time. Return the counts of messages, and the longest delay of a message."""
     client = Client(CallbackAPIVersion.VERSION2, "", protocol=version)
     client.max_inflight_messages_set(0)
     client.connect(host, port)

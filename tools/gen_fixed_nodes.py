@@ -16,7 +16,7 @@ SOURCE, HEADER = "tools/gen_fixed_nodes.py", "firmware/core/engine/fixed_nodes.h
 DIGITS = 3
 HEAD = 5
 HORIZON = 100_000
-"""Number of past samples for which the modes have to be accurate. This value, DIGITS and HEAD were chosen by
+"""The modes have to be accurate for this number of past samples. This value, DIGITS and HEAD were chosen by
 measurements (firmware/README.md, "What it costs").
 """
 
@@ -40,7 +40,7 @@ def _alias(step: float) -> float:
 
 
 def top_for(step: float, error: float) -> int:
-    """Return the position of the fastest node of the quadrature, in steps above 1.
+    """Return the position of the fastest node of the quadrature, as the number of steps above 1.
 
     The next faster node would contribute less than a quarter of `error`.
     """

@@ -2,8 +2,8 @@
 
 It writes firmware/core/engine/memory_constants.hpp.
 
-The squared weights c_j(a)^2 of order a = b - 1 carry the factor 4^b B(b, b) = 2 sqrt(pi) Gamma(b) / Gamma(b +
-1/2), see engine/memory_nodes.hpp. Three steps of the recurrence of Gamma move the poles of this factor away
+The squared weights c_j(a)^2 of order a = b - 1 contain the factor 4^b B(b, b) = 2 sqrt(pi) Gamma(b) / Gamma(b
++ 1/2), see engine/memory_nodes.hpp. Three steps of the recurrence of Gamma move the poles of this factor away
 from the orders in use. What remains, 2 sqrt(pi) Gamma(b + 4) / Gamma(b + 7/2), is interpolated at Chebyshev
 points in arbitrary precision.
 """
@@ -30,7 +30,7 @@ def ratio(b: mpmath.mpf) -> mpmath.mpf:
 def fit(centre: mpmath.mpf, half: mpmath.mpf) -> list[mpmath.mpf]:
     """Interpolate `ratio` at the Chebyshev points of `centre` ± `half`.
 
-    Returns the coefficients of the polynomial, with that of the highest power first.
+    Returns the coefficients of the polynomial, the coefficient of the highest power first.
     """
     points = [mpmath.cos(mpmath.pi * (k + mpmath.mpf(1) / 2) / (DEGREE + 1)) for k in range(DEGREE + 1)]
     powers = mpmath.matrix([[t ** (DEGREE - i) for i in range(DEGREE + 1)] for t in points])

@@ -3,9 +3,9 @@
 It writes host/fltea/spectrum/null_constants.py.
 
 Periodogram ordinates of white noise are independent and exponential, so they are drawn directly, without time
-series. For each length of a record, the quantiles of the simulated likelihood ratios are taken. Each
-quantile, as a function of the length, is smoothed by a parabola (quantiles with a probability below 2 % by a
-straight line) in the logarithm of the number of ordinates. The host tests white noise against two
+series. The program computes the quantiles of the simulated likelihood ratios for each length of a record. It
+then smooths each quantile as a function of the logarithm of the number of ordinates: by a straight line if
+the quantile's probability is below 2 %, otherwise by a parabola. The host tests white noise against two
 alternatives. The board tests only against the first, so its test has quantiles of its own. The program takes
 some minutes on one core. Its figures may differ between machines in the last digit, because a fit stops as
 soon as the likelihood is flat.

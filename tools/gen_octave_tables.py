@@ -17,12 +17,13 @@ TAPS = (
     *(-4.962987862434643e-05, 0.0006422540255711147, -0.002734441417494108, 0.00802032401027231),
     *(-0.019227637930233975, 0.0415367046593286, -0.09122480814029417, 0.3130455274337019),
 )
-"""Coefficients of the half-band filter (firmware/core/engine/half_band.hpp) at the distances 15, 13, ..., 1.
+"""Coefficients of the half-band filter (firmware/core/engine/half_band.hpp) at the distances 15, 13, ..., 1
+from its centre.
 """
 
 
 def over_gain(line: int, level: int) -> float:
-    """Return 1 / power gain of all filters that the samples pass before `level`.
+    """Return 1 divided by the common power gain of all filters that the samples pass before `level`.
 
     The gain is that at FFT bin `line` of this level.
     """

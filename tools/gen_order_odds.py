@@ -3,9 +3,9 @@
 The program writes order_odds_constants.py into the folder of the module `order_odds`.
 
 Draws noises of each population of `tools.validation.odds.populations` at several lengths, runs the model
-search on each noise, and fits a logistic regression. In it, the noises of each population have the
-population's weight at each length, however many were drawn. This takes some ten minutes on two cores. The
-results for the drawn noises are stored, so that a second run only makes the fit.
+search on each noise, and fits a logistic regression. In this regression, all noises of a population together
+have the population's weight at each length, however many of them were drawn. This takes some ten minutes on
+two cores. The results for the drawn noises are stored, so that a second run only makes the fit.
 
 Usage: python -m tools.gen_order_odds [--series 600] [--kept build/order_odds.ndjson] [--print]
 """
@@ -50,9 +50,10 @@ def tasks(series: int) -> list[Task]:
 def fitted(rows: list[Row]) -> tuple[tuple[float, float], list[list[float]]]:
     """Return the fitted coefficients of the log odds, with their range of validity.
 
-    The range comes first: the smallest and largest number of ordinates among the noises.
+    The result is the range and then the coefficients. The range is the smallest and the largest number of
+    ordinates of the noises.
     """
-    # Leave out noises for which the model search gives no odds because they are nearly white.
+    # Leave out noises that are so nearly white that the model search gives no odds for them.
     rows = [row for row in rows if row["odds"] is not None]
     drawn = Counter((row["population"], row["samples"]) for row in rows)
     weight = np.array([POPULATIONS[r["population"]][1] / drawn[r["population"], r["samples"]] for r in rows])

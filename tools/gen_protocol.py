@@ -1,4 +1,4 @@
-"""Writes from protocol/messages.toml the C++ header, the Python module and the site's tables of bytes."""
+"""Writes C++ header, Python module and the site's tables of bytes, all from protocol/messages.toml."""
 
 import subprocess
 import sys

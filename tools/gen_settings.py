@@ -1,4 +1,4 @@
-"""Writes files with copies of the settings that are declared in host/fltea/settings.
+"""Writes two files with copies of settings that host/fltea/settings declares.
 
 These files are the board's header file with the filters' parameters, and the TOML file with all defaults,
 host/docs/reference/defaults.toml.
@@ -31,7 +31,7 @@ def cpp() -> str:
 
 
 def _constant(one: Declared) -> tuple[str, str, str, str]:
-    """Return a setting's meaning, C++ type, name and value."""
+    """Return the meaning, the C++ type, the name and the value of a setting."""
     words = one.path.split(".")[1:]
     name = "k" + "".join(word[0].upper() + word[1:] for part in words for word in part.split("_"))
     match one.default:

@@ -1,11 +1,12 @@
-"""The Cortex-M3: Unicorn runs the instructions.
+"""The emulated Cortex-M3 processor. The library Unicorn runs its instructions.
 
-This module implements exceptions, sleep, and the refusal of what the real chip does not tolerate.
+This module adds exceptions and sleep. It also ends the run if the program does what the real chip does not
+tolerate.
 
 Unicorn has no NVIC, so exceptions are entered and left by this code (ARMv7-M, B1.5). The program runs in
 slices (`execution`) that end where an exception is entered or left, or the processor sleeps. Every
-instruction takes one cycle, and an access to a peripheral takes a few cycles. This gives the program a clock;
-it does not claim to be the speed of a real processor.
+instruction takes one cycle, and an access to a peripheral takes a few cycles. These durations give the
+program a clock. A real processor has another speed.
 """
 
 import ctypes
@@ -25,9 +26,7 @@ from tools.due_emulator.nvic import Nvic, describe_exception
 from tools.due_emulator.system_control import SystemControl
 
 SLICE_INSTRUCTIONS = 50_000
-"""Largest number of instructions between two checks for signals. Emulating so many takes about a millisecond
-of real time.
-"""
+"""Largest number of instructions between two checks for signals; they take about 1 ms of real time."""
 
 EXCEPTION_EXIT = 8
 RETURN_TO_HANDLER, RETURN_TO_THREAD = 0xFFFF_FFF0, 0xFFFF_FFF8
@@ -105,9 +104,8 @@ class Cpu:
     def watch(self, on_block: Callable[[int, int], None] | None) -> None:
         """Call `on_block` at each block of code.
 
-        The arguments of `on_block` are the block's address and the number of instructions so far.
-
-        If `on_block` is None, the calls stop.
+        The arguments of `on_block` are the block's address and the number of instructions so far. If
+        `on_block` is None, the calls stop.
         """
         self._on_block = on_block
         if not self._restart:
@@ -116,10 +114,8 @@ class Cpu:
     def breakpoint(self, address: int | None, action: Callable[[], None] = lambda: None) -> None:
         """Call `action` whenever the instruction at `address` is about to run.
 
-        If `address` is None, remove the breakpoint.
-
         The action may let the program hang at this instruction (`hang`), set another breakpoint, or write to
-        memory.
+        memory. If `address` is None, the breakpoint is removed.
         """
         self._execution.breakpoint, self._on_breakpoint = address if address is not None else NOWHERE, action
         self._settle_speed()
@@ -133,9 +129,7 @@ class Cpu:
     def watch_data(self, address: int, kind: int, on_use: Callable[[int], None]) -> None:
         """Call `on_use` whenever an instruction uses a word of RAM, with that instruction's address.
 
-        The calls end at the next reset.
-
-        `kind`: UC_HOOK_MEM_READ or UC_HOOK_MEM_WRITE of Unicorn.
+        `kind`: UC_HOOK_MEM_READ or UC_HOOK_MEM_WRITE of Unicorn. The calls end at the next reset.
         """
         self._uc.hook_add(kind, lambda *_: on_use(self._execution.address), begin=address, end=address + 3)
         # While any breakpoint is set, the exact processor (execution.cpp) runs all instructions, so the
@@ -364,7 +358,7 @@ class Cpu:
         self._hand_over()
 
     def _drops_access(self, now_ps: int) -> bool:
-        """Advance time to that of an access. Return whether an earlier reset prevents it."""
+        """Advance time to the moment of an access. Return whether an earlier reset prevents the access."""
         self._pc = self._execution.address
         self._machine.advance_to(now_ps)
         if self._restart:

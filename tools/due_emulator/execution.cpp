@@ -62,7 +62,7 @@ bool in_flash(const Execution& e, uint64_t address, uint64_t bytes) {
     return address >= e.flash_base && address + bytes <= e.flash_base + e.flash_bytes;
 }
 
-// Whether the halfword is UDF, SVC, BKPT, or a hint such as WFI except NOP: these instructions end a slice,
+// Whether the halfword is UDF, SVC, BKPT, or a hint such as WFI, but not NOP. These instructions end a slice,
 // or may end it.
 bool is_special(uint16_t halfword) {
     const uint16_t high = halfword >> 8;
@@ -187,9 +187,9 @@ uint64_t hash_of_registers(const Execution& e) {
     return hash;
 }
 
-// Whether the loop that contains read number `i` only waits, without counting its iterations. That is so if,
-// since this instruction last read, another instruction has read a changed value, or no processor register
-// has changed.
+// Whether the loop that contains read number `i` only waits and does not count its iterations. The loop only
+// waits in two cases: since this instruction last read, another instruction has read a changed value, or
+// since then no processor register has changed.
 bool only_waits(Execution& e, uint64_t i) {
     if (e.recent_changes[i] != e.changes) return true;
     const uint64_t hash = hash_of_registers(e);
@@ -236,8 +236,8 @@ uint64_t access(Execution& e, uint64_t address, uint64_t size, const uint64_t* w
         e.limit = 0;
         return 0;
     }
-    // A read that changes the next event has started an action. It is no poll: time must not jump, because
-    // the code after the read may have little time until that event.
+    // A read after which another event is next has started an action, so the read is no poll. Time must not
+    // jump, because the code after the read may have little time until that event.
     if (written || e.next_event_ps != next_event_ps)
         e.recent_count = 0;
     else if (!e.dropped)

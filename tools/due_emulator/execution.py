@@ -1,8 +1,8 @@
-"""Runs slices of a program, which are runs of instructions without an exception, in C++.
+"""Runs slices of a program in C++. A slice is a sequence of instructions that no exception interrupts.
 
 `execution.cpp` explains how.
 
-The structs match those of `execution.hpp`.
+The structs in this module have the same fields as those of `execution.hpp`.
 """
 
 import ctypes
@@ -46,10 +46,10 @@ POLL_NEAR_PS = 25_000_000
 POLL_STEP_PS = 10_000_000
 """Constants of the rules for polls: reads by which the program waits, so that time may be skipped.
 
-A read is a poll if the same instruction was among the last few reads, nothing was written since, and the
-value is the same. After a poll, time jumps to the next event if the event is near, within about the time of a
-byte on a wire. Otherwise time advances by 10 us. Waiting is therefore cheap to emulate, and no event on a
-wire is delayed.
+A read is a poll if the same instruction made one of the last few reads, if it read the same value then, and
+if nothing was written since. After a poll, time jumps to the next event if the event is near, within about
+the time of a byte on a wire. Otherwise time advances by 10 us. Waiting is therefore cheap to emulate, and no
+event on a wire is delayed.
 
 A read in a loop that counts its iterations is no poll, because each count would then stand for more time.
 Such a loop is recognised because its registers change between iterations, although no value that was read
@@ -88,7 +88,7 @@ REFUSALS = (
     "division by {}, while CCR.DIV_0_TRP is set",
     "jump to an address without bit 0: the Cortex-M3 runs Thumb code alone",
 )
-"""Texts for the numbers of `Refusal` in refusals.hpp."""
+"""For each number of the enum `Refusal` in refusals.hpp: the text that says why the run ends."""
 
 ON_READ = ctypes.CFUNCTYPE(ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64)
 ON_WRITE = ctypes.CFUNCTYPE(None, ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64)

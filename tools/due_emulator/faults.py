@@ -18,7 +18,9 @@ from tools.due_emulator.bridge import seconds_to_ps
 LONGEST_S = 1e6
 """Longest accepted time [s]; longer times are probably mistakes."""
 NAMES = {"at_s": "at", "for_s": "for"}
-"""Names in the text of a fault, for fields that have another name in the class."""
+"""Some fields of a fault have another name in the fault's text than in the class: that name for each such
+field.
+"""
 
 Time = Annotated[float, msgspec.Meta(ge=0, le=LONGEST_S)]
 SomeTime = Annotated[float, msgspec.Meta(gt=0, le=LONGEST_S)]
@@ -73,8 +75,8 @@ class NackBurst(_Fault, frozen=True, tag="nack_burst"):
 class StaleByte(_Fault, frozen=True, tag="stale_byte"):
     """After each of the next `count` complete reads, an extra byte stays in the TWI's RHR.
 
-    If the program does not empty RHR before the next read, it takes the extra byte for the first byte of that
-    read.
+    RHR is the TWI's receive register. If the program does not empty RHR before the next read, it takes the
+    extra byte for the first byte of that read.
     """
 
     count: Annotated[int, msgspec.Meta(ge=1)] = 1

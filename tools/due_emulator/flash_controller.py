@@ -1,6 +1,6 @@
-"""EEFC0 and EEFC1: wait states, the chip's unique identifier, GPNVM bits (datasheet 18).
+"""The flash controllers EEFC0 and EEFC1 (datasheet 18): wait states, unique identifier, GPNVM bits.
 
-Erasing and programming are not modelled and end the run.
+Erasing and programming are not modelled. A command for them ends the run.
 """
 
 from collections.abc import Callable
@@ -13,7 +13,7 @@ KEY = 0x5A
 GET_DESCRIPTOR, GET_GPNVM, START_ID, STOP_ID = 0x00, 0x0D, 0x0E, 0x0F
 FRDY, FCMDE = 1, 2
 COMMAND_PS = 10 * PS_PER_US
-"""Duration that the emulation gives a command of the controller: a round number."""
+"""Time that a command of the controller takes in the emulation. It is a round number."""
 FASTEST_HZ = (19_000_000, 34_000_000, 53_000_000, 78_000_000, 90_000_000)
 """Highest master clock [Hz] that the flash tolerates with 0, 1, 2, 3 and 4 wait states. Each is the lower
 value of two sources.
@@ -24,8 +24,8 @@ sam3x8e.h (CHIP_FREQ_FWS_0 to 3) has 22.5, 34, 53 and 78 MHz.
 BOOT_FROM_FLASH = 0b010
 """GPNVM bit 1. If it is not set, the chip starts the program in ROM (datasheet 11.2)."""
 DESCRIPTOR = (0x000F_0950, BANK_BYTES, 256, 1, BANK_BYTES, 16, *[BANK_BYTES // 16] * 16)
-"""Words of the flash descriptor: FL_ID (not checked in a document), size, page size, number of planes, size
-of the plane, number of lock regions, size of each region [bytes].
+"""Words of the flash descriptor: FL_ID (this value was not checked in a document), size, page size, number of
+planes, size of the plane, number of lock regions, size of each region [bytes].
 """
 
 

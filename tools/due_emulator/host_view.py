@@ -19,8 +19,8 @@ CHUNK_BYTES = 64
 """Largest number of received bytes that wait to be decoded. So many are decoded even if no frame has ended.
 """
 MAX_GAP = 1 << 30
-"""Longest gap, in lost samples, after which the decoder does not begin a new epoch. It is so large that no
-gap begins one, and the samples of every gap are counted as lost.
+"""Longest gap, in lost samples, after which the decoder does not begin a new epoch (a new numbering of
+samples). It is so large that no gap begins one, and the samples of every gap are counted as lost.
 """
 
 

@@ -14,7 +14,7 @@ from tools.due_emulator.sensor_socket import SensorSocket
 from tools.due_emulator.wire import Wire
 
 FASTEST_HZ = 400_000
-"""Fast mode, the highest rate that the sensor supports (PS-MPU-9250A-01, 3.5)."""
+"""Clock rate of fast mode, which is the highest rate that the sensor supports (PS-MPU-9250A-01, 3.5)."""
 TOLERANCE = 0.01
 SHORTEST_PERIOD_PS = round(1e12 / (FASTEST_HZ * (1 + TOLERANCE)))
 
@@ -95,7 +95,7 @@ class I2cLines:
             self.socket.stop()
 
     def cut_off(self, sending: bool, byte: int, bits: int) -> None:
-        """Set the wires' state after a controller has stopped within a byte, with SCL high.
+        """Set the wires' state after a controller has stopped within a byte and has left SCL high.
 
         `bits` (0 to 7): number of the byte's bits that were transferred completely before.
 
@@ -235,7 +235,7 @@ class I2cLines:
     def _move(self, wire: Wire, who: str, level: bool | None) -> None:
         """Drive a wire from the sensor's side.
 
-        Such a change is not counted as a clock edge, START or STOP.
+        A change from the sensor's side is not counted as a clock edge, START or STOP.
         """
         self._sensor_moves = True
         wire.drive(who, level)

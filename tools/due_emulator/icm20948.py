@@ -62,7 +62,7 @@ _SOURCES = ((0x10, 0, 6), (0x02, 6, 8), (0x04, 8, 10), (0x08, 10, 12))
 class Icm20948(Chip):
     """A model of the ICM-20948 that was powered on long before time 0.
 
-    `world`: source of the motion. `fifo_bytes`: capacity of the FIFO.
+    `world`: object that says how the sensor moves at a given time. `fifo_bytes`: capacity of the FIFO.
     """
 
     fifo_register = FIFO_R_W
@@ -107,7 +107,7 @@ class Icm20948(Chip):
     def register(self, register: int) -> int:
         """Return the contents of a register without using the bus.
 
-        `register` is its number plus 256 times its bank.
+        `register`: the register's number plus 256 times the number of its bank.
         """
         return self._registers.get(register, 0)
 

@@ -84,8 +84,8 @@ class Machine:
         self.where: Callable[[], str] = lambda: ""
         """Function that returns where the program is, for the text of a fault, such as "at PC 0x00080123"."""
         self.interrupted = False
-        """Whether a signal has asked the emulator to end. All code that waits or runs for long checks this
-        often.
+        """Whether a signal has asked the emulator to end. All code that waits or runs for a long time checks
+        this value often.
         """
         self.now_ps = 0
         """Virtual time since power-up [ps]."""

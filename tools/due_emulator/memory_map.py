@@ -66,7 +66,10 @@ class Memory:
         return top - changed[0] if changed else 0
 
     def read(self, address: int, n: int) -> bytes | None:
-        """Return `n` bytes as a DMA controller reads them; None if there is no memory at the address."""
+        """Return the `n` bytes that a DMA controller reads at the address.
+
+        None if there is no memory at the address.
+        """
         for base, size, content in (
             (RAM_BASE, RAM_BYTES, self.ram),
             (FLASH_BASE, FLASH_BYTES, self.flash),

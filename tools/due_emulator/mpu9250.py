@@ -39,7 +39,8 @@ _SCALING = {reg.CONFIG, reg.GYRO_CONFIG, reg.ACCEL_CONFIG, reg.ACCEL_CONFIG_2, r
 class Mpu9250(Chip):
     """A model of the MPU-9250 or of a related chip that was powered on long before time 0.
 
-    `world`: source of the motion. `on_int(level, at_ns)`: called when the INT pin changes.
+    `world`: object that says how the sensor moves at a given time. `on_int(level, at_ns)`: called when the
+    INT pin changes.
     """
 
     fifo_register = reg.FIFO_R_W
@@ -134,7 +135,10 @@ class Mpu9250(Chip):
         self._begin(QUIET_NS, READY_NS)
 
     def become(self, who_am_i: int) -> None:
-        """Become another chip, as if from the beginning. This must be called before any other method."""
+        """Become another chip, as if that chip had been there from the beginning.
+
+        This method must be called before any other.
+        """
         self.variant = reg.variant_of(who_am_i)
         self._restore()
 

@@ -25,8 +25,8 @@ ACCEL_STD_G = 0.004
 """Standard deviation of the accelerometer's noise [g]: 300 ug/sqrt(Hz) over 184 Hz (PS-MPU-9250A-01, 3.2)."""
 ACCEL_PERIOD_NS = 1_000_000
 ACCEL_ROWS = 4099
-"""Number of rows of accelerometer noise, which repeat. It is a prime, so that the repetition matches no
-sampling rate.
+"""Number of rows of accelerometer noise. After the last row the noise begins again. The number is a prime, so
+that no sampling rate matches this repetition.
 """
 CELSIUS = 25.0
 NS_PER_S = 1_000_000_000
@@ -37,8 +37,8 @@ WITHOUT_MEANING = {
     "lsb_per_dps": "the emulated sensor quantises by the range that the program has set",
     "range_dps": "the program sets the emulated sensor's range",
 }
-"""Keys of `fltea.sources.synthetic` that cannot be used here because the board decides them, with the
-reasons.
+"""Keys of `fltea.sources.synthetic` that cannot be used here because the board decides their values. The
+value for each key is the reason.
 """
 
 
@@ -118,7 +118,10 @@ class Stepped:
 
 
 class Fractional(Stepped):
-    """Noise of known order: the values are exactly those of `fltea.sources.synthetic` before quantisation."""
+    """Noise of known order.
+
+    Its values are exactly those that `fltea.sources.synthetic` has before quantisation.
+    """
 
     def __init__(self, settings: NoiseSettings) -> None:
         super().__init__(settings.rate_hz, settings.seed)
@@ -158,7 +161,7 @@ class Replayed(Stepped):
 
 
 def fractional_world(query: str) -> Fractional:
-    """Return the motion for the text after `synthetic:`, such as `alpha=0.3&f=-1.5&seed=7`.
+    """Return the motion that is described by the text after `synthetic:`, such as `alpha=0.3&f=-1.5&seed=7`.
 
     Raises:
         UsageError: a key is unknown, has an impossible value, or does not apply to this board.

@@ -81,5 +81,5 @@ class Nvic:
 
 
 def describe_exception(exception: int) -> str:
-    """Return the name of an exception for people."""
+    """Return the name of an exception, for texts that people read."""
     return f"interrupt {exception - FIRST_IRQ}" if exception >= FIRST_IRQ else f"exception {exception}"

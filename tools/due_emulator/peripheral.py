@@ -37,7 +37,10 @@ class Peripheral:
         self._store_reset_values()
 
     def reset(self) -> None:
-        """Set the state after a reset of the chip. A subclass calls this method, and resets what it adds."""
+        """Set the state after a reset of the chip.
+
+        If a subclass overrides this method, the override calls it and also resets what the subclass adds.
+        """
         self._store_reset_values()
 
     def on_read(self, register: str) -> int:

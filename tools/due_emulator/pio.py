@@ -21,7 +21,8 @@ PROTECTED = {
 """Registers that WPMR protects (31.5.16)."""
 
 NEEDS_CLOCK = {"PDSR", "ISR", "IER"}
-"""Registers of sampled input levels and edges. Only these need the controller's clock (31.4.3)."""
+"""Registers for sampled input levels and for edges. No other register needs the controller's clock (31.4.3).
+"""
 
 
 class Pio(Peripheral):

@@ -13,8 +13,8 @@ RC_HZ = (4_000_000, 8_000_000, 12_000_000)
 CRYSTAL_COUNT, PLLA_COUNT = 8, 0x3F
 """Shortest start-up counts of the board's crystal and of the PLL, from the vendor's code (system_sam3xa.c).
 
-The count of the crystal is in units of 8 periods of the slow clock, that of the PLL in single periods. The
-true times differ from board to board.
+The crystal's count is in units of 8 periods of the slow clock. The PLL's count is in single periods. The true
+start-up times differ from board to board.
 """
 MCK_MAX_HZ = 84_000_000
 PLLA_OUTPUT_HZ = (96_000_000, 192_000_000)
@@ -95,7 +95,8 @@ class Pmc(Peripheral):
     def on_read(self, register: str) -> int:
         """Read a register.
 
-        Only CKGR_MCFR does not give its stored value, but the measured main clock, which is always ready.
+        A read of CKGR_MCFR returns the measurement of the main clock, which is always ready. All other reads
+        return the stored value.
         """
         if register == "CKGR_MCFR":
             return 1 << 16 | self._main_hz() * 16 // SLOW_CLOCK_HZ

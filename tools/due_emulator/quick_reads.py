@@ -11,11 +11,11 @@ NONE, WORD, COUNTER = range(3)
 
 
 class QuickRegister(ctypes.Structure):
-    """A register that either holds a value, or counts cycles of a clock.
+    """A register of one of two kinds: it has a fixed value, or it counts the cycles of a clock.
 
-    A register that holds has the value `value`; while one of the bits `cleared` is set in it, a read has a
-    side effect, and Python performs it. The value of a register that counts is `from_cycles` plus the number
-    of cycles, of the frequency hz / divider, since `from_ps`; all modulo `period`.
+    If the value is fixed, it is `_value`. If one of the bits `_cleared` is set in this value, a read would
+    clear these bits, so Python performs the read. If the register counts, its value at the time `_from_ps` is
+    `_from_cycles`. It then grows with the frequency `_hz` / `_divider`. The count is taken modulo `_period`.
     """
 
     _fields_ = tuple(
@@ -27,11 +27,11 @@ class QuickRegister(ctypes.Structure):
     )
 
     def hold(self, value: int, cleared: int) -> None:
-        """Let the register hold a value; `cleared`: the bits that a read clears."""
+        """Give the register a fixed value. `cleared`: the bits of the value that a read clears."""
         self._value, self._cleared, self._kind = value, cleared, WORD
 
     def count(self, from_ps: int, from_cycles: int, rate_hz: tuple[int, int], period: int) -> None:
-        """Let the register count from `from_cycles` at `from_ps`, modulo `period`."""
+        """Make the register count modulo `period`. At the time `from_ps` its value is `from_cycles`."""
         self._from_ps, self._from_cycles, self._period = from_ps, from_cycles, period
         self._hz, self._divider = rate_hz
         self._kind = COUNTER

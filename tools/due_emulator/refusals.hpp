@@ -1,7 +1,7 @@
 // Instructions that a Cortex-M3 refuses and Unicorn does not (ARMv7-M; A5 for the encodings). The emulator
 // has two Unicorn instances. For the exact one, each instruction is checked (`need_of`). For the fast one,
-// each block of code is examined once: `AddressNeeds` finds which registers have to hold multiples of 4 at
-// the beginning of the block, or that this cannot be decided.
+// `AddressNeeds` examines each block of code once. It finds which registers have to hold multiples of 4 at
+// the beginning of the block, or it finds that this cannot be decided.
 #pragma once
 #include <cstdint>
 #include <cstring>
@@ -20,7 +20,7 @@ enum Refusal : uint64_t {
 constexpr unsigned kSp = 13;
 constexpr unsigned kPc = 15;
 
-// A reason why an instruction may be refused, and the register whose value decides whether it is.
+// A reason why an instruction may be refused, and the register whose value decides whether it is refused.
 struct Need {
     Refusal refusal;
     unsigned on;  // number of the register
@@ -94,13 +94,14 @@ class AddressNeeds {
 
     // Bit i is 1 if register i must hold a multiple of 4 at the beginning of the block.
     uint16_t aligned() const { return aligned_; }
-    // Whether the needs of the block cannot be decided: an address may come from elsewhere than a register at
-    // the block's beginning, or the block has an instruction that a Cortex-M3 does not know.
+    // Whether the block's needs cannot be decided. This is so if an address may not come from the value that
+    // a register has at the block's beginning, or if the block has an instruction that a Cortex-M3 does not
+    // know.
     bool unknown() const { return unknown_; }
 
   private:
-    // origin of a value that is a multiple of 4; it is PC's number because PC as a base address is such a
-    // value
+    // origin of a value that is a multiple of 4. The origin has PC's number, because PC as a base address is
+    // a multiple of 4.
     static constexpr unsigned kMultiple = kPc;
     static constexpr unsigned kElsewhere = 16;
 

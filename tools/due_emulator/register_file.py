@@ -17,8 +17,8 @@ REFUSED = {
     ("DMAC", "EN"): 0x01,
     ("EMAC", "NCR"): 0x0C,
 }
-"""By peripheral and register: bits that would start functions that are not modelled. Writing them ends the
-run.
+"""For each peripheral and register: the bits that would start functions that are not modelled. Writing such a
+bit ends the run.
 """
 SUPC_KEY, SUPC_KEYED = 0xA5, ("CR", "MR")
 USB_CTRL_ENABLED, USB_CTRL_FROZEN, USB_CLOCK_USABLE = 1 << 15, 1 << 14, 1 << 14

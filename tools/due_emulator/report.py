@@ -17,7 +17,7 @@ def make_report(
     error: str | None,
     notes: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """Return the report of a run as a dict.
+    """Return the report of a run as a dictionary.
 
     `wall_s`: real duration of the run; None if it ran in real time. `error`: why the run ended early; None if
     it did not.

@@ -18,7 +18,7 @@ class SensorSocket:
         self.chip = chip
         self.int_wire = Wire(machine, "the sensor's INT pin")
         self.nacks_left = 0
-        """Number of bytes, from the next one on, that the sensor will not acknowledge."""
+        """The sensor will not acknowledge the next so many bytes."""
         self.nack_until_ps = 0
         """Time until which no byte is acknowledged [ps]."""
         self._alarm = Alarm(machine, self._on_event)

@@ -198,8 +198,8 @@ class Timer(Peripheral):
     def clock_id(self, register: str) -> int | None:
         """Return the identifier of the clock that a register needs.
 
-        For a register of a channel it is that of the channel, for a register of the whole timer that of the
-        first channel.
+        A register of a channel needs the channel's clock. A register of the whole timer needs the first
+        channel's clock.
         """
         assert self.table.irq is not None
         return self.table.irq + (int(register[-1]) if register[-1].isdigit() else 0)

@@ -66,4 +66,5 @@ class Trng(Peripheral):
         self.registers["ODATA"] = int(self._rng.integers(1, 1 << 32))
         self.registers["ISR"] = DATRDY
         self.settle_irq()
-        # The real generator replaces a word that was not read; here the next word is made when one is read.
+        # The real generator replaces a word that was not read. Here the next word is generated only when a
+        # word is read.

@@ -66,8 +66,8 @@ class Twi(Peripheral):
         self._remains: int | None = None
         """The byte that stayed in THR because a write was not acknowledged, or None."""
         self._on_line: tuple[bool, int, int] | None = None
-        """The byte that is on the wires, or None: whether the sensor sends it, its value, and its start
-        [ps].
+        """The byte that is on the wires: whether the sensor sends it, its value, and the time at which it
+        started [ps]. None if no byte is on the wires.
         """
         self._transfer: Transfer | None = None
         self._waiting = self._stalled = False
@@ -88,7 +88,7 @@ class Twi(Peripheral):
 
     @property
     def half_bits_s(self) -> tuple[float, float]:
-        """Times for which SCL is low and high in a bit, as CWGR sets them (33.11.5) [s]."""
+        """Time for which SCL is low in a bit, and time for which it is high (33.11.5, CWGR) [s]."""
         ckdiv, mck_hz = self.field("CWGR", "CKDIV"), self.machine.mck_hz
         low, high = (((self.field("CWGR", name) << ckdiv) + 4) / mck_hz for name in ("CLDIV", "CHDIV"))
         return low, high
@@ -100,7 +100,10 @@ class Twi(Peripheral):
 
     @property
     def load_ps(self) -> int:
-        """`busy_ps` plus the time since the present transfer began."""
+        """Total time for which transfers have held the bus [ps].
+
+        Unlike `busy_ps`, this time includes the present transfer.
+        """
         running = self.machine.now_ps - self._begun_ps if self._transfer is not None else 0
         return self.busy_ps + running
 
@@ -253,7 +256,7 @@ class Twi(Peripheral):
     def _anticipate(self) -> Transfer:
         """After the program has read the last byte, receive the idle level of the bus as one more byte.
 
-        The real controller can do so too: because of it, the Linux driver empties RHR.
+        The real controller can receive such a byte, too. This is why the Linux driver empties RHR.
         """
         while self.registers["SR"] & RXRDY:
             yield None
@@ -315,8 +318,8 @@ class Twi(Peripheral):
             bits = next(self._transfer)
         except StopIteration:
             return
-        # Only two kinds of waits can be ended early by an access of the program: None, which has no other
-        # end, and LAST_BIT.
+        # An access of the program can end two kinds of waits early: LAST_BIT, and None, which nothing else
+        # can end.
         self._waiting = bits in (None, LAST_BIT)
         if bits is not None:
             self._alarm.set(self._ps(bits))

@@ -22,7 +22,7 @@ class Line(Protocol):
     """Destination of transmitted bytes."""
 
     def send(self, byte: int, at_ps: int, baud: float) -> None:
-        """Receive a byte at the end of its stop bit; `at_ps` is that time, `baud` the true baud rate."""
+        """Receive a byte at the end of its stop bit. `at_ps`: time of that end. `baud`: true baud rate."""
 
 
 # Over 12 attributes: each is one register, wire or deadline of the modelled peripheral.

@@ -73,8 +73,8 @@ class Watchdog(Peripheral):
             self._fail(WDERR)
         else:
             self._fed_ps = self._clock_ps()
-            # An alarm that is set already goes off too early now, and `_look` then sets it for the remaining
-            # time.
+            # If an alarm is set already, it goes off too early now. `_look` then sets it again for the
+            # remaining time.
             if not self._alarm.is_set:
                 self._wait()
 

@@ -5,8 +5,8 @@
      make faults ARGS='--only disk --only clock' only faults with one of these words in their names
      make faults ARGS='daemon --long'            minutes in place of seconds, as the tables of host/*.md
 
-Exit code 1: some records are not accounted for, or a fault did not lead to what is expected of it.
-The row of a fault that cannot be played on this machine says why, and has no records.
+Exit code 1: some records are not accounted for, or a fault did not have the expected outcome. If a fault
+cannot be played on this machine, its row of the table says why, and has no records.
 """
 
 import argparse
@@ -78,7 +78,7 @@ def main() -> int:
 def played(
     parts: list[str], words: list[str], *, short: bool, image: Path | None
 ) -> Iterator[tuple[str, str, Outcome]]:
-    """Yield part, name and outcome of each fault whose name contains one of the words.
+    """Yield the part, the name and the outcome of each fault whose name contains one of the words.
 
     If no words are given, all faults are caused.
     """
@@ -88,8 +88,8 @@ def played(
         for case in cases:
             try:
                 yield part, case.name, playing[case.name].result()
-            # Go on after `Skip`: the other faults may not need the program or permission that is missing
-            # here.
+            # After `Skip`, go on with the other faults: they may not need the program or permission that is
+            # missing on this machine.
             except Skip as why:
                 yield part, case.name, Outcome([], 0, {}, more=f"{NOT_PLAYED}: {why}")
 

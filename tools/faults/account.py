@@ -11,7 +11,7 @@ from tools.faults.outcome import LOST
 from tools.faults.program import Program
 
 Sample = tuple[Any, int]
-"""A sample, given by its source, such as a board's name, and its number at that source."""
+"""A sample, identified by its source (such as a board's name) and by its number at that source."""
 Record = dict[str, Any]
 
 
@@ -28,7 +28,9 @@ class Heard(NamedTuple):
 
 
 class Account(NamedTuple):
-    """The samples that were due: their number, and how many of them were delivered, lost and so on (`where`).
+    """Numbers of samples.
+
+    `due`: number of samples that were due. `where`: how many of these were delivered, lost and so on.
 
     `wrong`: a text for each contradiction that was found.
     """
@@ -66,7 +68,7 @@ def account(
     """Compare what the programs reported with the samples that were due.
 
     `excused`: due samples that no program can count as lost if they are not delivered. `excuse`: the reason
-    why no program can know of them.
+    why no program can know of these samples.
     `once`: each sample may be delivered only once, and counted as lost only once.
     """
     delivered, lost = Counter[Sample](), Counter[Sample]()
@@ -115,9 +117,10 @@ def wrong_ends(program: Program) -> list[str]:
 def wrong_sums(records: Sequence[Record]) -> list[str]:
     """Return a text for each output whose counts are wrong.
 
-    For each output, the written, dropped and queued records together must be as many as were published.
+    For each output, the numbers of written, dropped and queued records must add up to the number of published
+    records.
 
-    The count may be smaller by the number of error records, because another thread may publish one meanwhile.
+    The sum may be too small by the number of error records, because another thread may publish one meanwhile.
     """
     last = max((k for k, record in enumerate(records) if record["class"] == "stats"), default=None)
     outputs = {} if last is None else records[last].get("outputs", {})

@@ -1,6 +1,6 @@
-"""Causes every kind of fault of sensor, bus, wires and board, in one run of the emulated Due for each.
+"""Causes every kind of fault of sensor, bus, wires and board. For each fault the emulated Due runs once.
 
-Times are virtual, so two reports on the same firmware image are equal.
+Times are virtual, so a second report on the same firmware image is equal to the first.
 """
 
 from dataclasses import replace

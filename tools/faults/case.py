@@ -32,7 +32,7 @@ class Case(NamedTuple):
 def play(case: Case, **how: Any) -> Outcome:
     """Cause a fault in a folder of its own, and compare its outcome with the expected outcome.
 
-    A difference from the expected outcome counts as wrong, and so does an exception.
+    A difference from the expected outcome counts as an error, and so does an exception.
 
     `how`: options of `Stage`.
 
@@ -57,7 +57,7 @@ def play(case: Case, **how: Any) -> Outcome:
 def play_all(cases: Sequence[Case], *, at_once: int, **how: Any) -> dict[str, "Future[Outcome]"]:
     """Cause several faults, `at_once` of them at the same time.
 
-    Several can run at once, because they mostly wait and need little processor time.
+    Several faults can run at once, because they mostly wait and need little processor time.
 
     Return the futures of the outcomes, by the names of the faults.
     """

@@ -1,4 +1,4 @@
-"""A connection to a server that can be cut: both ends stay open, and no data passes."""
+"""A connection to a server that a caller can cut. Both ends then stay open, and no data passes."""
 
 import contextlib
 import socket
@@ -10,9 +10,9 @@ CHUNK = 1 << 16
 class CutLine:
     """A TCP port of this machine that forwards connections to another port.
 
-    While the connection is cut, neither end notices it. Data that one end sends wait here, like packets that
-    are sent again and again. The news that one end has closed waits in the same way. A new connection gets no
-    answer.
+    While the connection is cut, neither end notices it. Data that one end sends wait in this object, like
+    packets that are sent again and again. If one end closes the connection, the other end does not learn it
+    before the data pass again. A new connection gets no answer.
 
     `port`: the port that clients connect to. `to`: the port to which their data are forwarded.
     """

@@ -1,6 +1,6 @@
 """Runs the daemon on a simulated board's port.
 
-What the daemon has written is compared with what the board has sent.
+The functions compare what the daemon has written with what the board has sent.
 """
 
 import contextlib
@@ -90,7 +90,7 @@ class Scene:
     def finish(self, *, after: int = AFTER) -> None:
         """Send `after` more samples, and end the program that was started last.
 
-        Before its end, wait until it has received the last sample.
+        Before the program's end, wait until it has received the last sample.
         """
         self.board.send(after)
         i, k = max(self.board.arrived())
@@ -148,7 +148,9 @@ class Scene:
 def samples_of(
     board: Board, programs: Sequence[Sequence[Record]], *, excuse: str = "", line_is_known: bool = True
 ) -> Account:
-    """Account for each sampling instant of a board, identified by its boot and its number in that boot.
+    """Account for each sampling instant of a board.
+
+    An instant is identified by its boot and its number in that boot.
 
     `programs`: the records of the programs that listened, one after another. `excuse`: why no program can
     know of some samples at the beginning or the end of a boot that were not delivered. If it is empty, there
@@ -203,7 +205,7 @@ def check_totals(records: Sequence[Record]) -> list[str]:
 def faults_of(programs: Sequence[Program], board: Board) -> list[str]:
     """Return the kinds of errors that programs reported.
 
-    The kind `silent` is left out if the board really was silent for that long.
+    The kind `silent` is left out if the board really was silent for so long that a program has to report it.
     """
     was_silent = board.longest_silence_s > SILENCE_S - 1
     kinds = (kind for program in programs for kind in program.errors())
@@ -269,8 +271,8 @@ def lost_by_outputs(program: Program, but: str = "") -> list[str]:
 def time_stamps_off_ms(program: Program, *epochs: int) -> dict[str, float]:
     """Return by how much the difference between host time and device time varies within an epoch [ms].
 
-    The result is the largest minus the smallest of these differences, for the one of the epochs where it is
-    largest.
+    For each epoch, the smallest difference is subtracted from the largest. The result is the greatest of
+    these values.
     """
     spreads = []
     for epoch in epochs:

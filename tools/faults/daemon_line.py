@@ -31,7 +31,7 @@ DUE = "USB VID:PID=2341:003D SER=75230303 LOCATION=1-1"
 def replug(stage: Stage) -> Outcome:
     """Unplug the board and plug it in again.
 
-    After that the link, like a link that udev makes, points to another port.
+    When the board is plugged in again, the link (like a link that udev makes) points to another port.
     """
     scene = Scene(stage)
     _unplug_and_plug(scene)
@@ -62,8 +62,8 @@ def _unplug_and_plug(scene: Scene, show: Callable[..., None] = lambda *devices: 
     `show`: makes ports of these names known to the daemon.
     """
     with scene.fault() as board:
-        # Wait until the daemon has all samples, since the port's buffer may still contain bytes, which
-        # unplugging would lose.
+        # Wait until the daemon has all samples. The port's buffer may still contain bytes, and these would be
+        # lost when the board is unplugged.
         scene.program.wait_for_sample(board.boots[-1].boot_id, board.boots[-1].due - 1)
         board.begin_frame()
         # Hide the port before the unplugging, since the system then gives its name to the next new port of
@@ -130,7 +130,7 @@ def another_reader(stage: Stage) -> Outcome:
     def steal() -> None:
         nonlocal stolen
         while not stop.is_set():
-            # The thread wakes up at the same time as the daemon, when bytes arrive.
+            # When bytes arrive, this thread wakes up at the same time as the daemon.
             select.select([thief], [], [], 0.01)
             with contextlib.suppress(BlockingIOError):
                 stolen += len(os.read(thief, 64))
@@ -138,8 +138,8 @@ def another_reader(stage: Stage) -> Outcome:
     thread = threading.Thread(target=steal)
     with scene.fault() as board:
         thread.start()
-        # These are fewer samples than `link.max_gap`, so no new epoch begins even if the daemon gets none of
-        # them.
+        # The other program reads during so few samples (fewer than `link.max_gap`) that no new epoch begins
+        # even if the daemon gets none of them.
         board.send(80)
         stop.set()
         thread.join()
@@ -281,7 +281,7 @@ def _flip(data: bytes, rng: random.Random) -> bytes:
 
 
 def _write_to(path: Path, data: bytes) -> None:
-    """Write as ModemManager does: open, configure the port, write."""
+    """Write to the port as ModemManager does: open the port, configure it, and write."""
     fd = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
     try:
         termios.tcsetattr(fd, termios.TCSANOW, termios.tcgetattr(fd))

@@ -1,6 +1,6 @@
 """Faults of the daemon's outputs.
 
-The output with the fault may lose records if it counts them, but no other output may lose any.
+The output with the fault may lose records if it counts the lost records. No other output may lose any.
 """
 
 import math

@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 from tools.faults.outcome import LOST, Outcome
 
 Bounds = float | tuple[float, float] | None
-"""What is expected of a number: a value, or a smallest and largest value, or None if the number depends on
-the machine's speed.
+"""The expected value of a number, or its smallest and largest permitted value, or None if the number depends
+on the machine's speed.
 """
 SOME = (1, math.inf)
-"""Bounds of a number that depends on the machine's speed, but is not 0."""
+"""Bounds of a number that depends on the machine's speed, but must not be 0."""
 
 
 @dataclass(frozen=True)

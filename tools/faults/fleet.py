@@ -62,7 +62,7 @@ def split(stage: Stage, *, seconds: float, lasts: bool) -> Outcome:
 def cut_off(stage: Stage) -> Outcome:
     """Cut only the connection between fleet and broker, until the fleet has reported the loss.
 
-    The report comes after one to two keepalive periods of 15 s.
+    The fleet reports the loss after one to two keepalive periods of 15 s.
     """
     scene = FleetScene(stage, behind_line=True)
     scene.publish(1)
@@ -76,7 +76,7 @@ def cut_off(stage: Stage) -> Outcome:
 
 
 def _after_split(scene: FleetScene, *wrong: tuple[bool, str]) -> Outcome:
-    """Check that all delayed fits arrive, or at least the newest fits, which the broker retains.
+    """Check that all delayed fits arrive, or at least the newest fit of each axis, which the broker retains.
 
     Return the outcome.
     """
@@ -87,8 +87,8 @@ def _after_split(scene: FleetScene, *wrong: tuple[bool, str]) -> Outcome:
         f"{scene.newest()} of {SENSORS * AXES} axes have their newest fit",
         *wrong,
         (("the broker is back." in scene.fleet.stderr) != bool(outages), "its return"),
-        # At most the fits since the first round can be replaced: the fleet received the first round before,
-        # and no fit is replaced while the fleet is connected.
+        # Only fits after the first round can be replaced by newer ones: the fleet has received the first
+        # round, and no fit is replaced while the fleet is connected.
         (
             not 0 <= replaced <= (scene.fits - SENSORS if outages else 0),
             f"{found['fits']} of {scene.fits} fits",

@@ -99,7 +99,10 @@ class FleetScene:
         return sum(row["samples"] == self.turn for row in self._ask("table?count=500")["rows"])
 
     def rows(self) -> int:
-        """Return the number of rows in the fleet's history; 0 before the file of the history is made."""
+        """Return the number of rows in the fleet's history.
+
+        Return 0 if the file of the history does not exist yet.
+        """
         assert self._folder is not None
         with contextlib.closing(sqlite3.connect(self._folder / HISTORY, timeout=5)) as database:
             return int(database.execute("SELECT count(*) FROM fit").fetchone()[0])

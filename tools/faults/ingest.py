@@ -79,9 +79,9 @@ def worker_cut_off(stage: Stage) -> Outcome:
 
 
 def clock_jumps(stage: Stage, *days: int) -> Outcome:
-    """Set a worker's clock ahead several times, then kill the worker.
+    """Set a worker's clock ahead of the true time several times, then kill the worker.
 
-    `days`: numbers of days by which the clock is ahead, one after the other.
+    `days`: for each time that the clock is set, the number of days by which it is then ahead.
     """
     scene, wrong = nats_scene(stage), []
     for ahead in days:
@@ -150,7 +150,7 @@ def server_killed(stage: Stage, *, nats: bool, away_s: float, qos: int = 1) -> O
 
 
 def cut_off(stage: Stage) -> Outcome:
-    """Cut the network between program and broker until the program has reported it.
+    """Cut the network between program and broker until the program has reported the loss of the broker.
 
     The boards keep sending.
     """
@@ -228,7 +228,8 @@ NATS_PERHAPS = PERHAPS | {"nats_lost", "nats_back"}
 def _nats(reported: frozenset[str], *, lost: Bounds = 0, perhaps: frozenset[str] = PERHAPS) -> Expected:
     """Return the expected outcome of a fault of NATS.
 
-    Any number of excused records is allowed, since the output of a program may drop records, which it counts.
+    Any number of excused records is allowed, since the output of a program may drop records. The output
+    counts the dropped records.
     """
     return Expected(reported, perhaps=perhaps, lost=lost, excused=None)
 

@@ -39,7 +39,7 @@ OF_NATS = {
 class Boards:
     """Boards that repeatedly publish messages with a second of samples.
 
-    All publish from one thread and over one connection.
+    All boards publish from one thread and over one connection.
 
     `qos`: with 1, messages that were not acknowledged are sent again. Messages are then sent one at a time,
     because after an outage the MQTT library would change the order of several unacknowledged messages.
@@ -75,7 +75,7 @@ class Boards:
             self.seconds += 1
 
     def _next(self, *, acknowledged: bool = False) -> None:
-        """Send messages that wait.
+        """Send messages that wait to be sent.
 
         With QoS 0 send all of them, otherwise one, if all earlier ones are acknowledged.
 
@@ -134,8 +134,8 @@ class Scene:
     def until_all_by(self, *workers: Program, since: int = 0) -> None:
         """Wait until these workers have processed new samples of all boards.
 
-        New samples are those with numbers from `since` on. A board counts if any of the workers has processed
-        one.
+        New samples are those with numbers from `since` on. For each board it is enough that one of the
+        workers has processed such a sample.
         """
         names = set(self.boards.names)
         wait_until(
@@ -174,7 +174,7 @@ def samples_of(
 ) -> Outcome:
     """Return what became of the first `published` samples of each board.
 
-    The records that the workers wrote show it.
+    This function reads it from the records that the workers wrote.
     """
 
     def sample(record: dict[str, object]) -> Sample:

@@ -47,6 +47,6 @@ def open_page_and_read_nothing(url: str) -> socket.socket:
 
 
 def connections(pid: int, port: int) -> int:
-    """Return how many established connections a process has at one of its TCP ports."""
+    """Return how many established connections a process has on one of its TCP ports."""
     rows = [line.split() for line in Path(f"/proc/{pid}/net/tcp").read_text().splitlines()[1:]]
     return sum(row[1].endswith(f":{port:04X}") and row[3] == "01" for row in rows)

@@ -47,10 +47,10 @@ class Boot:
 class Board:
     """A board that samples at 100 Hz of real time, with HELLO and STATUS once a second.
 
-    Its methods send in the caller's thread, and wait for the times of the board's clock. `streams`: bytes
-    sent, for each time that the board was plugged in. `dropped`: number of frames that were lost because the
-    port was full. `longest_silence_s`: longest time without sending while the board was plugged in. It may be
-    long because a busy system lets this process wait.
+    Its methods send in the caller's thread, and wait until the board's clock reaches each sampling instant.
+    `streams`: bytes sent, for each time that the board was plugged in. `dropped`: number of frames that were
+    lost because the port was full. `longest_silence_s`: longest time without sending while the board was
+    plugged in. This time may be long because a busy system lets this process wait.
     """
 
     def __init__(self, link: Path, seed: int = 1) -> None:

@@ -8,8 +8,8 @@ from pathlib import Path
 
 SIZE = "4m"
 WHERE_FULL, WHERE_LIMITED = "disk_full", "record_failed"
-"""Kind of the error that a program has to report if its file system is full, and if the size of its files is
-limited.
+"""Kinds of errors: the first is what a program has to report if its file system is full, the second if the
+size of its files is limited.
 """
 
 

@@ -52,7 +52,7 @@ class Stage(contextlib.ExitStack):
         return program
 
     def daemon(self, *arguments: str | Path, **how: Any) -> Program:
-        """Start `fltea run` with settings by which it reports every sample, and begins to estimate early."""
+        """Start `fltea run` with settings that make it report every sample and begin to estimate early."""
         return self.program("run", "--samples", *QUICK, *arguments, **how)
 
     def board(self, seed: int = 1) -> Board:
