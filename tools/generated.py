@@ -4,9 +4,9 @@
   python -m tools.generated gen_protocol the files of the named writers
   python -m tools.generated --check            writes nothing; names the files that differ, exit code 1
 
-A writer is a module with SOURCE, which names the source of its files, and a function `outputs`, which gets
-the repository's root and returns the path of each file and its text. The id of the firmware's sources is
-written last, because it depends on other generated files.
+A writer is a module with the constant SOURCE and the function `outputs`. SOURCE names the source of the
+writer's files. `outputs` gets the repository's root, and returns the path and the text of each file. The id
+of the firmware's sources is written last, because it depends on other generated files.
 """
 
 import argparse

@@ -46,8 +46,8 @@ class Sent(NamedTuple):
 
     Attributes:
         instant: Number of the sampling instant since the boot at which it is sent. message: The message.
-        sequence: Number of the message among the messages of its type in this boot, modulo 2**16. device_us:
-        Time since the boot [us], modulo 2**32.
+        sequence: Number of the message, counted separately for each type of message and each boot, modulo
+        2**16. device_us: Time since the boot [us], modulo 2**32.
     """
 
     instant: int
@@ -75,14 +75,14 @@ class MadeUpBoard:
 
     Attributes:
         hello: The HELLO that the board sends. status: The STATUS that it sends after HELLO, or None if it
-        sends none. instant: Number of sampling instants since the boot. If a caller increases it, the board
-        skips the samples between.
+        sends none. instant: Number of sampling instants since the boot. If a caller increases this number,
+        the board skips the samples between the old and the new number.
 
     Args:
         hello: As the attribute. status: As the attribute. rate_hz: Sampling rate [Hz]; None for the rate that
         `hello` states. pace: Ratio of the true sampling period to the nominal period. first: Number of the
         first SAMPLE. own: The estimator that the board runs; None if the board does not estimate. own_late:
-        Number of sampling instants by which the estimates of a sample are sent later than the sample.
+        The estimates of a sample are sent this number of sampling instants after the sample.
     """
 
     def __init__(
@@ -177,7 +177,7 @@ class MadeUpBoard:
     def _estimates(self, gyro: Sequence[int] | None) -> list[wire.Estimate]:
         """Compute the estimates of this instant's sample, and return the estimates that are due now.
 
-        Those may be of earlier samples.
+        The estimates that are due now may be of earlier samples.
         """
         if self._own is None:
             return []

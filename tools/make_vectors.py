@@ -1,9 +1,9 @@
 """Writes good.txt, bad.txt and streams.txt of protocol/vectors (formats: protocol/README.md, "Vectors").
 
-The vectors are used to test fltea's own code, so no code of fltea or of the generator makes them. COBS comes
-from a library of PyPI, CRC-32 from zlib, and the layouts from the text whose hash is the schema hash, which
-is typed by hand (schema.txt). A mistake in `protocol/messages.toml`, in the generator or in schema.txt
-therefore leads to another hash or to other bytes.
+The vectors test fltea's own code, so neither code of fltea nor the code generator makes them. COBS comes from
+a library of PyPI, and CRC-32 from zlib. The layouts come from schema.txt, a text that is typed by hand. Its
+hash is the schema hash. A mistake in `protocol/messages.toml`, in the generator or in schema.txt therefore
+leads to another hash or to other bytes.
 """
 
 import math
@@ -24,7 +24,7 @@ CODES = {"u8": "B", "u16": "H", "u32": "I", "i16": "h", "f32": "f", "bytes16": "
 
 
 def layouts() -> dict[int, list[tuple[str, str]]]:
-    """Return the name and type of each field, in the order on the wire, for each type byte."""
+    """Return, for each type byte, the names and types of the fields, in their order on the wire."""
     found: dict[int, list[tuple[str, str]]] = {}
     fields: list[tuple[str, str]] = []
     for line in SCHEMA.splitlines():
@@ -291,7 +291,7 @@ FUTURE = frame(HELLO, 4, 5, struct.pack("<BBI10x", 2, 0, 1))
 ONE, TWO, THREE = sample(1, 10_000), sample(2, 20_000), sample(3, 30_000)
 # The first twelve bytes of `TWO` end with the COBS code 04 and two of the three bytes that this code
 # announces. If another frame follows, a decoder takes that frame's first code, 03, for the third of these
-# bytes, and the following byte, 02, for a code. So COBS finds no error, and only the CRC can.
+# bytes, and the following byte, 02, for a code. COBS therefore finds no error. Only the CRC can find it.
 CUT = TWO[:12]
 # A frame of 26 bytes without a zero, so that the encoded block consists of the code 0x1B and these bytes.
 SOLID = frame(SAMPLE, 0x0101, 0x7F7F7F7F, b"\x7f" * 15)

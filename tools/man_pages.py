@@ -19,7 +19,9 @@ from tools.generated import TEMPLATES, rendered
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = "For example:"
 METAVARS = {"<str>": "WORD", "<int>": "N", "<float>": "NUMBER"}
-"""For each of Typer's placeholders for a value without a name: the word that man pages print instead."""
+"""Typer prints a placeholder for a value that has no name. For each such placeholder: the word that man pages
+print instead.
+"""
 COMPLETIONS = {"bash": "bash/fltea", "zsh": "zsh/_fltea", "fish": "fish/fltea.fish"}
 """For each shell: name of its file below the folder of completions, as the shell expects it."""
 

@@ -55,14 +55,19 @@ Users = Callable[[str], list[str]]
 
 
 class Plan(NamedTuple):
-    """What to run: ruff and clang-format on files, mypy on folders and files, pytest on tests."""
+    """What to check, and with which program.
+
+    ruff and clang-format check files, mypy checks folders and files, and pytest runs tests.
+    """
 
     python: list[str]
     cxx: list[str]
     types: list[str]
     tests: list[str]
     left_out: list[str]
-    """Helper modules whose tests are left out, because too many tests use them."""
+    """Changed helper modules that more than MOST_USERS test files use. `make near` does not run these test
+    files.
+    """
 
 
 def plan(files: Iterable[str], gone: Iterable[str] = (), users: Users = lambda _: []) -> Plan:
@@ -108,7 +113,7 @@ def tests_of(name: str, users: Users) -> list[str]:
 def typed(name: str) -> str:
     """Return what mypy checks after a change of a file.
 
-    This is the file's package in host/fltea, or its folder in tools or tests. A helper is checked alone.
+    mypy checks the file's package in host/fltea, or its folder in tools or tests. It checks a helper alone.
     """
     match Path(name).parts:
         case ("host", "fltea", _, _, *_) as parts:
@@ -164,7 +169,10 @@ def commands(wanted: Plan) -> list[list[str]]:
 
 
 def said(command: Sequence[str]) -> str:
-    """Return a command as text for people. If it has many files, only their number is given."""
+    """Return a command as text for people.
+
+    If the command has many files, the text only says how many.
+    """
     words = [Path(word).name if word.startswith("/") else word for word in command]
     files = [word for word in words if "/" in word and (ROOT / word).is_file()]
     if len(files) > MOST_SAID:

@@ -1,7 +1,7 @@
 """The estimator that a simulated board runs, computed by the host's engine.
 
 The engine computes in double precision; the protocol's messages round to single precision. Like the firmware,
-this estimator computes bias and R from the start-up window, and then estimates with unlimited memory.
+this estimator computes bias and R from the start-up window. After that it estimates with unlimited memory.
 """
 
 from collections.abc import Sequence

@@ -26,11 +26,11 @@ HEADER_SIZE = 7
 CRC_SIZE = 4
 COBS_BLOCK = 254
 
-# The position of these fields of HELLO never changes, because every reader must be able to name the version
-# that it refuses.
+# Fields of HELLO whose positions never change. If a reader refuses a version, it can therefore still name
+# that version.
 FIXED_PREFIX = [("protocol_major", "u8"), ("protocol_minor", "u8"), ("schema_hash", "u32")]
 
-# Names that C++, Python or the generated classes already use.
+# Names that a field must not have, because C++, Python or the generated classes already use them.
 RESERVED = set(
     f"""
     {" ".join(keyword.kwlist)}
@@ -41,7 +41,7 @@ RESERVED = set(
     """.split()
 )
 
-# With at most 23 characters, every generated line is within the line length.
+# If a name has at most 23 characters, no generated line is too long.
 Name = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]*\Z", max_length=23)]
 # Quotes and backslashes would need escaping in two languages. No text has needed them so far.
 Text = Annotated[str, Meta(pattern=r'^[^"\\\n]+\Z')]
@@ -120,7 +120,7 @@ class Message(Struct, frozen=True, forbid_unknown_fields=True, rename={"fields":
 
     @property
     def least(self) -> int:
-        """Number of payload bytes in the oldest version that has the message."""
+        """Number of payload bytes in the oldest version that has this message."""
         return sum(field.size for field in self.fields if field.since <= self.since)
 
 

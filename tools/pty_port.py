@@ -1,6 +1,6 @@
 """The serial port of a simulated board, as a pseudo-terminal.
 
-The port knows its name, the bytes that no program has read, and whether a program has it open.
+The port knows its own name, the bytes that no program has read yet, and whether a program has the port open.
 """
 
 import contextlib

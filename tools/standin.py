@@ -1,7 +1,7 @@
 """A device without hardware: sends protocol frames at 100 Hz on a pseudo-terminal, with noise of known order.
 
 The device boots whenever a program opens the port, as a Due does: it sends 0x00, HELLO, then samples. A
-program empties the port when it has opened it. A Due has not booted by then, but this device has, and
+program empties the port just after opening it. A Due has not booted by then, but this device has. It
 therefore boots again if the program empties the port after the first bytes. The samples are quantised like
 those of an MPU-9250 at ±2000 deg/s. With --estimate the device also sends estimates of its own. The first
 line on standard output has the port's name.

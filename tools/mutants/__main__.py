@@ -1,17 +1,18 @@
 """Puts single bugs into the firmware, or random ones into the host, and runs the tests (`make mutants`).
 
 A bug that no test notices survives. `--host 40` tries 40 random changes of host/fltea, one at a time
-(tools.mutants.host_changes). For each change it runs the test files that import the changed module, then the
-rest of its folder in tests, then tests/e2e, without the tests marked as slow, until one fails. Some changes
-have no effect that a test could notice, so read the list of survivors.
+(tools.mutants.host_changes). For each change it runs tests until one fails: first the test files that import
+the changed module, then the other files of the same folder of tests, then tests/e2e. Tests that are marked as
+slow do not run. Some changes have no effect that a test could notice, so read the list of survivors.
 
 Without `--host` it tries the firmware's list. The judges are: the tests of the emulated Due, whose components
-are strict; the C++ tests of the core and of its spectrum; the Arduino sketch on its stub. By default judging
-a bug ends at the first judge that notices it; --everyone runs all judges. Other bytes than in the committed
-image do not count as noticed.
+are strict; the C++ tests of the core and of its spectrum; the Arduino sketch on its stub. By default, a bug
+is judged until the first judge notices it. With --everyone, all judges run. A bug does not count as noticed
+merely because the built image differs from the committed image.
 
-Everything happens in private copies. Exit code 1: more than 2 mutants of the firmware or a third of the
-host's survive, a mutant does not build, or the present sources already fail. Exit code 0 otherwise.
+The program works only on copies of the repository. The exit code is 1 in these cases: more than 2 mutants of
+the firmware survive, more than a third of the host's mutants survive, a mutant does not build, or the tests
+fail even without a bug. Otherwise it is 0.
 """
 
 import argparse
@@ -41,13 +42,16 @@ MOST_SURVIVORS = 2
 MOST_SURVIVORS_OF_HOST = 1 / 3
 
 EVERYWHERE = ("core/engine/", "arduino/")
-"""Folders of firmware/. Every judge judges the files of at least one of them, so both folders together need
-all judges.
+"""Two folders of firmware/. Every judge judges the files of at least one of the two, so all judges are needed
+for both together.
 """
 
 
 class Result(NamedTuple):
-    """The verdicts of the judges about a mutant. `invalid`: why the mutant cannot be judged, or None."""
+    """What each judge (a group of tests) says about a mutant.
+
+    `invalid`: why the mutant cannot be judged, or None.
+    """
 
     mutant: Mutant
     verdicts: list[Verdict]

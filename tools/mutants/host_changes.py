@@ -1,12 +1,12 @@
 """Draws random single changes of the host's Python sources, and applies them.
 
-A change alters what the program does, not its docstrings, texts, messages or type hints.
+A change alters what the program does. It alters no docstrings, texts, messages or type hints.
 
 This module has its own rules for changes, because no maintained library fits. mutmut 3.8 has to import the
 package itself, which an editable install prevents (mutmut then finds no test for any change), and it does not
 draw changes at random. cosmic-ray 8.7 spends half of its changes on operators, most of them the `|` of type
-hints. It does not change statements, returned values, min or max, and it runs one test command for all
-changes, so it cannot run the tests nearest to a change first.
+hints. It does not change statements, returned values, min or max. It runs the same test command for all
+changes, so it cannot begin with the tests that are nearest to a change.
 """
 
 import ast
@@ -24,8 +24,8 @@ OTHER: dict[type[ast.AST], Any] = dict(zip(ONE, TWO, strict=True)) | dict(zip(TW
 OTHER |= {ast.FloorDiv: ast.Mult, ast.Mod: ast.FloorDiv, ast.BitAnd: ast.BitOr}
 NAMES = {"min": "max", "max": "min", "minimum": "maximum", "maximum": "minimum", "any": "all", "all": "any"}
 TELLS = {"problem", "report", "say", "tell", "warn", "warning", "info", "debug", "print", "echo", "help"}
-"""Functions whose arguments are texts for people and are not changed. In the sources, an underscore may
-precede the name.
+"""Functions whose arguments are texts for people, which are never changed. In the sources, an underscore may
+precede a function's name.
 """
 
 
@@ -84,7 +84,7 @@ def changes(file: str, text: str) -> Iterator[Change]:
 def _acting(node: ast.AST) -> Iterator[ast.expr | ast.stmt]:
     """Yield the expressions and statements of `node` that may be changed, the outermost first.
 
-    A change of them alters what the program does.
+    Changing one of these expressions or statements alters what the program does.
     """
     if isinstance(node, ast.expr | ast.stmt):
         yield node
@@ -96,7 +96,10 @@ def _acting(node: ast.AST) -> Iterator[ast.expr | ast.stmt]:
 
 
 def _speaks(node: ast.AST) -> bool:
-    """Return whether the contents of `node` are texts or types, which are not changed."""
+    """Return whether the contents of `node` are never changed.
+
+    This is so for messages for people, declarations of options, type hints and assertions.
+    """
     if isinstance(node, ast.Call):
         name = getattr(node.func, "attr", getattr(node.func, "id", ""))
         return name.strip("_").split("_")[0] in TELLS or name in ("Option", "Argument", "TypeVar")

@@ -14,12 +14,12 @@ PATIENCE_S = 1800.0
 TEST_S = 120
 """Time limit of one test [s]; a test that hangs counts as failed."""
 MOST_OUTSIDE = 10
-"""Largest number of test files that run although they are not in the folder with the changed module's own
-tests. There must be a limit, since tests of all folders import a basic module.
+"""Largest number of test files from other folders than that with the changed module's own tests. There must
+be a limit, since tests of all folders import the basic modules.
 """
 
-# The import finder of an editable install is removed, because it has precedence over sys.path and would find
-# the original instead of the copy.
+# The import finder of an editable install is removed. It has precedence over sys.path, so it would find the
+# original package instead of the copy.
 ONLY_THE_COPY = """import sys
 sys.meta_path[:] = [finder for finder in sys.meta_path if "editable" not in type(finder).__module__]
 """
@@ -89,9 +89,10 @@ class HostCopy:
 def nearest_tests(root: Path, file: str) -> list[str]:
     """Return the test files to run for `file`, the nearest first.
 
-    First come test files that import `file` directly or through a helper in tests/rig, and are in the tests'
-    folder for the package of `file`. Then come at most MOST_OUTSIDE such files of other folders, and then the
-    other test files of the package's folder. Each group is ordered by number of imports, the smallest first.
+    The result has three groups. First come the test files in the folder of tests for the package of `file`
+    that import `file`, directly or through a helper in tests/rig. Then come at most MOST_OUTSIDE test files
+    of other folders that import it so. Last come the remaining test files of the package's folder. In each
+    group, test files with few imports come before those with many.
     """
     package, name, room = ".".join(Path(file).parts[1:-1]), Path(file).stem, Path(file).parts[2]
     imports = rf"\b{package}\.{name}\b|^ *from {package} import (\([^)]*|.*)\b{name}\b"

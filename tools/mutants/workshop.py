@@ -33,7 +33,7 @@ mutants.
 """
 
 DUE_TESTS = ("tests/e2e/test_due.py", "tests/e2e/test_due_faults.py")
-"""Tests of the emulated Due that run on the image of the mutant."""
+"""Tests of the emulated Due. They run on the image of the mutant."""
 EDGE_TESTS = ("tests/e2e/test_due_edges.py", "-o", "timeout=200")
 """Slow tests of the emulated Due that read the program's variables and code."""
 OF_ITS_IMAGE = ("-m", "not slow", "-k", "not data_ready", "-o", "timeout=100")
@@ -110,7 +110,8 @@ def copy_parts(to: Path) -> None:
 def forget_build(root: Path) -> None:
     """Remove the built files at `root` that make would wrongly regard as up to date in another copy."""
     (root / DOCTEST / "tests").unlink()
-    shutil.rmtree(root / NATIVE)  # These files contain absolute paths into the copy in which they were built.
+    # Some of these files contain absolute paths into the copy in which they were built.
+    shutil.rmtree(root / NATIVE)
     # The dependency files in this folder contain such paths, too.
     shutil.rmtree(root / "build/tests-arduino")
 

@@ -54,7 +54,10 @@ two runs.
 
 
 def main() -> int:
-    """Run the named parts. An expected failure prints one line on stderr and returns an exit code."""
+    """Run the named parts.
+
+    If a failure is of an expected kind, print one line on stderr and return an exit code.
+    """
     given = _arguments()
     try:
         if not given.no_figures:

@@ -1,8 +1,8 @@
-"""Compare the Allan deviation that `fltea identify` computes for a model with simulations of the model.
+"""Compare Allan deviations that `fltea identify` computes for models with simulations of these models.
 
-One record of each noise of the gallery is identified. The Allan deviation of the fitted model, and the
-degrees of freedom of the Allan deviation of a record of the same length, are computed from the model's
-spectrum. The same two quantities are then estimated from many records that are drawn from the model.
+One record of each noise of the gallery is identified. Two quantities are computed from the spectrum of the
+fitted model: the Allan deviation, and the degrees of freedom with which a record of the same length gives it.
+The same two quantities are then estimated from many records that are drawn from the model.
 """
 
 import itertools

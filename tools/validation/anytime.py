@@ -3,10 +3,11 @@
 The significance level `evidence.ANYTIME_LEVEL` was chosen with these measurements.
 
 A simulated day of one axis at 100 Hz is fitted as often as a live sensor (fltea.stream.fit_times): in two
-thousand refits, a hundred of them with a new model search. For each rule and level, the tables give the share
-of axes for which the rule ever rejects white noise; for the verdict, at its own level, the share of axes that
-ever get a verdict other than white. Noises with relaxations are not white and have no order. For them, the
-tables give the share of axes that are ever called fractional.
+thousand refits, a hundred of them with a new model search. For each rule and level, the tables give the
+proportion of axes for which the rule ever rejects white noise. For the verdict, at its own level, they give
+the proportion of axes that ever get a verdict other than white. Noises with relaxations (first-order
+Gauss-Markov processes) are not white and have no order. For them, the tables give the proportion of axes that
+are ever called fractional.
 """
 
 import math
@@ -105,9 +106,9 @@ def _evidence(sums: Octaves, last_refit: LastRefit, taken: int) -> Evidence:
 def _levels(sums: Octaves, last_refit: LastRefit, taken: int, *, is_search: bool) -> dict[str, float]:
     """Return, for each rule, the lowest significance level at which it rejects white noise now.
 
-    The rules are applied to the present refit.
+    The rules are applied to the fit after the present number of samples.
 
-    Some rules apply only in refits with a model search.
+    Some rules apply only if this fit includes a model search.
     """
     e = _evidence(sums, last_refit, taken)
     f = e.candidates
@@ -122,8 +123,8 @@ def _levels(sums: Octaves, last_refit: LastRefit, taken: int, *, is_search: bool
         found = [level for level in LEVELS if find_peaks(whole, level * by_level)]
     return {
         "null test": e.p_all,
-        # The rule rejects at `level` if -BIC, by which the best model beats white noise, exceeds APART + 2
-        # log(LEVEL / level). This is solved for `level`.
+        # The best model is better than white noise by -BIC. The rule rejects white noise at `level` if -BIC
+        # exceeds APART + 2 log(LEVEL / level). The formula here is solved for `level`.
         "sentences": min(LEVEL * math.exp((bic + APART) / 2), 1.0),
         "drift": next(
             (level * 0.999 for level in LEVELS[::-1] if e.slow.is_drift(FALSE_DRIFT * level / LEVEL)), 1.0
@@ -140,7 +141,11 @@ def _claim(sums: Octaves, last_refit: LastRefit, taken: int, *, is_search: bool)
 
 
 def tables(rows: list[Row]) -> list[Table | str]:
-    """Return the share of axes for which each rule ever rejects white noise, by significance level."""
+    """Return tables of how often white noise is rejected.
+
+    They give the proportion of axes for which each rule ever rejects white noise, for each significance
+    level.
+    """
     found: list[Table | str] = []
     for name, axes in grouped(rows, lambda row: row["noise"]).items():
         shares = [

@@ -1,10 +1,10 @@
 """Measure critical values of likelihood ratios for noises in which the variance R of white noise is 0.
 
 The first table is about two normally distributed estimates with the correlation ρ. The second estimate, R,
-cannot be negative, and its best value is 0 while the first estimate is fixed at its true value. The 95 %
-point of the likelihood ratio then depends only on ρ. `spectrum.intervals.AT_BOUND` was chosen from this table
-and from the correlations that the Fisher information gives for 35 such noises (second table). The part
-`evaluate` counts how often the intervals then hold the true value.
+cannot be negative. If the first estimate is fixed at its true value, the best value of R is 0. The 95 % point
+of the likelihood ratio then depends only on ρ. `spectrum.intervals.AT_BOUND` was chosen from this table and
+from the correlations that the Fisher information gives for 35 such noises (second table). The part `evaluate`
+counts how often the intervals contain the true value with this choice.
 """
 
 from typing import Any
@@ -42,12 +42,13 @@ def tasks(options: Options) -> list[Task]:
 def critical_values() -> list[Row]:
     """Return, for each correlation, the 95 % point of the likelihood ratio of two normal estimates.
 
-    One of the estimates, R, is at its bound 0 while the other one is fixed.
+    One of the estimates is R. When the other estimate is fixed, R is at its bound 0.
     """
     rng = np.random.default_rng(0)
     other, below = rng.standard_normal(DRAWN), np.abs(rng.standard_normal(DRAWN))
-    # `below`: how far R would be below 0 if it had no bound, while the other estimate is fixed [standard
-    # deviations]. `free`: the value of R if neither estimate is fixed, at most 0.
+    # `below`: the other estimate is fixed; if R had no bound, R would be this far below 0 [standard
+    # deviations]. `free`: value of R without a bound if neither estimate is fixed; values above 0 are
+    # replaced by 0.
     rows: list[Row] = []
     for rho in CORRELATIONS:
         free = np.minimum(rho * other - np.sqrt(max(1 - rho**2, 1e-12)) * below, 0.0)

@@ -1,6 +1,6 @@
 """Spectra and samples of noises by closed formulas in numpy, which share no code with the native fits.
 
-The noises are sums of parts, as in the grammar of noise.
+Each noise is a sum of parts, as in the grammar of noise.
 """
 
 import math
@@ -31,7 +31,10 @@ def closed_form(parts: Iterable[p.Part], lam: Array, h: float) -> Array:
 
 
 def samples(parts: Sequence[p.Part], n: int, h: float, rng: np.random.Generator) -> Array:
-    """Draw n Gaussian samples with the spectrum of the parts, cut out of longer periodic noise (a circle)."""
+    """Draw n Gaussian samples with the spectrum of the parts.
+
+    They are cut out of a longer periodic noise (a circle).
+    """
     circle = AROUND * n
     lam = 2 * np.pi * np.arange(1, circle // 2 + 1) / circle
     waves = np.zeros(circle // 2 + 1, dtype=np.complex128)
@@ -40,8 +43,8 @@ def samples(parts: Sequence[p.Part], n: int, h: float, rng: np.random.Generator)
     y = np.fft.irfft(waves, circle)[:n]
     is_high_passed = any(isinstance(part, p.HighPass) for part in parts)
     walks = [part.K for part in parts if isinstance(part, p.Walk) and not is_high_passed]
-    # On a circle the steps of a random walk have the mean 0, so their true mean is drawn separately, and
-    # added as a ramp.
+    # In periodic noise the steps of a random walk have the mean 0. The mean that true steps would have is
+    # therefore drawn separately, and added as a ramp.
     return np.asarray(
         y + sum(K * math.sqrt(h / circle) * rng.standard_normal() for K in walks) * np.arange(n)
     )

@@ -2,10 +2,10 @@
 
 For this, the board's code is compiled for the machine that runs this program.
 
-Estimates are compared in this way: the board computes in float and integers, the host's engine in double. The
-host has the same settings, and a memory that is accurate to nine digits without a limit in time. The samples
-are recordings of real sensors, if there are any, and simulated noise. For the fits, board and host fit the
-same counts of twenty records of fractional noise in white noise.
+For the comparison of estimates, the board computes in float and integers, the host's engine in double. The
+host has the same settings as the board. Its memory is accurate to nine digits and not limited in time. The
+samples are simulated noise and, if there are any, recordings of real sensors. For the fits, board and host
+fit the same counts of twenty records of fractional noise in white noise.
 """
 
 from collections.abc import Callable
@@ -58,8 +58,8 @@ FITTED = (60_000, 1_000_000)
 def tasks(options: Options) -> list[Task]:
     """Return the tasks.
 
-    There is one for each combination of estimator variant and series, and one for the fits at each record
-    length.
+    There is one task for each combination of an estimator variant and a series. For the fits there is one
+    task for each record length.
     """
     samples, lengths = (AGES[1], FITTED[:1]) if options.quick else (AGES[2], FITTED)
     axes = [f"{file.stem} {axis}" for file in sorted(RECORDINGS.glob("*.npz")) for axis in "xyz"]
@@ -94,8 +94,8 @@ def series(name: str, samples: int) -> Counts:
 def differences(variant: str, name: str, samples: int) -> list[Row]:
     """Return how much the estimates of board and host differ on a series.
 
-    The row has the largest |Δα| and |Δf| up to each age [samples], those at the end, and how often the host's
-    guard intervened.
+    The row has the largest |Δα| and |Δf| up to each age [samples], and |Δα| and |Δf| at the end. It also says
+    how often the host's guard intervened.
     """
     counts = series(name, samples)
     bias, R = host_baseline(counts[:STARTUP])
@@ -123,7 +123,7 @@ def differences(variant: str, name: str, samples: int) -> list[Row]:
 
 
 def agreement(samples: int, records: int) -> list[Row]:
-    """Return how much the board's and the host's fits of the same records differ, for each record.
+    """Return, for each record, how much the board's fit and the host's fit differ.
 
     `records`: number of records of each noise.
     """

@@ -1,7 +1,7 @@
 """Measure the error of the estimated bias.
 
-The error is the difference between the estimated bias and the true mean rate of the next second. How often
-the error is within 2 σ is measured, too.
+The error is the difference between the estimated bias and the true mean rate of the next second. The program
+also measures how often the error is within 2 σ.
 """
 
 import math
@@ -64,7 +64,9 @@ def _mean_square(e: Array) -> float:
 
 
 def tables(rows: Sequence[Row]) -> list[Table]:
-    """Return the errors of fltea divided by those of the best peer, and how often they are within 2 σ.
+    """Return a table of fltea's errors divided by those of the best peer.
+
+    The table also says how often fltea's errors are within 2 σ.
 
     The file with the tables also has the errors of all peers.
     """

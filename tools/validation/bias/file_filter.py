@@ -1,4 +1,4 @@
-"""Measure how good a plain Kalman filter is that uses only the figures in the file of `--gauss-markov`."""
+"""Measure how good a plain Kalman filter is that only knows what `fltea identify --gauss-markov` wrote."""
 
 import json
 import math
@@ -98,7 +98,7 @@ def identified(y: Array) -> list[dict[str, Any]]:
 def model_of(entry: Mapping[str, Any]) -> Model | None:
     """Return the filter model of an axis in the file; None if the axis has no white noise.
 
-    An axis without the key `filter` has its figures at the top level and no bias.
+    If an axis has no key `filter`, its figures are at the top level, and no bias is stated.
     """
     figures = entry.get("filter", entry)
     N = _value(figures["N"])

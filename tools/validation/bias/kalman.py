@@ -1,4 +1,6 @@
-"""A plain Kalman filter of a rate at rest, as in a navigation program: textbook equations in numpy.
+"""A plain Kalman filter for the rate of a sensor at rest, as navigation programs have it.
+
+It is written in numpy, with the equations of textbooks.
 
 Its states are a bias with a random walk and Gauss-Markov processes. It shares no code with fltea's filters.
 """
@@ -56,7 +58,10 @@ class Plain:
         self.x, self.P = np.array(x), np.array(P)
 
     def heading(self, n: int) -> tuple[float, float]:
-        """Return the angle that the bias adds up to during the next n samples, and its standard deviation."""
+        """Return the angle to which the bias adds up during the next n samples.
+
+        The second value is the standard deviation of this angle.
+        """
         size = len(self._phi)
         step, noise = np.zeros((size + 1, size + 1)), np.zeros((size + 1, size + 1))
         step[:size, :size], step[size, :size], step[size, size] = np.diag(self._phi), self._h * self._phi, 1.0

@@ -1,6 +1,6 @@
 """Measure how much a turn of the sensor disturbs the estimated bias.
 
-The sensor turns about z, and the axes x and y measure a small proportion of the rate.
+The sensor turns about z. The axes x and y measure a small proportion of the rate about z.
 """
 
 import math
@@ -82,9 +82,9 @@ def _told(y: Array, begin: int, end: int) -> tuple[Array, Array]:
 
 
 def tables(rows: Sequence[Row]) -> list[Table]:
-    """Return a table of the largest errors divided by σ, and one of the largest errors.
+    """Return two tables, of the largest errors divided by σ and of the largest errors.
 
-    The latter are in deg/s, of fltea and of the peers.
+    The second table has the errors of fltea and of the peers in deg/s.
     """
     cells: list[Any] = []
     errors: list[Any] = []

@@ -1,8 +1,8 @@
 """Noises of a sensor at rest at 100 Hz, made with numpy and scipy alone.
 
-They share no code with the filters: fractional noise and 1/f noise are convolutions with their full impulse
-responses, not sums of relaxations. A noise can be continued from its present state as often as needed: the
-past stays the same, and each continuation is drawn anew.
+They share no code with fltea's filters. Fractional noise and 1/f noise are convolutions with their full
+impulse responses, not sums of relaxations (first-order Gauss-Markov processes). A noise can be continued from
+its present state as often as needed: the past stays the same, and each continuation is drawn anew.
 """
 
 import copy
@@ -32,7 +32,9 @@ OFFSETS = 0.5
 PAST = 1 << 17
 """Length of the impulse response of fractional and 1/f noise [samples], which is 22 minutes."""
 FINE = 8
-"""Oversampling factor for the filters inside a sensor, which act before the sensor samples."""
+"""The filters inside a sensor act before the sensor samples. They are computed at this many times the
+sampling rate.
+"""
 
 
 class Component(Protocol):
@@ -55,7 +57,10 @@ class White(NamedTuple):
 
 
 class Filtered(NamedTuple):
-    """White noise through the filter b(z) / a(z), computed at `fine` times the sample rate."""
+    """White noise that has passed the filter b(z) / a(z).
+
+    The filter is computed at `fine` times the sampling rate.
+    """
 
     b: tuple[float, ...]
     a: tuple[float, ...]
@@ -119,7 +124,10 @@ class Ramp(NamedTuple):
 
 
 class FractionalGaussian(NamedTuple):
-    """Fractional Gaussian noise. Unlike the other components, it cannot be continued."""
+    """Fractional Gaussian noise.
+
+    Unlike the other components, it is drawn in one piece: no more samples can be drawn later.
+    """
 
     sigma: float
     hurst: float
@@ -136,7 +144,7 @@ def walk(step: float) -> Filtered:
 
 
 def relaxation(sigma: float, tau_s: float) -> Filtered:
-    """Return a Gauss-Markov process with the standard deviation `sigma`."""
+    """Return a first-order Gauss-Markov process with the standard deviation `sigma`."""
     a = math.exp(-H / tau_s)
     return Filtered((1.0,), (1.0, -a), sigma * math.sqrt(1 - a * a), round(20 * tau_s / H))
 
@@ -147,8 +155,9 @@ class Noise(NamedTuple):
     signal: tuple[Component, ...]
     rest: tuple[Component, ...] = (White(),)
     known: tuple[float, tuple[tuple[float, float], ...]] | None = None
-    """If a plain Kalman filter is optimal for the noise: the standard deviation of a step of its random walk
-    and (σ, τ) of its relaxations, in addition to white noise of SIGMA; otherwise None.
+    """What a plain Kalman filter has to know in order to be optimal: the standard deviation of a step of the
+    random walk, and (σ, τ) of each relaxation. The filter also knows the white noise of SIGMA. None if no
+    plain Kalman filter is optimal for this noise.
     """
 
 
@@ -178,8 +187,8 @@ FILTERED: dict[str, Noise] = {
     "CIC": Noise((), (CIC,)),
     "fGn .7": Noise((FractionalGaussian(SIGMA, 0.7),), ()),
 }
-"""Filtered noises. For the filtered white noises (EMA, CIC), the true bias is the offset alone. Otherwise, it
-is the mean of offset and noise over a second.
+"""Filtered noises. For filtered white noise (EMA, CIC), the true bias is the offset alone. For fractional
+Gaussian noise (fGn), the true bias is the mean of offset plus noise over a second.
 """
 NOISES = TEN | FILTERED
 MODELLED = tuple(name for name in TEN if name not in ("popcorn", "ramp", "DLPF"))

@@ -15,8 +15,8 @@ from fltea.settings.extras import load
 from tools.validation.bias.noises import H
 
 GRAVITY, ACCEL_SIGMA = 9.81, 0.02
-"""Acceleration and standard deviation of the accelerometer that VQF requires [m/s²]. They simulate a sensor
-that lies flat and still.
+"""Acceleration and standard deviation of the accelerometer that VQF requires [m/s²]. With these values the
+simulated sensor lies flat and still.
 """
 AT_ONCE = 20_000
 """Number of samples for which VQF returns its whole state in one call."""
@@ -40,7 +40,7 @@ def _library(name: str) -> Any:
 def vqf(y: Array) -> Array:
     """Return the bias by VQF (Laidig & Seel, 2023).
 
-    VQF estimates it from the rates at rest, and with gravity in motion.
+    At rest, VQF estimates the bias from the rates. In motion, it also uses gravity.
     """
     rng = np.random.default_rng(20261126)
     accel = rng.normal((0.0, 0.0, GRAVITY), ACCEL_SIGMA, y.shape)

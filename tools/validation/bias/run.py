@@ -1,6 +1,6 @@
-"""Measure how good bias, headings and figures in files are.
+"""Measure how good fltea's bias, its headings and the figures in its files are.
 
-The bias is compared with that of other methods (peers).
+The bias is compared with the bias that other methods (peers) estimate.
 
 Each section has a name: `--only headings` runs one section, `--only 'errors: ramp'` one noise of a section.
 """

@@ -15,13 +15,14 @@ from tools.validation.tables import Table, grouped
 
 SECTION = "steps"
 SIZES, AT_S = (1.0, 0.3), (120, 3600)
-"""Sizes of the step [standard deviations of the noise in one sample], and times of the step after the first
-sample [s].
+"""Sizes of the steps [standard deviations of the noise in one sample]. Times of the steps, counted from the
+first sample [s].
 """
 WATCHED_S, QUICK_WATCHED_S = 1200, 300
 WITHIN, STAYS_S = 0.2, 2.0
-"""The bias is known again when its error stays below this proportion of the step for this time [s]. The time
-matters, because a mean of few samples may come near the true bias by chance, but does not stay there.
+"""The bias counts as known again when its error stays below WITHIN times the size of the step for STAYS_S
+seconds. The time matters, because a mean of few samples may come near the true bias by chance, but does not
+stay there.
 """
 SAMPLES_TO_SEE = 30
 """The quickest test with one false alarm a week needs this number times (σ/δ)² samples, where δ is the size

@@ -26,17 +26,20 @@ STEADY = tuple(kind for kind in p.CODES if kind.has("slow") or kind.has("fast on
 FREQUENCIES = 40_000
 """Number of frequencies at which the integral for the Allan deviation of a spectrum is evaluated."""
 SECONDS = 10.0
-"""Time ahead for which forecasts are checked [s]."""
+"""Forecasts are checked for this time ahead [s]."""
 
 
 class Seen(NamedTuple):
-    """One interval (or a band of many), compared with the true value that it should contain."""
+    """The comparison of an interval with the true value that it should contain.
+
+    For a band, its intervals are compared with their true values.
+    """
 
     quantity: str
     published: bool
     below: float = 0.0
-    """Proportion of true values below the interval: 0 or 1 for a single figure, between them for the points
-    of a band.
+    """Proportion of the true values that are below their intervals. For a single figure it is 0 or 1. For the
+    points of a band it can be any number from 0 to 1.
     """
     above: float = 0.0
     width: float | None = None
@@ -51,14 +54,14 @@ class Axis(NamedTuple):
 
 
 def analyse(parts: Parts, y: Array) -> Axis:
-    """Identify y (n,)."""
+    """Identify the samples `y` of shape (n,)."""
     e = examined(y, H).evidence
     verdict = decide(e)
     return Axis(parts, verdict, noise_figures(e, verdict))
 
 
 def of_fit(axis: Axis) -> Iterator[Seen]:
-    """Yield the results for N, for the parameters of the order, and for those of each part.
+    """Yield the results for N, for the parameters of the order, and for the parameters of each part.
 
     The parameters of the parts count only if the fitted parts are the true parts.
     """
@@ -86,7 +89,10 @@ def of_drift(axis: Axis, y: Array) -> Iterator[Seen]:
 
 
 def of_allan(axis: Axis, y: Array) -> Iterator[Seen]:
-    """Yield how many of the points of the Allan deviation are outside their band, as a proportion."""
+    """Yield the result for the band of the Allan deviation.
+
+    It has the proportions of points whose true values are below and above their band.
+    """
     found = allan([y], H)
     true = true_allan(axis.parts, np.rint(np.array(found.tau_s) / H))
     below, above = (float(np.mean(one)) for one in (true < found.low, true > found.high))
@@ -97,7 +103,7 @@ def of_allan(axis: Axis, y: Array) -> Iterator[Seen]:
 def of_forecast(axis: Axis, y: Array) -> Iterator[Seen]:
     """Yield how much of a record's second half is outside the band predicted from the first half.
 
-    The results are proportions of stretches of the second half.
+    Each result is a proportion of the stretches into which the second half is divided.
     """
     half = len(y) // 2
     parts = analyse(axis.parts, y[:half]).figures.model.parts(H)
@@ -111,7 +117,8 @@ def of_forecast(axis: Axis, y: Array) -> Iterator[Seen]:
 def true_N(parts: Sequence[p.Part]) -> float:
     """Return the true N.
 
-    N is the noise density at low frequencies of all parts except slow, fractional and rising parts.
+    N is the noise density at low frequencies. It is summed over all parts except slow, fractional and rising
+    parts.
     """
     kept = [one for one in parts if not isinstance(one, (*STEADY, *p.FILTERS))]
     return math.sqrt(float(closed_form(kept, np.array([1e-6]), H)[0]) * H)
@@ -134,10 +141,10 @@ def true_allan(parts: Sequence[p.Part], factors: Array) -> Array:
 
 
 def _order(axis: Axis) -> dict[str, float]:
-    """Return the true parameters of the noise's order by field name.
+    """Return the true parameters of the noise's fractional order, by field name.
 
-    The result is empty if the noise has no order, or if the verdict publishes parameters of the other kind
-    (state or ARFIMA).
+    The result is empty if the noise has no order. It is also empty if the verdict is for the other kind of
+    model (fractional state or ARFIMA) and so publishes other parameters.
     """
     R = sum(one.R for one in axis.parts if isinstance(one, p.White))
     for one in axis.parts:

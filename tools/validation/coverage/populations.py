@@ -1,4 +1,4 @@
-"""Populations of noises with random parameters, on which the coverage of intervals is counted."""
+"""Populations of noises with random parameters. On these noises the coverage of intervals is counted."""
 
 import math
 from collections.abc import Callable
@@ -41,7 +41,7 @@ def white(rng: Rng) -> p.White:
 
 
 def relaxation(rng: Rng, R: float, low_hz: float, high_hz: float, low: float, high: float) -> p.Relaxation:
-    """Return a relaxation with a random corner frequency and level.
+    """Return a relaxation (a first-order Gauss-Markov process) with a random corner frequency and level.
 
     `low_hz`, `high_hz`: range of the corner frequency [Hz]. `low`, `high`: range of the relaxation's density
     at low frequencies, divided by the density R of the white noise.
@@ -66,8 +66,8 @@ def _walk(rng: Rng, R: float) -> p.Walk:
 def _order(rng: Rng, R: float, low: float, high: float) -> p.Order:
     """Return a fractional part of random order.
 
-    `low`, `high`: range of the variance of the fractional part's steps, divided by the variance R of the
-    white noise; if R is 0, not divided.
+    `low`, `high`: range of the variance of the fractional part's steps. This variance is divided by the
+    variance R of the white noise if R is not 0.
     """
     alpha = rng.uniform(0.2, 0.8)
     g = -min(between(rng, 0.01, 0.6), 0.9 * 2**alpha)

@@ -1,8 +1,8 @@
 """List every interval and every standard deviation that the program publishes, as its classes declare them.
 
-The source text of the classes is read. A field whose type is an interval, or whose name ends like a standard
-deviation's, counts as published until `FIGURES` says otherwise. A test fails for each published field, and
-for each parameter of a part of a noise, that has no row here.
+The program reads the source text of the classes. It looks for fields whose type is an interval, and for
+fields whose name ends like that of a standard deviation. A test fails if such a field has no row in
+`FIGURES`. It also fails if a parameter of a part of a noise has no row here.
 """
 
 import ast
@@ -17,7 +17,7 @@ from fltea.noise.parts import CODES
 OF_INTERVALS = re.compile(r"\b(Interval|Coefficient)\b")
 """Names of the types that have a lower and an upper end."""
 OF_DEVIATIONS = re.compile(r"_std$")
-"""What the name of a field ends with if it is a standard deviation."""
+"""The end of the name of a field that is a standard deviation."""
 
 
 class Field(NamedTuple):

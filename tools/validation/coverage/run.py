@@ -1,9 +1,9 @@
 """Count how often each published interval contains the true value, on noises with random parameters.
 
-An interval of a part's parameter counts only if the chosen model has exactly the true parts; otherwise the
-parameter describes something else. N counts wherever it is published. For the Allan deviation and the
-forecasts, an axis does not count as 0 or 1 but with the proportion of points, or of stretches of time, that
-are inside their bands.
+An interval of a part's parameter counts only if the chosen model has exactly the true parts. Otherwise the
+parameter describes something else. N counts wherever it is published. For most quantities an axis counts as 0
+or 1. For the Allan deviation it counts with the proportion of points that are inside their band, and for the
+forecasts with the proportion of stretches of time that are inside theirs.
 """
 
 import math
@@ -21,8 +21,7 @@ from tools.validation.tables import NONE, Table, grouped, number
 SEEDS, QUICK_SEEDS = 400, 20
 """Number of axes of each population."""
 FORECAST, FORECAST_SHARE = "forecast", 2
-"""Name of the quantity, and the number of axes of which only one gets a forecast, since a forecast takes
-longer.
+"""Name of the quantity. Out of FORECAST_SHARE axes, only one gets a forecast, since a forecast takes longer.
 """
 
 

@@ -21,7 +21,7 @@ H = 0.01
 POWER = 0.02
 """Variance of y [(deg/s)²]. The axes of the paper's gyroscope have variances of 0.0178 to 0.0235."""
 EDGE = 0.95
-"""Largest |g| of a case, where g = h^α f, divided by the value at which the noise ceases to be stationary."""
+"""Largest ratio of a case's |g| to the |g| at which the noise ceases to be stationary, where g = h^α f."""
 
 ORDERS = (0.2, 0.4, 0.6, 0.8)
 PARAMETERS = (-0.3, -1.0, -3.0, -10.0)
@@ -47,7 +47,7 @@ class Case(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def columns(self) -> Row:
-        """Return the columns that describe the case in the rows of tables.
+        """Return the columns by which the rows of tables describe the case.
 
         For white noise, the true parameters are left empty.
         """
@@ -81,7 +81,11 @@ class Noise(msgspec.Struct, frozen=True):
 
 
 def grid(orders: Sequence[float], fs: Sequence[float], ratios: Sequence[float]) -> tuple[Case, ...]:
-    """Return white noise and all combinations of the parameters that are clearly stationary."""
+    """Return the test noises.
+
+    They are white noise, and a fractional noise for each combination of parameters that makes it clearly
+    stationary.
+    """
     inside = [
         (alpha, f) for alpha in orders for f in fs if spectrum.g_of(alpha, f, H) > -EDGE * float(2.0**alpha)
     ]
@@ -106,5 +110,8 @@ def samples(case: Case, seeds: int, n: int, record: int = 0) -> Array:
 
 
 def _key(case: Case) -> tuple[int, ...]:
-    """Return a seed for each noise, so that the errors of neighbouring noises are independent."""
+    """Return the part of a noise's seed that depends on its parameters.
+
+    So noises with similar parameters have independent errors.
+    """
     return tuple(round(1e4 * abs(value or 0.0)) for value in (case.alpha, case.f, case.step_ratio))

@@ -1,4 +1,4 @@
-"""Count right intervals and false claims of an order, on noises without an order.
+"""On noises without an order, count the right intervals and the false claims of an order.
 
 An interval is right if it contains the true value.
 
@@ -38,7 +38,10 @@ COMPOSITES: dict[str, tuple[Part, ...]] = {
 
 
 def truth_of(parts: Sequence[Part]) -> list[grammar.Part]:
-    """Return the parts of a simulated noise as parts of the noise grammar, which fits use for results."""
+    """Return the parts of a simulated noise as parts of the noise grammar.
+
+    Fits give their results in these parts.
+    """
     found: list[grammar.Part] = []
     for part in parts:
         match part:
@@ -98,7 +101,8 @@ def count_claims(samples: int, series: int) -> list[Row]:
 def mixture(rng: np.random.Generator) -> tuple[Part, ...]:
     """Return the parts of a random mixture of relaxations and white noise that rises with frequency.
 
-    The mixture has one to three relaxations. A rising part or a sharpening filter makes it rise.
+    The mixture has one to three relaxations. Either a rising part or a sharpening filter makes the white
+    noise rise.
     """
     slow = tuple(
         Relaxation(corner, float(np.exp(rng.uniform(0, 3))) * 10 / (1 + corner))

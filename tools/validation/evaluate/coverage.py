@@ -1,6 +1,6 @@
 """Count how often the 95 % intervals of each parameter contain the true value.
 
-The intervals are counted on many series of a few noises.
+The program counts the intervals on many series of each of a few noises.
 """
 
 import math
@@ -56,8 +56,8 @@ def count_coverage(point: Point, samples: int, series: int, seed: int) -> list[R
     `seed`: each seed gives another set of series.
 
     In the rows, `held` is the number of published intervals that hold the true value. `undefined` is the
-    number of intervals that are not published, since the verdict has no order or the data do not determine
-    the parameter.
+    number of intervals that are not published because the verdict has no order, or because the data do not
+    determine the parameter.
     """
     g = spectrum.g_of(point.alpha, point.f, H)
     noise = FractionalState(point.alpha, g, samples)

@@ -5,9 +5,10 @@ For long records the Fisher information of Gaussian noise with the spectrum S is
 
     I = n / (4π) ∫ (∂ log S) (∂ log S)ᵀ dλ,    -π < λ < π
 
-here for α, g = h^α f, log s2 and log R, all of them unknown. The bound holds for unbiased estimators. If the
-bound is as wide as the range of possible values, an estimator that returns its start value has a smaller
-spread.
+Here the four unknown parameters are α, g = h^α f, log s2 (s2: variance of the steps of x) and log R (R:
+variance of v). The bound holds for unbiased estimators. It does not hold for biased ones: an estimator that
+always returns its start value has no spread at all, even where the bound is as wide as the range of possible
+values.
 
 Spectra of noise with long memory have a cusp at λ = 0 with a width of about |g|^(1/α). The points at which
 integrals are evaluated must be dense there. They are Gauss–Legendre points in u, where λ = π u^6.
@@ -38,7 +39,7 @@ LAM, WEIGHTS = _points()
 
 
 def mean(values: Array) -> Array:
-    """Return the mean, over frequencies from 0 to π, of a function.
+    """Return the mean of a function over the frequencies from 0 to π.
 
     `values`: values of the function at the frequencies `LAM`, along the last axis.
     """
@@ -58,7 +59,10 @@ class Bound(NamedTuple):
 
 
 def log_slopes(lam: Array, alpha: float, g: float, s2: float, R: float) -> Array:
-    """Return the derivatives of the log spectrum by α, g, log s2 and log R, as an array (4, len(lam)).
+    """Return the derivatives of the log spectrum, as an array (4, len(lam)).
+
+    They are the derivatives with respect to α, g = h^α f, log s2 and log R, where s2 is the variance of the
+    steps of x and R the variance of v.
 
     `lam`: frequencies [rad a sample].
     """
@@ -74,9 +78,10 @@ def log_slopes(lam: Array, alpha: float, g: float, s2: float, R: float) -> Array
 
 
 def fisher(alpha: float, g: float, s2: float, R: float, n: int) -> Array:
-    """Return the Fisher information on α, g, log s2 and log R in n samples, as a matrix (4, 4).
+    """Return the Fisher information of n samples on α, g = h^α f, log s2 and log R, as a (4, 4) matrix.
 
-    If R = 0, log R is left out, and the matrix is (3, 3).
+    s2 is the variance of the steps of x, R the variance of v. If R = 0, log R is left out, and the matrix is
+    (3, 3).
     """
     slopes = log_slopes(LAM, alpha, g, s2, R)
     if R == 0:
@@ -88,7 +93,8 @@ def bound(alpha: float, g: float, s2: float, R: float, n: int, h: float) -> Boun
     """Return the bound for n samples. The bound of R is 0 if R = 0. `h`: sampling period [s]."""
     covariance = np.linalg.inv(fisher(alpha, g, s2, R, n))
     pair = covariance[:2, :2]
-    # Derivatives of f = h^-α g by α and g, which convert the covariance of α and g to the variance of f.
+    # Derivatives of f = h^-α g with respect to α and g. They convert the covariance of α and g to the
+    # variance of f.
     of_f = np.array([-math.log(h) * g, 1.0]) * h**-alpha
     logs = np.sqrt(np.diag(covariance)[2:])
     return Bound(
