@@ -6,6 +6,6 @@ namespace fltea {
 
 constexpr char kVersion[] = "0.1.0";
 // Beginning of the SHA-256 over names and contents of all sources.
-constexpr char kBuildId[] = "a0dfa3d7";
+constexpr char kBuildId[] = "f003c6cb";
 
 }  // namespace fltea

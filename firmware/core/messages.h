@@ -151,8 +151,8 @@ struct Hello {
     static constexpr uint8_t type() { return 1; }
     // Size of the payload [bytes].
     static constexpr size_t size() { return 68; }
-    // Size of the payload from a device of the oldest supported version [bytes]. Decoding sets the fields that
-    // the payload lacks to 0.
+    // Size of the payload from a device of the oldest supported version [bytes]. Fields that such a payload
+    // lacks are decoded as 0.
     static constexpr size_t least() { return 68; }
 
     // major version of this protocol; another major version is refused
@@ -215,8 +215,8 @@ struct Sample {
     static constexpr uint8_t type() { return 2; }
     // Size of the payload [bytes].
     static constexpr size_t size() { return 15; }
-    // Size of the payload from a device of the oldest supported version [bytes]. Decoding sets the fields that
-    // the payload lacks to 0.
+    // Size of the payload from a device of the oldest supported version [bytes]. Fields that such a payload
+    // lacks are decoded as 0.
     static constexpr size_t least() { return 15; }
 
     // rate about x; HELLO gives the scale [LSB]
@@ -255,8 +255,8 @@ struct Status {
     static constexpr uint8_t type() { return 3; }
     // Size of the payload [bytes].
     static constexpr size_t size() { return 27; }
-    // Size of the payload from a device of the oldest supported version [bytes]. Decoding sets the fields that
-    // the payload lacks to 0.
+    // Size of the payload from a device of the oldest supported version [bytes]. Fields that such a payload
+    // lacks are decoded as 0.
     static constexpr size_t least() { return 27; }
 
     // number of I2C transfers that failed, or whose first attempt gave a wrong byte and whose repetition gave
@@ -297,8 +297,8 @@ struct Fault {
     static constexpr uint8_t type() { return 4; }
     // Size of the payload [bytes].
     static constexpr size_t size() { return 5; }
-    // Size of the payload from a device of the oldest supported version [bytes]. Decoding sets the fields that
-    // the payload lacks to 0.
+    // Size of the payload from a device of the oldest supported version [bytes]. Fields that such a payload
+    // lacks are decoded as 0.
     static constexpr size_t least() { return 5; }
 
     // kind of the fault
@@ -320,8 +320,8 @@ struct Estimate {
     static constexpr uint8_t type() { return 5; }
     // Size of the payload [bytes].
     static constexpr size_t size() { return 84; }
-    // Size of the payload from a device of the oldest supported version [bytes]. Decoding sets the fields that
-    // the payload lacks to 0.
+    // Size of the payload from a device of the oldest supported version [bytes]. Fields that such a payload
+    // lacks are decoded as 0.
     static constexpr size_t least() { return 84; }
 
     // axis of the estimate
@@ -409,8 +409,8 @@ struct Estimator {
     static constexpr uint8_t type() { return 6; }
     // Size of the payload [bytes].
     static constexpr size_t size() { return 106; }
-    // Size of the payload from a device of the oldest supported version [bytes]. Decoding sets the fields that
-    // the payload lacks to 0.
+    // Size of the payload from a device of the oldest supported version [bytes]. Fields that such a payload
+    // lacks are decoded as 0.
     static constexpr size_t least() { return 106; }
 
     // kind of filter for order and parameter
@@ -529,8 +529,8 @@ struct Fit {
     static constexpr uint8_t type() { return 7; }
     // Size of the payload [bytes].
     static constexpr size_t size() { return 47; }
-    // Size of the payload from a device of the oldest supported version [bytes]. Decoding sets the fields that
-    // the payload lacks to 0.
+    // Size of the payload from a device of the oldest supported version [bytes]. Fields that such a payload
+    // lacks are decoded as 0.
     static constexpr size_t least() { return 47; }
 
     // axis whose noise is fitted
@@ -597,8 +597,8 @@ struct Spectrum {
     static constexpr uint8_t type() { return 8; }
     // Size of the payload [bytes].
     static constexpr size_t size() { return 65; }
-    // Size of the payload from a device of the oldest supported version [bytes]. Decoding sets the fields that
-    // the payload lacks to 0.
+    // Size of the payload from a device of the oldest supported version [bytes]. Fields that such a payload
+    // lacks are decoded as 0.
     static constexpr size_t least() { return 65; }
 
     // axis to which the spectrum belongs
