@@ -198,7 +198,7 @@ def test_options_take_any_word() -> None:
 PARTS = 4
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("part", range(PARTS))
 def test_every_option_takes_words_of_each_kind(part: int) -> None:
     """Each option is tried with three words of different kinds, which are a third of the list `WORDS` apart.

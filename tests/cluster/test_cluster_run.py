@@ -171,7 +171,7 @@ def test_nothing_is_left_on_the_disk(s3: Any, tmp_path: Path, monkeypatch: pytes
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_cluster_that_reads_from_s3_with_a_worker_killed(s3: Any, tmp_path: Path) -> None:
     """Two workers read a file in pieces, and one of them is killed meanwhile."""
 

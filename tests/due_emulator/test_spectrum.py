@@ -5,6 +5,7 @@ The results have to be equal to those on a PC in every bit, and the computing ti
 
 import pytest
 
+from tests.rig.tiers import long_but
 from tests.rig.toolchain import arm_compiler
 from tools.bench.spectrum_cost import NOISES, on_due, on_pc
 
@@ -24,8 +25,7 @@ def test_the_board_has_the_bits_of_a_pc(due):
     assert (due.alpha, due.alpha_std, due.bins) == (pc.alpha, pc.alpha_std, pc.bins)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("noise", NOISES[1:])
+@pytest.mark.parametrize("noise", long_but(["kFast"], NOISES[1:]))
 def test_the_board_has_the_bits_of_a_pc_of_any_noise(due, noise):
     board, pc = on_due(4000, noise), on_pc(4000, noise)
     assert board._replace(phases={}) == pc._replace(phases={}, bytes=board.bytes)

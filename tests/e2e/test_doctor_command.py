@@ -15,7 +15,7 @@ def findings(output: str) -> dict[str, dict[str, Any]]:
     return {found["check"]: found for found in map(json.loads, output.splitlines())}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_device_is_examined_and_one_in_use_is_left_alone(processes: Processes, tmp_path: Path) -> None:
     port = tmp_path / "device"
     processes.stand_in(port)

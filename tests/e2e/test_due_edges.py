@@ -290,6 +290,7 @@ def with_fits() -> tuple[DueRun, list[tuple[float, int]]]:
     return run.run_until(18), changes
 
 
+@pytest.mark.long
 def test_the_stack_keeps_clear_of_its_limit() -> None:
     """The memory of the stack has room for its deepest use in a run, for a handler's frames on top of that,
     and for a reserve.

@@ -84,7 +84,7 @@ def test_on_a_real_sensors_noise_it_agrees_with_the_host(recordings: Path, name:
             assert getattr(message, field) == np.float32(rows[message.axis][field][at]), (message, field)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_status_says_what_it_costs() -> None:
     run = with_faults()
     shares = [arrival.frame.message.cpu_share for arrival in run.of(wire.Status) if 14 < arrival.at_s < 17]
@@ -240,7 +240,7 @@ def test_its_fit_has_the_bits_of_a_pc_and_costs_no_sample() -> None:
     assert 300 < estimator.longest_slice < 1200
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_at_200_hz_it_fits_too_and_no_sample_waits(tmp_path: Path) -> None:
     fast = build("timer", tmp_path, "FLTEA_RATE_HZ=200")
     run = DueRun(fast, noise="rate_hz=200&alpha=0.5&f=-1&seed=7").run_until(8.4)
@@ -251,7 +251,7 @@ def test_at_200_hz_it_fits_too_and_no_sample_waits(tmp_path: Path) -> None:
     assert (last.fit_every, last.longest_slice > 300) == (600, True)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_build_that_tunes_hands_its_fit_to_its_filters(tmp_path: Path) -> None:
     tuned = build("timer", tmp_path, "FLTEA_TUNED=true")
     noise = "alpha=0.8&f=-1&R=0.0001&seed=7"

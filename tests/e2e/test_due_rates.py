@@ -17,6 +17,7 @@ from fltea.wire.messages import Frame
 from tests.rig.built import make
 from tests.rig.due_support import DueRun, build
 from tests.rig.host_support import ROOT
+from tests.rig.tiers import long, slow
 from tests.rig.toolchain import arm_compiler
 from tools.due_run import chip_bytes
 
@@ -53,8 +54,9 @@ def image_by_command(mode: str, folder: Path, *defines: str) -> bytes:
     return file.read_bytes()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("rate_hz", "mode"), [(200, "timer"), (500, "data_ready"), (1000, "data_ready")])
+@pytest.mark.parametrize(
+    ("rate_hz", "mode"), [slow(200, "timer"), long(500, "data_ready"), slow(1000, "data_ready")]
+)
 def test_a_rate_is_exact_and_without_gaps(rate_hz: int, mode: str, tmp_path: Path) -> None:
     image = (image_by_command if rate_hz == 200 else build)(mode, tmp_path, *SETTINGS[rate_hz])
     baud = 400_000 if rate_hz == 1000 else wire.BAUD
@@ -131,10 +133,9 @@ def test_the_small_ring_of_arduino_bears_500_hz(tmp_path: Path) -> None:
     assert json.loads(done.stderr)["waited"] is False
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("gyro_dps", "accel_g", "gyro_lsb", "accel_lsb"),
-    [(250, 4, 131.0, 8192.0), (500, 8, 65.5, 4096.0), (1000, 16, 32.8, 2048.0)],
+    [slow(250, 4, 131.0, 8192.0), long(500, 8, 65.5, 4096.0), long(1000, 16, 32.8, 2048.0)],
 )
 def test_other_ranges_are_set_told_and_true(
     gyro_dps: int, accel_g: int, gyro_lsb: float, accel_lsb: float, tmp_path: Path

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import pytest
 
+from tests.rig.tiers import long_but
 from tests.rig.toolchain import missing, needed
 from tools.faults.__main__ import PARTS
 from tools.faults.case import Case, play, play_all
@@ -34,6 +35,8 @@ class Fault(NamedTuple):
 
 
 FAULTS = [Fault(part, case) for part in AT_ONCE for case in PARTS[part].cases if case.tested]
+FIRST = [next(fault for fault in FAULTS if fault.part == part) for part in AT_ONCE]
+"""One fault of each part; `make faults` and the third tier play them all."""
 
 
 Playing = Callable[[str], dict[str, "Future[Outcome]"]]
@@ -55,8 +58,9 @@ def playing(request: pytest.FixtureRequest) -> Playing:
     return begin
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: f"{fault.part}: {fault.case.name}")
+@pytest.mark.parametrize(
+    "fault", long_but(FIRST, FAULTS), ids=lambda fault: f"{fault.part}: {fault.case.name}"
+)
 def test_a_fault_leads_to_what_is_expected(fault: Fault, playing: Playing) -> None:
     for server in SERVERS.get(fault.part, ()):
         needed(server)

@@ -257,7 +257,7 @@ def test_the_example_of_a_broker_lets_a_device_write_under_its_own_name_only(
     assert heard == ["fltea/a/fit"]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_numbers_for_a_script_and_no_broker(
     broker: Mosquitto, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

@@ -150,7 +150,7 @@ def test_leases_have_room_when_snapshots_have_none(server: Servers, start: Start
     assert worker.serves_all()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_consumer_or_a_stream_that_somebody_deletes_is_made_again(
     serving: tuple[Server, Worker], caplog: pytest.LogCaptureFixture
 ) -> None:

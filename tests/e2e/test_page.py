@@ -51,7 +51,7 @@ def test_the_page_says_what_the_records_say(processes: Processes, chromium: Brow
     assert [text for text in one.complaints if "ERR_CONNECTION" not in text] == []
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_status_tells_of_a_stall_a_restart_and_the_start_up(
     processes: Processes, chromium: Browser, tmp_path: Path
 ) -> None:
@@ -142,7 +142,7 @@ def test_a_folder_that_cannot_be_written_to_is_said_on_the_page(
     daemon.end_well()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_idle_connections_take_nothing_from_recording_and_state(processes: Processes, tmp_path: Path) -> None:
     """Idle connections must not exhaust the file descriptors of the program.
 

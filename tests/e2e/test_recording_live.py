@@ -13,7 +13,7 @@ import pytest
 from mcap.reader import make_reader
 
 from tests.rig.host_support import QUICK, Daemon, Processes, fltea, wait_until
-from tests.rig.tiers import slow
+from tests.rig.tiers import long, slow
 
 FLUSHED_S = 1.0
 
@@ -38,7 +38,7 @@ def replay(path: Path) -> str:
     return result.stdout
 
 
-@pytest.mark.parametrize("seed", [1, slow(2)])
+@pytest.mark.parametrize("seed", [slow(1), long(2)])
 def test_kill_9_costs_the_last_second(seed: int, processes: Processes, port: Path, tmp_path: Path) -> None:
     folder = tmp_path / "rec"
     device = processes.stand_in(port, "--noise", f"alpha=0.5&f=-1&seed={seed}")

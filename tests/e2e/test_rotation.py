@@ -21,7 +21,7 @@ from tests.rig.fake_iio import imu, scan
 from tests.rig.host_support import Processes, fltea_here, wait_until
 from tests.rig.mcap_support import files
 from tests.rig.terminal import speaking
-from tests.rig.tiers import slow
+from tests.rig.tiers import long, long_but
 from tools.standin import Device
 
 EVERY_S = 0.02
@@ -112,13 +112,13 @@ def synthetic(folder: Path) -> Iterator[list[str]]:
     yield ["synthetic:?seed=1&rate_hz=500"]
 
 
-KINDS = [port, *map(slow, (text, i2c, tcp, text_port, synthetic))]
+KINDS = long_but([text, i2c, tcp], [port, text, i2c, tcp, text_port, synthetic], quick=[port])
 START = ["--startup", "20"]
 REPLAY = ["run", "--once", "--samples", *START]
 IDENTIFY = ["identify", "--json", "--shuffles", "0", *START]
 
 
-@pytest.mark.parametrize("command", ["record", slow("run")])
+@pytest.mark.parametrize("command", ["record", long("run")])
 @pytest.mark.parametrize("kind", KINDS)
 def test_all_files_of_a_recording_are_used_or_named(
     kind: Callable[[Path], Source], command: str, tmp_path: Path, processes: Processes

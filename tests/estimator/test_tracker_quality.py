@@ -23,6 +23,8 @@ from scipy.fft import dct
 from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
+from tests.rig.tiers import long
+
 H, R, SERIES = 0.01, 0.0196, 60
 WHITE = p.White(R)
 
@@ -188,7 +190,7 @@ def tracked(name: str, n: int, *, modelled: bool, offset: float | None) -> tuple
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("offset", [0.0, None], ids=["offset given", "offset unknown"])
+@pytest.mark.parametrize("offset", [long(0.0), None], ids=["offset given", "offset unknown"])
 @pytest.mark.parametrize("name", FAMILIES)
 def test_with_the_right_model_it_is_the_best_possible(name: str, offset: float | None) -> None:
     found = quality(name, *tracked(name, LONG, modelled=True, offset=offset), slice(6000, None))

@@ -17,7 +17,7 @@ from fltea.wire.messages import Frame
 
 from tests.rig.blocks import track_one
 from tests.rig.built import make
-from tests.rig.tiers import slow
+from tests.rig.tiers import long, slow
 from tests.rig.toolchain import needed
 
 FOLDER = Path(__file__).parent
@@ -25,7 +25,7 @@ ROOT = FOLDER.parents[1]
 SKETCH = ROOT / "firmware/arduino/fltea"
 
 
-@pytest.fixture(scope="session", params=[slow("g++"), slow("clang++")])
+@pytest.fixture(scope="session", params=[slow("g++"), long("clang++")])
 def build(request: pytest.FixtureRequest) -> Path:
     """Build the sketch with one of two compilers and with all warnings as errors.
 

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 from tests.rig.built import BUILD, make
-from tests.rig.tiers import slow
+from tests.rig.tiers import long
 
 FOLDER = Path(__file__).parent
 
-compilers = pytest.mark.parametrize("compiler", ["g++", slow("clang++")])
+compilers = pytest.mark.parametrize("compiler", ["g++", long("clang++")])
 """Parameters that run a test with each of two compilers. Each compiler builds in a separate folder."""
 
 
@@ -54,6 +54,6 @@ def test_clang_tidy_and_cppcheck_find_nothing() -> None:
     made_by("clang++", "check")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_fuzzer_finds_nothing_in_a_fixed_number_of_inputs() -> None:
     made_by("clang++", "fuzz")

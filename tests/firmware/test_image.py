@@ -129,7 +129,7 @@ def test_image_knows_no_paths() -> None:
     assert all(map(path.search, (b"firmware/core", b"noise_fit.cpp")))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_bytes_do_not_depend_on_the_place(built: Path, tmp_path: Path) -> None:
     root = copy_tree(tmp_path / "another place/and deeper")
     done = run_tool("build_firmware", root)
@@ -174,7 +174,7 @@ def test_no_double_and_no_libc(built: Path) -> None:
     )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_check_finds_a_changed_byte(built: Path, tmp_path: Path) -> None:
     root = copy_tree(tmp_path / "fltea")
     shutil.copytree(built / "firmware", root / "firmware", dirs_exist_ok=True)

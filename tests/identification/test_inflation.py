@@ -37,7 +37,7 @@ def inflated(y: np.ndarray, up_to_s: float = 60.0) -> Inflation:
     return own_inflation({"gyro_x": fltea.identify(y, 1 / H, unit="deg/s", forecast=True)}, up_to_s)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_right_model_gets_no_factor_and_a_drift_gets_one() -> None:
     factors = [inflated(at_rest(seed, walk=1e-4 * (seed % 3))).of_axes["gyro_x"] for seed in range(6)]
     assert factors.count(1.0) >= 5

@@ -323,7 +323,7 @@ def test_no_alarm(seed: int, kind: str, sigma_lsb: float | None, axes: int, know
     assert judged(gyro(y, 0.4), reading=reading, lsb=lsb if known else None) == {}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("rate_hz", [50.0, 200.0, 1000.0])
 def test_no_alarm_in_many_clean_records(rate_hz: float) -> None:
     """The data checks find nothing in a hundred clean records of 100 s to 20 min.

@@ -5,7 +5,7 @@ import subprocess
 import pytest
 
 from tests.rig.built import BUILD, NATIVE, make
-from tests.rig.tiers import slow
+from tests.rig.tiers import long
 
 TESTS = BUILD / "tests-native"
 
@@ -21,7 +21,7 @@ LONG = ",".join(
 
 
 @pytest.mark.parametrize(
-    "cases", [f"--test-case-exclude={LONG}", slow(f"--test-case={LONG}")], ids=["short", "long"]
+    "cases", [f"--test-case-exclude={LONG}", long(f"--test-case={LONG}")], ids=["short", "long"]
 )
 def test_doctest_with_sanitizers(cases: str) -> None:
     make(NATIVE, TESTS, "tests")
@@ -29,7 +29,7 @@ def test_doctest_with_sanitizers(cases: str) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_reader_of_ports_has_no_races() -> None:
     make(NATIVE, TESTS, "thread_tests")
     done = subprocess.run([TESTS / "thread_tests"], capture_output=True, text=True, check=False)
@@ -41,6 +41,6 @@ def test_headers_compile_with_the_flags_of_the_device() -> None:
     make(NATIVE, TESTS, "strict")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_fuzzer_finds_nothing_in_a_fixed_number_of_inputs() -> None:
     make(NATIVE, TESTS, "fuzz")

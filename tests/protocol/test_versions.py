@@ -99,7 +99,7 @@ int main() {
 """
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_next_native_decoder_reads_this_board_and_the_one_after_it(tmp_path: Path) -> None:
     (tmp_path / "messages.h").write_text(gen_protocol.header(NEXT))
     program = PROGRAM.replace("%MINOR%", str(PROTOCOL.minor)).replace("%HASH%", str(wire.SCHEMA_HASH))

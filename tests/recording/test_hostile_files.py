@@ -23,7 +23,7 @@ from tests.rig import hostile_files
 from tests.rig.blocks import samples_of
 from tests.rig.host_support import fltea_here
 from tests.rig.mcap_support import record, transport
-from tests.rig.tiers import slow_but
+from tests.rig.tiers import long_but, slow_but
 
 RIG = Path(__file__).parents[1] / "rig"
 SMALL = ["--set", "estimator.startup=2", "--format", "none", "--once"]
@@ -53,7 +53,7 @@ def all_commands(path: Path, out: Path) -> list[list[object]]:
     ]
 
 
-@pytest.mark.parametrize("name", slow_but(["zstd"], hostile_files.MCAP_BOMBS))
+@pytest.mark.parametrize("name", long_but(["zstd"], hostile_files.MCAP_BOMBS))
 def test_a_chunk_that_unpacks_to_more_than_allowed(name: str, tmp_path: Path) -> None:
     path = tmp_path / "due.mcap"
     path.write_bytes(hostile_files.MCAP_BOMBS[name]())
@@ -68,7 +68,7 @@ def test_a_chunk_that_unpacks_to_more_than_allowed(name: str, tmp_path: Path) ->
     assert [found.name for found in tmp_path.iterdir()] == ["due.mcap"]
 
 
-@pytest.mark.parametrize("name", slow_but(["declares 60 MB"], hostile_files.MCAP_LIES))
+@pytest.mark.parametrize("name", long_but([], hostile_files.MCAP_LIES, quick=["declares 60 MB"]))
 def test_a_chunk_that_lies_about_its_size_is_damaged_and_costs_little(name: str, tmp_path: Path) -> None:
     record(tmp_path, transport(samples=60), channels=())
     (path,) = tmp_path.glob("*.mcap")
@@ -93,7 +93,7 @@ def test_a_record_that_is_as_long_as_the_file(kind: int, tmp_path: Path) -> None
     assert grown_mb < MOST_MB
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_limit_of_a_chunk_can_be_raised(tmp_path: Path) -> None:
     record(tmp_path, transport(samples=200))
     (path,) = tmp_path.glob("*.mcap")
@@ -125,7 +125,7 @@ def test_only_limits_can_be_set_where_nothing_else_is(setting: str, reason: str,
     assert reason in found.stderr
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_npz_that_takes_more_than_allowed(tmp_path: Path) -> None:
     bombs = hostile_files.npz_bombs(tmp_path)
     results, grown_mb = probed(*[["info", path] for path, _ in bombs.values()])
@@ -195,7 +195,7 @@ def hostile_texts() -> dict[str, tuple[bytes, str]]:
     }
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_text_without_end_and_without_bottom(tmp_path: Path) -> None:
     texts = hostile_texts()
     for name, (data, _) in texts.items():

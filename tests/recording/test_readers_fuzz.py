@@ -39,7 +39,7 @@ from tests.rig.bag_support import even, write_bag
 from tests.rig.corpus_files import HERE
 from tests.rig.hostile_files import Files
 from tests.rig.mcap_support import record, transport
-from tests.rig.tiers import slow, slow_but
+from tests.rig.tiers import long_but, slow, slow_but
 
 LIMITS = Limits(max_chunk_mb=1, max_mb=1)
 MOST_BYTES = 40_000_000
@@ -187,7 +187,9 @@ def test_the_real_files_are_read(name: str, real: Files, folder: Path) -> None:
     assert summarise([folder / name], 100, LIMITS, how).samples > 100
 
 
-@pytest.mark.parametrize("name", slow_but(["rest.npy"], KINDS))
+@pytest.mark.parametrize(
+    "name", long_but(["rest.npz", "rest.csv", "ros2.db3", "rest.h5"], KINDS, quick=["rest.npy"])
+)
 def test_files_that_were_changed_anywhere(name: str, real: Files, folder: Path) -> None:
     """Files that a library reads are changed in as few examples as the logs further below.
 
@@ -202,7 +204,7 @@ def test_files_that_were_changed_anywhere(name: str, real: Files, folder: Path) 
     holds()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @given(how=changes)
 @settings(max_examples=12)
 @pytest.mark.parametrize("name", ["ardupilot.bin", "labview.tdms", "asam.mf4", "px4.ulg", "matlab.mat"])

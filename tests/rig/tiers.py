@@ -30,9 +30,13 @@ def slow_but(quick: Container[Any], values: Iterable[Any]) -> list[Any]:
     return [value if value in quick else slow(value) for value in values]
 
 
-def long_but(usual: Container[Any], values: Iterable[Any]) -> list[Any]:
-    """Return all values of a parameter; the third tier tries the values that are not in `usual`."""
-    return [value if value in usual else long(value) for value in values]
+def long_but(usual: Container[Any], values: Iterable[Any], *, quick: Container[Any] = ()) -> list[Any]:
+    """Return all values of a parameter; the third tier tries those that are in neither `usual` nor `quick`.
+
+    The first tier tries the values in `quick`, the second those in `usual`.
+    """
+    values = list(values)
+    return [one if one in quick else slow(one) if one in usual else long(one) for one in values]
 
 
 @cache

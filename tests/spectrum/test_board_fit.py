@@ -80,7 +80,7 @@ def test_the_order_and_its_interval_are_near_the_hosts(
     assert board.R / host.R.value == pytest.approx(1, abs=0.25 if gaps else 0.1)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_of_a_million_samples_it_says_what_the_host_says() -> None:
     """For a million samples, the board's verdicts are the host's. The test uses all twenty noises of `make
     validate ARGS=device`, whose figures are in firmware/README.md.

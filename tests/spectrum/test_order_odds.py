@@ -76,7 +76,7 @@ def test_the_odds_are_one_figure() -> None:
     assert said(max(axis.odds, 1 / axis.odds)) in axis.text
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_odds_come_true() -> None:
     """The odds are right within three standard errors on 200 noises that were not used for calibration, half
     of which have an order.

@@ -16,7 +16,7 @@ from fltea.spectrum.verdict import decide
 
 from tests.rig.identify_support import H
 from tests.rig.model_support import samples, sound
-from tests.rig.tiers import slow
+from tests.rig.tiers import long
 
 Parts = list[p.Part]
 
@@ -103,7 +103,7 @@ def says_less_than_it_knows(e: Evidence, kind: str, text: str) -> bool:
     return ahead and (kind == "white" or "too faint" in text) and not e.peaks
 
 
-@pytest.mark.parametrize("count", [36, slow(200)])
+@pytest.mark.parametrize("count", [36, long(200)])
 def test_what_is_claimed_is_there(count: int) -> None:
     """What a verdict claims is in the noise. If five verdicts in a hundred claimed too much, this test with
     200 noises would fail with a probability of 97 %.
@@ -136,7 +136,7 @@ def test_what_is_claimed_is_there(count: int) -> None:
     assert held >= orders - max(3, 0.1 * orders)
 
 
-@pytest.mark.parametrize("count", [60, slow(200)])
+@pytest.mark.parametrize("count", [60, long(200)])
 def test_what_is_ahead_of_white_noise_is_said(count: int) -> None:
     """The noises have one or two faint or broad parts: resonances, fast relaxations, rises, filters.
 

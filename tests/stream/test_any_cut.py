@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from tests.rig.blocks import cuts, in_blocks, ndjson, of, one_by_one, records_of
 from tests.rig.device_stream_support import SMALL
 from tests.rig.estimating_board import ESTIMATOR, Board, events, noise
-from tests.rig.tiers import slow
+from tests.rig.tiers import long
 from tests.rig.wire_story import HAPPENINGS, Moment, Story, StorySource, stories, torn
 
 RUNAWAY = {
@@ -71,7 +71,7 @@ def check_any_reads(
     return whole
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @given(
     stories(),
     st.lists(st.floats(0, 1), max_size=4),
@@ -124,7 +124,7 @@ def walk_events(chosen: Config, found: Iterable[Event]) -> list[Any]:
     return [*(item for event in found for item in pipeline.feed(event)), *pipeline.finish()]
 
 
-@pytest.mark.parametrize("examples", [10, slow(40)])
+@pytest.mark.parametrize("examples", [10, long(40)])
 def test_samples_in_blocks_of_any_cut_give_the_same_records(examples: int) -> None:
     @given(stories(), st.sampled_from(SETTINGS), st.data())
     @settings(max_examples=examples)

@@ -14,7 +14,7 @@ from fltea.stream.pipeline import HANDLERS, Pipeline, Stop
 from tests.rig.blocks import ndjson
 from tests.rig.device_stream_support import SMALL, Source, raw, reads
 from tests.rig.host_support import hello
-from tests.rig.tiers import slow
+from tests.rig.tiers import long, slow
 
 N = 1000
 SETTINGS: list[dict[str, Any]] = [
@@ -35,7 +35,7 @@ def run_pipeline(events: Iterable[Event], changes: dict[str, Any], *, watched: b
     return ndjson([*found, *pipeline.finish()])
 
 
-@pytest.mark.parametrize("watched", [True, slow(False)])
+@pytest.mark.parametrize("watched", [True, long(False)])
 @pytest.mark.parametrize("changes", [slow(one) if k in (5, 6) else one for k, one in enumerate(SETTINGS)])
 def test_reads_of_any_size_say_what_single_samples_say(changes: dict[str, Any], watched: bool) -> None:
     single = run_pipeline(reads([1] * N), changes, watched=watched)

@@ -24,7 +24,7 @@ from tests.rig.blocks import cuts, in_blocks, ndjson, of, records_of
 from tests.rig.device_stream_support import raw, run_pipeline
 from tests.rig.host_support import hello
 from tests.rig.quick_fit import QuickAxes
-from tests.rig.tiers import slow
+from tests.rig.tiers import long
 
 T = TypeVar("T")
 
@@ -246,7 +246,7 @@ def test_a_look_at_a_sensor_that_is_gone_is_not_told_and_one_at_the_same_counts_
     assert [(f.epoch, f.samples) for f in of(Fit, items)] == [(1, 100)]
 
 
-@pytest.mark.parametrize("examples", [4, slow(25)])
+@pytest.mark.parametrize("examples", [4, long(25)])
 def test_estimates_are_the_same_watched_or_not_whatever_is_lost(examples: int) -> None:
     """Fits that no output shows are not made. This changes no estimate, even if samples are lost."""
 

@@ -21,7 +21,7 @@ from tests.rig.blocks import of, records_of
 from tests.rig.device_stream_support import NO_FILTERS, PLAIN, SMALL, Source
 from tests.rig.plain_device_stream import PlainDeviceStream
 from tests.rig.same_records import assert_same
-from tests.rig.tiers import slow, slow_but
+from tests.rig.tiers import long, slow, slow_but
 
 WINDOW = SMALL["estimator.window"]
 
@@ -38,7 +38,7 @@ def both(
     return records_of([*found, *pipeline.finish()]), [*expected, plain.finish()]
 
 
-@pytest.mark.parametrize("examples", [30, slow(400)])
+@pytest.mark.parametrize("examples", [30, long(400)])
 def test_number_time_units_and_counts_are_those_of_the_oracle(examples: int) -> None:
     @given(births, acts(32, 60), st.integers(1, 3))
     @settings(max_examples=examples)
@@ -85,7 +85,7 @@ SETTINGS: list[dict[str, Any]] = [
 ]
 
 
-@pytest.mark.parametrize("examples", [30, slow(400)])
+@pytest.mark.parametrize("examples", [30, long(400)])
 def test_estimates_are_those_of_the_oracle(examples: int) -> None:
     @given(births, acts(16, 60), st.sampled_from(SETTINGS))
     @settings(max_examples=examples)
@@ -225,7 +225,7 @@ def check_snapshot(
     return len(both_have)
 
 
-@pytest.mark.parametrize("examples", [30, slow(400)])
+@pytest.mark.parametrize("examples", [30, long(400)])
 def test_a_snapshot_at_any_sample_goes_on_as_the_oracle_and_as_if_nothing_had_been(examples: int) -> None:
     """The filters' estimates continue from a snapshot at any sample, and so do the biases, with the whole
     state of the tracker.

@@ -197,7 +197,7 @@ def test_a_saved_walk_goes_on_tuned() -> None:
         assert (one.Q_in_use, one.R_in_use, one.tuned) == (then.Q_in_use, then.R_in_use, then.tuned)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_replay_at_full_speed_tunes_and_estimates_as_the_run_did() -> None:
     """A replay at full speed gives the same fits and estimates as the run did. The test makes real fits:
     eighty that are published, and forty that tune the filters.

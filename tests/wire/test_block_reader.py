@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 
 from tests.rig.plain_decoder import Found, decoded, in_chunks, unfinished
 from tests.rig.protocol_support import HELLO, fixed, messages, sequences, times
-from tests.rig.tiers import slow
+from tests.rig.tiers import long
 
 SAMPLE = wire.Sample(12, -7, 3, -120, 85, 16390, -1042, 5)
 NEXT = encode(SAMPLE, 99, 990_000)
@@ -89,7 +89,7 @@ def test_it_gives_what_the_plain_decoder_gives(data: bytes) -> None:
     assert repr(FrameReader().feed(data)) == repr(good)
 
 
-@pytest.mark.parametrize("examples", [150, slow(400)])
+@pytest.mark.parametrize("examples", [150, long(400)])
 def test_chunks_do_not_matter(examples: int) -> None:
     @given(streams, st.lists(st.one_of(st.integers(0, 30), st.integers(0, 300)), max_size=60))
     @fixed(examples)
