@@ -42,4 +42,5 @@ def long_but(usual: Container[Any], values: Iterable[Any], *, quick: Container[A
 @cache
 def names_a_tier(file: Path, tier: str) -> bool:
     """Return whether a test file names the mark `tier`, or a function of this module that gives it."""
-    return re.search(rf"\b(mark\.{tier}\b|{tier}(_but)?\()", file.read_text(encoding="utf-8")) is not None
+    gives = {"slow": r"slow\(|slow_but\(|long_but\(", "long": r"long\(|long_but\("}[tier]
+    return re.search(rf"mark\.{tier}\b|\b({gives})", file.read_text(encoding="utf-8")) is not None
