@@ -238,7 +238,7 @@ def test_of_a_refused_recording_there_is_no_report(name: str, recording: Path, t
             ["rest.npz", "--drive-for", "1@30", "--out", "v.parquet"],
             "--drive-for and --out do not go together",
         ),
-        (["rest.npz", "--from-hz", "-1"], "from_hz is a frequency"),
+        (["rest.npz", "--from-hz", "-1"], "from_hz must be a frequency"),
         (["rest.npz", "--from-hz", "49.9"], "are needed"),
         (["rest.npz", "--variant", "quadruple"], 'must be "joint" or "triple"'),
         (["rest.npz", "--channels", "gyro_x,gyro_q"], "there is no gyro_q"),

@@ -58,7 +58,7 @@ def test_reads_that_are_no_measurements(values: tuple[int, ...], lsb: float | No
     assert [(data_check.severity, data_check.axes) for data_check in broken] == [
         ("bad", (name,)) for name in AXES
     ]
-    assert f"There are {len(values)} values only" in broken[0].text
+    assert f"There are only {len(values)} values" in broken[0].text
 
 
 def test_good_samples_among_broken_ones_are_groups() -> None:

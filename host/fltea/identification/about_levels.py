@@ -20,7 +20,7 @@ from fltea.spectrum.verdict import Verdict
 NO_MEMORY: tuple[VerdictKind, ...] = "white", "undecided", "line", "line or resonance", "resonance"
 """Verdicts that are replaced by "relaxations" on an axis that steps between levels.
 
-Steps between levels have the spectrum of a relaxation.
+Steps between levels have the spectrum of a relaxation (a first-order Gauss-Markov process).
 """
 
 
@@ -74,7 +74,7 @@ def samples_analysed(series: Series, h: float, left_out: LeftOut) -> Series:
 
 
 def _analysed_part(rest: Series, whole: Series, telegraph: Telegraph | None, out: LeftOut) -> Series:
-    """Return the samples without telegraph levels, and without the motion and the steps in `out`.
+    """Return the samples to analyse: without the telegraph levels, and without motion and steps as in `out`.
 
     `rest`: all samples after the levels were subtracted. `whole`: the samples with their levels, from which
     the samples in `out` were already removed.

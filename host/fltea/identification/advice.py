@@ -20,7 +20,7 @@ def doubted(result: AxisResult) -> AxisResult:
 def expecting_steps(result: AxisResult, steps: Sequence[BiasStep]) -> AxisResult:
     """Return the result for an axis whose bias has stepped, with advice for that case.
 
-    A filter that knows N alone would not follow such steps.
+    A filter that is given only N would not follow such steps.
     """
     if not steps or result.verdict.kind != "white":
         return result

@@ -1,8 +1,8 @@
 """Compute the overlapping Allan deviation of one axis of a recording, and read N, B and K from it.
 
 Intervals and coefficients are computed as for the live curve (`fltea.spectrum.allan_curve`,
-`fltea.spectrum.allan_coefficients`). The differences are that averaging times are closer together here, and
-that means are taken from every sample on (they overlap).
+`fltea.spectrum.allan_coefficients`). Two things differ from the live curve: the averaging times are closer
+together, and a mean begins at every sample, so that the means overlap.
 """
 
 import math
@@ -105,7 +105,7 @@ def overlapping(stretches: Sequence[Array], factors: NDArray[np.int64]) -> Array
     `factors`: averaging times in samples.
 
     Each stretch is weighted by its number of differences. Samples are processed in blocks that fit the cache.
-    So only one array of the record's length is needed in addition, also for a day at 100 Hz.
+    So the computation needs only one more array of the record's length, even for a day at 100 Hz.
     """
     squares, terms = np.zeros(len(factors)), np.zeros(len(factors))
     for y in stretches:

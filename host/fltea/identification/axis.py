@@ -29,7 +29,7 @@ NOT_RUN = "nobody asked for it"
 
 
 class IdentifyOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How to identify an axis.
+    """The options with which an axis is identified.
 
     If `bias` and `R` in `estimator` are numbers, they are the values for this axis.
     """
@@ -46,10 +46,10 @@ class IdentifyOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.from_hz) and self.from_hz >= 0):
-            raise ValueError(f"from_hz is a frequency in Hz, 0 or more, got {self.from_hz}")
+            raise ValueError(f"from_hz must be a frequency in Hz, 0 or more, got {self.from_hz}")
         for low, high in self.notch_hz:
             if not 0 <= low < high < math.inf:
-                raise ValueError(f"notch_hz are bands (low, high) in Hz, got ({low}, {high})")
+                raise ValueError(f"notch_hz must be bands (low, high) in Hz, got ({low}, {high})")
         if self.shuffles < 0:
             raise ValueError(f"shuffles must be 0 or more, got {self.shuffles}")
 
@@ -103,7 +103,7 @@ class AxisResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Slope of the straight line fitted to the longest stretch, in the unit of the samples per second."""
     band: Band
     models: dict[str, ModelSummary]
-    """All candidate models (`fltea.spectrum.candidate_models`), also those that were not chosen."""
+    """All candidate models (`fltea.spectrum.candidate_models`): the chosen model and the others."""
     stands: Literal["plain", "order"]
     """The chosen model: the best one without an order ("plain"), or the best one with an order."""
     peaks: tuple[Peak, ...]
@@ -113,7 +113,7 @@ class AxisResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     None if FLTEA cannot be run; `fltea_reason` then says why.
     """
     fltea_other: FlteaFit | None
-    """FLTEA's estimates by the variant that the options do not ask for."""
+    """FLTEA's estimates by the other variant, which the options do not ask for."""
     innovations: dict[str, Innovations | None]
     """Tests whether FLTEA's innovations are white, by the variant of FLTEA."""
     fltea_reason: str = ""
@@ -159,7 +159,7 @@ def analyse(
     o, gaps = options or IdentifyOptions(), gaps or no_gaps()
     samples = np.ascontiguousarray(y, dtype=np.float64)
     if samples.ndim != 1:
-        raise ValueError(f"y is one axis, (n,), got shape {samples.shape}")
+        raise ValueError(f"y must be one axis, (n,), got shape {samples.shape}")
     stretches = bridged(samples, gaps)
     summed = examined_stretches(stretches, len(samples), h, o.from_hz, o.notch_hz)
     evidence = summed.seen.evidence

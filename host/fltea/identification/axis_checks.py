@@ -24,8 +24,8 @@ def checks_of(
     """
     y, gaps = analysis.y, analysis.gaps
     if any(peak.repeats is not None for peak in result.peaks):
-        # Glitches that recur in each period are reported as a comb of lines, so they are not reported as
-        # outliers, too.
+        # Glitches that recur in each period are reported as a comb of spectral lines, so the check for
+        # outliers does not report them again.
         ends = np.cumsum([len(one.y) for one in analysis.stretches])
         missing = [one.missing for one in analysis.stretches]
         y = np.concatenate([one.y for one in analysis.stretches])

@@ -29,9 +29,10 @@ MARGIN = 1
 LEAST_SIGN, NEARLY_ALL = 3.3, 0.85
 """Thresholds for the number of periods that show the average pattern.
 
-More than half of the periods must show the pattern, by at least LEAST_SIGN standard deviations of a count by
-chance. With few periods even all of them may not reach that many standard deviations. Then the fraction
-NEARLY_ALL of the excess that all periods together would give is enough.
+More than half of the periods must show the pattern. Their number must exceed half of the periods by at least
+LEAST_SIGN standard deviations of a number that arises by chance. If there are few periods, even all of them
+may not exceed half by so much. Then the fraction NEARLY_ALL of the excess that all periods would give is
+enough.
 """
 SEEN = 12.0
 """Ratio of a harmonic's power to the noise's power, above which the harmonic belongs to the wave.
@@ -61,7 +62,7 @@ class _Folded(NamedTuple):
     period: NDArray[np.intp]
     """Index of the period that contains each sample, (n,)."""
     values: Array
-    """Each sample less the mean level of its period, (n,)."""
+    """Each sample minus the mean level of its period, (n,)."""
     profile: Array
     """Mean of `values` at each phase, (phases,)."""
     spread: float
@@ -69,7 +70,7 @@ class _Folded(NamedTuple):
 
 
 def without_comb(stretches: Sequence[Stretch], comb: Comb) -> WithoutComb | None:
-    """Return the stretches after the pattern that each period repeats was removed from them.
+    """Return the stretches without the pattern that each period repeats.
 
     Returns None if only a few periods have the pattern.
     """
@@ -136,7 +137,7 @@ def _in_most_periods(found: _Folded, window: Mask) -> bool:
 
     Each period is compared with the mean of all other periods.
     """
-    periods = int(found.period[-1])  # does not count the last period, which is incomplete
+    periods = int(found.period[-1])  # without the last period, which is incomplete
     inside = window[found.phase]
     values = np.where(inside, found.values, 0.0)
     alike = np.bincount(found.period, values * (found.profile[found.phase] - values / max(periods, 1)))

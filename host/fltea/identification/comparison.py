@@ -19,7 +19,9 @@ from fltea.records.quantity import number, quantity_of, shown_units, without_uni
 from fltea.records.units import HEADING_AFTER_S
 
 CHANCE = 0.05
-"""Probability that at least one figure is said to differ although the sensors are alike."""
+"""Probability that the comparison says of at least one figure that it differs, although the sensors are
+alike.
+"""
 
 
 class Figure(NamedTuple):
@@ -103,8 +105,8 @@ def _of_pair(axis: str, file: str, against: str, first: Figure, its: Figure, rea
             above = math.hypot(_log(_high(b), b.value), _log(a.value, _low(a)))
             high = times * math.exp(above) if above < math.inf else None
             ratio = Interval(times, times * math.exp(-below), high)
-            # The interval may be longer on one side of the value. Use the side on which the other figure
-            # lies.
+            # A figure's interval may be longer on one side of its value. Use the side towards the other
+            # figure.
             differs = abs(math.log(times)) > reach / NORMAL_95 * (below if times > 1 else above)
     return Compared(axis, first.name, first.unit, file, against, ratio, difference, differs)
 

@@ -44,11 +44,11 @@ class Conclusions(NamedTuple):
 
 
 def tracked_of(analysis: AxisAnalysis, telegraph: Telegraph | None = None) -> FittedSystem | None:
-    """Return the state-space system that the tracker uses for one axis.
+    """Return the tracked system of an axis: the state-space model with which its Kalman filter works.
 
-    The result is None if no filter works with the noise of the axis.
+    The result is None if no Kalman filter works with the noise of the axis.
 
-    `telegraph`: levels that were subtracted before the analysis; the system describes them, too.
+    `telegraph`: levels that were subtracted before the analysis; the tracked system describes them, too.
     """
     y = max((one.y for one in analysis.stretches), key=len)
     parts = analysis.figures.model.parts(analysis.h)
@@ -63,12 +63,12 @@ def _with_levels(tracked: FittedSystem, telegraph: Telegraph, h: float) -> Fitte
 
 
 def in_agreement(tracked: Mapping[str, FittedSystem | None], h: float) -> dict[str, FittedSystem]:
-    """Return the tracked systems of a recording's axes by name, with the same random walk if possible.
+    """Return, by axis name, the tracked system (state-space model) with which each axis's filter works.
 
-    The axes of the gyroscope may share one figure for the random walk, and so may the axes of the
-    accelerometer.
+    If the data allow it, all axes of the gyroscope get one common figure for the random walk of the offset,
+    and so do all axes of the accelerometer.
 
-    Axes for which no filter works are left out.
+    The result has no entry for an axis for which no Kalman filter works.
     """
     known = {name: one for name, one in tracked.items() if one is not None}
     gyro, accel = by_sensor(known)
@@ -113,7 +113,8 @@ def conclude(
 
     bias, ahead = found(tracked, y, h, series.unit, first if forecast else None, forecast, at_end)
     plain = None
-    with contextlib.suppress(ValueError, ArithmeticError):  # raised if no filter works with this system
+    # these errors mean that no Kalman filter works with this system
+    with contextlib.suppress(ValueError, ArithmeticError):
         # The filter starts with the bias after the last step, even if only a few samples follow that step.
         newest = stretches[-1] if at_end is not None and at_end.has_stepped else y
         # the filter has a state for the levels, so its bias is the mean of the levels

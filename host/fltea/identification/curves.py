@@ -28,7 +28,7 @@ ORDERS = np.linspace(0.0, 1.5, 61)
 
 
 class Spectrum(NamedTuple):
-    """The periodogram in bins, from all ordinates that the user did not leave out."""
+    """The periodogram, averaged in bins. The bins contain all ordinates that the user did not leave out."""
 
     hz: Array
     power: Array
@@ -37,9 +37,10 @@ class Spectrum(NamedTuple):
 
 
 class Path(NamedTuple):
-    """FLTEA's estimates over time, and how far FLTEA's estimates for white noise scatter.
+    """FLTEA's estimates over time, and the range in which FLTEA's estimates for white noise lie.
 
-    `white_alpha` and `white_f` are quantiles over copies of the data with white noise, (points, 3).
+    `white_alpha` and `white_f` are quantiles of the estimates for shuffled copies of the data, which are
+    white noise, (points, 3).
     """
 
     t_s: Array
@@ -58,7 +59,7 @@ class Curves(NamedTuple):
     spectrum: Spectrum
     orders: Array
     deviance: Array
-    """2 log L of the best fit, minus 2 log L of the fit in which the order is held at each of `orders`."""
+    """For each of `orders`: 2 log L of the best fit, minus 2 log L of the best fit with this order."""
     path: Path | None
     """FLTEA's estimates over time; None if FLTEA was not run."""
     autocorrelation: Array

@@ -33,7 +33,7 @@ A stopped process keeps its port open, so the connection alone proves nothing.
 RETRIES = 3
 """Number of retries of a task that raises an error.
 
-Retries because a worker died are counted by the scheduler.
+This number does not include retries because a worker died. The scheduler counts those.
 """
 SETTINGS = "DASK_DISTRIBUTED__COMM__TLS__CA_FILE, …__CLIENT__CERT and …__CLIENT__KEY"
 

@@ -29,20 +29,21 @@ BLOCKS = 20
 SIGNIFICANT = 5.0
 """Threshold for Student's t with about BLOCKS degrees of freedom; chance exceeds it once in ten thousand."""
 OFFSET_SHARE, DRIFT_SHARE = 0.1, 0.1
-"""Ratios to the noise's standard deviation below which an offset or a drift does no harm."""
+"""An offset or a drift does no harm if it is less than this many times the noise's standard deviation."""
 OUTLIER = 6.0
-"""Distance from which a sample is an outlier, in robust standard deviations.
+"""A sample is an outlier if it is further from its neighbours than this many robust standard deviations.
 
 In Gaussian noise one sample in 500 million is further away.
 """
 TORN_COUNTS = 256.0
 """Size in counts of the jump that occurs if the bytes of two samples are mixed."""
 TORN_WITHIN = 0.5
-"""Largest ratio of four standard deviations of the noise to TORN_COUNTS at which such a jump is
-recognised.
+"""A jump of TORN_COUNTS is recognised only if four standard deviations of the noise are less than this
+fraction of it.
 """
 COARSE_LSB, TOO_COARSE_LSB = 2.0, 0.5
-"""Standard deviations in LSB below which the counts are coarse, or too coarse.
+"""Counts are coarse below the first of these standard deviations of the samples [LSB], and too coarse below
+the second.
 
 From 2 LSB on, rounding is at most 2 % of the variance. Below 0.5 LSB, rounding noise is not white.
 """
@@ -228,20 +229,20 @@ def _quantisation(y: Array, lsb: float | None, unit: str) -> Iterator[DataCheck]
         "bad" if coarse else "warning",
         f"σ is {sigma:.2g} {f'steps of {written}' if written else 'LSB'}: rounding makes up {share:.0%} of "
         f"the variance{', and is not white.' if coarse else '.'}",
-        "The file has too few decimals, for the step is a power of ten: write more of them, or the sensor's "
-        "counts. (If this is one count of the sensor, choose a smaller range.)"
+        "The step is a power of ten, so the file has too few decimals: write more of them, or the sensor's "
+        "counts. (If the step is one count of the sensor, choose a smaller range.)"
         if written
         else f"Choose a smaller range of the sensor ({FINER.get(unit, FINER['deg/s'])}).",
     )
 
 
 def _outliers(y: Array, h: float, lsb: float | None, unit: str, gaps: Gaps) -> Iterator[DataCheck]:
-    # Compare each sample with the mean of its two neighbours, which have the same drift and slow noise.
+    # Compare each sample with the mean of its two neighbours: drift and slow noise are the same in all three.
     r = y[:-2] + y[2:]
     r /= 2
     np.subtract(y[1:-1], r, out=r)
-    # r: each sample less the mean of its neighbours. With coarse counts r is a multiple of half an LSB, so
-    # the median of |r| may be wrong by a quarter of an LSB. That is added.
+    # r: each sample minus the mean of its neighbours. With coarse counts r is a multiple of half an LSB, so
+    # the median of |r| may be wrong by a quarter of an LSB. A quarter of an LSB is added.
     scale = _scale(thin(r)) + 1.4826 / 4 * (lsb or step(y) or 0.0) or float(r.std())
     size = np.abs(r, out=r)
     # Samples next to a gap are not checked, since slow noise and the offset change during the gap.
@@ -257,13 +258,14 @@ def _outliers(y: Array, h: float, lsb: float | None, unit: str, gaps: Gaps) -> I
     torn = 0
     if lsb is not None and 4 * scale < TORN_WITHIN * TORN_COUNTS * lsb:
         off = np.abs(size[at - 1] - TORN_COUNTS * lsb)
-        # Noise with heavy tails has jumps of any size. With torn reads nearly all jumps have this size.
+        # Noise with heavy tails has jumps of any size. If bytes of two samples are mixed, nearly all jumps
+        # have the size TORN_COUNTS.
         torn = int((off < 4 * scale).sum()) if 2 * int((off < 2 * scale).sum()) >= at.size else 0
     if torn:
         yield DataCheck(
             "torn reads",
             "bad",
-            f"{torn} jumps of ±256 LSB for one sample ({first}): bytes of two measurements mixed.",
+            f"{torn} jumps of ±256 LSB for one sample ({first}): the sample mixes bytes of two measurements.",
             "Read all bytes of a sample in one burst, after the data-ready signal or with the shadow "
             "registers on.",
         )
@@ -324,7 +326,7 @@ def _stuck(y: Array) -> Iterator[DataCheck]:
         yield DataCheck(
             "stuck",
             "bad",
-            f"One value stands for {longest + 1} samples, from number {first} on.",
+            f"{longest + 1} successive samples have the same value, from sample number {first} on.",
             "The sensor stopped measuring, or reads failed: look at the supply, the wires and the log.",
         )
 

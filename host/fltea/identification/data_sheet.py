@@ -50,7 +50,8 @@ SHEETS = {
 """The data sheets, by the name of the gyroscope."""
 
 SCATTER = 1.2
-"""Ratio to the sheet's typical figure up to which an axis counts as equally good.
+"""An axis counts as good as its data sheet if its figure is at most this many times the sheet's typical
+figure.
 
 Data sheets rarely state a maximum.
 """
@@ -100,14 +101,15 @@ def sheet_name(text: str) -> str:
     density = _density(text)
     if density is not None and BEST <= density <= WORST:
         return f"{density:g}"
-    what = "no data sheet of this part is known."
+    what = "no data sheet of such a gyroscope is known."
     if density is not None:
         what = f"no gyroscope has {density:g} (deg/s)/√Hz."
     near = [names[its] for its in get_close_matches(plain, names, 3, 0.4)]
     nearest = f" Nearest: {', '.join(near)}." if near else ""
     raise UsageError(
-        f"--sheet {text}: {what}{nearest} Known are {', '.join(SHEETS)}. Of another part give the rate noise "
-        "density of its sheet, a number in dps/√Hz or with its unit: --sheet 0.007 or --sheet 7mdps/rtHz."
+        f"--sheet {text}: {what}{nearest} Known are {', '.join(SHEETS)}. For another gyroscope give the "
+        "rate noise density of its sheet, a number in dps/√Hz or with its unit: --sheet 0.007 or "
+        "--sheet 7mdps/rtHz."
     )
 
 
@@ -122,7 +124,8 @@ def _density(text: str) -> float | None:
     number, unit = float(found["number"]), found["unit"].strip()
     if not unit:
         return number
-    if not _PER_ROOT_HZ.search(unit):  # deg/√h is the unit of N, which is smaller than a density by √2
+    # a figure in deg/√h is not a density: it is N, and the one-sided density is √2 N
+    if not _PER_ROOT_HZ.search(unit):
         return None
     try:
         return number * factor(unit, "deg/s/√Hz")
@@ -168,8 +171,9 @@ def compare(
         why = f"not compared. {level.reason}"
         return SheetComparison(name, sheet.source, typical, Interval(), None, "not known", why)
     value, low, high = (math.sqrt(2) * one for one in (N.value, N.low, N.high))
-    # N may exclude a fast relaxation, which the sheet's density and `value` include. The lower end of N's
-    # interval may then be too low. So the interval is not allowed to reach further down than up.
+    # N may exclude a fast relaxation (a first-order Gauss-Markov process), which the sheet's density and
+    # `value` include. The lower end of N's interval may then be too low. So the interval is cut: it reaches
+    # no further below the value than above it.
     density = Interval(value, min(value, max(low, value**2 / high)), high)
     half = rate_hz / 2
     folded = max((low_pass_hz or half) / half, 1.0) ** 0.5

@@ -16,9 +16,11 @@ MOST_TOLD = 3
 POPCORN = 6
 """Least number of steps for which a test for popcorn noise is made (a bias that jumps between two levels)."""
 ALTERNATE = 0.9
-"""Least proportion of steps that go in the direction opposite to the step before, for popcorn noise."""
+"""In popcorn noise, at least this proportion of the steps goes in the direction opposite to the previous
+step.
+"""
 AGREE = 5.0
-"""Largest scatter of the step sizes in popcorn noise.
+"""In popcorn noise, the scatter of the step sizes is at most this.
 
 The scatter is the mean square difference of the sizes from their median, divided by the expected mean square.
 
@@ -29,12 +31,13 @@ The limit is above 1, since the σ of steps that follow each other quickly is un
 def event_checks(events: AxisEvents, unit: str, *, is_left_out: bool = True) -> tuple[DataCheck, ...]:
     """Return the data checks for the steps and the motion of an axis, with sizes in `unit`.
 
-    `is_left_out`: whether the spectrum leaves these samples out. False if too few samples would be left.
+    `is_left_out`: whether the spectrum leaves out the samples in motion and breaks at the steps. False if too
+    few samples would remain.
     """
     found = []
     if events.motion:
         then = "All figures leave it out." if is_left_out else "All figures include it."
-        remedy = "Record at rest: noise that is slower than the pauses between motions is not seen."
+        remedy = "Make the recording at rest: noise slower than the pauses between motions cannot be seen."
         severity: Severity = "warning" if is_left_out else "bad"
         found.append(DataCheck(MOTION, severity, f"The sensor moved {_moved(events.motion)}. {then}", remedy))
     if events.steps:

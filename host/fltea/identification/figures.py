@@ -27,9 +27,7 @@ Dashed curves are drawn over solid ones, so that both are visible where models a
 """
 MODEL_POINTS = 300
 SETTLED = 3.0
-"""The y axis of the picture of the bias is made for the points whose σ is at most this multiple of the median
-σ.
-"""
+"""The y axis of the picture of the bias covers the points whose σ is at most this many times the median σ."""
 
 Ends = tuple[float, float]
 
@@ -44,7 +42,7 @@ def draw(name: str, axis: AxisReport) -> dict[str, str]:
 
 
 def meaning(kind: str, axis: AxisReport) -> str:
-    """Return a text on how to read a picture of this axis."""
+    """Return a text that says how to read the picture of the kind `kind` of this axis."""
     text = TITLES[kind][1]
     if kind == "forecast" and axis.forecast is not None:
         rest_s = axis.forecast.after_s

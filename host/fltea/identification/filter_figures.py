@@ -2,11 +2,11 @@
 
 Such a filter has white noise, and either a random walk or one Gauss–Markov state.
 
-A filter with these figures never predicts too small an error. A relaxation with deviation σ and correlation
-time τ has the density 2 σ² τ / (1 + ω² τ²). White noise of density 2 σ² τ is nowhere below it, and neither is
-a random walk with K² = 2 σ² / τ. So a filter that replaces the relaxation by either of them predicts a
-heading error no smaller than the true one. After a time T, white noise is the closer replacement where τ < T
-/ √3.
+A filter with these figures never predicts too small an error. A relaxation (a first-order Gauss-Markov
+process) with standard deviation σ and correlation time τ has the density 2 σ² τ / (1 + ω² τ²). White noise of
+density 2 σ² τ is nowhere below it, and neither is a random walk with K² = 2 σ² / τ. So a filter that replaces
+the relaxation by either of them predicts a heading error no smaller than the true one. After a time T, white
+noise is the closer replacement where τ < T / √3.
 """
 
 import math
@@ -26,14 +26,11 @@ LONG_S = 4 * 3600.0
 This time is much longer than a filter runs without new samples at rest.
 """
 NEGLIGIBLE = 0.1
-"""K is negligible if it is at most this multiple of the K of the random walk that replaces the slow states.
-"""
+"""K is negligible if it is at most this many times the K of the random walk that replaces the slow states."""
 WITHOUT_SLOW = ("white", "line", "resonance", "line or resonance", "comb")
 """Verdicts on noise that has no slow component."""
 UP_TO_S = 60.0
-"""Time up to which the predicted error of the heading is at least the true one, if the user names none
-[s].
-"""
+"""Default of the time up to which the filter must not predict too small an error of the heading [s]."""
 
 
 def filter_figures(axis: AxisReport, up_to_s: float = UP_TO_S) -> FilterFigures:

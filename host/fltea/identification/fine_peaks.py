@@ -1,6 +1,6 @@
 """Find spectral lines, resonances and combs of lines at the full resolution of a record.
 
-Only a stored recording allows this.
+Only a stored recording has this resolution.
 """
 
 import math
@@ -16,7 +16,9 @@ from fltea.spectrum.periodogram import Periodogram, periodogram
 from fltea.spectrum.spectral_lines import Peak, Repeats, find_peaks
 
 CHUNK, MOST_DEVIATIONS = 128, 12.0
-"""Samples per chunk, and limit for outliers in standard deviations, as in firmware/core/engine/gate.hpp."""
+"""Number of samples in a chunk (CHUNK), and distance from the chunk's mean beyond which a sample is moved
+nearer [standard deviations]; as in firmware/core/engine/gate.hpp.
+"""
 Bands = tuple[tuple[float, float], ...]
 
 

@@ -64,8 +64,8 @@ class FlteaFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     interventions: dict[str, int]
     """Number of interventions of the guard since FLTEA's last start, by their cause."""
     alpha_drift: float | None
-    """Change of α over the last third of the record: mean over the third's second half less mean over its
-    first half.
+    """Change of α over the last third of the record: the mean of α over the second half of this third, minus
+    the mean over its first half.
     """
     f_drift: float | None
     converged: bool
@@ -284,7 +284,10 @@ class _Ran:
         self.valid = valid
 
     def end(self, lanes: Lanes, lane: int) -> None:
-        """Store how often the supervisor has intervened. Called right after the last sample of the lane."""
+        """Store how often the supervisor has intervened.
+
+        The caller calls this right after the lane's last sample.
+        """
         self.restarts = int(lanes.restarts[lane])
         counts = zip(CAUSES, lanes.interventions()[lane].tolist(), strict=True)
         self.interventions = {cause: n for cause, n in counts if n}

@@ -1,4 +1,4 @@
-"""Find a spectral line near a multiple of the sample rate, which aliasing moves to near frequency 0.
+"""Find a spectral line near a multiple of the sample rate. Aliasing moves such a line to near frequency 0.
 
 An example is mains of 50 Hz, whose frequency wanders a little, sampled at 50 Hz or 25 Hz. The spectrum looks
 like noise behind a low-pass far below half the sample rate, plus white noise of the sensor. But the amplitude
@@ -26,7 +26,7 @@ WIDEST = 0.3
 ON_ITS_SHOULDER = 0.1
 """Where the density has fallen to this proportion of the density near frequency 0, the hump's main part ends.
 
-Averaging must not suppress oscillations of the frequency at which it ends.
+Averaging must not suppress oscillations of the frequency at which the main part ends.
 """
 AVERAGED = 6
 """Number of averaged values in one period of the fastest oscillations in the hump's main part."""

@@ -66,7 +66,7 @@ class Now(msgspec.Struct, frozen=True):
     bias: float
     bias_std: float
     heading_std: float
-    """Standard deviation after 60 s: in deg for a rate in deg/s."""
+    """Standard deviation of the heading (the integrated rate) after 60 s; in deg for a rate in deg/s."""
     bias_s: float
     """T, the time during which the bias is to be subtracted [s]."""
 
@@ -156,9 +156,12 @@ class Forecast(msgspec.Struct, frozen=True):
     t_s: tuple[float, ...]
     heading_std: tuple[float, ...]
     judged: tuple[Piece, ...]
-    """How well the heading of the second half was predicted, for each length of time."""
+    """For each length of time: how well the model of the first half predicted the heading in the second half.
+    """
     bias: tuple[BiasPiece, ...]
-    """How well Bias(T), the constant to subtract during the next T seconds, was predicted, for each T."""
+    """For each T: how well the model of the first half predicted Bias(T), the constant to subtract during the
+    next T seconds.
+    """
     made_of: str
     """The parts of the noise on which the forecast is based, and the model of its offset, in words."""
     judged_made_of: str
@@ -180,8 +183,8 @@ class Forecast(msgspec.Struct, frozen=True):
     after_s: float = 0.0
     """Time at rest before the forecast begins [s].
 
-    It is the length of the recording's longest part without a gap. The second half of this part judges the
-    first half.
+    It is the length of the recording's longest part without a gap. The check uses the second half of this
+    part to judge the model of its first half.
     """
 
 
@@ -332,7 +335,7 @@ def said(found: Judgement, unit: str) -> str:
 def _of_heading(pieces: Sequence[Piece], unit: str) -> str:
     """Return a sentence on the forecast of the heading.
 
-    If it fails at several times, the sentence is on the time with the largest deviation.
+    If the forecast fails at several times, the sentence is on the time with the largest deviation.
     """
     failed = _worst(pieces)
     if failed is None:

@@ -1,9 +1,10 @@
 """Judge a forecast by the recording itself: the first half's model predicts the second half.
 
 The second half is divided into pieces, which are time spans of T seconds. Two things are predicted for each
-piece. The first is the heading, the integral of the rate less its prediction. The second is Bias(T), the
-constant to subtract during these T seconds. The mean of the rate less Bias(T) has the variance σ² + N²/T,
-where σ is that of the bias and N²/T is what the noise leaves in a mean.
+piece. The first is the heading: the integral of the difference between the rate and its prediction. The
+second is Bias(T), the constant to subtract during these T seconds. Over a piece, the mean of the rate minus
+Bias(T) has the variance σ² + N²/T. Here σ is the standard deviation of the bias, and N²/T is the variance of
+the mean of the white noise.
 """
 
 import math
@@ -30,12 +31,12 @@ FEWEST = 5
 WRONG = 0.01
 """Probability that a right model fails for at least one T."""
 UNLIKELY = 0.005
-"""Models of the offset with a smaller probability than this are left out of the uncertainty of a forecast."""
+"""The uncertainty of a forecast ignores models of the offset whose probability is smaller than this."""
 NODES_AT, NODES_WEIGH = np.polynomial.hermite_e.hermegauss(9)
 NODES_WEIGH = NODES_WEIGH / NODES_WEIGH.sum()
 """Points and weights for averages over a normal distribution (Gauss–Hermite quadrature)."""
 GROWTH = 1.1
-"""Ratio by which the time at rest has to grow before the covariance of x is computed anew."""
+"""The covariance of the state x is computed anew when the time at rest has grown by this factor."""
 LEARNT = 4
 """The tails of the errors' distribution are estimated from forecasts in the first half, from 1 / LEARNT of
 its length on.
@@ -65,9 +66,7 @@ class Piece(msgspec.Struct, frozen=True):
     within: float
     """Proportion of the pieces whose errors are inside the predicted 95 % band."""
     deviations: float
-    """Number of standard deviations by which the ratio of the observed to the predicted mean square is off
-    from 1.
-    """
+    """Distance from 1 of the ratio of the observed to the predicted mean square, in standard deviations."""
     fails: bool
     needed: float
     """Factor by which the 95 % band has to be widened to contain 95 % of the pieces."""
@@ -92,9 +91,7 @@ class BiasPiece(msgspec.Struct, frozen=True):
     within: float
     """Proportion of the pieces whose errors are inside the predicted 95 % band."""
     deviations: float
-    """Number of standard deviations by which the ratio of the observed to the predicted mean square is off
-    from 1.
-    """
+    """Distance from 1 of the ratio of the observed to the predicted mean square, in standard deviations."""
     fails: bool
 
 
@@ -113,7 +110,7 @@ class FittedSystem(NamedTuple):
     system: System
     walk: OffsetWalk
     steps_recur: bool = False
-    """Whether the system includes future steps of the bias, as such steps were found."""
+    """Whether the state-space model expects further steps of the bias, since steps were found."""
 
 
 def fitted_system(parts: Sequence[Part], y: Array, h: float) -> FittedSystem:
@@ -175,13 +172,14 @@ class Errors(NamedTuple):
 
 
 def judged(model: FittedSystem, y: Array, begin: int, h: float) -> Judgement:
-    """Judge a system's forecasts for the samples from `begin` of y on.
+    """Judge the forecasts of a state-space model for the samples of y from index `begin` on.
 
-    The filter first runs over all earlier samples.
+    The model's Kalman filter first runs over all earlier samples.
 
-    A filter's errors in successive pieces are independent, but one model predicts all pieces. So their mean
-    square may differ from the predicted one by chance, by the model's uncertainty, and by heavy tails, which
-    are estimated in the first half.
+    The samples from `begin` on are forecast in pieces. The mean square of the pieces' errors may differ from
+    the predicted mean square for three reasons. The first is chance: the errors in different pieces are
+    independent. The second is the uncertainty of the model, which is the same for all pieces. The third is
+    that the errors may have heavy tails, which are estimated from the samples before `begin`.
     """
     m = max(round(1 / h), 1)
     begin -= begin % m
@@ -275,13 +273,13 @@ class Doubt(NamedTuple):
     """Standard deviation of the variance's logarithm, an uncertainty in addition to `factors`."""
 
     def deviations(self, squares: Array, tails: float) -> float:
-        """Return how far the mean of `squares` is from 1, in standard deviations.
+        """Return the distance of the mean of `squares` from 1, in standard deviations.
 
         `squares`: squared errors, divided by their predicted variances. `tails`: ratio of the errors' fourth
         moment to their squared second moment. The result is positive if the errors are larger than predicted.
 
-        Heavy tails make the mean as uncertain as a mean of fewer squares. They make the model's variance more
-        uncertain by the same factor.
+        With heavy tails, the mean is as uncertain as a mean of fewer squares. The variance that the model
+        predicts becomes more uncertain by the same factor.
         """
         heavy = (tails - 1) / (NORMAL_TAILS - 1)
         count = len(squares) / heavy
@@ -301,7 +299,7 @@ class Doubt(NamedTuple):
 def left_open(model: FittedSystem, h: float, times_s: Sequence[float]) -> list[Doubt]:
     """Return the uncertainty of the heading's predicted variance at each time.
 
-    It is the uncertainty that remains since the model was fitted to a record of limited length.
+    The variance is uncertain because the model was fitted to a record of limited length.
 
     Errors in the parts' figures change the logarithm of the variance, which is assumed to be normally
     distributed. The offset follows one of several models, each with its probability.

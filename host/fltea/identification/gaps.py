@@ -46,9 +46,9 @@ class Gaps(NamedTuple):
     """The gaps of a series: before sample `at[i]`, `missing[i]` samples are missing."""
 
     at: NDArray[np.int64]
-    """Index of the first sample after each gap, (k,); above 0 and in rising order."""
+    """Index of the first sample after each gap, (k,). All are above 0 and in rising order."""
     missing: NDArray[np.int64]
-    """Number of samples lost in each gap, (k,); 0 where time was lost and the number is not known."""
+    """Number of samples lost in each gap, (k,). It is 0 for a gap with an unknown number of lost samples."""
 
     def within(self, begin: int, end: int) -> "Gaps":
         """Return the gaps between samples begin … end - 1, with indices counted from `begin`."""

@@ -1,4 +1,4 @@
-"""Compute a factor for the figures of an axis if its heading drifts further than they predict.
+"""Compute a factor for the noise figures of an axis if its heading drifts further than the figures predict.
 
 The model of the first half predicts how far the heading drifts in the second half (`forecast_judge`). If the
 heading drifts further than predicted, by more than chance, the figures of the whole recording are multiplied
@@ -88,7 +88,7 @@ def _takes_s(t_s: float) -> float:
 
 
 def _is_exceeded(one: Piece) -> bool:
-    """Whether the heading drifts further than predicted, by more than chance and the model's uncertainty."""
+    """Whether the heading drifts further than chance and the model's uncertainty explain."""
     return one.fails and one.deviations > 0
 
 
@@ -118,7 +118,7 @@ def _why(unit: str, factor: float, held_s: float, *, is_exceeded: bool) -> str:
         )
     return (
         f"times {factor:g}: the {of} of the second half went beyond the first half's 95 % band. With this "
-        f"factor it holds, for up to {held_s:g} s: it covers what the model does not describe."
+        f"factor the band holds, for up to {held_s:g} s: the factor covers what the model does not describe."
     )
 
 
@@ -133,4 +133,4 @@ def _of_longer(factor: float, held_s: float, up_to_s: float, others: Sequence[Pi
     if worst is None or wanted[worst] <= factor:
         return f"{said}."
     few = next(one.pieces for one in others if one.t_s == worst)
-    return f"{said}; the {few} pieces of {worst:g} s here, too few to count, want {wanted[worst]:.2g}."
+    return f"{said}; the {few} pieces of {worst:g} s want {wanted[worst]:.2g}, but are too few to count."

@@ -25,9 +25,9 @@ from fltea.records.units import STANDARD_GRAVITY_MS2
 from fltea.spectrum.median_filter import find_median_filter
 
 TURNS, TURN = 32, 12
-"""Number of parts into which a record is divided (TURNS), and divisor of a part's length (TURN).
+"""A record is divided into TURNS parts. The length of each part is a multiple of TURN samples.
 
-The error of a pattern comes from its scatter between the parts. Since a part's length is a multiple of 12,
+The error of a pattern is found from its scatter between the parts. Since a part's length is a multiple of 12,
 patterns of 2, 3 and 4 samples fit into a part without remainder.
 """
 ALTERNATES = {2: 50.0, 3: 25.0, 4: 25.0}
@@ -72,7 +72,9 @@ FAR = {"deg/s": 20.0, "m/s²": 5.0}
 No sensor has counts that large.
 """
 HELD_SHARE = 0.05
-"""Proportion of repeated samples above which N is wrong, since the true sampling rate is lower."""
+"""If more than this proportion of the samples repeat the sample before, the true sampling rate is lower than
+stated, and N is wrong.
+"""
 GRAVITY = 0.1
 """Largest relative error of gravity that an accelerometer at rest may show."""
 QUIET, SHAKES = 8, 0.05
@@ -242,7 +244,7 @@ def _turns(against: Array, noise: float, unit: str) -> Turns | None:
             mean = found.mean()
             error = float((np.abs(found - mean) ** 2).sum()) / (TURNS - 1) / TURNS
             power = float(abs(mean)) ** 2 * (1 if sensors == 2 else 2)
-            if values is against:  # undoes the gain by subtracted neighbours
+            if values is against:  # subtracting the neighbours amplified the pattern; undo that
                 power /= (1 - math.cos(2 * math.pi / sensors)) ** 2
             if abs(mean) ** 2 <= ALTERNATES[sensors] * error or power < most * share / 10:
                 continue
@@ -286,9 +288,9 @@ def _alternating(seen: Mapping[str, Axis], h: float) -> Iterator[DataCheck]:
         "bad" if worst.severe and long else "warning",
         f"The rows alternate: every {ORDINALS[worst.sensors]} sample is of another kind, since "
         f"{', '.join(found)} alternate between {worst.what}.",
-        f"Are there {worst.sensors} sensors by turns in these rows, or rows computed from others? Choose "
-        f"one (--sensor 1/{worst.sensors} takes the first of {worst.sensors} in turns). If neither is so, it "
-        f"is a disturbance at exactly {1 / h / worst.sensors:.4g} Hz.",
+        f"Do these rows hold {worst.sensors} sensors by turns, or are some rows computed from others? Choose "
+        f"one sensor (--sensor 1/{worst.sensors} takes the first of {worst.sensors} by turns). If neither is "
+        f"so, there is a disturbance at exactly {1 / h / worst.sensors:.4g} Hz.",
     )
 
 
@@ -316,7 +318,9 @@ def _broken(y: Array, lsb: float | None, unit: str) -> str:
         return ""
     values = np.unique(some)
     what = (
-        f"There are {len(values)} values only, from" if len(values) <= 16 else "The values are in groups, of"
+        f"There are only {len(values)} values, from"
+        if len(values) <= 16
+        else "The values lie in groups, from"
     )
     return (
         f"{what} {ordered[0]:.4g} to {ordered[-1]:.4g} {unit}, {width:.3g} {unit} apart with nothing "
@@ -341,7 +345,7 @@ def _gravity(means: Sequence[float]) -> Iterator[DataCheck]:
         "gravity",
         "warning",
         f"{shown} No usual unit explains this.",
-        "Check its scale (--accel-units lsb:N says that N counts are 1 g), or was it moved?",
+        "Check its scale (--accel-units lsb:N says that N counts are 1 g). Or was the sensor moved?",
         ACCEL_AXES,
     )
 
@@ -366,7 +370,7 @@ def _like_mems(seen: Mapping[str, Axis], h: float, unit: Answer) -> Iterator[Dat
             "bad",
             f"N is {N:.3g} deg/√h and the mean {mean:.3g} deg/s if the rates are in {unit.value}, as the "
             f"convention of {unit.why} has it; the file does not say so. {USUAL}",
-            "Say the unit: --units deg/s, or whichever it is. If it is right, and the sensor does not rest: "
-            f"--units {unit.value}.",
+            "Say the unit: --units deg/s, or whichever it is. If the unit that was assumed is right, and the "
+            f"sensor was not at rest: --units {unit.value}.",
             tuple(name for name in AXES if name in seen),
         )

@@ -13,7 +13,8 @@ from fltea.identification.gaps import Gaps
 from fltea.identification.load import Series
 
 SAME = 256
-"""Number of samples by which steps and motion may move before the axis is analysed anew.
+"""The axis is analysed anew only if the steps or motion that are found move by more than this number of
+samples.
 
 The times of steps and motion are not known any better than this.
 """

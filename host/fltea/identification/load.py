@@ -323,7 +323,8 @@ class _Group:
     def add(self, found: Decoded, decoder: Decoder, missing: int | None) -> None:
         """Add the next block of samples.
 
-        `missing`: number of samples lost before them; 0 if not known; None if nothing is lost.
+        `missing`: what was lost before this block. None: nothing. 0: samples were lost, but their number is
+        not known. Otherwise: the number of lost samples.
         """
         block = found.block
         if self.hello is None:

@@ -43,9 +43,11 @@ class NoiseModels(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         if not math.isclose(self.h_s * self.rate_hz, 1, rel_tol=1e-6):
             raise ValueError(f"h_s = {self.h_s} is not 1 / rate_hz = {1 / self.rate_hz}")
         if not (self.axes or self.accel_axes) or set(self.axes) != set(AXES[: len(self.axes)]):
-            raise ValueError(f"axes are {', '.join(AXES)}, one after the other, got {', '.join(self.axes)}")
+            raise ValueError(f"axes must be the first of {', '.join(AXES)}, got {', '.join(self.axes)}")
         if not set(self.accel_axes) <= set(ACCEL_AXES):
-            raise ValueError(f"accel_axes are {', '.join(ACCEL_AXES)}, got {', '.join(self.accel_axes)}")
+            raise ValueError(
+                f"accel_axes must be among {', '.join(ACCEL_AXES)}, got {', '.join(self.accel_axes)}"
+            )
         for axis, model in (self.axes | self.accel_axes).items():
             try:
                 check_possible(model, self.h_s)

@@ -5,8 +5,9 @@ rest. But that noise has to be found first, from samples at rest. So the first a
 model, which samples these are. As in the live fit (firmware/core/engine/gate.hpp), samples are checked in
 chunks of 128. A chunk is a knock if its power about its own mean, without its largest sample, is sixteen
 times the usual power. Eight such chunks in a row are motion if their samples follow each other smoothly,
-which samples of increased noise do not. A chunk also counts if its mean is further from the usual offset than
-the live fit allows for a single sample, but at least one of the chunks must be a knock by its power.
+which samples of increased noise do not. A chunk also counts as a knock if its mean is further from the usual
+offset than the live fit allows for a single sample. But at least one of the eight chunks must be a knock by
+its power.
 """
 
 import math
@@ -21,10 +22,11 @@ from fltea.identification.load import Series
 from fltea.records.arrays import Array
 
 KNOCK, IN_A_ROW = 16.0, 8
-"""Least ratio of a knock's power to the usual power, and number of knocks in a row, as in gate.hpp."""
+"""A knock has at least KNOCK times the usual power, and IN_A_ROW knocks in a row are motion, as in gate.hpp.
+"""
 SMOOTH = 0.5
-"""Samples are smooth if the mean square of their steps is at most this multiple of that of independent
-samples.
+"""Samples follow each other smoothly if the mean square of their steps is at most this fraction of that of
+independent samples.
 """
 
 
@@ -48,8 +50,8 @@ def likely_motion(series: Series) -> LeftOut:
         for begin, end in _runs(moved[at : at + count]):
             inside = slice(at + begin, at + end)
             smooth = steps[inside].sum() < SMOOTH * 2 * (power + apart**2)[inside].sum()
-            # Drift may take the mean as far from the usual offset. But drift is slow, so that none of these
-            # chunks is a knock by its power.
+            # Drift may also take the means of chunks as far from the usual offset. But drift is slow, so none
+            # of these chunks is a knock by its power.
             if smooth and knock[inside].any():
                 spans.append((start + begin * CHUNK, start + end * CHUNK))
         at += count

@@ -75,7 +75,8 @@ class NavigationAxis(msgspec.Struct, frozen=True):
     knee_density: float | None
     """Noise density at `knee_hz`, in the unit of N."""
     without_order: ModelSummary | None
-    """If the noise has a fractional order, for which no filter has a state: the best model without an order.
+    """The best model without an order; null unless the noise has a fractional order, for which no filter has
+    a state.
     """
     filter: NavigationFilter
     """All parameters of a plain Kalman filter."""

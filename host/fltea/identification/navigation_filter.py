@@ -1,4 +1,4 @@
-"""Convert the tracked system of an axis to a plain Kalman filter.
+"""Convert the tracked system of an axis (a state-space model) to a plain Kalman filter.
 
 The filter has white noise, a random walk of the bias, and Gauss-Markov states:
 
@@ -7,11 +7,11 @@ The filter has white noise, a random walk of the bias, and Gauss-Markov states:
     a state: x_k = exp(-h/τ) x_k-1 + noise with variance σ² (1 - exp(-2 h/τ)); its deviation is σ at first
 
 One least-squares fit finds N, K, the σ of each τ, and `bias_std`, so that two curves equal those of the
-tracked system. The first is the spectrum, by which a filter learns from further samples. The second is the
-heading's variance over time if only `bias` is subtracted after the end of the record. Such a filter has no
-slope. A slope that was found is replaced by a random walk that gets as far within the record. The filter has
-no high-pass either: it assumes that the noise continues below the corner, so that it predicts a larger
-heading error than the samples have.
+tracked system. The first is the spectrum, which determines how a filter learns from further samples. The
+second is the heading's variance over time if only `bias` is subtracted after the end of the record. Such a
+filter has no slope. A slope that was found is replaced by a random walk that gets as far within the record.
+The filter has no high-pass either: it assumes that the noise continues below the corner, so that it predicts
+a larger heading error than the samples have.
 """
 
 import math
@@ -43,22 +43,24 @@ TOLD_S = (1.0, 10.0, 60.0, 300.0)
 FROM_S = 1.0
 """Shortest time after the end of the record for which the heading's error is fitted [s]."""
 PASSED = 0.5
-"""Least share of white noise that a sensor's low-pass lets pass at frequencies used in the fit."""
+"""The fit uses only frequencies at which the sensor's low-pass lets at least this proportion of white noise
+pass.
+"""
 WORSE = 1.05
-"""A state is left out if the fit's error without it is at most this ratio larger.
+"""A state is left out if the fit's error without the state is at most this many times the error with it.
 
-A state is also left out if the error without it is below ENOUGH.
+A state is also left out if the fit's error without it is below ENOUGH.
 """
 ENOUGH = 0.01
 LEAST_WHITE = 0.01
-"""If the ratio of the white noise's variance to a state's variance is smaller, the state is turned into white
-noise.
+"""If the white noise's variance is less than this many times a state's variance, the state is turned into
+white noise.
 """
 FOLDED_S, FOLDED = 0.1, 10.0
 """Longest correlation time of a state that may be turned into white noise, in s and in samples."""
 NOTHING_LEFT = 0.1
-"""If the fitted variance of the bias is below this multiple of its variance by the tracked system, the latter
-variance is used.
+"""If the fitted variance of the bias is less than this many times the variance that the tracked system gives
+for the bias, the tracked system's variance is used.
 """
 LEAST_OF_ALL = 1e-4
 """Least ratio of the white noise's variance to the variance of all states together.
@@ -141,7 +143,7 @@ def navigation_filter(tracked: FittedSystem, y: Array, h: float) -> NavigationFi
     target = _Target(lam, _power(model, always, lam, len(y)), times_s, heading)
     found, tau_s = _folded(*_fitted(target, tau_s, h), h)
     known = float(part @ P @ part)
-    if found[2] < NOTHING_LEFT * known:  # the states got the bias's error, too
+    if found[2] < NOTHING_LEFT * known:  # the fit gave the bias's error to the states
         found[2] = known
     N, K, bias_std, *sigmas = np.sqrt(found).tolist()
     ahead = np.sqrt(_headings(tau_s, h, np.array(TOLD_S)) @ found).tolist()
@@ -190,9 +192,9 @@ def _frequencies(tracked: FittedSystem, h: float, samples: int) -> Array:
 
 
 def _of_bias(model: System, slow: float) -> Array:
-    """Return the row vector whose product with the tracked x is the plain filter's bias.
+    """Return the row vector whose product with the tracked system's state x is the plain filter's bias.
 
-    The bias is the sum of the states of the system that remember more than `slow` samples.
+    The bias is the sum of those states of the tracked system that remember more than `slow` samples.
     """
     with np.errstate(divide="ignore"):
         memory = -1 / np.log(np.minimum(np.hypot(model.a, model.b), 1 - 1e-15))
@@ -205,9 +207,9 @@ def slope_of(model: System) -> Mask:
 
 
 def _always(model: System, x: Array, P: Array) -> Array:
-    """Return the stationary mean squares of the states.
+    """Return the stationary mean squares of the tracked system's states.
 
-    A slope is not stationary, so its value is the mean square by the estimate at the record's end.
+    A slope is not stationary. For a slope the result is its mean square as estimated at the record's end.
     """
     moving, slope = model.a < 1.0, slope_of(model)
     always = model.P0 * np.outer(moving, moving)
@@ -217,7 +219,7 @@ def _always(model: System, x: Array, P: Array) -> Array:
 
 
 def _power(model: System, always: Array, lam: Array, samples: int) -> Array:
-    """Return the spectrum of the system.
+    """Return the spectrum of the tracked system.
 
     A slope is replaced by a random walk that gets as far within the record.
     """
@@ -227,7 +229,7 @@ def _power(model: System, always: Array, lam: Array, samples: int) -> Array:
 
 
 def _heading_variance(model: System, part: Array, always: Array, P: Array, h: float, times_s: Array) -> Array:
-    """Return the mean square of a heading after `part` of the tracked x is subtracted, at each time.
+    """Return the mean square of the heading's error at each time, if `part` of the state x is subtracted.
 
     After t seconds the angle is row @ x plus noise. The angle that is subtracted is t part @ E x, where E x
     is the estimate of x at the record's end. Their difference is (row - t part) @ x, whose mean square is

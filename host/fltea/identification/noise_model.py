@@ -13,7 +13,7 @@ from fltea.spectrum.candidate_models import FittedModel
 from fltea.spectrum.spectral_lines import Peak
 
 AROUND = 4
-"""Least ratio of the drawn noise's period to the length of the record.
+"""The period of the drawn noise is at least this many times the length of the record.
 
 The noise is drawn periodic, and one record is cut out of a period.
 """
@@ -51,7 +51,9 @@ class AxisModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     K is 0 if one of the parts is a random walk.
     """
     offset_relaxation: Relaxation | None = None
-    """A bounded walk of the offset, which the forecast has in addition to the parts."""
+    """A bounded walk of the offset, as a relaxation (first-order Gauss-Markov process). The forecast has it
+    in addition to the parts.
+    """
 
     def __post_init__(self) -> None:
         if not 0 <= self.offset_walk < math.inf:

@@ -33,7 +33,8 @@ from fltea.records.fit import Interval
 MOST_ANALYSES = 3
 """Largest number of analyses of an axis.
 
-The steps that are found with a first model may be wrong, so that further analyses are needed.
+The steps that are found with the first model may be wrong, so the axis is analysed again with the corrected
+steps.
 """
 
 

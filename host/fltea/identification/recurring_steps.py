@@ -14,16 +14,13 @@ from fltea.identification.sensor_events import BiasStep
 from fltea.noise.system import System
 
 FEWEST = 3
-"""Least number of steps with which further steps are expected."""
+"""Further steps are expected if at least this many steps were found."""
 CLEAR = 3.0
-"""Least ratio of a step's size to its standard deviation for the step to count."""
+"""A step counts if its size is at least this many times its standard deviation."""
 
 
 def with_steps(tracked: FittedSystem, steps: Sequence[BiasStep], h: float) -> FittedSystem:
-    """Return the tracked system of an axis with the steps that its bias is expected to make.
-
-    `h`: sampling period [s].
-    """
+    """Return the tracked system (state-space model) of an axis, with the steps to expect of its bias."""
     steps = [one for one in steps if abs(one.size) > CLEAR * one.size_std]
     if len(steps) < FEWEST:
         return tracked
@@ -39,7 +36,7 @@ def with_steps(tracked: FittedSystem, steps: Sequence[BiasStep], h: float) -> Fi
 
 
 def _walking(system: System, q: float) -> System:
-    """Return the system with the variance `q` per sample added to the random walk of its offset."""
+    """Return the state-space model with the variance `q` per sample added to its offset's random walk."""
     offsets = (system.a == 1.0).nonzero()[0]
     if not len(offsets):
         return system

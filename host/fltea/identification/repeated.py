@@ -1,9 +1,9 @@
 """Find samples that were delivered twice, as opposed to neighbours that rounding makes equal.
 
-Rounding makes neighbours equal on each axis independently, the more often the coarser the counts and the
-slower the noise. A sample that is delivered twice equals the sample before on all axes at once. Let m_i be
-the share of neighbours that are equal on axis i, and J the share that are equal on all axes. Then the share q
-of repeats is the root of
+Rounding makes neighbours equal on each axis independently. This happens more often if the counts are coarser
+or the noise is slower. A sample that is delivered twice equals the sample before on all axes at once. Let m_i
+be the proportion of neighbours that are equal on axis i, and J the proportion that are equal on all axes.
+Then the proportion q of repeated samples is the root of
 
     J = q + (1 - q) Π (m_i - q) / (1 - q)
 
@@ -12,8 +12,8 @@ whose power changes, and correlated steps (vibration). If the power changes, eac
 sample after the next one more often. In both cases, J exceeds Π m_i only a little within each part of the
 record, if Π m_i is first multiplied by what the correlation of the steps allows.
 
-For a single axis, the expected share of equal neighbours follows from the shares of steps of one and two
-counts.
+For a single axis, the expected proportion of equal neighbours follows from the proportions of steps of one
+and two counts.
 """
 
 import math
@@ -36,18 +36,25 @@ LEAST_DETERMINANT = 1e-3
 """Least determinant of the correlation of the axes' steps; axes that are more alike count as one axis."""
 HALVINGS = 40
 FINE_COUNTS = 3.0
-"""Standard deviation of the steps in LSB, above which rounding no longer changes their density."""
+"""If the standard deviation of the steps is above this, rounding no longer changes the density of the steps
+[LSB].
+"""
 UNIFORM_LSB = 0.7
 """σ in LSB above which the signal is spread evenly between two counts, also with heavy tails.
 
 The sums of neighbours have to be spread as evenly. In white noise the σ of the sums is larger by √2.
 """
 LONG = 1 << 20
-"""Number of steps above which the correlation is computed from evenly spaced ones only."""
+"""If there are more steps than this, the correlation is computed only from a selection of evenly spaced
+steps.
+"""
 DIFFERENT = 0.9
-"""Ratio of the number of distinct values to the number of samples, above which rounding does not matter."""
+"""Rounding does not matter if the number of distinct values is more than this fraction of the number of
+samples.
+"""
 IN_STEP, AT_ONCE = 0.6, 200
-"""Test for changes at a steady rate: largest distance in samples of AT_ONCE changes from a straight line.
+"""The values change at a steady rate if AT_ONCE successive changes scatter about a straight line with less
+than this standard deviation [samples].
 
 Changes at a steady rate lie within one sample of the line, with a standard deviation of 0.29 samples.
 """
@@ -121,13 +128,13 @@ def _of_several(near: NDArray[np.bool_], far: NDArray[np.bool_], steps: list[NDA
 def _alike(steps: list[NDArray[np.float32]], moved: Equal) -> float:
     """Return by what factor correlated steps make axes agree more often than independent ones."""
     if int(moved.sum()) < PARTS or not all(one[moved].var(dtype=np.float64) > 0 for one in steps):
-        return 1.0  # steps so small that their squares are 0
+        return 1.0  # the steps are so small that their squares are 0
     correlation = np.atleast_2d(np.corrcoef([one[moved] for one in steps]))
     return float(1 / math.sqrt(max(float(np.linalg.det(correlation)), LEAST_DETERMINANT)))
 
 
 def _repeated(each: NDArray[np.bool_], together: Equal) -> tuple[float, Array]:
-    """Return the share of repeats, and the shares (PARTS,) if each part of the record is left out in turn."""
+    """Return the proportion of repeats, and the proportions (PARTS,) if each part in turn is left out."""
     own, all_of_them = _shares(each), _shares(together)
     others = (PARTS * own.mean(axis=1)[:, np.newaxis] - own) / (PARTS - 1)
     left_out = _root((PARTS * all_of_them.mean() - all_of_them) / (PARTS - 1), others)
@@ -201,7 +208,7 @@ def _of_one_axis(samples: Array, count: float | None) -> Repeats:
 
 
 def _none(one: Array, two: Array) -> Array:
-    """Return the share of zero steps that Gaussian steps have, given the shares of one and two counts."""
+    """Return the proportion of zero steps in Gaussian steps with these proportions of one and two counts."""
     chance = [_rounded_step(k) for k in range(3)]
     # If steps of two counts are rarer than with the smallest of `_STEPS`, all equal neighbours count as
     # chance.
@@ -211,7 +218,7 @@ def _none(one: Array, two: Array) -> Array:
 
 
 def _rounded_step(k: int) -> Array:
-    """Return the share of steps of k counts, up or down, for each standard deviation in _STEPS."""
+    """Return the proportion of steps of k counts, up or down, for each standard deviation in _STEPS."""
 
     def integral(x: float) -> Array:
         z = x / _STEPS

@@ -18,13 +18,14 @@ from fltea.records.arrays import Array
 from fltea.spectrum.allan_curve import Allan
 
 CLOSE = 0.1
-"""Relative error of the model's Allan deviation that is always accepted.
+"""A relative error of the model's Allan deviation up to this is always accepted.
 
 The model's parameters are not known any better than this.
 """
 SPREADS = 4.0
-"""The model is accepted at a point if the ratio is within this many standard deviations of the ratio over the
-model's records. The number is large, since about forty points are compared.
+"""The model is accepted at an averaging time if the median ratio is off from 1 by at most this many standard
+deviations of the ratio over records of the model's noise. The number is large, since about forty points are
+compared.
 """
 NARROW = 0.2
 """Ratio of width to frequency below which a resonance counts as a spectral line, since it rings for long."""
@@ -44,8 +45,8 @@ class Reproduction(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     high: tuple[float, ...]
     """The 95 % quantile of the ratio over these records."""
     within: tuple[bool, ...]
-    """Whether the median ratio is within 10 % of 1, or within four standard deviations of the ratio over
-    these records.
+    """Whether the model is accepted: the median ratio is off from 1 by at most 10 %, or by at most four
+    standard deviations of the ratio over these records.
     """
     from_s: float | None
     to_s: float | None

@@ -8,9 +8,11 @@ from fltea.records.arrays import Array
 from fltea.records.quantity import factor
 
 LONG = 1 << 20
-"""Number of samples above which medians and commonest values are computed from evenly spaced samples."""
+"""If there are more samples than this, medians and commonest values are computed from a selection of evenly
+spaced samples.
+"""
 SAME_STEP = 1e-3
-"""Largest relative difference from a power of ten at which a step counts as a power of ten."""
+"""A step counts as a power of ten if its relative difference from one is at most this."""
 WRITTEN_IN = {"deg/s": ("deg/s", "rad/s", "deg/h"), "m/s²": ("m/s²", "g")}
 """For each unit of fltea, the units in which files write the same quantity.
 
