@@ -56,7 +56,7 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> Any:
-    """Load a name of the API on first use, so that the daemon, which also imports fltea, starts fast."""
+    """Load a name of the API when it is first used. So the daemon, which also imports fltea, starts fast."""
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     value = getattr(importlib.import_module(_HOMES[name]), name)

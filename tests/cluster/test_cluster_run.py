@@ -317,7 +317,7 @@ QUICK = ("--shuffles", "0", "--window", "100", "--startup", "100", "--jobs", "1"
             [],
             r"s3://lab/a.npz: files by URL need a table .* --out verdicts.parquet",
         ),
-        (["a.npz"], "report", [], r"call it NAME\.parquet\. A page is --report DIR"),
+        (["a.npz"], "report", [], r"call it NAME\.parquet\. For a page use --report DIR"),
         (["a.npz"], "v.parquet", ["--json"], "--json and --out do not go together"),
         (["a.npz", ""], "v.parquet", [], r"a file name is empty"),
         ([""], None, [], "a file name is empty"),

@@ -45,7 +45,7 @@ def axis_html(axis: str, fitted: FittedAxis, heading: str, more: str = "") -> st
 
 
 def curves_of(fitted: FittedAxis) -> list[str]:
-    """Return spectrum and Allan deviation as SVG, as far as the axis has them."""
+    """Return the charts of spectrum and Allan deviation as SVG. A chart that the axis lacks is left out."""
     found = [] if fitted.spectrum is None else [curves.spectrum(fitted.spectrum, fitted.unit)]
     found += [] if fitted.allan is None else [curves.allan(fitted.allan, fitted.unit)]
     return found
@@ -58,6 +58,6 @@ def _interval(one: Interval) -> str:
 
 
 def _quantity(one: Quantity) -> str:
-    """Return the text of a figure: its value with the interval if they are known, or else its upper bound."""
+    """Return the text of a figure: its value with the interval; the upper bound if the value is not known."""
     value, interval = texts(one)
     return value + (interval and f" <small>{interval}</small>")

@@ -86,7 +86,7 @@ def figures(fitted: FittedAxis) -> tuple[Quantity, Quantity, Quantity]:
 
 
 def _details(fitted: FittedAxis) -> AxisResult | None:
-    """Return the detailed figures of an axis if a whole recording was identified; None for a live fit."""
+    """Return the detailed figures of an axis of a whole recording; None for a live fit, which has none."""
     found: AxisResult | None = getattr(fitted, "details", None)
     return found
 
@@ -97,7 +97,7 @@ def frame(rows: Sequence[Mapping[str, Any]]) -> "pd.DataFrame":
 
 
 def table(rows: Iterable[Sequence[Any]], names: Sequence[str]) -> "pd.DataFrame":
-    """Return a table of `rows` whose columns have these names."""
+    """Return a table of `rows` with these names of columns."""
     return _pandas().DataFrame(list(rows), columns=list(names))
 
 

@@ -58,7 +58,7 @@ class Identified(FittedAxis, frozen=True, kw_only=True):
     forecast: Forecast | None
     """The forecast of the heading's error; None if the caller did not ask for it with `forecast`."""
     walk: OffsetWalkFound | None
-    """The answer to the question whether the offset follows a random walk."""
+    """The result of the test whether the offset follows a random walk."""
     filter: NavigationFilter | None
     """Parameters of a plain Kalman filter, as in the file of `--gauss-markov`."""
     bias_steps: tuple[BiasStep, ...]

@@ -1,8 +1,8 @@
 """Exports a recording as a table: CSV, or arrays in an .npz file, with units in the names.
 
 Samples, and rates minus their biases, are computed again from the recorded raw bytes, which are always
-complete. All else is exported as it was published during the recording (from its JSON channels), with the
-settings of that run. For other settings, run `fltea run` on the recording.
+complete. All else is taken from the JSON channels of the recording: it was computed during the recording,
+with the settings of that run. For other settings, run `fltea run` on the recording.
 """
 
 import csv
@@ -135,7 +135,10 @@ class DeviceTime:
 
 
 def sample_table(decoded: Iterable[Decoded]) -> Table:
-    """Return a table with one row for each sample; quantities that the recording lacks stay empty."""
+    """Return a table with one row for each sample.
+
+    Columns for quantities that the recording lacks stay empty.
+    """
     columns = ["time_s", *(f"{axis}_{kind.column_unit}" for kind in SENSOR_KINDS for axis in kind.axes)]
     columns += ["temperature_c", "epoch", "seq", "device_us", "host_ns", "flags"]
 

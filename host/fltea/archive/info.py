@@ -26,9 +26,7 @@ if TYPE_CHECKING:
 
 
 OF_A_FILE = "recording"
-"""Sampling mode in the summary of a file that another program wrote, since such a file describes no
-device.
-"""
+"""What the summary gives as the sampling mode of a file that another program wrote."""
 
 
 # Over 12 attributes: each is one fact that `fltea info --json` prints.
@@ -284,7 +282,7 @@ def _state(s: Summary) -> str:
 
 
 def _missed(s: Summary) -> str:
-    """Return a text on the items that were not recorded, and on the bytes that cannot be read."""
+    """Return a text that counts the items that were not recorded and the bytes that cannot be read."""
     found = ""
     if s.unrecorded_items:
         found += f"; {s.unrecorded_items} items with {s.unrecorded_bytes} bytes of the wire were not recorded"

@@ -106,7 +106,7 @@ class _Recorder:
             self._say("")
 
     def summary(self) -> str:
-        """Return one line of text that says how much was recorded and what is missing."""
+        """Return a line of text that says how much was recorded and how much is missing."""
         count, rate_hz = self._decoder.counts, self._decoder.native.rate_hz
         at = "" if rate_hz is None else f" at {rate_hz:.2f} Hz"
         lost = f"{count.lost} lost in {count.gaps} gaps"

@@ -279,7 +279,7 @@ def _turn(running: "Fleet", seconds: float) -> None:
 
 
 def _settle(running: "Fleet", quiet_s: float) -> None:
-    """Wait until the broker has sent all retained messages, and no new sensor appeared for `quiet_s`."""
+    """Wait until the broker has sent all retained messages and no new sensor has appeared for `quiet_s`."""
     before = -1, False
     while before != (len(running.roll.sensors), True):
         before = len(running.roll.sensors), running.is_complete

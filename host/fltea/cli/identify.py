@@ -236,7 +236,10 @@ def _workers(jobs: int | None, dask: str | None, recordings: int = 0) -> "Worker
 
 
 def _show(reports: "Sequence[FileReport]", *, details: bool) -> None:
-    """Write tables to stdout; nothing if the only recording failed, since `_fail` reports that."""
+    """Write the results as tables to stdout.
+
+    Write nothing if the only recording failed, since `_fail` reports the failure.
+    """
     if len(reports) == 1 and reports[0].failure is not None:
         return
     from rich.console import Console

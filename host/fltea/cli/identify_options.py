@@ -56,7 +56,7 @@ class ShownOptions:
 
     @property
     def needs_details(self) -> bool:
-        """Whether results show more than the plain answer."""
+        """Whether the output shows more than the short answer for each axis."""
         return self.as_json or self.details or self.report is not None
 
 

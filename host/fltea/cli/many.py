@@ -40,7 +40,9 @@ def check(files: Sequence[str], out: Path | None, others: Sequence[str]) -> None
             )
         return
     if out.suffix != SUFFIX:
-        raise UsageError(f"--out {out}: the table is Parquet; call it NAME{SUFFIX}. A page is --report DIR.")
+        raise UsageError(
+            f"--out {out}: the table is Parquet; call it NAME{SUFFIX}. For a page use --report DIR."
+        )
     if others:
         raise UsageError(f"{others[0]} and --out do not go together: --out writes a table, and nothing else.")
 

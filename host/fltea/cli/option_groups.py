@@ -15,7 +15,7 @@ Command = Callable[..., None]
 
 
 def takes_groups(command: Command) -> Command:
-    """Return the command with its groups of options replaced by their fields, in the same order.
+    """Return the command in which each group of options is replaced by its fields, in the same order.
 
     A parameter whose type is a dataclass is a group. A field is declared like a parameter of a command:
     `Annotated[type, typer.Option(…)]` and a default.

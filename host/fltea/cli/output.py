@@ -109,7 +109,7 @@ def say(text: str) -> None:
 
 
 def end_with(failures: Sequence[FlteaError]) -> None:
-    """Report all failures except the first on stderr, then raise the first; without a failure do nothing."""
+    """Report all failures except the first on stderr, then raise the first. Do nothing without a failure."""
     for failure in failures[1:]:
         say(f"fltea: error: {failure}")
     if failures:

@@ -64,7 +64,7 @@ class FilterOptions:
     ] = "direct"
 
     def options(self) -> "Options":
-        """Return these options in the form that runs of the engine take."""
+        """Return these options in the form in which the engine takes them."""
         from fltea.lab.reproduce.runs import Options
 
         return Options(self.variant, self.guard, self.memory)

@@ -1,7 +1,6 @@
 """Reads a file exactly as it was listed.
 
-If the file has changed since it was listed, that is an error, so that no result mixes two contents of the
-file.
+A file that has changed since it was listed gives an error. So no result mixes two contents of a file.
 
 Requests to a web server name the listed content (`If-Match`, `If-Unmodified-Since`). The headers of each
 answer are compared too, since not all servers honour such requests. Other files are compared before and after

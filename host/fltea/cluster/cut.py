@@ -1,4 +1,4 @@
-"""Describes the pieces of a large file, and reads byte ranges to find where the file can be cut.
+"""Describes the pieces of a large file, and reads ranges of its bytes to find where it can be cut.
 
 A piece is a range of the file's bytes, with a header before it and an end after it, so that it can be read
 like a file. A piece of a Parquet file is some of its row groups.
@@ -37,7 +37,7 @@ class Ranges:
         return self._stream.read(max(0, min(end, self.size) - begin))
 
     def are_there(self) -> bool:
-        """Return whether ranges can be read; some web servers can send a file only from its beginning."""
+        """Return whether ranges can be read. Some web servers can send a file only from its beginning."""
         try:
             return len(self.read(self.size - 1, self.size)) == 1
         except ValueError:

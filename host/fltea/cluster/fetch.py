@@ -19,7 +19,7 @@ LEAST_FREE = 256_000_000
 def local_copy(file: File, folder: Path, limits: Limits = DEFAULT_LIMITS) -> Path:
     """Return the path of a local file, or of a copy of a remote file in `folder`.
 
-    The name of the copy cannot be chosen by the remote file.
+    The name of the copy is `File.copied_name`, so a server cannot choose an arbitrary name.
 
     A server may send more than the stated size, or state none, so the size is checked while the file is
     copied.

@@ -26,7 +26,9 @@ MAGIC, MAGIC_OF_WEB = re.compile(r"[*?\[]"), re.compile(r"[*\[]")
 LONGEST_NAME = 60
 """Longest name of a copied file, without its ending [characters]."""
 STAMPS = ("ETag", "etag", "mtime", "LastModified", "last_modified", "Last-Modified", "updated", "created")
-"""Facts of fsspec on a file that can serve as its stamp; the most reliable one first."""
+"""Facts that fsspec gives about a file and that can serve as the file's stamp. The most reliable fact is
+first.
+"""
 MOST_LEVELS = 64
 """Deepest level of folders that is listed, since a server may invent folders or link back to the top."""
 SILENT_S = 60.0
@@ -141,7 +143,8 @@ def files_of(patterns: Sequence[str]) -> Iterator[File | Unlisted]:
                 raise FlteaError(f"{pattern}: cannot be read ({type(cause).__name__}: {cause}).") from error
         except (FlteaError, GeneratorExit):
             raise
-        except Exception as error:  # file systems raise their own errors for credentials, names, networks
+        # each file system has its own errors for wrong credentials, unknown names and network faults
+        except Exception as error:
             raise FlteaError(f"{pattern}: cannot be listed ({type(error).__name__}: {error}).") from error
         if not found:
             raise UsageError(f"{pattern}: no recording is there.")

@@ -148,7 +148,7 @@ def data_check_kinds(data_checks: Iterable[DataCheck]) -> list[str]:
 
 
 def with_ends(of: Any, names: Iterable[str]) -> dict[str, float | None]:
-    """Return values of a fit or a curve by their names, with the ends of their intervals."""
+    """Return the values of a fit or a curve, and the ends of their intervals, by their columns' names."""
     found: dict[str, float | None] = {}
     for name in names:
         one = getattr(of, name)

@@ -98,7 +98,7 @@ class VerdictTable:
         return len(self._done)
 
     def failure_of(self, file: File) -> str | None:
-        """Return why a file in the table lacks the results of some axis; None if no axis is missing."""
+        """Return why the table lacks the results of an axis of the file; None if no axis is missing."""
         return self._failures.get(_digest(file.url, file.size, file.stamp, self._settings))
 
     def add(self, rows: list[Row]) -> None:

@@ -19,7 +19,7 @@ from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
 BLOCK_BYTES = 64_000_000
-"""Size above which a file is cut into pieces, if its format permits [bytes]."""
+"""A file of more than this number of bytes is cut into pieces, if its format permits."""
 
 
 class Ask(msgspec.Struct, frozen=True):

@@ -20,10 +20,10 @@ SMALL = 130
 """Height of a small chart, which stands next to others and shows no values at the pointer [px]."""
 LEFT, RIGHT, TOP, BOTTOM = 64, 10, 24, 40
 MOST_POINTS = 200
-"""A curve with at most this many points is drawn with all of them."""
+"""A curve with at most this many points is drawn with all its points."""
 COLUMN_PX = 3
-"""Width of a column of a chart [px]. Of a curve with more points, the lowest and the highest point of each
-column are drawn.
+"""Width of a column of a chart [px]. Of a curve with more than `MOST_POINTS` points, only the lowest and the
+highest point in each column are drawn.
 """
 MOST_TIPS = 80
 

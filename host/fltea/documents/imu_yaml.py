@@ -22,8 +22,8 @@ class Shown(NamedTuple):
     slower: tuple[tuple[float, float], ...] = ()
     """For N: slower noise for which Kalibr has no term.
 
-    Each entry is the correlation time of a Gauss-Markov state [s], and the noise density at this averaging
-    time and longer ones.
+    Each entry has the correlation time of a Gauss-Markov state [s], and the noise density at averaging times
+    from this time on.
     """
 
 

@@ -86,7 +86,7 @@ class Program(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 @cache
 def programs() -> dict[str, Program]:
-    """Return all programs, by the names that users ask for."""
+    """Return all programs by name. The name is what the user gives to --for."""
     text = files("fltea.documents").joinpath("programs.toml").read_text(encoding="utf-8")
     return msgspec.convert(tomllib.loads(text), dict[str, Program])
 
@@ -111,7 +111,7 @@ class FilterFigures(NamedTuple):
 
         `common_tau_s`: correlation time for all axes, if the program has only one.
 
-        For times below τ, a state of σ and τ behaves as the random walk K = σ √(2 / τ).
+        For times below τ, a Gauss–Markov state with σ and τ behaves as a random walk with K = σ √(2 / τ).
         """
         if figure != "sigma":
             found: Shown = getattr(self, figure)
@@ -203,7 +203,7 @@ def _lines(
 
 
 def _remarks(by_axis: Mapping[str, str]) -> list[str]:
-    """Return each remark, preceded by its axes unless all axes have the same remark."""
+    """Return the remarks. The names of its axes precede a remark, unless all axes have the same remark."""
     found: dict[str, list[str]] = {}
     for name, remark in by_axis.items():
         found.setdefault(remark, []).append(name)

@@ -146,7 +146,7 @@ class Bank:
         )
 
     def found(self, axis: str) -> tuple[float, float]:
-        """Return an axis's order after the last sample, and its standard deviation; NaN if not valid."""
+        """Return the order of an axis after the last sample, and its standard deviation; NaN if not valid."""
         return self.native.newest(self.axes.index(axis))
 
     @property
@@ -216,7 +216,7 @@ class Bank:
         return LaneSettings(self._config, self._h, R, {"state.Q": Q})
 
     def _by_axis(self, values: Callable[[], Sequence[_T]], otherwise: _T) -> dict[str, _T]:
-        """Return for each axis the value that `values` gives.
+        """Return, for each axis, the value that the function `values` returns.
 
         The value is `otherwise` for a constant axis, and for all axes in the start-up window.
         """

@@ -1,4 +1,4 @@
-"""Run lanes (independent filters), each of which the supervisor restarts when it diverges.
+"""Run lanes (independent filters). The supervisor of a lane restarts the lane when its filter diverges.
 
 The live program, identification and evaluation use it.
 
@@ -29,7 +29,7 @@ Reason = Literal["runaway", "bound"]
 
 
 class Lost(NamedTuple):
-    """The row at which a lane became invalid, and why."""
+    """A lane that became invalid: the row (sample) at which this happened, and the reason."""
 
     row: int
     lane: int

@@ -95,7 +95,7 @@ class OffsetWalk(NamedTuple):
     """Standard deviation of the offset's slope, per sample."""
     weights: Array
     is_found: bool = False
-    """Whether the fit of the spectrum has found a walk of the offset, or a slow relaxation in place of the
+    """Whether the fit of the spectrum has found a walk of the offset, or a slow relaxation that may be such a
     walk.
     """
     likelihood: float = -math.inf
@@ -137,7 +137,7 @@ class OffsetWalk(NamedTuple):
         return self._with_slope(found, samples)
 
     def rivals(self, bare: System, samples: int) -> "Rivals":
-        """Return two models between which later samples decide.
+        """Return the two models of the noise between which later samples decide.
 
         The offset walks in one of them, and is constant in the other. The mean of both models would give too
         small a σ if the offset walks, and would adapt too slowly if the offset is constant.
@@ -229,11 +229,11 @@ class Followed(NamedTuple):
     system: System
     walk: OffsetWalk
     parts: Sequence[Part]
-    """The parts of the noise that the fit of the spectrum has found. A random walk may stand in place of the
-    slowest relaxation.
+    """The parts of the noise that the fit of the spectrum has found. The slowest relaxation may be replaced
+    by a random walk.
     """
     rivals: "Rivals"
-    """The models between which later samples may decide."""
+    """The two models between which later samples may decide."""
 
 
 def system_of(

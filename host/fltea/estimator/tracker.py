@@ -111,7 +111,7 @@ class Checked(NamedTuple):
 
 
 class TrackerFigures(NamedTuple):
-    """Figures that show how well the tracker of an axis works.
+    """Figures that tell how well the tracker of an axis works.
 
     Figures of the innovations are None until there are enough innovations.
     """
@@ -139,9 +139,9 @@ class Remembered:
         self.native = native
 
     def likelihood(self, system: System) -> float:
-        """Return 2 log L of the samples for the noise `system`, up to a constant; NaN if no filter works.
+        """Return 2 log L of the samples under the noise model `system`, up to a constant.
 
-        Raises ValueError for an invalid system.
+        The result is NaN if no filter works with the model. Raises ValueError for an invalid system.
         """
         return self.likelihoods(system, [()])[0]
 
@@ -243,7 +243,7 @@ class Tracker:
             self.run(y[begin : begin + AT_ONCE, None])
 
     def skip(self, count: int) -> None:
-        """Predict over `count` lost samples of all axes."""
+        """Let the filters of all axes predict over `count` lost samples."""
         self.native.skip(count)
 
     def set(self, lane: int, system: System, rival: System | None = None, likely: float = 1.0) -> None:

@@ -12,11 +12,12 @@ WITH_ORDER = ("fractional", "fractional or relaxations", "undecided")
 """Verdicts with which the noise may have a fractional order α."""
 
 HIGHEST_FITTED = HIGHEST_ORDER - 1e-3
-"""α above this limit counts as lying at the upper end of the range that is fitted."""
+"""An α above this limit counts as being at the upper end of the range in which α is fitted."""
 
 ALPHA_KNOWN = 0.05
-"""Largest half-width of α's interval with which sensors are compared by α; equal to `live.target`'s
-default."""
+"""Sensors are compared by α only if α's interval has at most this half-width, which is the default of
+`live.target`.
+"""
 
 MOST_POINTS = 200
 """Largest number of points of an Allan curve that is read. A daemon sends about forty points."""
@@ -82,7 +83,7 @@ def bias_of(tracker: Tracker) -> Figure | None:
 
 
 def order_of(fit: AxisFit) -> dict[str, Figure]:
-    """Return α and f of a fit for display, even where their intervals are too wide for comparisons."""
+    """Return α and f of a fit for display. Their intervals may be too wide for comparisons."""
     if fit.verdict not in WITH_ORDER:
         return {}
     figures = {"alpha": _figure(fit.alpha), "f": _figure(fit.f)}

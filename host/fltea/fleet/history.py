@@ -106,7 +106,7 @@ class History:
             if not is_new and not _is_past(kept.unix_s, unix_s, self.every_s):
                 continue
             if name not in last and len(last) >= MOST_AXES:
-                self.lost += 1  # no real device has so many axes, or so many new names for them
+                self.lost += 1  # a real device has fewer axes, and does not give them new names all the time
                 continue
             last[name] = _Kept(unix_s, axis.verdict, unix_s if is_new else kept.changed_s)
             figures = [axis.figure(quantity.name) or (None, None, None) for quantity in SHOWN]

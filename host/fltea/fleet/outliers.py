@@ -127,7 +127,7 @@ def _spread(away: Floats, std: Floats) -> float:
 
 
 def _weighted_median(value: Floats, weight: Floats) -> float:
-    """Return the weighted median: half of the total weight lies on either side of it.
+    """Return the weighted median: half of the total weight lies below it, and half above it.
 
     If two values are equally close to the middle of the weights, their mean is returned.
     """

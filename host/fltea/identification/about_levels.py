@@ -68,7 +68,7 @@ def analyse_series(
 
 
 def samples_analysed(series: Series, h: float, left_out: LeftOut) -> Series:
-    """Return the samples that are analysed if `left_out` is left out. `h`: sampling period [s]."""
+    """Return the samples without the motion and steps in `left_out`. `h`: sampling period [s]."""
     rest, telegraph = without_levels(series, h)
     return _analysed_part(rest, without(series, left_out), telegraph, left_out)
 

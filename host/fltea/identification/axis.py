@@ -207,7 +207,7 @@ def described(analysis: AxisAnalysis) -> AxisResult:
 
 
 def fltea_axis(analysis: AxisAnalysis, lsb: float | None, options: IdentifyOptions) -> FlteaAxis:
-    """Return the input for a run of FLTEA over this axis.
+    """Return what FLTEA needs to run over this axis.
 
     `lsb`: one count in the unit of the samples, if known.
     """

@@ -1,6 +1,6 @@
 """Check the data of an axis for what can mislead the identification, and say what to do about it.
 
-The threshold of each data check is one that clean noise, white or coloured, hardly ever exceeds.
+The threshold of each data check is so high that clean noise, white or coloured, hardly ever exceeds it.
 """
 
 import math
@@ -285,7 +285,8 @@ def _median_or_outliers(y: Array, h: float, lsb: float | None, unit: str, gaps: 
     if found is None or found.replaces_outliers:
         yield from _outliers(y, h, lsb, unit, gaps)
     # Outliers are not searched for if all samples went through a median filter. Such a filter lets no outlier
-    # pass, and it repeats so many values that the usual difference of neighbours is small.
+    # pass. It also repeats many values, so the usual difference of neighbours is small and normal samples
+    # would seem to be outliers.
     if found is not None:
         yield DataCheck(
             "median filter",
@@ -326,7 +327,7 @@ def _stuck(y: Array) -> Iterator[DataCheck]:
         yield DataCheck(
             "stuck",
             "bad",
-            f"{longest + 1} successive samples have the same value, from sample number {first} on.",
+            f"One value is repeated for {longest + 1} samples, from sample number {first} on.",
             "The sensor stopped measuring, or reads failed: look at the supply, the wires and the log.",
         )
 

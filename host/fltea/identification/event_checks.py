@@ -24,7 +24,7 @@ AGREE = 5.0
 
 The scatter is the mean square difference of the sizes from their median, divided by the expected mean square.
 
-The limit is above 1, since the σ of steps that follow each other quickly is understated.
+The limit is above 1, since the σ of a step is too small if steps follow each other quickly.
 """
 
 
@@ -67,7 +67,7 @@ def _stepped(steps: Sequence[BiasStep], unit: str) -> str:
 
 
 def popcorn_noise(steps: Sequence[BiasStep]) -> tuple[float, float] | None:
-    """Return two figures of popcorn noise from the steps of a bias; None if they are not popcorn noise.
+    """Return two figures of popcorn noise from the steps of a bias; None if the steps are not popcorn noise.
 
     The figures are the distance between the two levels and the mean time between steps [s].
 

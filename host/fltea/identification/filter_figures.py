@@ -1,6 +1,6 @@
 """Convert the noise of an axis to figures for simple filters.
 
-Such a filter has white noise, and either a random walk or one Gauss–Markov state.
+A simple filter has white noise, and either a random walk or one Gauss–Markov state.
 
 A filter with these figures never predicts too small an error. A relaxation (a first-order Gauss-Markov
 process) with standard deviation σ and correlation time τ has the density 2 σ² τ / (1 + ω² τ²). White noise of
@@ -57,7 +57,7 @@ def filter_figures(axis: AxisReport, up_to_s: float = UP_TO_S) -> FilterFigures:
 
 
 def _is_unlearnt(axis: AxisReport, K: Shown) -> bool:
-    """Whether the filter's slow states only stand for a random walk that was not observed.
+    """Whether no random walk was observed, so that the filter's slow states describe only what it might be.
 
     In that case the upper bound of K is shown.
     """

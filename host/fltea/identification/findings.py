@@ -324,7 +324,7 @@ def side_by_side(
 
 
 def _keyed(found: list[Row]) -> dict[tuple[str, str], str]:
-    """Return each row's value by two labels: that of the last row without indentation, and the row's own.
+    """Return each row's value by two labels: that of the last row not indented, and that of the row itself.
 
     Both are needed since the same indented label may stand below several rows.
     """

@@ -270,7 +270,9 @@ class Doubt(NamedTuple):
     factors: Array
     weights: Array
     spread: float
-    """Standard deviation of the variance's logarithm, an uncertainty in addition to `factors`."""
+    """Standard deviation of the logarithm of the variance. It is a further uncertainty, in addition to
+    `factors`.
+    """
 
     def deviations(self, squares: Array, tails: float) -> float:
         """Return the distance of the mean of `squares` from 1, in standard deviations.

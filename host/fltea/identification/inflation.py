@@ -20,8 +20,8 @@ from fltea.records.errors import UsageError
 from fltea.spectrum.wording import duration
 
 LEAST_S = 10.0
-"""Shortest time span that counts [s]. Over shorter time spans, nearly all of the heading's error comes from
-white noise.
+"""Shortest time span that counts [s]. Over shorter time spans, white noise causes nearly all of the heading's
+error.
 """
 
 

@@ -1,8 +1,8 @@
-"""Check whether the data of a recording can be what they are read as, before any figure is computed.
+"""Check whether the data of a recording can be samples of sensors in the stated units.
 
-A file may hold something else: alternating rows of two sensors, old values in place of new ones, bytes that
-are no measurement, or another unit. Each check has a threshold that clean noise, white or coloured, hardly
-ever exceeds.
+The check precedes all figures. A file may hold something else: alternating rows of two sensors, old values in
+place of new ones, bytes that are no measurement, or another unit. Each check has a threshold that clean
+noise, white or coloured, hardly ever exceeds.
 """
 
 import math
@@ -91,7 +91,7 @@ UNITS_OF_GRAVITY = (
     ("That is 9.81 m/s² read as g.", 1 / STANDARD_GRAVITY_MS2, "--accel-units m/s^2"),
     ("That is 9.81 m/s² in mm/s², or 1 g in mg.", 1 / 1000, "--accel-units mm/s^2, or mg"),
 )
-"""For magnitudes of gravity other than 9.81 m/s²: what they mean, and how to correct them.
+"""Explanations of wrong magnitudes of gravity: what a magnitude means, and how to correct it.
 
 Each row has a sentence, the factor that converts to m/s², and the option to give.
 """

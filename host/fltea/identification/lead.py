@@ -61,5 +61,5 @@ def interval(one: Interval) -> str:
 
 
 def _number(value: float) -> str:
-    """Format a number with two or three significant digits; less than a thousandth becomes 0."""
+    """Format a number with two or three significant digits; a number below a thousandth becomes 0."""
     return "0" if abs(value) < 5e-4 else f"{value:.2f}" if abs(value) < 10 else f"{value:.3g}"

@@ -237,7 +237,8 @@ def _data_checks(
 
 
 def _chosen(axes: dict[str, Series], request: Request, reading: Sequence[Answer]) -> dict[str, Series]:
-    # An accelerometer that was not asked for is left out if it is constant: some recorders write zeros.
+    # An accelerometer that was not asked for is left out if its samples are constant: some recorders write
+    # zeros for a missing accelerometer.
     wanted = request.channels or tuple(
         name for name, one in axes.items() if name in AXES or (request.accel and np.ptp(one.y) > 0)
     )

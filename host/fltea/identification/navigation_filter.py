@@ -165,8 +165,8 @@ def _count(ratio: float, a_decade: int) -> int:
 def _grid(tracked: FittedSystem, h: float, length_s: float) -> list[float]:
     """Return the correlation times to try.
 
-    These are the correlation times of the noise's parts, and a regular grid without times that are close to
-    them.
+    These are the correlation times of the noise's parts. Between them are the times of a regular grid, except
+    grid times close to those of the parts.
     """
     low, high = FASTEST * h, SLOWEST * length_s
     if high <= low:

@@ -71,7 +71,7 @@ def run_fltea(axes: Sequence[FlteaInput], h: float) -> list[FlteaFits]:
 
 
 def concluded(axis: AxisReport, found: Conclusions) -> AxisReport:
-    """Return the report of an axis, to which bias, forecast and filter were added."""
+    """Return the report of an axis with bias, forecast and filter added."""
     h = 1 / axis.result.rate_hz
     walk = found.tracked.walk
     relaxation = walk.relaxation
@@ -95,7 +95,7 @@ def concluded(axis: AxisReport, found: Conclusions) -> AxisReport:
 
 
 def with_events(axis: AxisReport, found: AxisEvents) -> AxisReport:
-    """Return the report of an axis, to which its steps and motion were added."""
+    """Return the report of an axis with its steps and motion added."""
     is_left_out = axis.left_out.is_like(found.left_out)
     data_checks = (*event_checks(found, axis.unit, is_left_out=is_left_out), *axis.data_checks)
     axis = msgspec.structs.replace(

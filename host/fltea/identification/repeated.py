@@ -42,7 +42,8 @@ FINE_COUNTS = 3.0
 UNIFORM_LSB = 0.7
 """σ in LSB above which the signal is spread evenly between two counts, also with heavy tails.
 
-The sums of neighbours have to be spread as evenly. In white noise the σ of the sums is larger by √2.
+The sums of neighbours have to be spread as evenly. In white noise the σ of the sums is √2 times that of the
+samples.
 """
 LONG = 1 << 20
 """If there are more steps than this, the correlation is computed only from a selection of evenly spaced
