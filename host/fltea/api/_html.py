@@ -9,7 +9,7 @@ from fltea.records.quantity import Quantity, quantity_of, texts
 
 UNDEFINED = "undefined"
 SMALLEST = 1e-16
-"""Smallest probability that is shown as a number; smaller ones are shown as "below" this number."""
+"""A probability below this is not shown as a number, but as "below" this number."""
 
 
 def page(body: str) -> str:

@@ -33,7 +33,7 @@ class Corrected(NamedTuple):
     """
 
     rate: Array
-    """The samples less their bias."""
+    """The samples minus their bias."""
     bias: Array
     """Expected mean, over the next second, of the sensor's offset plus its slow noise."""
     bias_std: Array

@@ -92,8 +92,7 @@ def finish() -> None:
     """Write what is still buffered. It is no error if the reader of the output has ended.
 
     Raises:
-        OutputFailed: the buffered text cannot be written, and nothing more is written. It is no failure if
-            the reader has ended.
+        OutputFailed: the buffered text cannot be written. After this error nothing more is written.
     """
     try:
         sys.stdout.flush()

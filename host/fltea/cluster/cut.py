@@ -16,7 +16,7 @@ from fltea.cluster.listing import File
 class Cut(msgspec.Struct, frozen=True):
     """One piece of a file; a worker reads it like a recording.
 
-    `begin`, `end`: byte offsets in the file between which the piece lies; for Parquet, numbers of row groups.
+    `begin`, `end`: byte offsets in the file between which the piece lies; for Parquet, indices of row groups.
     """
 
     begin: int

@@ -232,7 +232,7 @@ def _below(system: Any, protocol: str, folder: str, depth: int | None) -> Iterat
 
 
 def _of_its_target(system: Any, about: dict[str, Any]) -> dict[str, Any]:
-    """Return facts on a file. For a link, they are those of the file to which it leads."""
+    """Return facts about a file. For a link, return the facts about the file to which the link leads."""
     if not about.get("islink"):
         return about
     try:

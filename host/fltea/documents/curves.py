@@ -32,7 +32,7 @@ def density_label(unit: str) -> str:
 def allan(a: FitAllan, unit: str) -> str:
     """Draw the Allan deviations of the samples and of the model, and the straight lines of N, B and K.
 
-    The samples' Allan deviation has its intervals.
+    The Allan deviation of the samples is drawn with its intervals.
     """
     curves = [Curve(a.tau_s, a.adev, "data", a.low, a.high), Curve(a.tau_s, a.model, "model")]
     title = "Allan deviation, 95 % (orange: fitted)"

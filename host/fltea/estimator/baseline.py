@@ -101,7 +101,7 @@ def baseline_of(y: ArrayLike, axis: str, config: EstimatorConfig, resolution: fl
 
 
 def lane_baselines(window: Array, config: EstimatorConfig, resolution: float | None) -> tuple[Array, Array]:
-    """Return bias and R, (lanes,) each, for lanes that all have the settings of one axis.
+    """Return bias and R of each lane, as two arrays (lanes,). All lanes have the settings of one axis.
 
     `window`: samples of the lanes' start-up windows, (n, lanes). R may be 0 for a lane that never changed.
     """

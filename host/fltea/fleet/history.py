@@ -24,8 +24,9 @@ AT_ONCE = 5_000
 """Largest number of rows that one transaction writes or deletes."""
 
 CHANGE_S = 60.0
-"""Least time between two stored changes of an axis's result [s], so that a flickering result fills no
-disk."""
+"""Two changes of an axis's result are both stored only if at least this time lies between them [s]. So a
+flickering result does not fill the disk.
+"""
 
 MOST_WAITING = 50_000
 """Largest number of rows that wait while the database cannot be written: 30 MB, or one hour of 5,000 sensors.

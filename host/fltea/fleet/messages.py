@@ -24,7 +24,7 @@ LONGEST_WORD = 100
 
 VERDICTS = frozenset(get_args(VerdictKind))
 OTHER = "other"
-"""Stands for a verdict that this version does not know, so that metrics have few label values."""
+"""Replaces any verdict that this version does not know, so that the labels of metrics have few values."""
 
 Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
 """A count that fits into a database's 64-bit integer."""

@@ -19,9 +19,9 @@ from fltea.spectrum.allan_dof import FULL_PARTS, degrees_of_freedom, full_overla
 PER_DECADE = 10
 """Number of averaging times in each decade."""
 LONGEST_SHARE = 0.25
-"""Ratio of the longest averaging time to the length of the record."""
+"""The longest averaging time is this fraction of the record's length."""
 BLOCK = 1 << 13
-"""Number of samples that are processed together, so that they fit into the cache."""
+"""Number of samples that are processed together; so many fit into the processor's cache."""
 
 
 def allan(stretches: Sequence[Array], h: float, unit: str = "deg/s") -> Allan:

@@ -41,8 +41,8 @@ def checks_of(
     )
     values = tuple(value_data_checks(series.y, series.unit))
     if any(data_check.kind == "dead band" for data_check in values):
-        # A sensor with a dead band repeats one value while its samples are inside the band, so that any
-        # sample outside would seem to be an outlier.
+        # A sensor with a dead band repeats one value while the rate is inside the band. Any sample outside
+        # would then seem to be an outlier.
         of_samples = tuple(data_check for data_check in of_samples if data_check.kind != "outliers")
     return (*values, *_steps_between(telegraph, series.unit), *of_samples)
 

@@ -19,7 +19,9 @@ from fltea.records.arrays import Array, Mask
 from fltea.spectrum.comb import FEWEST_PERIODS, Comb
 
 MOST_OF_A_PERIOD = 0.25
-"""Ratio of the longest glitch to the period; a longer pattern counts as a wave."""
+"""A pattern counts as a glitch if it is at most this fraction of the period long; a longer pattern counts as
+a wave.
+"""
 STANDS_OUT = 4.0
 """A phase of the period belongs to the glitch if the mean at this phase is more than this many standard
 errors from the usual mean.
@@ -35,7 +37,7 @@ may not exceed half by so much. Then the fraction NEARLY_ALL of the excess that 
 enough.
 """
 SEEN = 12.0
-"""Ratio of a harmonic's power to the noise's power, above which the harmonic belongs to the wave.
+"""A harmonic belongs to the wave if its power is more than this many times the noise's power.
 
 Noise alone exceeds this ratio once in 160,000 cases.
 """

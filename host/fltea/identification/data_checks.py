@@ -55,7 +55,7 @@ FINER = {
     "m/s²": "±2 g has eight times the resolution of ±16 g",
 }
 LINE_SHARE = 0.01
-"""Fraction of the noise's power above which a spectral line is reported as a warning."""
+"""A spectral line with more than this fraction of the noise's power is reported as a warning."""
 
 
 class DataCheck(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

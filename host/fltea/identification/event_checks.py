@@ -14,7 +14,9 @@ EVENT_CHECKS = MOTION, STEPS = "motion", "bias steps"
 """The kinds of data checks that this module makes."""
 MOST_TOLD = 3
 POPCORN = 6
-"""Least number of steps for which a test for popcorn noise is made (a bias that jumps between two levels)."""
+"""A test for popcorn noise (a bias that jumps between two levels) is made if there are at least this many
+steps.
+"""
 ALTERNATE = 0.9
 """In popcorn noise, at least this proportion of the steps goes in the direction opposite to the previous
 step.

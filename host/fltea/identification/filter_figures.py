@@ -57,7 +57,7 @@ def filter_figures(axis: AxisReport, up_to_s: float = UP_TO_S) -> FilterFigures:
 
 
 def _is_unlearnt(axis: AxisReport, K: Shown) -> bool:
-    """Whether no random walk was observed, so that the filter's slow states describe only what it might be.
+    """Whether no random walk was observed, and the filter's slow states describe only what may be there.
 
     In that case the upper bound of K is shown.
     """
@@ -91,7 +91,8 @@ def _said(
     (N, K), own = as_written, plain.N**2 * t_s + plain.K**2 * t_s**3 / 3
     for state in (*fast, *slow):
         over = t_s / state.tau_s
-        # growth of the heading's variance by this state, if the state's value is known at first
+        # by how much this state increases the heading's variance, if the state's value is known at the
+        # beginning
         grown = 2 * over - 3 + 4 * math.exp(-over) - math.exp(-2 * over)
         own += (state.sigma * state.tau_s) ** 2 * grown
     ratio = math.sqrt((N**2 * t_s + K**2 * t_s**3 / 3) / own)

@@ -28,7 +28,7 @@ OTHER: dict[Variant, Variant] = {"joint": "triple", "triple": "joint"}
 CHUNK = 4096
 """Number of samples of each axis that the engine processes at a time."""
 LEAST = 100
-"""Least number of samples after the start-up window for FLTEA to be run."""
+"""FLTEA is run only if at least this many samples follow the start-up window."""
 
 
 # Over 12 attributes: each is one field of the published fit.
@@ -97,7 +97,7 @@ class FlteaAxis(NamedTuple):
     lsb: float | None
     """One count in the unit of y, if known. The variance of rounding to counts is the smallest R."""
     alpha: Interval | None
-    """Order of the noise by the verdict, with its interval; None without a verdict.
+    """Order of the noise according to the verdict, with its interval; None if there is no verdict.
 
     The ends of the interval are null if the noise has no order.
     """
@@ -325,7 +325,7 @@ def _run(own: Sequence[_Lane], h: float, config: EstimatorConfig) -> list[_Ran]:
 
 
 def _rows(own: Sequence[_Lane], begin: int, end: int) -> tuple[Array, Mask | None]:
-    """Return samples begin … end - 1 of all lanes less their biases, and a mask of missing samples."""
+    """Return samples begin … end - 1 of all lanes minus their biases, and a mask of missing samples."""
     y, gone = np.zeros((end - begin, len(own))), np.zeros((end - begin, len(own)), dtype=bool)
     for lane, one in enumerate(own):
         rest = one.rest[begin:end]
@@ -339,7 +339,7 @@ def _rows(own: Sequence[_Lane], begin: int, end: int) -> tuple[Array, Mask | Non
 class _Drift:
     """Computes how far a value drifts over samples begin … end - 1.
 
-    The drift is the mean of the finite values in the second half less the mean in the first half.
+    The drift is the mean of the finite values in the second half minus the mean in the first half.
     """
 
     def __init__(self, begin: int, end: int) -> None:

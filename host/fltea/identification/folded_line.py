@@ -15,14 +15,14 @@ from fltea.spectrum.candidate_models import CandidateModels
 from fltea.spectrum.spectral_lines import Peak
 
 LEAST_HEIGHT = 30.0
-"""Least ratio of the density near frequency 0 to that at the highest frequencies.
+"""The density near frequency 0 must be at least this many times the density at the highest frequencies.
 
 With a smaller ratio, the hump near 0 cannot be told from the white noise.
 """
 EDGE = 1.1
 """The hump near frequency 0 ends where the spectral density is this multiple of the white noise's density."""
 WIDEST = 0.3
-"""Largest part of the frequency range that the hump may cover."""
+"""The hump may cover at most this proportion of the frequency range."""
 ON_ITS_SHOULDER = 0.1
 """Where the density has fallen to this proportion of the density near frequency 0, the hump's main part ends.
 
@@ -33,7 +33,7 @@ AVERAGED = 6
 PARTS = 16
 """Number of parts into which the record is divided, to find the error of the ratio of moments."""
 FEWEST_PERIODS = 100
-"""Least number of periods in the record of the fastest oscillations in the hump's main part.
+"""The record must hold at least this many periods of the fastest oscillations in the hump's main part.
 
 The power of a random walk is in slower oscillations, of which the record has fewer periods.
 """

@@ -148,9 +148,9 @@ def _degrees_at_seconds(text: str) -> tuple[float, float]:
 
 
 class Forecast(msgspec.Struct, frozen=True):
-    """The forecast by the model of the whole recording, and a check of the forecast.
+    """The forecast, which is made with the model of the whole recording, and a check of the forecast.
 
-    The check compares the second half with a forecast by the model of the first half.
+    For the check, the model of the first half forecasts the second half.
     """
 
     t_s: tuple[float, ...]

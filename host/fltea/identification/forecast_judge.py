@@ -27,7 +27,8 @@ from fltea.records.plus_minus import NORMAL_95
 
 TIMES_S = (1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1200.0, 1800.0, 3600.0)
 FEWEST = 5
-"""Least number of pieces (time spans of T seconds) from which forecasts for T seconds are judged."""
+"""Forecasts for T seconds are judged only if there are at least this many pieces (time spans of T seconds).
+"""
 WRONG = 0.01
 """Probability that a right model fails for at least one T."""
 UNLIKELY = 0.005
@@ -44,7 +45,7 @@ its length on.
 HELD = 0.95
 """Proportion of the pieces whose errors have to be inside a 95 % band."""
 MANY = 20
-"""Least number of pieces from which the tails of the errors are computed.
+"""The tails of the errors are computed only if there are at least this many pieces.
 
 With fewer pieces of T seconds, the tails for the next shorter T are used.
 """
@@ -167,7 +168,7 @@ class Errors(NamedTuple):
 
     @property
     def rms(self) -> tuple[float, float]:
-        """Root mean square of the predicted standard deviations, and that of the observed errors."""
+        """Root mean square of the predicted standard deviations, and root mean square of the errors."""
         return math.sqrt(float((self.said**2).mean())), math.sqrt(float((self.seen**2).mean()))
 
 

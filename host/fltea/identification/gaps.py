@@ -18,7 +18,7 @@ from fltea.records.arrays import Array, Mask
 LONGEST_BRIDGE = 8
 """Longest gap that is bridged, in lost samples, as for the live sums (firmware/core/engine/gate.hpp)."""
 MOST_BRIDGED = 0.1
-"""Largest proportion of lost samples in a record with which gaps are filled.
+"""Gaps are filled only if at most this proportion of the record's samples is lost.
 
 If more samples are missing, the sampling rate may be wrong, and no gap is filled.
 """
@@ -30,9 +30,9 @@ FLTEA restarts after a longer gap.
 AROUND = 16
 """Number of neighbours on either side on which a filled-in sample depends."""
 LEAST_VARIANCE = 1e-9
-"""Least ratio of each eigenvalue of a covariance matrix to the largest one.
+"""Each eigenvalue of a covariance matrix is made at least this fraction of the largest eigenvalue.
 
-Smaller eigenvalues are raised, since with few pairs of samples an estimated eigenvalue may be negative.
+This is necessary since an eigenvalue that is estimated from few pairs of samples may be negative.
 """
 SEED = 16
 ROUNDED = 5

@@ -48,7 +48,7 @@ large.
 GLITCH amounts to three standard deviations.
 """
 ALTERNATES_S = 20.0
-"""Least length of a record in which alternating sensors are searched for [s].
+"""Alternating sensors are searched for only in a record of at least this length [s].
 
 In a shorter record, mains hum near half the sample rate looks like two alternating sensors.
 """
@@ -57,17 +57,18 @@ GROUP_SHARE, GROUP_WIDTH = 0.005, 0.2
 and if the gap is at least the fraction GROUP_WIDTH of the range of the values.
 """
 SELDOM = 0.1
-"""Least ratio of the number of jumps between two groups of values to the number expected by chance.
+"""The number of jumps between two groups of values must be at least this fraction of the number expected by
+chance.
 
 If there are fewer jumps, the sensor was turned between the groups.
 """
 FAR_COUNTS, FAR_STEPS = 32.0, 8.0
-"""Least distance between two groups of values, in counts or in smallest steps within the groups.
+"""Two groups of values must be at least this far apart: in counts, or in smallest steps within the groups.
 
 Coarse rounding leaves smaller gaps between values.
 """
 FAR = {"deg/s": 20.0, "m/s²": 5.0}
-"""Least distance between two groups of values if the size of a count is not known.
+"""If the size of a count is not known, two groups of values must be at least this far apart.
 
 No sensor has counts that large.
 """
@@ -76,7 +77,7 @@ HELD_SHARE = 0.05
 stated, and N is wrong.
 """
 GRAVITY = 0.1
-"""Largest relative error of gravity that an accelerometer at rest may show."""
+"""The gravity that an accelerometer at rest shows may be wrong by at most this relative error."""
 QUIET, SHAKES = 8, 0.05
 """Number of parts of a record (QUIET), and largest scatter of an accelerometer at rest (SHAKES).
 
@@ -225,9 +226,10 @@ def _look(y: Array, lsb: float | None, unit: str, gaps: Gaps) -> Axis:
 
 
 def _turns(against: Array, noise: float, unit: str) -> Turns | None:
-    """Return the pattern that recurs every 2, 3 or 4 samples, in their level or in their scatter.
+    """Return the pattern in the level or in the scatter of the samples that recurs every 2, 3 or 4 samples.
 
-    `against`: samples (n,) less the mean of both neighbours. `noise`: the standard deviation of the samples.
+    `against`: each sample minus the mean of its two neighbours, (n,). `noise`: the standard deviation of the
+    samples.
     """
     size = len(against) // TURNS // TURN
     if not size:

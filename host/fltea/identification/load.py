@@ -39,7 +39,7 @@ MOST_REPORTED = 5
 """Largest number of faults of a recording that are reported."""
 
 MOST_GROUPS = 8
-"""Largest number of different rates and scales in a recording whose samples are kept.
+"""The samples of at most this many different rates and scales of a recording are kept.
 
 The samples of each rate and scale have their own temporary files.
 """

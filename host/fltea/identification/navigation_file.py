@@ -24,7 +24,7 @@ FORMAT = "fltea-navigation-model"
 VERSION = 4
 """Version of the format.
 
-Version 3 had no `filter`, so that users had to guess figures that were not found.
+Version 3 had no `filter`: for figures that were not found, users had to guess values.
 """
 STATES = {row.name for row in ROWS if "entry" in row.traits}
 """Parts of the noise model that have fields of their own in the entry of an axis."""

@@ -63,7 +63,7 @@ NOTHING_LEFT = 0.1
 for the bias, the tracked system's variance is used.
 """
 LEAST_OF_ALL = 1e-4
-"""Least ratio of the white noise's variance to the variance of all states together.
+"""The white noise's variance is made at least this many times the variance of all states together.
 
 No filter works without white noise.
 """
@@ -79,7 +79,7 @@ class FilterState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class HeadingStd(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Standard deviation of the heading `t_s` seconds after the record's end, in the unit of the axis · s.
 
-    The heading is the integral of the rate less `bias`.
+    The heading is the integral of the rate minus `bias`.
     """
 
     t_s: float

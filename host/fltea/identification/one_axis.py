@@ -31,7 +31,7 @@ from fltea.identification.slow_noise import with_slow_noise
 from fltea.records.fit import Interval
 
 MOST_ANALYSES = 3
-"""Largest number of analyses of an axis.
+"""An axis is analysed at most this many times.
 
 The steps that are found with the first model may be wrong, so the axis is analysed again with the corrected
 steps.
@@ -46,7 +46,9 @@ class FlteaInput(NamedTuple):
     left_out: LeftOut
     options: IdentifyOptions
     alpha: Interval
-    """Order of the noise by the verdict; the ends of its interval are null if the noise has no order."""
+    """Order of the noise according to the verdict; the ends of its interval are null if the noise has no
+    order.
+    """
 
     @classmethod
     def of(cls, series: Series, found: AxisReport, options: IdentifyOptions) -> "FlteaInput":
@@ -137,7 +139,7 @@ def examine(
     """
     analysis, series, out, telegraph = analyse_series(series, h, options, left_out)
     result = described(analysis)
-    # Whether FLTEA can be run is checked even if FLTEA was not asked for, so that the same recordings are
+    # This checks whether FLTEA can be run, even if FLTEA was not asked for. So the same recordings are
     # accepted in both cases.
     why_no_path = fltea_axis(analysis, series.lsb, options).why_not(h)
     model = modelled(analysis.figures.model, result.peaks, result.std, h)

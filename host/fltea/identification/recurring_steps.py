@@ -1,8 +1,8 @@
 """Add steps of the bias to the noise model for future samples, if several steps were found.
 
 Steps are left out of the spectrum. But if several occurred, more will follow. A bias that jumps between two
-levels is a telegraph signal, whose spectrum is that of a relaxation (Machlup, J. Appl. Phys. 25, 1954). Other
-steps add up to a random walk.
+levels is a telegraph signal, which has the spectrum of a relaxation (a first-order Gauss-Markov process;
+Machlup, J. Appl. Phys. 25, 1954). Other steps add up to a random walk.
 """
 
 import math

@@ -33,7 +33,9 @@ PARTS = 32
 SIGNIFICANT = 5.5
 """Threshold for Student's t with PARTS - 1 degrees of freedom; chance exceeds it once in 400,000 cases."""
 LEAST_DETERMINANT = 1e-3
-"""Least determinant of the correlation of the axes' steps; axes that are more alike count as one axis."""
+"""The determinant of the correlation matrix of the axes' steps is taken to be at least this. Axes that are
+even more alike count as one axis.
+"""
 HALVINGS = 40
 FINE_COUNTS = 3.0
 """If the standard deviation of the steps is above this, rounding no longer changes the density of the steps
@@ -143,7 +145,10 @@ def _repeated(each: NDArray[np.bool_], together: Equal) -> tuple[float, Array]:
 
 
 def _shares(equal: NDArray[np.bool_]) -> Array:
-    """Return the means of values (..., n) over PARTS parts, (..., PARTS); a few last samples are ignored."""
+    """Return the mean of the values (..., n) in each of PARTS parts, (..., PARTS).
+
+    A few values at the end are ignored.
+    """
     size = equal.shape[-1] // PARTS
     parts = equal[..., : size * PARTS].reshape(*equal.shape[:-1], PARTS, size)
     return np.asarray(parts.mean(axis=-1), dtype=np.float64)

@@ -28,7 +28,9 @@ deviations of the ratio over records of the model's noise. The number is large, 
 compared.
 """
 NARROW = 0.2
-"""Ratio of width to frequency below which a resonance counts as a spectral line, since it rings for long."""
+"""A resonance whose width is less than this fraction of its frequency rings for long, so it counts as a
+spectral line.
+"""
 
 
 class Reproduction(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
