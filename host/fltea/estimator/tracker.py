@@ -60,7 +60,7 @@ motion.
 class TrackerEvent(NamedTuple):
     """A step of the bias, or the begin or end of motion.
 
-    `row`: index, among the samples of the call, of the sample that shows the event.
+    `row`: index of the sample that shows the event. Indices count from the first sample of the call.
     """
 
     kind: EventKind

@@ -61,7 +61,7 @@ SEEN = 0.1
 BEST, WORST = 1e-7, 1.0
 """Range in which the densities of all gyroscopes lie [(deg/s)/√Hz]."""
 GIVEN = "given by --sheet"
-"""Stands for the data sheet if the user gave a density in place of a gyroscope's name."""
+"""Name of the data sheet in texts if the user gave a density instead of a gyroscope's name."""
 
 _NUMBER = re.compile(r"\s*(?P<number>(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)\s*(?P<unit>.*)", re.IGNORECASE)
 _PER_ROOT_HZ = re.compile(r"hz\W*$", re.IGNORECASE)

@@ -85,7 +85,9 @@ The quietest part counts as rest. SHAKES is a proportion of gravity: no accelero
 """
 ROOT_HOUR = 60.0
 LEAST_MS2 = 0.5
-"""Least magnitude of gravity that is checked [m/s²], since some loggers subtract gravity or write zeros."""
+"""Gravity is checked only if its magnitude is at least this [m/s²]: some loggers subtract gravity or write
+zeros.
+"""
 UNITS_OF_GRAVITY = (
     ("That is 1 g.", STANDARD_GRAVITY_MS2, "--accel-units g"),
     ("That is 1 g in mg.", STANDARD_GRAVITY_MS2 / 1000, "--accel-units mg"),
