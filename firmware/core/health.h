@@ -27,7 +27,7 @@ constexpr uint16_t start_number(uint32_t starts) {
 class Health {
   public:
     struct Reading {
-        Sample sample;      // its flags retried, saturated and repeated are set where they apply
+        Sample sample;      // Health sets its flags retried, saturated and repeated
         uint32_t burst_us;  // time just before the burst began
     };
 

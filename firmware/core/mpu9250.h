@@ -45,8 +45,8 @@ constexpr uint8_t range_select(uint16_t range, uint16_t smallest) {
                                    : 4;
 }
 
-// Returns the register field DLPF_CFG for a bandwidth [Hz] of the low-pass filter. 0 means that there is no
-// such filter at an internal rate of 1 kHz.
+// Returns the register field DLPF_CFG for a bandwidth [Hz] of the low-pass filter. A result of 0 means that
+// there is no such filter at an internal rate of 1 kHz.
 constexpr uint8_t dlpf_select(uint16_t hz) {
     return hz == 184 ? 1 : hz == 92 ? 2 : hz == 41 ? 3 : hz == 20 ? 4 : hz == 10 ? 5 : hz == 5 ? 6 : 0;
 }

@@ -12,7 +12,8 @@ namespace fltea {
 
 namespace {
 
-constexpr float kLsb = static_cast<float>(kGyroLsbTenths) / 10.0f;  // counts per deg/s
+// sensitivity of the gyroscope [counts per deg/s]
+constexpr float kLsb = static_cast<float>(kGyroLsbTenths) / 10.0f;
 constexpr float kRateHz = 1e6f / static_cast<float>(settings::kSamplePeriodUs);
 constexpr float kTurn = 6.2831853f;
 // Number of samples before the first fit.

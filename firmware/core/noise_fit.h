@@ -22,7 +22,8 @@ class NoiseFit {
     // Forgets everything until start().
     void begin();
 
-    // Starts an axis when its start-up window is full. The counts of an axis that is not started are ignored.
+    // Starts the spectrum, the fits and the tracker of an axis. Call this when the axis's start-up window is
+    // full. The counts of an axis that is not started are ignored.
     void start(size_t axis);
 
     // Notes that before the next sample, `lost` samples of all axes are missing.

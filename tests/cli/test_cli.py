@@ -199,7 +199,7 @@ def test_error_records_go_to_stderr_too(tmp_path: Path) -> None:
 
 
 def test_a_width_of_nothing_is_not_known() -> None:
-    """Once, nothing was printed with COLUMNS=0, and the exit code was 0."""
+    """An earlier version printed nothing with COLUMNS=0, and its exit code was 0."""
     result = fltea_here(*FAST, "--once", "--format", "table", *QUICK, columns=0)
     assert (result.returncode, result.stderr) == (0, "")
     assert "gyro_z" in result.stdout
@@ -256,7 +256,7 @@ def test_signal_ends_a_run_with_0_and_a_whole_line(number: signal.Signals) -> No
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_signal_ends_a_wait_between_rare_samples(number: signal.Signals) -> None:
     with started("run", "-s", "synthetic:?rate_hz=0.001&f=-0.1", *QUICK) as process:
-        # the records `hello` and `epoch`; a second sample would come only after 1,000 s
+        # the two lines are the records `hello` and `epoch`; a second sample would come only after 1,000 s
         lines = [process.stdout.readline() for _ in range(2)]
         records = strict_records(b"".join(lines) + ended_by(number, process))
     assert [type(one) for one in records] == [Hello, Epoch, Fit, Stats]

@@ -147,7 +147,7 @@ def test_a_local_file_that_the_worker_does_not_see(tmp_path: Path) -> None:
 
 
 def test_a_folder_that_cannot_be_listed_is_a_row(tmp_path: Path) -> None:
-    """A folder that cannot be listed gets a row in the table. The row stays until that is possible."""
+    """A folder that cannot be listed gets a row in the table. The row stays until the folder can be listed."""
     path, out = npz(tmp_path / "a.npz", counts(600, 1)), tmp_path / "v.parquet"
     closed = Unlisted(File("/closed", "file", "/closed", -1, ""), "cannot be listed (PermissionError)")
     with open_table(out) as table:

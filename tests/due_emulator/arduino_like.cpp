@@ -1,7 +1,6 @@
 // A program that makes the same register accesses as a sketch on the Arduino core from reset on, without
-// using that core. It sets up the clock, this turns the watchdog off, and sets up SysTick, every pin, the
-// analogue parts and USB. It uses Serial by interrupts and Wire by polling. Then it takes a sample every 10
-// ms.
+// using that core. It turns the watchdog off, and sets up the clock, SysTick, every pin, the analogue parts
+// and USB. It uses Serial by interrupts and Wire by polling. Then it takes a sample every 10 ms.
 #include <stddef.h>
 #include <stdint.h>
 

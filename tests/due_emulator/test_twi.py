@@ -199,7 +199,7 @@ def test_a_byte_is_acknowledged_unless_stop_was_set_before_its_last_bit_ended(bo
 def test_stop_set_too_late_is_a_fault(board):
     """The program sets STOP only after it has read the last byte.
 
-    A further byte, which it does not want, is already on the wires then.
+    At that time, a further byte is already on the wires, which the program does not want.
     """
     board.begin_read(0x3B, START)
     for _ in range(14):

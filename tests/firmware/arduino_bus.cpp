@@ -177,7 +177,7 @@ TEST_CASE_FIXTURE(Bench, "a held SDA is freed by as many clocks as it needs, nin
         uint8_t data[1];
         CHECK(bus.read(kAddress, kWhoAmI, data, 1) == I2cResult::ok);
     }
-    board.chip.held_clocks = 11;  // more than nine clocks and the clock of the STOP, which are ten
+    board.chip.held_clocks = 11;  // recover() gives only ten clocks: nine, and that of the STOP
     board.clocks = 0;
     CHECK(bus.recover() == HeldLines::sda);
     CHECK(board.clocks == 10);

@@ -1,5 +1,5 @@
-// What the tests of the device's fits share: simulated counts of noise, and short names of the classes under
-// test.
+// Helpers for the tests of the device's noise fits: simulated counts of noise, and short names of the classes
+// under test.
 #pragma once
 #include <doctest/doctest.h>
 

@@ -1,5 +1,5 @@
-// A simulated device: the real application on fake hardware. Its step() is called as the code of a board
-// would do it.
+// A simulated device: the real application on fake hardware. The rig calls the application's step() as the
+// code of a real board does.
 #pragma once
 
 #include <doctest/doctest.h>
@@ -64,7 +64,7 @@ class Rig {
     // Starts the device, and runs it until the sensor is running.
     void start_and_settle() {
         start();
-        run(305 * kMs);  // this run ends in the middle between two sampling instants
+        run(305 * kMs);  // this run ends half-way between two sampling instants
         REQUIRE(!samples().empty());
     }
 
@@ -119,8 +119,9 @@ class Rig {
     uint64_t random_ = 1;
 };
 
-// Checks that every sampling instant is accounted for: samples delivered, plus overruns and dropped frames by
-// the counts in STATUS, equal the number of instants by the last sample's sequence number.
+// Checks that every sampling instant is accounted for. Two numbers have to be equal: the samples delivered
+// plus the overruns and dropped frames that STATUS counts, and the number of instants that follows from the
+// last sample's sequence number.
 inline void check_balance(const Rig& rig) {
     const fltea::Status status = rig.status();
     const std::vector<Frame> samples = rig.samples();

@@ -29,7 +29,7 @@ SKETCH = ROOT / "firmware/arduino/fltea"
 def build(request: pytest.FixtureRequest) -> Path:
     """Build the sketch with one of two compilers and with all warnings as errors.
 
-    Return the folder of the programs.
+    Return the folder of the programs that were built.
     """
     needed(request.param)
     folder = ROOT / "build/tests-arduino" / request.param
@@ -67,8 +67,8 @@ def run(build: Path, *arguments: str, mode: str = "timer") -> Run:
 def lost(run: Run) -> tuple[list[str], int, int]:
     """Pass the frames of a run to the host's sequence tracker.
 
-    Return the reasons for which epochs (stretches with one numbering of samples) began, and two counts of
-    samples: the lost ones, and those delivered in epochs.
+    Return three results of a run: the reasons for which epochs (stretches with one numbering of samples)
+    began, the number of lost samples, and the number of samples that were delivered in epochs.
     """
     place = Decoder(lambda: 0, max_gap=10**6)
     reasons: list[str] = []

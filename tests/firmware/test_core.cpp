@@ -25,8 +25,8 @@ Bytes cobs(const Bytes& plain) {
     return out;
 }
 
-// Visits the fields of a message, and fills them from the lines "field NAME VALUE" of a record of a test
-// vector, in the order of the lines.
+// Fills the fields of a message from a test vector. Its record has a line "field NAME VALUE" for each field,
+// in the order of the fields.
 class RecordReader {
   public:
     explicit RecordReader(const Record& record) {
@@ -46,7 +46,7 @@ class RecordReader {
     void operator()(const char* name, float& field) {
         const std::string text = next(name);
         char* end = nullptr;
-        // strtof() and not std::stof(), which throws for denormal numbers
+        // strtof() is used, because std::stof() throws for denormal numbers
         field = std::strtof(text.c_str(), &end);
         REQUIRE(!text.empty());
         REQUIRE(*end == 0);

@@ -21,7 +21,7 @@ LONG = ",".join(
         *("edges: each is*", "random trouble*", "application: the ends of*"),
     ]
 )
-"""Test cases that simulate hours and take half of the total time.
+"""Names of the test cases that simulate hours. They take half of the total time.
 
 They run only in the build by clang, which belongs to the second tier of tests.
 """

@@ -76,7 +76,7 @@ struct Alone {
     AxisEstimator estimator;
     size_t axis;
     uint32_t at, collected = 0;
-    // for the device, there are no sampling instants from never_from up to but not including never_to
+    // the device knows of no sampling instants from never_from to never_to - 1
     uint32_t never_from = 0, never_to = 0;
 
     Alone(size_t axis, uint32_t first) : axis(axis), at(first) { estimator.begin(); }
@@ -367,7 +367,7 @@ TEST_CASE("estimation: a fit that rejects white noise tunes the filters of its a
     CHECK(compared > 10);
     CHECK(device.report().r_y == fit.r);
     CHECK(device.report().r_x != fit.r);
-    // After the sensor was set up again, the fit from before is not used any more.
+    // After the sensor was set up again, the fit from before the set-up is not used any more.
     device.estimation.begin();
     device.run_anew(1000, 1000 + kStartup + 20);
     REQUIRE(!device.made.empty());

@@ -212,8 +212,8 @@ TEST_CASE("recovery: equal bursts count on over instants that were lost, and aga
     rig.run(60 * kMs);
     CHECK(rig.fault_count(FaultCode::sensor_frozen) == 1);
 
-    // If the values never change again, a FAULT reports that about once a second, and at most nine samples
-    // are sent after each set-up.
+    // If the values never change again, the device reports that about once a second by a FAULT, and sends at
+    // most nine samples after each set-up.
     rig.chip.frozen = true;
     const size_t n = rig.samples().size();
     rig.run(10 * kS);

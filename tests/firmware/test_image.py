@@ -123,7 +123,7 @@ def test_each_interrupt_has_its_own_handler(built: Path, mode: str, handlers: di
 
 def test_image_knows_no_paths() -> None:
     texts = re.findall(rb"[ -~]{6,}", image())
-    # Machine code contains the byte of a slash, too, but not between words as in a path.
+    # Machine code contains the byte of a slash, too, but not between letters as in a path.
     path = re.compile(rb"[a-z_]{3,}/[a-z_]{3,}|\.cpp$|\.hp*$")
     assert not [text for text in texts if path.search(text)]
     assert all(map(path.search, (b"firmware/core", b"noise_fit.cpp")))

@@ -50,8 +50,9 @@ double mean_of(const double* x, int n) {
 // The largest differences between the two spectra. `bins`: relative difference of bins of three spectral
 // lines, in levels with eight blocks or more. `lines`: difference of single lines, relative to the line or to
 // a tenth of its level's mean.
-// `whole`: difference of the samples that are kept as samples, in standard deviations of noise of the given
-// variance at their level. The numbers of blocks and the stretches of both spectra have to be equal.
+// `whole`: difference between the samples of the level that keeps its samples. Its unit is the standard
+// deviation that noise of the given variance has at that level. Apart from these differences, the numbers of
+// blocks and the stretches of both spectra have to be equal.
 struct Difference {
     double bins, lines, whole;
 };

@@ -1,6 +1,7 @@
-// Tests of the host's decoder under sanitizers. It gets test vectors in any chunks, and hostile bytes, for
-// which its results are compared with those of the receiver that the tests use. Its CRC is compared with the
-// device's. tests/protocol compares the decoder with the host's Python code.
+// Tests of the host's decoder under sanitizers. The decoder gets test vectors that are divided into chunks of
+// any size. It also gets hostile bytes, for which its results are compared with those of the receiver that
+// the tests use. Its CRC is compared with the device's. tests/protocol compares the decoder with the host's
+// Python code.
 #include <doctest/doctest.h>
 
 #include <random>

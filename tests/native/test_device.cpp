@@ -115,14 +115,14 @@ TEST_CASE("device: what does not follow is not believed") {
         bool follows;
     } const others[] = {
         {0, 655'360'000, 655'360 * kMs, true},
-        {65'535, 655'350'000, 655'350 * kMs, false},  // the same sample again
-        {1, 655'370'000, 655'370 * kMs, false},       // one sample is missing
-        // with a delay by the device's clock that is just allowed
+        {65'535, 655'350'000, 655'350 * kMs, false},  // does not follow: it is the same sample again
+        {1, 655'370'000, 655'370 * kMs, false},       // does not follow: one sample is missing
+        // follows: its delay by the device's clock is the largest that is allowed
         {0, 655'350'000 + 20'200, 655'360 * kMs, true},
-        {0, 655'350'000 + 20'201, 655'360 * kMs, false},  // 1 us too late by the device's clock
-        // with a delay by the host's clock that is just allowed
+        {0, 655'350'000 + 20'201, 655'360 * kMs, false},  // 1 us later: does not follow
+        // follows: its delay by the host's clock is the largest that is allowed
         {0, 655'360'000, 655'360 * kMs + 300'000 * kMs, true},
-        {0, 655'360'000, 655'360 * kMs + 300'000 * kMs + 1, false},  // 1 ns too late by the host's clock
+        {0, 655'360'000, 655'360 * kMs + 300'000 * kMs + 1, false},  // 1 ns later: does not follow
     };
     for (const auto& other : others)
         CHECK(run.device.place.follows(other.sequence, other.device_us, other.host_ns) == other.follows);
@@ -159,7 +159,7 @@ TEST_CASE("timebase: time learns the earliest arrival, and never runs backwards"
     CHECK(clock.add(1, 10'000, 15 * kMs) == kUnixNs + 10 * kMs + 1000);  // this sample arrives late
     // this sample's delay is a million ns shorter than that of any sample before
     CHECK(clock.add(2, 20'000, 19 * kMs) == kUnixNs + 19 * kMs);
-    // this sample's own time would be before that of the last one; it is limited to 1 ns after it
+    // this sample's own time would be before that of the previous sample, so it is set to 1 ns after that
     CHECK(clock.add(3, 20'500, 18 * kMs) == kUnixNs + 19 * kMs + 1);
     CHECK(clock.rate_hz() == doctest::Approx(3 / 0.0205));
     CHECK(std::isnan(clock.clock_ppm()));

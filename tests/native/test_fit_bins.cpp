@@ -15,7 +15,7 @@ namespace {
 
 using fltea::whittle::excess;
 
-// Subtracts from y its projection on `one`.
+// Subtracts from the vector y its projection on the vector `one`.
 void remove(const std::vector<double>& one, std::vector<double>& y) {
     double along = 0, square = 0;
     for (std::size_t i = 0; i < y.size(); ++i) {

@@ -140,7 +140,7 @@ TEST_CASE("wire line: columns of a later second, and of later samples of a run")
     CHECK(item.samples.host_ns[1] == kSecondNs + 1);
     CHECK(line.line.counts().frames == 3);
     item = line.line.next();
-    // both samples are counted when the first is taken: consecutive samples count together
+    // samples 3, 4, 7 and 8 come in two items, and are counted together when both items are taken
     CHECK(line.line.counts().frames == 3);
     REQUIRE(item.samples.n == 2);
     CHECK(item.samples.host_ns[1] == kSecondNs + 2);
@@ -160,17 +160,17 @@ TEST_CASE("wire line: what was not taken is left out") {
     line.line.silent(2);
     CHECK(line.line.counts().frames == 1);
     CHECK(line.all() == Words{"tick 0"});
-    line.line.accept_hello();  // without effect: no HELLO has come that could be accepted
+    line.line.accept_hello();  // this has no effect, because no new HELLO has come that could be accepted
     CHECK(line.one(hello(), 3) == Words{"frame 1"});
     line.line.silent(5 * kSecondNs + 3);
     for (int k = 0; k < 9; ++k) CHECK(line.line.next().kind == PortItem::kTick);
     line.line.pass_time(0);
-    // nine of ten ticks were given, and pass_time() drops the last one
+    // nine of ten ticks were given, and pass_time() has dropped the last one
     CHECK(line.line.next().kind == PortItem::kDone);
     line.line.silent(5 * kSecondNs + 3);
     CHECK(line.line.next().kind == PortItem::kTick);
     line.line.pass_time(0);
-    // the tick was given, and pass_time() drops the trouble after it
+    // the tick was given, and pass_time() has dropped the trouble after it
     CHECK(line.line.next().kind == PortItem::kDone);
 }
 

@@ -103,8 +103,8 @@ struct Heard {
             for (const fltea::PortRead& read : one.reads) {
                 CHECK(read.end > end);
                 CHECK(read.stamp.host_ns >= before_ns);
-                // no read is older than what the last call has returned, because ticks until that time were
-                // given
+                // no read is older than the time that the last call of take() returned, because the ticks
+                // until that time were given already
                 CHECK(read.stamp.host_ns > last_ns);
                 CHECK(read.stamp.host_ns <= now_ns);
                 end = read.end;

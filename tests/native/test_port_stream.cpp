@@ -209,8 +209,8 @@ class Taker {
     std::size_t given_ = 0;
 };
 
-// Gives the reads of a port to a caller, one by one or up to `most` together, but no more than come within
-// kStallNs. This is as for a caller that is never blocked for long.
+// Gives the reads of a port to a caller in groups of one to `most` reads. The reads of a group come within
+// kStallNs after the previous read, as they do for a caller that is never blocked for long.
 void give_all(Taker& to, const Reads& all, Random& random, unsigned most) {
     for (std::size_t begin = 0; begin < all.reads.size();) {
         std::size_t end = std::min(all.reads.size(), begin + 1 + below(random, most));

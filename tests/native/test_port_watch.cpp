@@ -139,7 +139,7 @@ TEST_CASE("wire line: reads between which a trouble may be due are taken one by 
     Reads healed;
     CHECK(refused.feed(healed.add(hello() + sample(1), 3).add(sample(2), 4)) ==
           Words{"same hello", "1 samples", "1 samples"});
-    // 0: exactly four seconds after the first byte that belongs to no frame; 1: one ns before that
+    // The frames come four seconds after the first byte that belongs to no frame (0), or one ns earlier (1).
     for (const std::int64_t left : {0, 1}) {
         Line unread;
         unread.one(hello(), 1);
@@ -148,7 +148,7 @@ TEST_CASE("wire line: reads between which a trouble may be due are taken one by 
         const std::int64_t at = 5 * kSecondNs - left;
         Reads reads;
         reads.add(Bytes{0} + sample(1), at).add(sample(2), at);
-        // the items are the bad block, and then both samples together or one by one
+        // the items: the bad block, and then the samples together (one item) or one by one (two items)
         CHECK(unread.feed(reads).size() == (left == 1 ? 2 : 3));
     }
 }

@@ -347,7 +347,7 @@ TEST_CASE("tracker: another system is no jump of what does not depend on it") {
 TEST_CASE("tracker: gaps of every length") {
     for (bool modelled : {false, true}) {
         std::unique_ptr<OneAxis> one = made(modelled);
-        one->skip(100);  // a gap of 100 samples before the first sample
+        one->skip(100);  // 100 samples are lost before the first sample
         Noise random(13);
         for (std::uint64_t lost : {0, 1, 31, 32, 33, 500, 3000, 100001}) {
             for (int i = 0; i < 100; ++i) CHECK(sane(one->next(random())));

@@ -329,7 +329,8 @@ TEST_CASE("noise models: an order is found beside none, and its interval holds i
             };
             ends[side > 0] = end();
             CHECK(away[1] == ends[side > 0] - found.ordered.eta[1]);
-            // A second call that starts at this end finds the same end.
+            // A second search for the end of the interval starts at the end that the first search found, and
+            // finds the same end.
             CHECK(end() == ends[side > 0]);
         }
         CHECK(ends[0] < found.ordered.eta[1]);

@@ -1,6 +1,7 @@
-// Quantiles of the null test's likelihood ratio, as it is distributed for pure white noise. Each quantile is
-// a parabola in the decimal logarithm of the number of ordinates. The coefficients are those of
-// host/fltea/spectrum/null_constants.py, for the three levels of significance that the device needs.
+// The limits of the null test. The test rejects white noise if its likelihood ratio exceeds a quantile of
+// that ratio for pure white noise. Each quantile is a quadratic polynomial in the decimal logarithm of the
+// number of ordinates. The coefficients are those of host/fltea/spectrum/null_constants.py, for the three
+// levels of significance that the device needs.
 #ifndef FLTEA_NULL_QUANTILES_HPP
 #define FLTEA_NULL_QUANTILES_HPP
 

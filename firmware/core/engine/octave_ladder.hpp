@@ -3,9 +3,9 @@
 //
 // Level 0 is the stream. Level l + 1 is level l after a half-band filter, with every second sample kept. One
 // level keeps its samples (whole_stream.hpp), at first level 0. When these samples no longer fit, they are
-// turned into Welch sums, and the next level keeps its own samples instead. Up to Kind::kCapacity samples,
-// the whole record is therefore available. After that, the record is available at a reduced rate, and still
-// has the lowest frequencies.
+// turned into Welch sums, and the next level keeps its own samples instead. A record of up to Kind::kCapacity
+// samples is therefore available unchanged. A longer record is available at a reduced rate, which keeps its
+// lowest frequencies.
 #pragma once
 
 #include <cstdint>
@@ -28,7 +28,7 @@ class OctaveLadder {
   public:
     typedef typename Kind::Input Input;
     enum { kLevels = Kind::kLevels, kTopLines = 83, kLines = 45, kMostAtOnce = 128 };
-    typedef WelchLevel<Kind, kTopLines> Top;  // its spectral lines reach up to the Nyquist frequency
+    typedef WelchLevel<Kind, kTopLines> Top;  // level 0; its spectral lines reach up to the Nyquist frequency
     typedef WelchLevel<Kind, kLines> Deep;
     typedef WholeStream<Kind> Whole;
 
@@ -37,7 +37,7 @@ class OctaveLadder {
         for (int l = 1; l < kLevels - 1; ++l) deep_[l - 1].begin(memory, step(l));
     }
 
-    // Returns the number of the level whose samples are kept. All levels below it have Welch sums.
+    // Returns the number of the level whose samples are kept. All levels with lower numbers have Welch sums.
     int depth() const { return depth_; }
     const Whole& whole() const { return whole_; }
     static std::uint64_t step(int level) { return std::uint64_t(1) << level; }
@@ -47,7 +47,8 @@ class OctaveLadder {
     static int lines(int level) { return level == 0 ? int(kTopLines) : int(kLines); }
 
     // Reads the Welch sums of a level at sample number `now`, in the squared unit of that level's values.
-    // `effective`: number of blocks of equal weight that give the same precision.
+    // `effective`: number of blocks of equal weight that would give the same precision as the blocks of
+    // different weights.
     void sums(int level, std::uint64_t now, Real* power, Real* blocks, Real* effective) const {
         if (level == 0) {
             top_.sums().read(memory_.part(now), power, blocks, effective);
@@ -65,7 +66,7 @@ class OctaveLadder {
         bool going;
         Deepening() : going(false) {}
     };
-    // A batch of samples on its way from level to level, as advance() takes it.
+    // A batch of samples that advance() takes from level to level.
     struct Passage {
         Deepening deepening;
         Value batch[kMostAtOnce];
@@ -193,7 +194,7 @@ class OctaveLadder {
 
   private:
     // The samples of the next level are written to the same memory from which the old samples are still being
-    // read. Nothing is lost, because the output of a level is never longer than its input.
+    // read. No unread sample is overwritten, because the output of a level is never longer than its input.
     void begin_deepening(Deepening& d) {
         d.old = whole_.table();
         d.stretch = d.at = d.begin = 0;

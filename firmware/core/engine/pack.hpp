@@ -208,7 +208,7 @@ inline bool all(M mask) {
     return !any(!mask);
 }
 
-// The type that a comparison of two T returns.
+// The type that a comparison of two numbers of type T returns.
 template <class T>
 struct MaskOfType {
     typedef bool Type;

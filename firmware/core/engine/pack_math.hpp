@@ -50,8 +50,8 @@ inline R from_bits(typename Layout<R>::Bits bits) {
     return number;
 }
 
-// y * 2^n and y * 2^-n, where n is the integer in `rounded` after the addition of kRound. Both results are
-// normal.
+// Return y * 2^n and y * 2^-n. `rounded` is the sum of a number and kRound, and has the integer n in its low
+// bits. Both results have to be normal numbers.
 template <class R>
 inline R scale_up(R y, R rounded) {
     return from_bits<R>(to_bits(y) + (to_bits(rounded) << Layout<R>::kShift));

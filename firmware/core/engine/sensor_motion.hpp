@@ -3,10 +3,10 @@
 // nothing. When motion is detected in a chunk, everything that the trackers learned from that chunk and the
 // previous one is undone.
 //
-// Rest begins after two chunks in which no axis moves, and the bias is then that from before the motion.
-// There is another way to rest: if the samples stay near a new mean for some seconds, that mean is the new
-// bias, provided that a bias can step so far. A mean farther away is taken for a rotation of the sensor, and
-// accepted as the bias only after a much longer time.
+// Rest begins after two chunks in which no axis moves, and the bias is then that from before the motion. Rest
+// also begins if the samples stay near a new mean for some seconds, and a bias can step that far. The new
+// mean is then the bias. A mean farther away is taken for a rotation of the sensor, and is accepted as the
+// bias only after a much longer time.
 #ifndef FLTEA_SENSOR_MOTION_HPP
 #define FLTEA_SENSOR_MOTION_HPP
 
@@ -98,7 +98,7 @@ class SensorMotion {
     }
 
     Unlearned unlearned_ = {0, 0};
-    // samples since the last call of keep() but one, and since the last call
+    // number of samples since the last call but one of keep(), and since the last call of keep()
     std::uint32_t since_older_ = 0, since_newer_ = 0;
     int fill_ = 0, quiet_ = 0;
     bool moving_ = false;

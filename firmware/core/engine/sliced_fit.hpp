@@ -210,7 +210,7 @@ class SlicedFit {
         return true;
     }
 
-    // AR(1) is the fractional model of order 1, with g = φ - 1.
+    // An AR(1) with the coefficient φ is the fractional model of order 1 with g = φ - 1.
     void start_at_relaxation(float order, Point<float>& point) const {
         const Answer& relaxation = memory_->answers_[kRelaxation];
         const Share<float> share(relaxation.theta[0]);
@@ -311,8 +311,9 @@ class SlicedFit {
             answer.look = static_cast<unsigned char>((answer.look + kLooks) % grid_size());
         }
         target_.refer_to(answer.known ? answer.scale : 1.0f);
-        // Evaluates the best point again. The derivatives are computed relative to their means in the
-        // previous evaluation. The point of that evaluation may have been far from the best point.
+        // Evaluates the best point again, which makes the derivatives more precise. They are computed
+        // relative to their means in the previous evaluation, and the point of that evaluation may have been
+        // far from the best point.
         if (which_ == kFull && answer.known && (cold_ || looks_around()) && settled_ < 2) {
             ++settled_;
             next_ = best_;
@@ -395,7 +396,7 @@ class SlicedFit {
     Point<float> next_, now_, best_, up_to_one_, kept_[kKept];
     Search<float> search_ = Search<float>(model_of(kUpToOne));
     OrderInterval interval_;
-    float curvature_std_;  // standard deviation of α from the curvature
+    float curvature_std_;  // standard deviation of α that follows from the curvature of the likelihood
     NullLevel level_;
     Which which_;
     float as_before_;  // approximate -log L of the last fit's answer, computed for the new bins

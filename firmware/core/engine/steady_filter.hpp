@@ -24,9 +24,9 @@ struct SteadyFilter {
     // Part 0 is the fitted relaxation. The other parts approximate a fractional order.
     enum { kPlaces = 8 };
 
-    float fall[kPlaces];      // of each part: 1 - a, the proportion by which it falls per sample
-    float variance[kPlaces];  // variance of each part; 0: the part does not exist
-    float gain[kPlaces];      // K
+    float fall[kPlaces];      // 1 - a: the proportion by which the part falls per sample
+    float variance[kPlaces];  // variance of the part; 0: the part does not exist
+    float gain[kPlaces];      // gain K of the part
     float R, S;               // variance of the white noise, and of the innovations
     float of_state;           // variance of the state, given all samples and the offset
     float answer;             // value at which the innovations settle if the input is constantly 1
@@ -93,8 +93,8 @@ class FilterDesign {
     };
     // lowest of these frequencies [rad per sample], and the ratio of each frequency to the one below
     static constexpr float kLowest = 3e-4f, kRatio = 2.2977f;
-    // Where the spectrum of the state is below this ratio to the white noise's, the state is approximated
-    // less exactly.
+    // At frequencies where the spectrum of the state is less than this factor times that of the white noise,
+    // the fractional order is approximated less exactly.
     static constexpr float kMatters = 0.3f;
 
     static float fall_of(int place) {
@@ -240,8 +240,8 @@ class FilterDesign {
         return short_of_one + a * zero_short_of_one_[j];
     }
 
-    // Computes, for the mean of part i over the next samples, the weight of its present value and the
-    // variance that future noise adds.
+    // Computes two numbers for the mean of part i over the next samples: the weight of the part's present
+    // value in that mean, and the variance that future noise adds to the mean.
     void look_ahead(int i) {
         filter_.weight[i] = ahead_ == 0 ? 1.0f : 0.0f;
         if (!there(i) || ahead_ == 0) return;

@@ -19,8 +19,8 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// A diverged filter can stay finite forever, at orders of 10 to 60 with f up to 1e139. The order of noise is
-// between 0 and 2, and no useful estimate was seen beyond 3.5.
+// The estimates of a diverged filter can stay finite for ever, with orders of 10 to 60 and f up to 1e139. The
+// order of noise is between 0 and 2, and no useful estimate was seen beyond 3.5.
 constexpr int kLostOrder = 5;
 
 constexpr int kBoundSamples = 200;

@@ -186,9 +186,8 @@ class TrackedState {
 
     float most() const { return kClip * math::sqrt(filter_.S); }
 
-    // Returns the variance that noise has added to part i of the state while nothing was learned, as far as
-    // this variance is still left. At rest, the filter reduces such an error by the factor a(1 - K) per
-    // sample.
+    // During motion, nothing is learned, and noise adds variance to part i of the state. Returns how much of
+    // that variance is still left. At rest, the filter multiplies such an error by a(1 - K) per sample.
     float grown_variance(int i, const Unlearned& unlearned) const {
         const float a = 1.0f - filter_.fall[i], left = a * (1.0f - filter_.gain[i]);
         return filter_.variance[i] * (1.0f - power(a * a, unlearned.samples)) *

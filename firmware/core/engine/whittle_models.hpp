@@ -12,7 +12,8 @@ namespace fltea {
 namespace whittle {
 
 // Which number of the fractional model is held fixed: the order α, the feedback g, the parameter f = h^-α g,
-// the weight F = g + α of the last sample, or the variance of the state or of the white noise.
+// the weight F = g + α with which the previous sample enters the next one, the variance of the state, or the
+// variance of the white noise.
 enum Hold : int { kNothing, kHoldOrder, kHoldFeedback, kHoldParameter, kHoldWeight, kHoldState, kHoldNoise };
 
 template <class R>
@@ -69,10 +70,11 @@ bool scaled(const Model<R>& model) {
     return model.hold != kHoldState && model.hold != kHoldNoise;
 }
 
-// Returns the lowest order α at which the fractional model can have the weight F = g + α of the last sample.
-// All orders above F are allowed. For a low F, only orders above the one at which α - 2^α equals F are
-// allowed. For an F between -1 and -0.914, some orders near 0 would be allowed, too. They are left out: they
-// are white noise or AR(1), and so are orders near 1 with the same F.
+// Returns the lowest order α at which the fractional model can have the weight F = g + α (with which the
+// previous sample enters the next one). If F is above -0.914, all orders above F are allowed. For a lower F,
+// only orders above the one at which α - 2^α equals F are allowed. For an F between -1 and -0.914, some
+// orders near 0 would be allowed, too. They are left out, because they describe white noise or AR(1), and
+// orders near 1 with the same F describe that, too.
 template <class R>
 R lowest_order(R F) {
     if (F > R(-0.9139)) return math::fmax(F, R(0));

@@ -12,14 +12,14 @@ namespace whittle {
 enum Family : int {
     kWhite,
     kFractional,
-    kAr1,  // from here on, sums of one to six AR(1); kAr2 is an AR(2)
+    kAr1,  // kAr1, kTwoAr1 ... kSixAr1: sums of one to six AR(1); kAr2: an AR(2)
     kAr2,
     kTwoAr1,
     kThreeAr1,
     kFourAr1,
     kFiveAr1,
     kSixAr1,
-    kLowPass,  // this and the next two: low-pass filtered white noise, and no, one or two AR(1)
+    kLowPass,  // kLowPass...: low-pass filtered white noise, alone or plus one or two AR(1)
     kLowPassAr1,
     kLowPassTwoAr1,
     kArfima,  // AR(1) driven by fractionally differenced noise instead of white noise

@@ -104,9 +104,9 @@ void solve(const Point<R>& at, const bool* given, int free, R damping, R* step) 
 
 // Returns how far a free parameter may move up or down in one step. Steps are limited because the derivatives
 // are not valid for long ones. The order moves by at most 0.3. Another parameter moves by at most 1, or in
-// its tail by half of its value. In its tail, a parameter is the logarithm of a small number. Back from its
-// tail, the parameter's step is unlimited, because applied() then changes the small number itself by the
-// step, and not its logarithm.
+// its tail by half of its value. In its tail, a parameter is the logarithm of a small number. A step that
+// leads out of a tail is unlimited, because applied() then adds the step to the small number itself, and not
+// to its logarithm.
 template <class R>
 R longest(const Model<R>& model, int i, R theta, bool up) {
     if (i == 0 && order_first(model)) return R(0.3);
@@ -175,7 +175,7 @@ Promise<R> damped_step(const Model<R>& model, const Point<R>& at, const R* low, 
 template <class R>
 struct Patience {
     int steps;    // largest number of evaluations
-    R tolerance;  // the search ends when a step promises to decrease -log L by less
+    R tolerance;  // the search ends when a step promises to decrease -log L by less than this
     R inside;     // the search ends when -log L is below this
     R outside;    // -log L above which the search is given up, if complete steps promise far too little to
                   // get below it
