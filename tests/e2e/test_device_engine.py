@@ -18,9 +18,11 @@ from tests.rig.plain_decoder import decoded
 def test_the_stand_in_begins_again_for_a_program_that_empties_the_port_late(
     processes: Processes, tmp_path: Path
 ) -> None:
-    """A stand-in for a device begins again with a HELLO, since the first bytes that it sends may be lost.
+    """The simulated device starts again with a HELLO when a program empties its port, because the first bytes
+    that it sent are then lost.
 
-    pyserial discards what a port has received when it opens the port, and on a busy machine does so late.
+    When pyserial opens a port, it discards the bytes that the port has received. On a busy machine, it does
+    so late.
     """
     link = tmp_path / "device"
     processes.stand_in(link)

@@ -89,7 +89,8 @@ def end_of_transfer_ps(run: DueRun) -> int:
 def between_transfers(time_ps: Callable[[DueRun], int]) -> Callable[[DueRun], int]:
     """Return a function like `time_ps` that returns 0 while the I²C bus is used.
 
-    Transfers are left alone, because none may last so long.
+    No interrupt comes during a transfer on the bus, because the transfer would then take longer than is
+    allowed.
     """
     return lambda run: time_ps(run) if run.board.twi.field("SR", "TXCOMP") else 0
 
@@ -125,8 +126,8 @@ def interrupted(run: DueRun, address: int, stretch: Stretch) -> int:
 
     def come() -> None:
         nonlocal came, end_s
-        # While the program has disabled interrupts (PRIMASK), an interrupt would come only after these
-        # instructions. They are tested separately.
+        # While interrupts are disabled (PRIMASK), none can come before this instruction. Another test is
+        # about the code that disables interrupts.
         if not cpu.masked and came < stretch.times and (takes_ps := stretch.takes_ps(run)):
             came, end_s = came + 1, run.board.now_s + takes_ps / PS_PER_S
             cpu.hang(takes_ps)
@@ -185,8 +186,8 @@ SHARED = {
     "in_flight": unicorn.UC_HOOK_MEM_READ,
     "written": unicorn.UC_HOOK_MEM_WRITE,
 }
-"""Variables that handlers and the main loop share, with the kind of access that the main loop may only make
-while interrupts are disabled (a lock).
+"""Variables that interrupt handlers and the main loop share, each with a kind of access (read or write). The
+main loop may make this kind of access only while interrupts are disabled (a lock).
 """
 
 
@@ -211,7 +212,8 @@ class Wrap(NamedTuple):
     """A variable of the program that is about to wrap at 2^32.
 
     `variables`: values that variables get when the program begins. `counter`: whether the timer's counter
-    also wraps. It wraps together with the clock or, if the clock's wrap is far away, 2 s after the start.
+    also wraps. The counter wraps together with the clock or, if the clock's wrap is far away, 2 s after the
+    start.
     """
 
     variables: dict[str, int]

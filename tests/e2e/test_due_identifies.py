@@ -23,8 +23,8 @@ BOTH = {"estimator.estimate_on": "both"}
 EVERY = 10
 RECORDINGS = ("mpu6050_sunsided_10min.npz", "mpu6050_tomisuarez_100s.npz")
 CLOSE = 1e-4
-"""Largest permitted difference between the order on the board and on the host, which computes in double
-precision.
+"""Largest permitted difference between the order α that the board computes and the order α that the host
+computes in double precision.
 
 Within 3,000 samples, the largest difference that was seen is 4e-6.
 """
@@ -193,7 +193,7 @@ def track_as_a_pc_does(run: DueRun, fit_at: Arrival) -> list[wire.Estimate]:
 
 @pytest.mark.slow
 def test_its_fit_has_the_bits_of_a_pc_and_costs_no_sample() -> None:
-    # Both faults happen while the board searches a model, and no sample is lost.
+    # Both faults happen while the board searches for a model, and no sample is lost.
     faults = ("nack_burst at=17.0 count=1", "sda_stuck at=19.3 clocks=5")
     settings = {"estimator.estimate_on": "both"}
     run = DueRun(image(), noise=NOISE, faults=faults, settings=settings).run_until(FIRST_FIT_S)

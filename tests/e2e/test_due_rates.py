@@ -40,7 +40,7 @@ def compiled(*defines: str) -> subprocess.CompletedProcess[str]:
 
 
 def image_by_command(mode: str, folder: Path, *defines: str) -> bytes:
-    """Build such an image with the command behind `make`, as a user does.
+    """Build an image for another rate with the command behind `make`, as a user does.
 
     `fltea flash` finds the id of the build in a file next to the image.
     """

@@ -1,7 +1,7 @@
 """Tests of the tools that cause faults (tools/faults).
 
-The tests are about the accounts, which find losses that nothing has counted, about the report, and about the
-connection that can be cut.
+The tests are about three of these tools: the account of all samples, which finds losses that no counter
+shows, the report on the faults, and the connection that can be cut.
 """
 
 import asyncio

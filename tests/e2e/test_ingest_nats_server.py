@@ -206,7 +206,7 @@ def test_messages_that_came_while_a_lease_had_lapsed_come_again_in_their_order(
 ) -> None:
     """A worker was suspended and could not renew its lease.
 
-    Meanwhile no other worker took this worker's partition, so it goes on.
+    Meanwhile no other worker took the partition, so this worker goes on with it.
     """
     one, worker = serving
     worker.inbox.admission.admit("s1")
@@ -241,9 +241,9 @@ def test_messages_that_came_while_a_lease_had_lapsed_come_again_in_their_order(
 
 
 def test_snapshots_are_used_whatever_the_clocks_of_their_workers_said(server: Servers, start: Start) -> None:
-    """One snapshot comes from a worker whose clock is an hour ahead.
+    """The time in one of the snapshots is an hour ahead, as if the clock of its worker were wrong.
 
-    The snapshot of another device was deleted before this.
+    The snapshot of a third device was written and deleted again.
     """
     one = server()
     first = start(one)
@@ -304,7 +304,7 @@ def test_a_board_publishes_under_its_own_name_only(stage: Stage, server: Servers
     worker = {"user": "worker", "password": secret["worker"]}
 
     async def make(client: Any) -> None:
-        wanted = ["fltea.frames.*.*"]  # These subjects are more than the workers are permitted to use.
+        wanted = ["fltea.frames.*.*"]  # The workers are permitted to use only some of these subjects.
         await client.jetstream().add_stream(name="FLTEA_FRAMES", subjects=wanted)
 
     ask(one, make, **worker)

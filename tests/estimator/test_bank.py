@@ -252,8 +252,8 @@ def test_samples_that_vary_beyond_measure_or_below_it() -> None:
 
 
 def test_losses_while_bridging_are_told() -> None:
-    """Losses of lanes are reported also while a gap is bridged. Without the guard, a prediction over a long
-    gap can run away.
+    """If the filter of a lane (axis) diverges while it predicts across a gap, that is reported, too. Without
+    the guard, the prediction across a long gap can diverge.
     """
     bank, lost = Bank(AXES, config(bias="none", R=1e-3, **PRINTED), H, None), []
     y = noise(400, quantised=False)

@@ -87,7 +87,7 @@ def test_a_snapshot_goes_on_with_its_own_instruction_set(name: str, monkeypatch:
 
 
 def test_what_the_supervisors_have_seen_goes_on() -> None:
-    """A sensor in violent motion stays invalid after a restart of the program."""
+    """The estimates of an axis in violent motion are invalid, and stay so after a restart of the program."""
     bank = Bank(AXES, CONFIG, H, None)
     bank.run(noise(50))
     y = noise(200, 1)

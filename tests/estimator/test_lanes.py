@@ -29,7 +29,9 @@ def white(n: int, lanes: int, seed: int = 0) -> Array:
 
 
 def thrown_about(n: int, lanes: int) -> Array:
-    """Return samples with motion, more of it from lane to lane, and none in the last third."""
+    """Return samples with motion. Each lane has more motion than the lane before, and none has motion in the
+    last third.
+    """
     y = white(n, lanes)
     loud = np.random.default_rng(1).random(y.shape) < np.arange(lanes) / (2 * lanes)
     loud[2 * n // 3 :] = False

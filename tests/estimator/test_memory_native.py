@@ -191,8 +191,8 @@ def test_weights_over_millions_of_samples(digits: int, farthest: float) -> None:
         far = np.unique(np.exp(random.uniform(3, np.log(farthest), 12)).astype(int)).tolist()
         ages[float(order)] = [1, 2, 14, 15, 16, 17, *far]
     for order, (state, variance) in weight_errors(Memory(digits), ages).items():
-        # The added 1e-8 (1e-9 for states) allows for rounding over ten million samples, of weights that have
-        # become very small.
+        # The bounds are enlarged by 1e-9 (states) and 1e-8 (variances), for rounding errors of weights that
+        # become very small over ten million samples.
         assert max(state[:4]) < 1e-14
         assert max(state) < bounds(order, digits)[0] + 1e-9
         assert max(variance) < bounds(order, digits)[1] + 1e-8
@@ -202,7 +202,7 @@ def test_weights_over_millions_of_samples(digits: int, farthest: float) -> None:
 @settings(max_examples=80)
 def test_weights_anywhere(order: float, j: int) -> None:
     if order in (0, 1, 2, 3) or min(abs(order - n) for n in range(4)) < 1e-100:
-        return  # the weights of integer orders are 0, so there is none for a comparison
+        return  # at integer orders, the weights of old samples are 0 and have no relative error
     state, variance = weight_errors(Memory(8), {order: [j]})[order]
     assert state[0] < bounds(order, 8)[0]
     assert variance[0] < bounds(order, 8)[1]

@@ -92,7 +92,9 @@ def test_an_offset_that_stays_has_no_slope_and_hardly_a_wider_band() -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_walk_of_the_spectrum_may_have_bounds(seed: int) -> None:
-    """In ten minutes, the spectrum of a relaxation of 10 s may look like that of a random walk."""
+    """In a record of ten minutes, the spectrum of a relaxation with the correlation time 10 s may look like
+    that of a random walk.
+    """
     y = noise(seed) + relaxing(seed, 0.05, 10.0)
     s = found_in(y, WHITE, Walk(0.05 * math.sqrt(2 / 10)))
     assert not s.walks
@@ -100,7 +102,9 @@ def test_a_walk_of_the_spectrum_may_have_bounds(seed: int) -> None:
 
 
 def test_a_relaxation_of_the_spectrum_may_be_a_walk() -> None:
-    """In ten minutes, the spectrum of a random walk may look like a relaxation of 9 s, and the reverse."""
+    """In a record of ten minutes, the spectrum of a random walk may look like that of a relaxation with the
+    correlation time 9 s, and the reverse.
+    """
     walking = noise(1) + np.cumsum(np.random.default_rng(2).normal(0, 2e-3, N))
     for parts in ([WHITE, Relaxation(0.047, 9.4)], [WHITE, Relaxation(0.06, 20.0)]):
         s = found_in(walking, *parts)

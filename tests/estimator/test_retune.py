@@ -146,7 +146,8 @@ BELIEF = FilterModel(0.7, 0.05, 0.6, 0.02, -2.5, 0.8)
 def test_an_axis_goes_on_with_the_order_that_belongs_to_its_variances(
     variant: Literal["joint", "triple"],
 ) -> None:
-    """After a change of Q and R, state and memory of the axis continue. An α that is certain stays as it is.
+    """After a change of Q and R, the axis's filters go on with their state and their memory. An α that is
+    certain stays as it is.
 
     The other axes are not affected.
     """

@@ -115,7 +115,7 @@ def test_what_was_saved_goes_on_to_the_bit(modelled: bool, at: int) -> None:
     one.run(y[:at])
     other.load(one.save())
     assert other.save() == one.save()
-    # these two are only known for samples that this tracker has processed itself
+    # a tracker knows these two only for samples that it has processed itself
     newest = {"bias": None, "bias_std": None}
     assert other.figures() == [figures._replace(**newest) for figures in one.figures()]
     np.testing.assert_array_equal(lanes(other.run(y[at:])), lanes(one.run(y[at:])))

@@ -99,7 +99,7 @@ def test_what_was_known_when_motion_began_is_known_in_it() -> None:
     y[600] = 1000
     found = run(made("white"), y)
     assert found.moving[600]
-    # After this disturbance, the gains are not computed anew, but the covariance is.
+    # After this disturbance, the tracker computes the covariance anew, but not the gains.
     np.testing.assert_allclose(found.bias_std[600:650], found.bias_std[599], rtol=0.03)
     assert abs(found.bias[650] - y[:600].mean()) < 0.02
 
@@ -181,7 +181,9 @@ def test_axes_that_hardly_change(name: str | None, axis: str) -> None:
 
 
 def test_an_axis_that_wakes_up_is_at_rest() -> None:
-    """Once, real noise after constant samples, which have no noise, counted as motion for ten minutes."""
+    """In an earlier version, real noise that came after constant samples (without noise) counted as motion
+    for ten minutes.
+    """
     y = np.zeros(9000)
     y[3000:] = 0.5 + 0.1 * np.random.default_rng(2).standard_normal(6000)
     found = run(tracker(None, largest_step=2.0), y)
@@ -339,7 +341,7 @@ def test_an_order_with_a_slow_pole_pair_behind_a_sharpening_is_filtered_or_refus
     """For this noise, the filter for means of samples has no valid covariance. The noise is then filtered
     otherwise, or refused.
 
-    Once, every bias was NaN because of this.
+    In an earlier version, every bias was NaN because of this.
     """
     parts = [
         White(0.009609324474215877),

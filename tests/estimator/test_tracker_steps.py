@@ -107,9 +107,10 @@ NOISES = {
 
 @pytest.mark.parametrize("name", NOISES)
 def test_there_are_no_false_steps(name: str) -> None:
-    """This test processes half an hour of six axes, which is three hours of one axis.
+    """For each kind of noise, this test processes half an hour of six axes, which is three hours of one axis.
 
-    At one false step a week, one in ten such tests would show one.
+    If an axis had one false step a week, one in ten runs of this test (over all kinds of noise) would show a
+    false step.
     """
     s, noise = NOISES[name]
     rng = np.random.default_rng(4)

@@ -125,7 +125,7 @@ NUMBERS = st.lists(st.one_of(st.floats(), st.floats(1e-3, 1e3)), max_size=12)
 def test_any_numbers_at_all(
     tau_s: list[float], adev: list[float], low: list[float], high: list[float], N: float, R: float
 ) -> None:
-    """Any curve that a client of the broker may send causes no error."""
+    """No Allan curve causes an error, whatever a client of the broker sends."""
     allan = Allan(tau_s, adev, low, high, N, N, N)
     fit = AxisFit(
         "fractional", "text", "deg/s", Interval(R, N, R), Interval(N, R, N), Interval(R, R, N), allan

@@ -219,7 +219,7 @@ def test_what_the_server_is_still_writing_is_not_written_twice(lab: Lab, keep: K
         other.rollback()
     write_out(history)
     assert times_of(history, "a") == [1.0]
-    # the number of an uncertain transaction from another server, whose numbers were larger
+    # this uncertain transaction has a number from another server, whose numbers were larger
     postgres(history)._unsure = 10**15
     add(history, 2.0)
     write_out(history)

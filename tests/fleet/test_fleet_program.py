@@ -100,8 +100,8 @@ def test_an_outage_of_the_broker_makes_nobody_silent(stage: Stage) -> None:
 def test_what_the_broker_took_meanwhile_is_asked_for(stage: Stage) -> None:
     """The broker retains the newest fit of each sensor.
 
-    When the broker is back, the fleet requests the retained fits. Otherwise it would have to wait for the
-    next ones.
+    When the broker is back, the fleet requests the retained fits. Otherwise it would have to wait until the
+    sensors send new fits.
     """
     for payload, kind in ((HELLO, "hello"), (ONLINE, "status"), (FIT, "fit")):
         stage.fleet.take(f"fltea/a/{kind}", payload)

@@ -18,7 +18,9 @@ RATE_HZ = 100.0
 
 
 def level(density: float, known_to: float = 0.01) -> Level:
-    """Return the figures of an axis whose one-sided density of white noise is known to `known_to`."""
+    """Return the figures of an axis whose one-sided density of white noise is known with the relative
+    uncertainty `known_to`.
+    """
     N = density / math.sqrt(2)
     return Level(Interval(N, (1 - known_to) * N, (1 + known_to) * N))
 
@@ -61,7 +63,8 @@ def test_what_a_low_pass_lets_through_is_counted(
 def test_what_a_fast_relaxation_may_be_of_it_makes_no_sensor_better() -> None:
     """Behind a filter of one pole, a fast relaxation takes up most of the noise, and N may be close to zero.
 
-    The density of a data sheet includes that fast relaxation, so the lower end of N makes no sensor better.
+    The density of a data sheet includes that fast relaxation. A low end of N's interval therefore does not
+    make a sensor count as better than its data sheet.
     """
     N = 0.02 / math.sqrt(2)
     found = compare("MPU-9250", Level(Interval(N, 0.0, 1.01 * N)), RATE_HZ)
@@ -88,7 +91,9 @@ def test_what_a_fast_relaxation_may_be_of_it_makes_no_sensor_better() -> None:
 def test_the_numbers_that_are_shown_say_what_the_verdict_says(
     ratio: float, known_to: float, kind: str, shown: str
 ) -> None:
-    """Once a ratio of 1.21 was shown as 1.2, which counts as good, but the axis was called noisier."""
+    """In an earlier version, a ratio of 1.21 was shown as 1.2, which counts as good, but the axis was called
+    noisier.
+    """
     found = compare("MPU-9250", level(0.01 * ratio, known_to), RATE_HZ)
     assert found.kind == kind
     assert shown in found.text

@@ -34,8 +34,8 @@ def fails(found: Judgement) -> tuple[bool, bool]:
 
 @pytest.mark.slow
 def test_right_models_hold() -> None:
-    # K of the random walk that a relaxation of 0.05 and 8 s looks like in a spectrum that does not reach its
-    # corner
+    # K of a random walk. A relaxation with σ 0.05 and the correlation time 8 s looks like this random walk in
+    # a spectrum that does not reach the relaxation's corner frequency.
     slow = 0.05 * math.sqrt(2 / 8)
     failed = 0
     for seed in range(12):

@@ -50,8 +50,8 @@ def test_a_model_that_is_exported_is_read_again(tmp_path: Path) -> None:
 
 
 def test_the_table_writes_figures_as_the_first_line_does() -> None:
-    """The table of the output once wrote 1.08e+03 where the output's first line wrote 1080, and had fewer
-    digits.
+    """In an earlier version, the table in the output had 1.08e+03 where the first line had 1080, and the
+    table's figures had fewer digits.
     """
     found = identified(white(3000, 1, 2)[0])
     level = Level(Interval(18.0, 17.9, 18.2), K_at_most=0.0071)

@@ -90,7 +90,8 @@ def test_notch_and_from_hz_leave_out() -> None:
     assert not seen.evidence.peaks
     assert seen.band.from_hz == 1.0
     ((low, high),) = seen.band.notch_hz
-    # the notch at 20 Hz is as wide as the side lobes of Hann's window reach
+    # on both sides, the notch at 20 Hz also leaves out the frequencies that the side lobes of Hann's window
+    # reach
     assert (low, high) == (pytest.approx(18.4, abs=0.02), pytest.approx(21.6, abs=0.02))
     assert seen.ordinates == pytest.approx(46 * 60 * 0.94, rel=0.06)
     assert examined(y, H).evidence.peaks

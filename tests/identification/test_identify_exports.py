@@ -219,7 +219,7 @@ def random_parts(share: st.SearchStrategy[float]) -> st.SearchStrategy[tuple[Any
 @example((White(1.0), Walk(0.2), LowPass(10.0, 2.0)), 2)
 @example((White(1.0), Walk(0.2), LowPass(20.0, 2.0)), 2)
 def test_all_say_the_same_of_any_noise(parts: tuple[AnyPart, ...], seed: int) -> None:
-    """Text, table, JSON and model agree. Once α was 0.40 in one output and 0.72 in another."""
+    """Text, table, JSON and model agree. In an earlier version, one had the α 0.40 and another 0.72."""
     y = draw(AxisModel(parts), H, 6000, np.random.default_rng(seed))[0]
     found = identify_series(Series(y, GYRO_UNIT, None), H, OPTIONS, False)
     assert_one_result(found)
@@ -254,7 +254,9 @@ def test_imu_yaml() -> None:
 
 
 def test_imu_yaml_of_both_sensors() -> None:
-    """The four entries of imu.yaml are in the units of Kalibr, and inflation has its effect on them."""
+    """The four noise figures of imu.yaml are in the units of Kalibr, and inflation multiplies them by its
+    factors.
+    """
     gyro = {"gyro_x": AxisNoise(Shown(0.02), Shown(0.5))}
     accel = {"accel_y": AxisNoise(Shown(0.03), Shown(0.05))}
     found = yaml.safe_load(imu_yaml(gyro, 100.0, "rest.npz", accel=accel))

@@ -21,7 +21,7 @@ def test_npz_in_deg_per_s(tmp_path: Path) -> None:
     found = load(Request((npz(tmp_path / "a.npz", raw),)))
     assert list(found.axes) == ["gyro_x", "gyro_y", "gyro_z"]
     assert found.h == 0.01
-    assert found.clock_ppm is None  # not known, because the file has no arrival times
+    assert found.clock_ppm is None  # the clock's error is not known, because the file has no arrival times
     for i, series in enumerate(found.axes.values()):
         np.testing.assert_array_equal(series.y, raw[:, i] / LSB_PER_DPS)
         assert (series.unit, series.lsb) == ("deg/s", 1 / LSB_PER_DPS)

@@ -167,7 +167,7 @@ def test_noise_has_the_spectrum_of_its_model(name: str) -> None:
 
 
 def test_a_walk_goes_as_far_as_a_walk_does() -> None:
-    """The variance of how far a simulated random walk goes is right even over the whole record.
+    """The distance that a simulated random walk moves has the right variance, even over the whole record.
 
     Periodic noise alone would have three quarters of that variance.
     """

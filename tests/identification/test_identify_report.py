@@ -140,7 +140,7 @@ def test_the_bias_is_shown_where_it_is_known_with_steps_and_motion(
 ) -> None:
     """The vertical range of the picture is that of the bias while its σ is small.
 
-    Otherwise the range would be that of the first second.
+    Otherwise the wide interval of the first second would determine the range.
     """
     axis = made[1][0].axes["gyro_x"]
     assert isinstance(axis, AxisReport)

@@ -144,7 +144,7 @@ def test_a_glitch_in_each_period_is_no_sensor_by_turns(every: int) -> None:
 def test_held_values_of_an_accelerometer() -> None:
     """Accelerations are measured at 62.5 Hz and repeated at 200 Hz.
 
-    Once they were called "low-pass, the sensor's own".
+    In an earlier version, they were called "low-pass, the sensor's own".
     """
     n, h = 24_000, 1 / 200
     fresh = accel(9.81, n)

@@ -94,7 +94,8 @@ def test_the_worst_axis_counts_or_each_for_itself() -> None:
     assert vins["gyr_n"] == pytest.approx(math.radians(0.02) * math.sqrt(200), rel=1e-6)
     assert vins["acc_w"] == pytest.approx(3e-4 * math.sqrt(200), rel=1e-6)
     gins = yaml.safe_load(text("kf-gins"))["imunoise"]
-    assert gins["arw"] == pytest.approx([0.6, 1.2, 0.9], rel=1e-6)  # in deg/√h, which is deg/√s times 60
+    # N in deg/√h, which is 60 times N in deg/√s
+    assert gins["arw"] == pytest.approx([0.6, 1.2, 0.9], rel=1e-6)
     assert gins["corrtime"] == pytest.approx(100 / 3600, rel=1e-6)
     # KF-GINS has one correlation time for all axes; sigmas of the bias follow from it so that the random
     # walks stay unchanged
@@ -149,8 +150,8 @@ def relaxing() -> AxisReport:
 
 
 def test_what_a_filter_allows_for_a_walk_that_is_not_seen_is_no_figure() -> None:
-    """A filter may have a state for a random walk that the data only do not exclude. In an earlier version,
-    such a state was written as a known random walk, even for white noise.
+    """A filter may have a state for a random walk that the data neither show nor exclude. In an earlier
+    version, such a state was written as a known random walk, even for white noise.
     """
     states = (FilterState(0.01, 6.0), FilterState(0.01, 100.0))
     axis = replace(AXIS, filter=NavigationFilter(0.011, 0.0, states, 0.0, 0.1, ()))

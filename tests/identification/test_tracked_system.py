@@ -37,7 +37,9 @@ def report(y: Array) -> AxisReport:
 
 
 def test_three_answers() -> None:
-    """A constant offset is hardly ever said to walk. If no walk is reported, an upper bound is."""
+    """A constant offset is hardly ever said to walk. If no random walk is reported, an upper bound of it is
+    reported.
+    """
     counts = {share: {"walks": 0, "likely constant": 0, "not told": 0} for share in (0.0, 100.0, 3000.0)}
     bounded, told = 0, 0
     for share, count in counts.items():

@@ -86,8 +86,8 @@ def test_an_order_that_stays_at_0_is_nearer_than_the_printed_errors() -> None:
 
 
 # For the paper's errors of state and parameter, the fraction of seeds of an independent implementation whose
-# errors are smaller (800 seeds, ../shared/paper/tables.md). `levels`: fractions for the errors at L = 4,000.
-# `changes`: fractions for how the errors change at L = 2,000.
+# errors are smaller (800 seeds, ../shared/paper/tables.md). `levels`: these fractions for L = 4,000.
+# `changes`: these fractions for the change of the errors from L = 4,000 to L = 2,000.
 OTHERS_SEEDS = 800
 OTHERS = [
     # each row: table of the paper, example, amplitude of the saw-tooth, `levels` and `changes`

@@ -13,7 +13,8 @@ namespace {
 typedef fltea::engine::CountOctaves<> Octaves;
 typedef fltea::engine::FitBins<Octaves> Gathered;
 
-// Makes counts of white noise plus a sum of relaxations whose corner frequencies differ by factors of 4.
+// Makes counts of white noise plus a sum of relaxations (first-order Gauss-Markov processes) whose corner
+// frequencies differ by factors of 4.
 class Counts {
   public:
     Counts(int parts, double share, double deviation, unsigned long long seed)

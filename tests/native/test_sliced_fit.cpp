@@ -38,8 +38,7 @@ struct HostFit {
     std::vector<double> eta;
     double nll;
 };
-// Fits white noise and `part`, with the part's order fixed at `order`. If `order` is -1, the order is fitted,
-// too.
+// Fits white noise and `part`, whose order is fixed at `order`. If `order` is -1, the order is fitted, too.
 HostFit host_fit(models::Bins bins, models::Part part, double highest_order, double order = -1) {
     const models::Terms terms = {models::Term{models::kWhite, 0}, models::Term{part, 0}};
     bins.highest_order = highest_order;
@@ -189,8 +188,7 @@ TEST_CASE("sliced fit: from the last answer it finds what a search of the whole 
                 if (k < 1000 || k % 300 != 0) continue;
                 axis->fit_now();
                 const FitFigures found = axis->memory.figures();
-                // AR(1) is a special case of the fractional model, so the fractional model never fits worse
-                // than AR(1).
+                // AR(1) is a special case of the fractional model, which therefore never fits worse.
                 CHECK((found.verdict == Verdict::white || found.ratio_ar1 > -0.01f));
                 if (k % 1500 != 0 || k < 6000) continue;
                 FitMemory fresh;

@@ -1,6 +1,7 @@
-// Designs the Kalman filter for the noise model that the device's fit has found: relaxations in white noise,
-// with the gains that the filter has in its steady state. A fractional order is approximated by a sum of
-// relaxations with fixed poles. The design is done in small slices, so that sampling does not wait.
+// Designs the Kalman filter for the noise model that the device's fit has found: relaxations (first-order
+// Gauss-Markov processes) in white noise. The filter always uses the gains of its steady state. A fractional
+// order is approximated by a sum of relaxations with fixed poles. The design is done in small slices, so that
+// sampling does not wait.
 //
 // If there are only relaxations, no Riccati equation has to be solved. The model's spectrum is
 // R + Σ q_i / |1 - a_i e^-iλ|²: white noise of variance R, and relaxations with poles a_i whose innovations
