@@ -143,8 +143,8 @@ class Estimation {
     bool started() const { return collected_ == settings::kStartup; }
 
   private:
-    // Samples that the queue can hold. Processing a gap of kMaxGap samples takes a tenth of a second, and the
-    // queue has to hold the samples of that time.
+    // Samples that the queue can hold. Processing a gap of kMaxGap samples takes a tenth of a second. The
+    // queue has to hold the samples that come in this time.
     static constexpr size_t kQueue = 32;
     static_assert(settings::kStartup >= 2 && settings::kStartup <= 4096, "the window's sums must fit");
     static_assert(settings::kEstimateEvery >= 1, "samples from one ESTIMATE to the next");

@@ -44,7 +44,7 @@ struct NoiseFit::Axis {
 };
 
 struct NoiseFit::Parts {
-    // memory for the objects of type Axis of the axes that are started
+    // memory for an object of type Axis per axis, which is constructed when the axis is started
     alignas(8) unsigned char axes[kAxes][sizeof(Axis)];
     whittle::SensorMotion motion;
     Octaves::Passage passage;

@@ -103,7 +103,7 @@ class Sampler {
     }
 
     // Counts the sampling instants since the last call, by their edges and by the elapsed time. If an edge
-    // was lost, the elapsed time gives the larger number, and that one counts.
+    // was lost, the elapsed time gives the larger number, and the larger number is used.
     void take(const Edges::Seen& seen) {
         const uint32_t came = seen.count - edges_taken_;
         const uint32_t by_time = (seen.last_us - accounted_us_ + kPeriodUs / 2) / kPeriodUs;

@@ -27,7 +27,8 @@ uint32_t tick_count;
 }  // namespace
 
 // In Waveform Mode (datasheet, Timer Counter) the counter counts up to 2^32 - 1 and continues from 0. The
-// register RC does not limit the counter: an interrupt comes when both are equal, and the counter goes on.
+// register RC does not limit the counter. When the counter equals RC, an interrupt comes, and the counter
+// goes on.
 void DeviceClock::start() {
     clock::enable(TC0_IRQ);
     TC0_CMR0::write(TC0_CMR0::TCCLKS_TIMER_CLOCK1 | TC0_CMR0::WAVE | TC0_CMR0::WAVSEL_UP);

@@ -98,7 +98,7 @@ def test_whole_counts_are_a_resolution_and_other_numbers_are_not() -> None:
 
 
 def test_a_unit_that_is_not_said_is_asked_for_with_what_each_would_mean() -> None:
-    # white noise with N = 0.4 deg/√h, and a mean of 0.3 deg/s, both in rad/s
+    # white noise with N = 0.4 deg/√h plus a mean of 0.3 deg/s, converted to rad/s
     y = np.radians(0.3 + 0.4 / 60 * 10 * NOISE)
     with pytest.raises(ValueError, match="nothing says the unit of the samples") as error:
         fltea.identify(y, 100.0)
@@ -385,8 +385,8 @@ def test_noise_that_runs_away_is_refused(alpha: float, f: float, rate_hz: float,
 
 @pytest.mark.parametrize(("alpha", "f"), [(0.5, -14.0), (1.0, -199.0), (1.8, -5e3), (1.0, 0.0), (1.99, -1.0)])
 def test_noise_within_the_bound_does_not_run_away(alpha: float, f: float) -> None:
-    """The noise grows at most like a random walk, whose mean distance from its beginning doubles in four
-    times the time. The test allows a factor of 8.
+    """The noise grows at most like a random walk. On average, a random walk moves twice as far in four times
+    the time. The test allows a factor of 8.
     """
     y = fltea.simulate(8000, alpha=alpha, f=f, Q=1.0, R=0.0, unit="deg/s", warmup=0).y
     assert np.abs(y).max() < 8 * np.abs(y[:2000]).max()

@@ -1,7 +1,7 @@
 """Tests of the PIO controllers: outputs, open drain, inputs, interrupts and the assignment of pins to
 peripherals.
 
-Their source is the SAM3X datasheet, chapter 31.
+The expected behaviour is that of the SAM3X datasheet, chapter 31.
 """
 
 import pytest

@@ -1,4 +1,4 @@
-"""Test that the emulated Due is turned about one axis, and that its estimates for the other axes stay right.
+"""Test of the emulated Due while it is turned about one axis: its estimates for the other axes stay right.
 
 Computing the estimates takes no more time than allowed.
 """

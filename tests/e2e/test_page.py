@@ -146,8 +146,8 @@ def test_a_folder_that_cannot_be_written_to_is_said_on_the_page(
 def test_idle_connections_take_nothing_from_recording_and_state(processes: Processes, tmp_path: Path) -> None:
     """Idle connections must not exhaust the file descriptors of the program.
 
-    With a limit of 300 descriptors, 330 idle connections once made writing of recordings and of the saved
-    state fail, with 55 MB of tracebacks.
+    In an earlier version, with a limit of 300 descriptors, 330 idle connections made the writing of
+    recordings and of the saved state fail, with 55 MB of tracebacks.
     """
     processes.stand_in(tmp_path / "due")
     folder, state = tmp_path / "rec", tmp_path / "state"

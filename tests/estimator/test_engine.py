@@ -148,8 +148,8 @@ def test_lanes_do_not_know_of_each_other(tuning: LaneSettings) -> None:
     for index in (order, order[:3], order[:1]):
         engine = Engine(len(index), with_(tuning, h=h[index], R=R[index]))
         assert same(engine.run(y[:, index], u[:, index], missing[:, index]), lane(every, index))
-    # Every second lane gets bad data: its estimates overflow (guard off) or are limited at every sample. The
-    # lanes between must not notice.
+    # Every second lane (axis) gets bad data, with which its estimates overflow (guard off) or are limited at
+    # every sample. The results of the other lanes must not change.
     rubbish = y.copy()
     rubbish[:, ::2] = rng.choice([-1, 1], (n, 6)) * 10.0 ** rng.uniform(-100, 100, (n, 6))
     beside = Engine(lanes, with_(tuning, h=h, R=R)).run(rubbish, u, missing)

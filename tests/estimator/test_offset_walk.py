@@ -1,5 +1,5 @@
-"""Tests of the random walk of an offset, which the tracker adds to the noise in the spectrum, and of how wide
-it makes the interval of the heading.
+"""Tests of the random walk of the offset, which the tracker adds to the noise that the spectrum shows. The
+walk makes the interval of the heading wider.
 """
 
 import math
@@ -48,7 +48,9 @@ def predicted(s: System, y: Array, t_s: float) -> tuple[float, float]:
 
 
 def width(s: System, t_s: float, *truth: Part) -> float:
-    """Return the ratio of the system's σ of the heading to that of a filter that knows the true noise."""
+    """Return the ratio of two σ of the heading: that of the state-space model `s`, and that of a filter that
+    knows the true noise.
+    """
     known = system(truth, H, N)
     known = known if known.walks else known.with_offset()
     return heading_std(s, rested(s, N), H, t_s) / heading_std(known, rested(known, N), H, t_s)

@@ -20,7 +20,7 @@ WHITE = white(1.0).with_offset()
 
 
 def of(s: System, n: int = LANES, **rules: float) -> Tracker:
-    """Return a tracker of `n` axes with the noise of the system `s`."""
+    """Return a tracker of `n` axes that uses the state-space model `s` for the noise of each axis."""
     one = Tracker([None] * n, TrackerRules(**rules))  # type: ignore[arg-type]
     for lane in range(n):
         one.set(lane, s)

@@ -104,7 +104,7 @@ TEST_CASE_FIXTURE(Bench, "Wire's own time-out is told from a NACK by its length"
     CHECK(bus.read(kAddress, kWhoAmI, data, 1) == I2cResult::ok);
     board.clocks = 0;
     CHECK(bus.recover() == HeldLines::none);
-    // the clock of the STOP is the only one: it was the controller that held the line, not the sensor
+    // the only clock is that of the STOP, because the controller held the line, and not the sensor
     CHECK(board.clocks == 1);
 }
 

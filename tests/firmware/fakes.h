@@ -114,7 +114,7 @@ class FakeChip {
             case 0x38:
                 return 0xA6;
             case 0x6B:
-                return 0x80;  // H_RESET, which clears itself
+                return 0x80;  // the bit H_RESET, which clears itself
             default:
                 return 0;
         }
@@ -160,13 +160,14 @@ class FakeBus final : public fltea::I2cBus {
     int flips = 0;        // number of future reads from flip_reg on in which one bit is wrong
     uint8_t flip_reg = 0;
     uint8_t flip_mask = 0x01;
-    std::function<void(uint8_t, uint8_t*)> tamper;  // called with register and data of each read
+    // this function is called with the register and the data of each read
+    std::function<void(uint8_t, uint8_t*)> tamper;
     // number of recoveries after which the line of `held` is free again; -1: never
     int clocks_to_free = 0;
     int recoveries = 0;
     int failures = 0;
     std::vector<uint8_t> written;     // numbers of the registers that were written, in order
-    void (*during)(void*) = nullptr;  // called in the middle of every transfer
+    void (*during)(void*) = nullptr;  // this function is called in the middle of every transfer
     void* during_of = nullptr;
 
     FakeBus(FakeClock& clock, FakeChip& chip) : clock_(clock), chip_(chip) {}
@@ -239,7 +240,7 @@ class FakeBus final : public fltea::I2cBus {
 // A ring buffer from which the UART sends 25 bytes a millisecond.
 class FakeSink final : public fltea::ByteSink {
   public:
-    size_t size = 127;    // as in Arduino's ring buffer
+    size_t size = 127;    // bytes that fit into it, as in the Arduino core's ring buffer
     bool jammed = false;  // the UART sends nothing
     Receiver receiver;
     std::vector<uint8_t> bytes;

@@ -162,7 +162,7 @@ class Receiver {
     bool first_ = true;
 };
 
-// Visits the fields of a message, and reads one after the other from a payload.
+// Visits the fields of a message, and reads each of them in order from the payload of a frame.
 class PayloadReader {
   public:
     explicit PayloadReader(const std::vector<uint8_t>& payload) : next_(payload.data()) {}

@@ -11,7 +11,7 @@
 
 constexpr uint64_t kMs = 1000;
 constexpr uint64_t kS = 1000000;
-constexpr uint64_t kWrap = UINT64_C(1) << 32;  // one wrap of the clock [us]
+constexpr uint64_t kWrap = UINT64_C(1) << 32;  // time after which the 32-bit clock wraps [us]
 constexpr uint64_t kPeriodUs = fltea::settings::kSamplePeriodUs;
 
 inline fltea::Identity test_identity() {

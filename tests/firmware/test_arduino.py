@@ -1,4 +1,6 @@
-"""The unchanged Arduino sketch, compiled with a stub of the Arduino core and run in virtual time."""
+"""Tests of the unchanged Arduino sketch, which is compiled with a stub of the Arduino core and run in virtual
+time.
+"""
 
 import json
 import subprocess

@@ -58,7 +58,7 @@ TEST_CASE(
         }
         REQUIRE(seen.last_us == seen.count * 10000);
         ++(seen.count == 5 ? before : after);
-        if (before > 50) break;  // the instruction is now far beyond the end of the reading
+        if (before > 50) break;  // the trap now comes long after the edges were read
     }
     CHECK(after > 10);
     CHECK(before > 50);

@@ -11,8 +11,8 @@ using fltea::SamplingMode;
 
 TEST_CASE("recovery: one failed transfer costs no sample; it is flagged and counted") {
     for (I2cResult result : {I2cResult::nack, I2cResult::timeout, I2cResult::short_read}) {
-        // number of good transfers before the failure: it hits the reading of the burst, or that of the guard
-        // registers
+        // Number of good transfers before the failing one. With 0, the reading of the burst fails. With 1,
+        // the reading of the guard registers fails.
         for (size_t at : {0, 1}) {
             Rig rig;
             rig.start_and_settle();

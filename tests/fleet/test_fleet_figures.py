@@ -82,10 +82,10 @@ def test_the_angle_random_walk_of_one_noise_is_the_same_in_all_records() -> None
 def test_where_noise_may_have_an_order_and_its_white_noise_is_unknown_there_is_no_density(
     verdict: str, kept: set[str]
 ) -> None:
-    """If noise may have an order and its white noise is unknown, no density is given. For a new sensor with
-    fractional noise, √2 N was once given, which is 1.8 times the density.
+    """If noise may have an order and its white noise is unknown, no density is given. In an earlier version,
+    √2 N was given for a new sensor with fractional noise, which is 1.8 times the density.
 
-    That was thirteen standard deviations off.
+    This figure was thirteen standard deviations off.
     """
     fit, _ = of_white()[0]
     R = fit.R if verdict == "white" else Interval(fit.R.value, 0.0, fit.R.high)

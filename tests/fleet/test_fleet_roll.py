@@ -305,7 +305,7 @@ def test_nobody_is_silent_whom_nobody_could_hear() -> None:
     times = {"steady": 0.0}
     clock, roll = Clock(lambda: 0.0, lambda: times["steady"]), Roll()
     times["steady"] = 50.0
-    # this clock stands still while the fleet is not connected to the broker, as it is not yet
+    # this clock stands still, because the fleet is not connected to the broker yet
     assert clock.hearing() == 0.0
     clock.hear(True)
     known(roll, "a", now=clock.hearing())

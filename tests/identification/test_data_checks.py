@@ -87,8 +87,8 @@ def test_drift(change: float) -> None:
 )
 @pytest.mark.parametrize("known", [True, False])
 def test_quantisation(sigma_lsb: float, severity: str | None, known: bool) -> None:
-    # the size of a count is no power of ten: if it is not known, steps of a power of ten count as decimals of
-    # the file
+    # The size of a count is no power of ten here. If the size were unknown and a power of ten, the checks
+    # would take the steps for decimals of the file.
     lsb = 1 / 16.4
     y = np.rint(white(20_000, 1, 1)[0] * sigma_lsb) * lsb
     assert kinds(y, lsb if known else None).get("quantisation") == severity

@@ -108,7 +108,7 @@ def test_what_a_filter_reads(known: AxisReport) -> None:
 
 
 def test_white_noise_that_a_fast_part_took_in_is_not_near_nothing() -> None:
-    """A fast relaxation may take up the white noise, so that the fit gives N = 1e-8. With that, a filter
+    """A fast relaxation may take up the white noise, so that the fit gives N = 1e-8. With this N, a filter
     would expect errors that are a million times too small.
 
     So the file has null for N, and the density that was measured.
@@ -237,8 +237,8 @@ LEVELS = {
 
 
 def test_imu_yaml() -> None:
-    """In imu.yaml, the worst axis decides. An unknown value is written as a comment, and hostile names do no
-    harm.
+    """The figures in imu.yaml are those of the worst axis. An unknown value is written as a comment, and
+    hostile names do no harm.
     """
     hostile = 'a: b # "c'
     assert yaml.safe_load(imu_yaml(LEVELS, 100.0, "rest.npz", rostopic=hostile))["rostopic"] == hostile

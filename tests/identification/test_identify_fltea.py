@@ -43,7 +43,7 @@ def counts(seed: int, n: int = 900) -> np.ndarray:
 
 
 def disturbed(stop: int) -> np.ndarray:
-    """Return the noise of counts(1), with violent motion from sample 300 to `stop`.
+    """Return the samples of `counts(1)`, with violent motion added from sample 300 to `stop`.
 
     The guard intervenes, and the supervisor rejects the estimate.
     """

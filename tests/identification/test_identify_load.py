@@ -121,7 +121,7 @@ def test_accelerometer_on_request(tmp_path: Path) -> None:
 
 
 def test_clock_against_arrivals(tmp_path: Path) -> None:
-    """The samples of a device that states 100 Hz arrive at 99 Hz."""
+    """The device states a rate of 100 Hz, but its samples arrive at 99 Hz."""
     path = npz(tmp_path / "a.npz", counts(2000), t_host_s=np.arange(2000) / 99)
     found = load(Request((path,)))
     assert found.clock_ppm == pytest.approx(-10_000, rel=0.05)

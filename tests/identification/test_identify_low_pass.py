@@ -1,5 +1,5 @@
-"""Tests of noise behind a low-pass, for which FLTEA's α has no meaning: it is never given with a small σ and
-without a warning.
+"""Tests of noise behind a low-pass, for which FLTEA's α has no meaning: if α is given with a small σ, there
+is always a warning.
 """
 
 import math

@@ -27,7 +27,9 @@ U = np.clip((np.arange(N) * H - 300) / 300, 0, None)
 
 
 def at_rest(seed: int, warms_up_by: float = 0.0, walk: float = 0.0) -> np.ndarray:
-    """Return white noise of N 0.3 deg/√h whose bias drifts in the second half, as with temperature."""
+    """Return white noise with N = 0.3 deg/√h and a bias that drifts in the second half, as it does with
+    temperature.
+    """
     rng = np.random.default_rng((77, seed))
     y = 0.2 + rng.normal(0.0, 0.05, N) + np.cumsum(rng.normal(0.0, walk * math.sqrt(H), N))
     return y + warms_up_by * (1 - np.exp(-3 * U))

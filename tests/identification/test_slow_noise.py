@@ -91,7 +91,8 @@ def test_b_of_flicker_noise_is_that_of_the_spectrum() -> None:
 
 @pytest.mark.slow
 def test_the_interval_of_b_holds_the_truth() -> None:
-    """Of 60 intervals of B, 57 are expected to contain the truth. 50 are four standard deviations less."""
+    """Of 60 intervals of B, 57 are expected to contain the truth. 50 would be four standard deviations less.
+    """
     found = [allan_of(one, GYRO_UNIT).B for one in looks(flicker(0.01), 30_000, 60, 2)]
     known = [one for one in found if one.of == "spectrum" and one.value is not None]
     assert len(known) >= 45

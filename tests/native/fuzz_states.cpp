@@ -130,8 +130,8 @@ void octaves(double memory, const std::uint8_t* data, std::size_t n) {
     });
 }
 
-// Returns a tracker's state after all samples `y`. With `with_system`, the tracker then changes to a noise
-// system with two states, and gets `y` once more.
+// Returns a tracker's state after all samples `y`. If `with_system` is true, the tracker then changes to a
+// state-space model with two states, and gets `y` once more.
 Numbers tracked(const Numbers& y, bool with_system) {
     track::OneAxis fed;
     for (const double one : y) fed.next(one);

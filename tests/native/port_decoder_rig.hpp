@@ -54,8 +54,8 @@ inline Bytes operator+(Bytes one, const Bytes& other) {
     return one;
 }
 
-// Returns a stamp with this time, and with an offset to Unix time that is one more than the time, or as large
-// as possible.
+// Returns a stamp with the time `host_ns`. The stamp's offset to Unix time is `host_ns` + 1, or the largest
+// number if the sum would overflow.
 inline Stamp stamp(std::int64_t host_ns) {
     return {host_ns, host_ns == std::numeric_limits<std::int64_t>::max() ? host_ns : host_ns + 1};
 }

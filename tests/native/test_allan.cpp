@@ -1,5 +1,6 @@
-// Tests of the running sums for the Allan variance. They have to equal its definition, however the samples
-// are divided into calls, and also with breaks of the record, snapshots and forgetting.
+// Tests of the running sums for the Allan variance. The results have to equal those by the definition of the
+// Allan variance, however the samples are divided into calls. This is also tested with breaks of the record,
+// snapshots and forgetting.
 #include <doctest/doctest.h>
 
 #include <cmath>

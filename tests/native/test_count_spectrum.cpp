@@ -136,7 +136,8 @@ TEST_CASE("count spectrum: a block's power is that in double, to 17 bits of the 
 
 TEST_CASE("count spectrum: its lines are those of the same samples in double, to a thousandth") {
     // The samples are white noise, a random walk that is pulled back to 0, both together, or white noise on a
-    // drift. The drift is far larger than 16 bits, the size of a sample in the deepest level.
+    // drift. The drift is far larger than the range of the 16 bits in which the deepest level stores a
+    // sample.
     for (int kind = 0; kind < 5; ++kind) {
         for (double deviation : {0.7, 1.6, 40.0}) {
             Noise random(static_cast<unsigned long long>(kind + 1));

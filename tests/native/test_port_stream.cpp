@@ -1,6 +1,6 @@
 // Tests of PortStream under sanitizers. Some callers want the samples in blocks, and others as JSON lines.
-// Each gets everything once and in order, however the bytes are divided into reads, and however long rows
-// wait for more rows.
+// Each caller gets everything once and in order. This does not depend on how the bytes are divided into
+// reads, nor on how long rows wait for more rows.
 #include <doctest/doctest.h>
 
 #include <cstdlib>

@@ -110,7 +110,7 @@ TEST_CASE("wire line: on a port that was opened again all begins anew") {
     waits.line.opened({100 * kSecondNs, 0});
     for (std::int64_t k = 200; k < 210; ++k) waits.one(sample(0), k * kSecondNs / 2);
     CHECK(waits.one(sample(1), 105 * kSecondNs) == Words{"1 samples", "no_hello 105000"});
-    // An earlier HELLO that was refused does not matter either.
+    // A HELLO that was refused before the port was opened again does not matter any more.
     Line refused;
     refused.one(hello(13), 1);
     refused.line.opened({2, 0});

@@ -21,8 +21,8 @@ typedef System<kMost> Any;
 
 const double kNone = std::numeric_limits<double>::quiet_NaN();
 
-// Returns a noise system with a pair of complex poles, relaxations and an offset. It has n states, more than
-// 3.
+// Returns a state-space model of noise with a pair of complex poles, relaxations and an offset. It has n
+// states, and n is larger than 3.
 Any system_of(int n, unsigned long long seed) {
     Noise random(seed);
     Any s = Any();
@@ -76,7 +76,8 @@ std::unique_ptr<OneAxis> made(bool modelled, const double* offset = nullptr) {
     rules.largest_step = 60;
     std::unique_ptr<OneAxis> one(new OneAxis(offset, rules));
     if (modelled) {
-        // Two candidate systems: in one the offset does a random walk, in the other it does not.
+        // Two candidate state-space models: in one, the offset does a random walk; in the other, the offset
+        // is constant.
         const Any stays = system_of(6, 1);
         Any walks = stays;
         walks.Q[35] = 1e-3;

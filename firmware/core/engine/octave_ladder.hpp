@@ -57,7 +57,7 @@ class OctaveLadder {
         }
     }
 
-    // Progress of turning the samples of the kept level into Welch sums.
+    // How far the samples of level depth() have been turned into Welch sums.
     struct Deepening {
         typename Whole::Table old;
         // position in the old table: index of the current stretch, index of the next sample within that
@@ -154,7 +154,7 @@ class OctaveLadder {
         for (int l = 1; l < depth_; ++l) deep_[l - 1].sums().age(memory_.generation(now));
     }
 
-    // Turns the samples of the kept level into Welch sums. This is only possible while depth() < kLevels - 1.
+    // Turns the samples of level depth() into Welch sums. This is only possible while depth() < kLevels - 1.
     void deepen() {
         Deepening d;
         begin_deepening(d);

@@ -1,7 +1,7 @@
 // Detects a step in the offset of white noise (Page 1954). The samples come in chunks, and the means of the
 // chunks enter two cumulative sums, one for steps up and one for steps down. The test is designed for steps
-// of one standard deviation of such a mean. With chunks of 32 samples, this is 0.18 of the standard deviation
-// of one sample. Larger steps are detected sooner.
+// of one standard deviation of such a mean. With chunks of 32 samples, such a step is 0.18 standard
+// deviations of a single sample. Larger steps are detected sooner.
 #ifndef FLTEA_OFFSET_STEP_HPP
 #define FLTEA_OFFSET_STEP_HPP
 

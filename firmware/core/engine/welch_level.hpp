@@ -74,7 +74,8 @@ class WelchLevel {
     const Sums& sums() const { return sums_; }
     const Cells& cells() const { return cells_; }
 
-    // Merges the sums of a later part of the stream. Call age() with the same generation on both sums before.
+    // Merges the sums of a later part of the stream. Before this, call age() on both sums with the same
+    // generation.
     void merge(const WelchLevel& other, std::uint64_t shift) {
         sums_.merge(other.sums_);
         cells_.merge(other.cells_, shift);

@@ -6,9 +6,9 @@
 namespace fltea {
 namespace whittle {
 
-// The families of spectra. A spectrum is the sum of its parts and of white noise of variance R. Each part is
-// the spectrum for innovations of variance 1, multiplied by the part's variance. For a low-pass, that
-// spectrum is 1 at frequency 0 instead.
+// The families of spectra. A spectrum is the sum of its parts and of white noise of variance R. A part is its
+// variance times a spectrum of fixed scale: that of the part for innovations of variance 1 or, for a
+// low-pass, the spectrum that is 1 at frequency 0.
 enum Family : int {
     kWhite,
     kFractional,

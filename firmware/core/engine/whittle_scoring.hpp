@@ -3,8 +3,8 @@
 //
 // If the scale of the spectrum S is free, the scale is eliminated. At the best scale, -log L = Σ c log S + m
 // log(Σ c I/S / m) + m. Here the sums are over bins of c ordinates with the power I, and m is the number of
-// all ordinates. The information about the scale is removed from the matrix; the derivative of log S by the
-// logarithm of the scale is 1 in every bin.
+// all ordinates. The information about the scale is removed from the Fisher information matrix. For this, the
+// code uses that the derivative of log S by the logarithm of the scale is 1 in every bin.
 #ifndef FLTEA_WHITTLE_SCORING_HPP
 #define FLTEA_WHITTLE_SCORING_HPP
 
