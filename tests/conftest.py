@@ -85,9 +85,10 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
-# In every run, hypothesis tries the same 25 examples for each test. A test sets a larger number if 25 do not
-# reach what it is about. There is no deadline, so no test fails because the machine is slow or busy. To try
-# more and other examples, as in the hours before a release: make test ARGS=--hypothesis-profile=thorough
+# In every run, hypothesis tries the same 25 examples for each test. A test that needs more examples to reach
+# its cases sets a larger number. There is no deadline, so no test fails because the machine is slow or busy.
+# To try more and other examples, as in the hours before a release:
+# make test ARGS=--hypothesis-profile=thorough
 ANY_PACE = {"database": None, "deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
 settings.register_profile("fixed", derandomize=True, max_examples=25, **ANY_PACE)
 settings.register_profile("thorough", max_examples=1000, print_blob=True, **ANY_PACE)

@@ -187,7 +187,7 @@ class Health {
         if (!transfer([&]() -> I2cResult { return sensor_.read_who_am_i(answer); })) {
             if (held_ != HeldLines::none) return;
             // The first probe without an answer is no fault yet. At power-up the board is ready before the
-            // sensor, which takes 11 to 100 ms from the same time on (PS-MPU-9250A-01, 3.4.2).
+            // sensor, which is ready 11 to 100 ms after power-up (PS-MPU-9250A-01, 3.4.2).
             if (unanswered_) faults_.raise(FaultCode::sensor_missing, settings::kSensorAddress);
             unanswered_ = true;
             return;

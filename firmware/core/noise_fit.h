@@ -78,7 +78,7 @@ class NoiseFit {
     uint32_t bins_used_ = 0;
     int told_ = 0;             // number of bins of the present spectrum that were sent
     size_t passing_axis_ = 0;  // axis whose counts are on their way through the octaves of its spectrum
-    uint8_t started_ = 0;      // one bit per axis: whether it is started
+    uint8_t started_ = 0;      // one bit per axis: whether the axis is started
     bool passing_ = false;
 };
 

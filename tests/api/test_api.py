@@ -363,7 +363,8 @@ def test_simulated_noise_is_that_of_its_seed() -> None:
 
     a, b, c = draw(1), draw(1), draw(2)
     np.testing.assert_array_equal(a.y, b.y)
-    np.testing.assert_array_equal(a.y, a.state)  # they are equal because R is 0, so there is no white noise
+    # samples and state are equal, because with R = 0 there is no white noise
+    np.testing.assert_array_equal(a.y, a.state)
     assert (a.y != c.y).all()
     assert list(a.to_pandas().columns) == ["y", "state"]
     with pytest.raises(ValueError, match="1 or more"):

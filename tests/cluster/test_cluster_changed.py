@@ -36,8 +36,8 @@ def truth(status: int, data: bytes) -> tuple[int, bytes]:
 
 
 class Between(BaseHTTPRequestHandler):
-    """A proxy in front of a server. It changes the answers to requests for a part of an object by the
-    function `lie`.
+    """A proxy in front of a server. If a client requests a part of an object, the function `lie` changes the
+    answer.
     """
 
     lie: Lie = staticmethod(truth)

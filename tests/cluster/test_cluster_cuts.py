@@ -86,7 +86,8 @@ def ours(folder: Path) -> Path:
             if isinstance(event, Hello):
                 sink.write(event)
         if number % 100 == 50:
-            sink._part.flush(sink._part.flushed_ns)  # ends a chunk, as happens after a second or a megabyte
+            # this ends a chunk, as in use after a second or a megabyte
+            sink._part.flush(sink._part.flushed_ns)
     sink.close()
     (path,) = (folder / "rec").glob("*.mcap")
     return path
@@ -133,7 +134,7 @@ def test_all_samples_once(make: Callable[[Path], Path], tmp_path: Path) -> None:
 def test_a_recording_of_the_daemon(tmp_path: Path) -> None:
     """A frame that a cut divides is lost, and counts as lost on the wire.
 
-    Each piece says from its beginning which device it comes from.
+    Each piece states at its beginning which device its samples come from.
     """
     whole, pieces = cut_up(ours, tmp_path)
     assert sum(one.counts.before_hello for one in pieces) <= 1

@@ -1,6 +1,6 @@
 """Many files are identified into one table.
 
-Each file is done once, failures are rows, and no work is repeated, even after a kill.
+Each file is identified once, each failure is a row of the table, and no work is repeated, even after a kill.
 """
 
 import json
@@ -147,7 +147,7 @@ def test_a_local_file_that_the_worker_does_not_see(tmp_path: Path) -> None:
 
 
 def test_a_folder_that_cannot_be_listed_is_a_row(tmp_path: Path) -> None:
-    """A folder that cannot be listed gets a row in the table. The row stays until the folder can be listed."""
+    """A folder that cannot be listed gets a row in the table, which stays until the folder can be listed."""
     path, out = npz(tmp_path / "a.npz", counts(600, 1)), tmp_path / "v.parquet"
     closed = Unlisted(File("/closed", "file", "/closed", -1, ""), "cannot be listed (PermissionError)")
     with open_table(out) as table:
@@ -294,7 +294,9 @@ class Liar(Here):
     ],
 )
 def test_what_is_no_answer_is_not_in_the_table(lie: Callable[[Any], Any], tmp_path: Path) -> None:
-    """A row says that the file's answer was wrong, and the next run reads the file again."""
+    """The file's row in the table says that a worker's answer was wrong, and the next run reads the file
+    again.
+    """
     path, out = npz(tmp_path / "a.npz", counts(1000, 1)), tmp_path / "v.parquet"
     assert identified(str(path), ASK, out, Liar(lie)).failed == 1
     (row,) = rows_in(out)

@@ -13,7 +13,7 @@ PROGRAMS = sorted(Path(__file__).with_name("programs").glob("*.S"))
 
 
 def numbered(text: str) -> dict[int, str]:
-    """Return the words of a text such as "1 a, 2 b" as a dictionary by their numbers."""
+    """Return a text such as "1 a, 2 b" as a dictionary of its words, by the numbers before them."""
     return {int(number): word for number, word in (pair.split() for pair in text.split(", "))} if text else {}
 
 

@@ -27,8 +27,8 @@ mov r5, r4; ldr r6, [r5], #4|mov r5, r4; ldr r6, [r5, #-8]!
 movw r5, #1; movt r5, #0x2008|movs r5, #0x20; lsls r5, r5, #24; add.w r5, r5, #0x80000; adds r5, #1
 ldr r5, =0x20080000; cmp r5, r5; it eq; moveq r5, r4
 ldr r5, =0x20080000; ldrd r6, r5, [r5]; mov r5, r4|ldr r5, =0x2007FFFE; adds r5, #3"""
-"""Ways in which an odd address gets into r5: copied from r4, from memory, indexed, written back, computed,
-moved under a condition, and changed once more.
+"""Pieces of code that put an odd address into r5. They copy it from r4, load it from memory, add an index,
+write back an address, compute it, or move it under a condition. The last ones then change it once more.
 """
 
 OTHER_PROCESSORS = """qadd r0,r1,r2|sel r0,r1,r2|pkhbt r0,r1,r2|sxtb16 r0,r1|sxtab16 r0,r1,r2|sxtab r0,r1,r2

@@ -294,8 +294,8 @@ def with_fits() -> tuple[DueRun, list[tuple[float, int]]]:
 
 @pytest.mark.long
 def test_the_stack_keeps_clear_of_its_limit() -> None:
-    """The memory of the stack has room for its deepest use in a run, for a handler's frames on top of that,
-    and for a reserve.
+    """The memory of the stack has room for three things: its deepest use in a run, a handler's frames on top
+    of that, and a reserve.
     """
     run, _ = with_fits()
     assert run.error is None

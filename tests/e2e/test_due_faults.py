@@ -2,10 +2,10 @@
 
 The board recovers, reports what happened, and counts losses.
 
-In every run, all samples also have to be accounted for (`Measured.wrong`). Each sampling instant by the
-emulator's own clock has one of three fates. Its sample was delivered, or the host counted it as lost, or the
-instant came after the last sample before a reset. Every sample is byte for byte what the sensor gave at the
-sample's time.
+In every run, all samples also have to be accounted for (`Measured.wrong`). For each sampling instant by the
+emulator's own clock, one of three things is true: its sample was delivered, the host counted its sample as
+lost, or the instant came between the last sample and a reset. Every sample is byte for byte what the sensor
+gave at the sample's time.
 """
 
 from functools import cache

@@ -251,8 +251,8 @@ def test_what_breaks_is_a_wrong_outcome_and_what_it_started_ends() -> None:
 def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Run the command on faults of all outcomes.
 
-    Some faults have the right outcome, one has wrong counts, one cannot be caused here, and one has an
-    unexpected result.
+    Some of the faults have the right outcome. One has wrong counts, one cannot be caused on this machine, and
+    one has an unexpected result.
     """
     parts = {
         "right": command.Part(

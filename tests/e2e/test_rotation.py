@@ -146,7 +146,7 @@ def test_all_files_of_a_recording_are_used_or_named(
 
 
 def samples_of(folder: Path, lossless: bool) -> int:
-    """Return how many samples `replay:` and `identify` find.
+    """Return how many samples of a recording `replay:` and `identify` find.
 
     Also check that the samples are consecutive, if none was lost.
     """

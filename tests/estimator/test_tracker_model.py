@@ -41,7 +41,9 @@ def after(tracker: Tracker) -> Tracks:
 
 
 def begun(samples: int) -> tuple[Tracker, Tracker, Remembered]:
-    """Return two trackers that have processed the same samples, and what one of them remembers."""
+    """Return two trackers that have processed the same samples, and the samples that one of the trackers
+    remembers.
+    """
     one, other = Tracker([None], RULES), Tracker([None], RULES)
     for tracker in (one, other):
         tracker.run(noise(samples))

@@ -152,7 +152,8 @@ constexpr uint64_t kRecoverUs = 900;
 class FakeBus final : public fltea::I2cBus {
   public:
     bool plugged = true;
-    std::deque<fltea::I2cResult> script;  // results of the next transfers; transfers after these are ok
+    // results of the next transfers; the transfers after these have the result ok
+    std::deque<fltea::I2cResult> script;
     fltea::HeldLines held = fltea::HeldLines::none;
     // the controller has kept a byte, which shifts the bytes of each read until recover() is called
     bool stale = false;

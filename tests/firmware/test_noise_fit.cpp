@@ -127,7 +127,8 @@ TEST_CASE("noise fit: a spectrum that goes on while it is read is read again") {
         f.work(3);
     }
     CHECK(f.fits[0].age > 1000);
-    // The result of the fit is that of a spectrum of as many samples as the fit states in its field `age`.
+    // The fit states in its field `age` how many samples it has used. Its result is that of a spectrum of so
+    // many samples.
     Fitting again;
     for (uint32_t n = 0; n < f.fits[0].age; ++n) again.add();
     const whittle::FitFigures expected = again.at_once(0);

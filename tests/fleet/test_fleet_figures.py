@@ -112,8 +112,8 @@ def test_a_curve_of_a_hundred_thousand_points_costs_no_more_than_a_usual_one() -
     ],
 )
 def test_an_order_counts_once_it_is_known(alpha: Interval, f: Interval, kept: set[str]) -> None:
-    """An order counts only if its interval is narrow. Fits of the same noise once differed much: f was -0.18
-    (-0.53 to 0) or -1, and α was 0.16 (0.14 to 0.21) or 0.6.
+    """An order counts only if its interval is narrow. Otherwise, fits of the same noise may differ much. In
+    one case, f was -0.18 (-0.53 to 0) or -1, and α was 0.16 (0.14 to 0.21) or 0.6.
     """
     assert set(figures_of(AxisFit("fractional", "text", "deg/s", alpha, f), RATE_HZ, {})) == kept
 

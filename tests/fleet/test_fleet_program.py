@@ -66,7 +66,9 @@ class Stage:
             self.fleet.turn()
 
     def kinds(self) -> list[tuple[str, str]]:
-        """Return the kinds of the published alerts, and how many were listed."""
+        """Return, for each published message, the state and kind of its alert. For a list of alerts, return
+        the number of alerts instead.
+        """
         return [
             (content["state"], content["kind"]) if topic == "fleet/alert" else ("list", content["count"])
             for topic, content in self.broker.published

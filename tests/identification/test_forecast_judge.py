@@ -86,6 +86,6 @@ def test_noise_that_a_filter_has_coloured_is_not_in_the_bias() -> None:
 
 
 def _filtered(seed: int) -> Array:
-    """Return white noise of density 0.01 H through a second-order low-pass."""
+    """Return white noise of variance 0.01 (density 0.01 H) behind a second-order low-pass."""
     b, a = butter(2, 8.0, fs=1 / H)
     return np.asarray(3 + lfilter(b, a, white(seed, N + 500) - 3)[500:])

@@ -118,7 +118,7 @@ def test_a_record_that_is_too_short_is_refused() -> None:
 def test_axes_side_by_side_give_what_each_gives_alone() -> None:
     """Results are equal in every bit, whether axes are processed together or alone.
 
-    The axes have different lengths and settings, lost samples, and one is constant at first.
+    The axes have different lengths and settings. Samples are lost, and one axis is constant at first.
     """
     gaps = Gaps(np.array([500, 3000, 4100]), np.array([3, 1, 500]))
     axes = [

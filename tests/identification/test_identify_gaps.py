@@ -211,7 +211,7 @@ def test_allan_deviation_of_stretches() -> None:
 
 
 def test_fltea_predicts_and_begins_again() -> None:
-    """As in live use, the algorithm FLTEA predicts three lost samples.
+    """If three samples are lost, the algorithm FLTEA predicts them, as in live use.
 
     After 101 lost samples, FLTEA starts over, and the longest part of the record counts.
     """

@@ -64,7 +64,7 @@ def known(tmp_path_factory: pytest.TempPathFactory) -> Known:
 
 
 def test_order_and_failures(known: Known, tmp_path: Path) -> None:
-    """Bad files change nothing in the results of the other files.
+    """Bad files do not change the results of the other files.
 
     One of the bad files is missing, one is no recording, and one has a constant axis.
     """

@@ -126,7 +126,7 @@ def test_what_a_low_pass_takes_away_is_in_n_as_it_was_before(name: str) -> None:
     y = noise(name, N, np.random.default_rng(2))
     plain = navigation_filter(tracked(y), y, H)
     density = np.sqrt(0.01 * H) if name == "EMA" else np.sqrt(0.02 * H)
-    # states slower than 1 s belong to the offset and do not count here
+    # states slower than 1 s belong to the offset, so they are left out here
     fast = (state for state in plain.gauss_markov if state.tau_s < 1)
     slow = sum(2 * state.sigma**2 * state.tau_s for state in fast)
     assert np.sqrt(plain.N**2 + slow) == pytest.approx(density, rel=0.05)

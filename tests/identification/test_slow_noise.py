@@ -91,8 +91,7 @@ def test_b_of_flicker_noise_is_that_of_the_spectrum() -> None:
 
 @pytest.mark.slow
 def test_the_interval_of_b_holds_the_truth() -> None:
-    """Of 60 intervals of B, 57 are expected to contain the truth. 50 would be four standard deviations less.
-    """
+    """Of 60 intervals of B, 57 are expected to contain the truth. 50 are four standard deviations less."""
     found = [allan_of(one, GYRO_UNIT).B for one in looks(flicker(0.01), 30_000, 60, 2)]
     known = [one for one in found if one.of == "spectrum" and one.value is not None]
     assert len(known) >= 45
@@ -183,7 +182,7 @@ def test_a_walk_that_only_the_tracker_sees_is_in_all_figures() -> None:
 
 @pytest.mark.slow
 def test_k_is_the_middle_of_what_is_likely() -> None:
-    """The median of K over 20 axes is known to some 5 %."""
+    """The median of K over 20 axes has an error of about 5 %."""
     found = []
     for one in looks(walk(1e-3), 60_000, 20, 8):
         tracked = tracked_of(one)

@@ -84,8 +84,8 @@ def test_a_step_is_that_of_a_gap_free_time_and_the_bias_is_that_of_the_setting()
 
 @pytest.mark.parametrize(("seed", "size"), [(1, 0.2), (3, 0.2), (2, 0.3)])
 def test_popcorn_noise_is_named_and_what_is_between_is_white(seed: int, size: float) -> None:
-    """The steps are telegraph noise, which stays for 20 s on average at a level, and whose spectrum is that
-    of a relaxation.
+    """The steps are telegraph noise, which stays at a level for 20 s on average. Its spectrum is that of a
+    relaxation.
     """
     rng = np.random.default_rng(seed)
     y = SIGMA * rng.standard_normal(SAMPLES)

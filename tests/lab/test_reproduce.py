@@ -107,7 +107,8 @@ def test_an_unknown_fractional_source_raises_the_order_that_is_found() -> None:
     found = {kind: outcomes(case, range(8), options, quiet)[3000] for kind, case in cases.items()}
     for outcome in found.values():
         assert not (outcome.not_finite | outcome.far_off).any()
-    # The true orders are 0.4 and 0.4 + 0.3. The paper's algorithm estimates about 0.54 and 0.66.
+    # The true order is 0.4. With the fractional source, it is 0.4 + 0.3. The paper's algorithm estimates
+    # about 0.54 and 0.66.
     assert np.median(found[True].settled_order) > np.median(found[False].settled_order) + 0.05
 
 

@@ -103,7 +103,7 @@ TEST_CASE("fit bins: bins of white noise have its variance, all its ordinates, a
         CHECK(static_cast<double>(bins->ordinates()) < 0.55 * n);
         CHECK(bins->left_out() == 0);
         // The bins come octave by octave, from the highest frequencies down. The bins of the level that keeps
-        // its samples come last. Within each of these, the frequencies rise.
+        // its samples come last. Within each octave, and within that last level, the frequencies rise.
         int falls = 0;
         for (int i = 1; i < bins->size(); ++i) falls += bins->lam(i) < bins->lam(i - 1);
         CHECK(falls == octaves->ladder().depth());

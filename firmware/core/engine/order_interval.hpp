@@ -1,6 +1,6 @@
-// The 95 % interval of the order α, from the whole likelihood instead of its curvature at the maximum. Where
-// the noise of that order is weak, the likelihood may have a second maximum or fall off slowly, which the
-// curvature at the maximum does not show.
+// Computes the 95 % interval of the order α from the whole likelihood, and not only from its curvature at the
+// maximum. Where the noise of that order is weak, the likelihood may have a second maximum or fall off
+// slowly, which the curvature at the maximum does not show.
 //
 // An end of the interval is an order for which even the best choice of the other parameters gives a 2 log L
 // that is 3.84 below the overall maximum. The ends move little from one fit to the next. A fit therefore does

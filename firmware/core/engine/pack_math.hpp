@@ -20,7 +20,8 @@ struct Layout<double> {
     static constexpr double kRound = 6755399441055744.0;
     static constexpr int kShift = 52;
     static constexpr int kSign = 63;
-    static constexpr double kExpMax = 708;  // largest magnitude of an exponent: e^±708 is finite and normal
+    // largest |x| for which e^x is computed: e^±708 is finite and normal
+    static constexpr double kExpMax = 708;
     // the mantissa of this number ends with zeros, so that its multiples are exact
     static constexpr double kLn2High = 0.69314718055829871;
     static constexpr double kLn2Low = 1.6465949582897082e-12;

@@ -82,8 +82,8 @@ class SensorMotion {
     }
 
     void stop_learning(TrackedState* const axes[], int n) {
-        // If the rest before this motion was shorter than the motion before that rest, the rest counts as
-        // motion, too.
+        // There may have been a motion before, and a rest between the two motions. If the rest was shorter
+        // than the earlier motion, it counts as motion, too.
         if (unlearned_.ago >= unlearned_.samples + since_older_) unlearned_ = Unlearned();
         unlearned_.samples += unlearned_.ago > since_older_ ? unlearned_.ago : since_older_;
         unlearned_.ago = 0;

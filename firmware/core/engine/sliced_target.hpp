@@ -1,10 +1,10 @@
 // The sums over the bins of a spectrum that a fit on the device needs. They are computed in float and a few
 // bins at a time.
 //
-// Instead of -log L, its excess over the -log L of a spectrum that equals the data is stored: Σ c (r - 1 -
-// log r), with r = I/S, the power of a bin divided by the model's, and c the number of ordinates in the bin.
-// The excess is about as large as the number of bins. -log L itself is about as large as the number of
-// ordinates, and float would lose the significant digits.
+// What is stored is not -log L, but its excess over the -log L of a spectrum that equals the data. This
+// excess is Σ c (r - 1 - log r). Here r = I/S is the power of a bin divided by the model's power, and c is
+// the number of ordinates in the bin. The excess is about as large as the number of bins. -log L itself is
+// about as large as the number of ordinates, and float would lose the significant digits.
 #ifndef FLTEA_SLICED_TARGET_HPP
 #define FLTEA_SLICED_TARGET_HPP
 
@@ -98,7 +98,8 @@ class SlicedTarget {
         }
     }
 
-    // Returns the excess of -log L at the scale that fits best, over that of a spectrum that equals the data.
+    // Returns the excess of -log L over the -log L of a spectrum that equals the data, at the scale that fits
+    // best.
     float nll(const Sums<float>& sums, float scale, bool) const {
         return sums.log_spectrum - ordinates * excess(scale / reference_ - 1.0f);
     }

@@ -28,7 +28,7 @@ struct SteadyFilter {
     float fall[kPlaces];      // 1 - a: the proportion by which the part falls per sample
     float variance[kPlaces];  // variance of the part; 0: the part does not exist
     float gain[kPlaces];      // gain K of the part
-    float R, S;               // variance of the white noise, and of the innovations
+    float R, S;               // R: variance of the white noise; S: variance of the innovations
     float of_state;           // variance of the state, given all samples and the offset
     float answer;             // value at which the innovations settle if the input is constantly 1
     float weight[kPlaces];    // factor from a part's present value to its expected mean over the next samples

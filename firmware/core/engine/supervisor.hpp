@@ -60,8 +60,8 @@ class Supervisor {
         return Verdict{false, !distrusted_, news};
     }
 
-    // Whether the guard limited the state at none of the recent samples. judge() need not be called then for
-    // a sample with a valid estimate, because judge() would change only an index.
+    // Whether the guard has not limited the state at any of the recent samples. In this case, judge() need
+    // not be called for a sample with a valid estimate, because judge() would change only an index.
     bool calm() const { return count_ == 0; }
 
     // Whether the state of a restored supervisor is one that judge() can produce.

@@ -106,13 +106,14 @@ class TrackedState {
         return found;
     }
 
-    // Stores what is known at present. undo() restores what was stored by the last call of keep() but one.
+    // Stores what is known at present. undo() restores what was stored by the call of keep() before the last
+    // one.
     void keep() {
         learned_[kOlder] = learned_[kNewer];
         learned_[kNewer] = learned_[kNow];
     }
-    // Restores what was stored by the last call of keep() but one, and predicts the state across the
-    // `samples` samples since then.
+    // Restores what was stored by the call of keep() before the last one, and predicts the state across the
+    // `samples` samples since that call.
     void undo(std::uint32_t samples) {
         learned_[kNow] = learned_[kOlder];
         if (known_) take_offset();

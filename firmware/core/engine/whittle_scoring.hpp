@@ -177,8 +177,9 @@ struct Patience {
     int steps;    // largest number of evaluations
     R tolerance;  // the search ends when a step promises to decrease -log L by less than this
     R inside;     // the search ends when -log L is below this
-    R outside;    // -log L above which the search is given up, if complete steps promise far too little to
-                  // get below it
+    // the search is given up while -log L is above this, if complete steps promise far too little to get
+    // below it
+    R outside;
 };
 
 template <class R>

@@ -81,8 +81,8 @@ class WholeLines {
         return static_cast<std::int64_t>(whole) * (INT64_C(1) << kFine) +
                static_cast<std::int32_t>(rest * static_cast<float>(1 << kFine));
     }
-    // the differences of the cubic are in units of 2^-30, so that their rounding errors add up to 0.01 over
-    // 512 samples
+    // the differences of the cubic are in units of 2^-30, so that their rounding errors add up to only 0.01
+    // over 512 samples
     enum { kFine = 30 };
 
     // Subtracts from y_ the cubic in t = 2i - (n - 1) that fits best, using orthogonal polynomials.
