@@ -199,7 +199,7 @@ def test_error_records_go_to_stderr_too(tmp_path: Path) -> None:
 
 
 def test_a_width_of_nothing_is_not_known() -> None:
-    """An earlier version printed nothing with COLUMNS=0, and its exit code was 0."""
+    """An earlier version printed nothing with COLUMNS=0, although its exit code was 0."""
     result = fltea_here(*FAST, "--once", "--format", "table", *QUICK, columns=0)
     assert (result.returncode, result.stderr) == (0, "")
     assert "gyro_z" in result.stdout
