@@ -68,7 +68,7 @@ def test_headings_of_many_simulated_sensors_spread_as_is_said(name: str) -> None
         x = x @ s.A.T + rng.normal(size=x.shape) @ root.T
         mean, P = mean @ s.A.T, s.A @ P @ s.A.T + s.Q
     expected = heading_std(s, rested(s, rest), H, more * H)
-    # tolerance: 3.5 standard errors of a standard deviation that is estimated from 4000 values
+    # The tolerance is 3.5 standard errors of the standard deviation, which is estimated from 4000 values.
     assert angle.std() == pytest.approx(expected, rel=0.04)
 
 
@@ -110,8 +110,8 @@ def test_a_drive_is_the_inverse_of_a_rest(name: str) -> None:
 
 
 def test_a_drive_ends_when_the_heading_is_off_for_the_first_time() -> None:
-    """With a resonance at 1 Hz the error oscillates: it is too large after half a period, and small again
-    after a whole period.
+    """With a resonance at 1 Hz the error of the heading oscillates. It exceeds the permitted error after half
+    a period, and is small again after a whole period.
     """
     s = system((White(1e-8), Resonance(1.0, 1.0, 0.02)), H, 60000)
     half, whole = heading_stds(s, rested(s, 1), H, [0.5, 1.0])
@@ -129,10 +129,10 @@ def test_a_drive_may_be_none_and_may_have_no_end() -> None:
 
 
 def _summed(s: System, samples: int) -> tuple[np.ndarray, float]:
-    """Return the expectation and the variance of the mean of the next `samples` biases.
+    """Return the expectation and the variance of the mean of the biases at the next `samples` samples.
 
-    The expectation is a row, to be multiplied by the state now. Both are summed sample by sample, without the
-    matrix powers of the tested code.
+    The expectation is a row vector: its product with the present state is the expected mean. Expectation and
+    variance are summed sample by sample, whereas the tested code uses powers of matrices.
     """
     rows = [s.bias]
     for _ in range(samples):

@@ -1,5 +1,5 @@
-"""Parts of noise: their spectra are compared with closed forms, and their derivatives and the conversion to
-free parameters and back are tested.
+"""Tests the parts of noise. Their spectra are compared with closed forms. Their derivatives are tested, too,
+and the conversion of their parameters to free parameters and back.
 """
 
 import math
@@ -103,8 +103,8 @@ def test_fractional_is_the_square_of_its_transfer_function(alpha: float, g: floa
 
 
 def test_recursion_has_the_spectrum() -> None:
-    """Samples of the recursion have the spectrum of the closed form. The mean ratio of their periodogram to
-    this spectrum is 1, both at low and at high frequencies.
+    """Samples that the recursion of a fractional noise generates have the spectrum that the closed form
+    gives. The mean ratio of their periodogram to this spectrum is 1, both at low and at high frequencies.
     """
     alpha, f = 0.6, -3.0
     p = periodogram(recursion(alpha, f, 1500, 64, 1, 1000), H)

@@ -30,8 +30,8 @@ kinds = pytest.mark.parametrize("kind", p.CODES, ids=lambda kind: kind.tag())
 
 
 def defines(kind: type[Part], method: str) -> bool:
-    """Return whether a part of noise defines this method itself. The method of the base class only raises an
-    error.
+    """Return whether the class of a noise part defines the method `method` itself. The base class's method
+    only raises an error.
     """
     return getattr(kind, method).__qualname__ != getattr(Part, method).__qualname__
 

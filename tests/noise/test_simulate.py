@@ -10,7 +10,8 @@ H = 0.01
 
 def spectrum(omega: np.ndarray, alpha: float, f: float, Q: float, R: float) -> np.ndarray:
     """Return the spectrum of a noise of order α whose memory is unlimited: S = h^2α Q / |(1 - z)^α - h^α f
-    z|² + R, where z = e^-iω and h is the sampling period.
+    z|² + R. Here z = e^-iω, h is the sampling period, Q the variance of the driving noise and R that of the
+    measurement noise.
     """
     z = np.exp(-1j * omega)
     return H ** (2 * alpha) * Q / np.abs((1 - z) ** alpha - H**alpha * f * z) ** 2 + R
@@ -35,8 +36,8 @@ def test_mean_variance_and_spectrum_are_the_models(alpha: float, f: float) -> No
     for band in np.array_split(ratio, 8, axis=1):
         assert band.mean() == pytest.approx(1, abs=0.11)
     if f:
-        # The variance is the mean of the spectrum over all frequencies. Midpoints are used, since the
-        # spectrum may be infinite at 0.
+        # The variance is the mean of the spectrum over all frequencies. The sum takes the spectrum at
+        # midpoints between the lines of the transform, since it may be infinite at 0.
         fine = (np.arange(1 << 16) + 0.5) * np.pi / (1 << 16)
         assert y.var() == pytest.approx(spectrum(fine, alpha, f, Q, R).mean(), rel=0.08)
         assert y.mean() == pytest.approx(

@@ -25,8 +25,8 @@ def ratio(parts: list[p.Part], samples: int = N) -> np.ndarray:
     """Return the ratio of the linear system's spectrum to the spectrum of the noise's parts, at the
     frequencies LAM.
 
-    Near zeros of a filter, the difference of the spectra is divided by a small limit instead, so the ratio
-    remains near 1.
+    The ratio is 1 plus the relative difference of the spectra. Where a filter makes the spectrum almost 0,
+    the difference is divided by a small limit and not by the spectrum, so the ratio remains near 1.
     """
     wanted = p.spectrum(parts, LAM, H)
     found: np.ndarray = 1 + (system(parts, H, samples).spectrum(LAM) - wanted) / np.maximum(
@@ -159,11 +159,11 @@ def test_any_sentence_is_a_system(parts: list[p.Part], samples: int) -> None:
     s = system(parts, H, samples)
     check(s)
     check(s.with_offset())
-    # In the initial covariance P0, all states that have a stationary covariance have that covariance.
+    # In the initial covariance P0, each state with a stationary covariance has this covariance.
     still = np.hypot(s.a, s.b) < 1
     apart = s.A @ s.P0 @ s.A.T + s.Q - s.P0
     np.testing.assert_allclose(apart[np.ix_(still, still)], 0, atol=1e-9 * np.abs(s.P0).max(initial=1.0))
-    Tracker([0.0]).set(0, s)  # the tracker accepts the system
+    Tracker([0.0]).set(0, s)  # the tracker accepts the system as its model
 
 
 @pytest.mark.parametrize("alpha", [1e-6, 0.1, 0.49])
@@ -194,8 +194,8 @@ def test_what_is_not_stationary_is_refused() -> None:
 
 @pytest.mark.parametrize("poles", [2.1215274861128472, 2.132277290972571, 2.0276815574736102])
 def test_coordinates_do_not_cancel_each_other(poles: float) -> None:
-    """If two poles were nearly equal, the states of the two once had variances 10⁷ times that of their sum,
-    and the Kalman filter diverged.
+    """A system with two nearly equal poles once had a state for each pole. The variance of each was 10⁷ times
+    that of their sum, and the Kalman filter diverged.
     """
     s = system([p.White(0.019), p.LowPass(21.0, poles), p.Walk(0.1164)], H, 4096)
     of_noise = s.signal == 0
@@ -211,7 +211,8 @@ def test_coordinates_do_not_cancel_each_other(poles: float) -> None:
         ([p.White(2e-6), p.Relaxation(0.0335, 0.045)], [0.0]),
         ([p.White(1e-10), p.Relaxation(0.0335, 0.045), p.Relaxation(0.05, 2.0)], [0.0, 1.0]),
         ([p.White(1e-10), p.Relaxation(0.0335, 0.045), p.Walk(0.01)], [0.0, 1.0]),
-        # there is white noise, seen as a floor of the spectrum, so no filter
+        # the white noise makes a floor of the spectrum, so the relaxation is not due to a filter in the
+        # sensor
         ([p.White(0.01), p.Relaxation(0.05, 0.2)], [1.0]),
         # this relaxation is slower than any sensor's filter, so it is the signal
         ([p.White(1e-10), p.Relaxation(0.05, 2.0)], [1.0]),

@@ -11,8 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 
-# The weights of an integer order end with a factor 1 - (order + 1) / j that has to be exactly 0. Order 48 is
-# included, since 49 * (1/49) is not 1 in floating-point numbers.
+# Weight j is weight j - 1 times 1 - (order + 1) / j. For an integer order, this factor has to be exactly 0 at
+# j = order + 1, so that all later weights are 0. Order 48 is included, since 49 * (1/49) is not 1 in
+# floating-point numbers.
 @pytest.mark.parametrize("order", [*range(9), 48])
 def test_integer_orders_are_signed_binomials_and_end_in_exact_zeros(order: int) -> None:
     c = weights(float(order), 100)

@@ -1,4 +1,4 @@
-"""Tests of encoding and decoding messages, of values out of range, and of the rule about versions.
+"""Tests the encoding and decoding of messages, values out of range, and which protocol versions are accepted.
 
 The device's encoder makes the same bytes as the host's.
 """
@@ -62,14 +62,15 @@ def test_numbers_that_do_not_fit_raise(value: int) -> None:
 
 FLOATS = wire.Estimate(0, 1, 2, 3, *(0.0,) * 6, *(0,) * 9, *(0.0,) * 4)
 BEYOND = 2.0**128 - 2.0**103
-"""Half-way between the largest 32-bit float and the number that would follow it."""
+"""The number half-way between the largest 32-bit float and the number that would follow it."""
 
 
 @pytest.mark.parametrize(
     ("number", "rounded"),
     [
         (0.1, 0x3DCCCCCD),
-        (1 + 2.0**-24, 0x3F800000),  # half-way between two 32-bit floats, so rounded to the even one
+        # this number is half-way between two 32-bit floats, so it is rounded to the even one
+        (1 + 2.0**-24, 0x3F800000),
         (1 + 3 * 2.0**-24, 0x3F800002),
         (math.nextafter(BEYOND, 0.0), 0x7F7FFFFF),
         (2.0**-150, 0x00000000),

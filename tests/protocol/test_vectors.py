@@ -1,4 +1,5 @@
-"""Tests with the vectors in protocol/vectors: on the host, and for encoding also with the device's code.
+"""Tests the host's code with the vectors in protocol/vectors. The vectors for encoding also test the device's
+code.
 
 The vectors come from the packages cobs, zlib and struct (tools/make_vectors.py), and from published values
 copied by hand, which are cited there.
@@ -42,7 +43,7 @@ def test_good_frame(record: list[tuple[str, str]]) -> None:
     assert encode_frame(kind, sequence, device_us, payload) == on_wire
     assert _native.encode_frame(kind, sequence, device_us, payload) == on_wire
     (found,) = in_chunks(BlockReader(), [on_wire])
-    # compared as text, since a NaN does not equal itself as a number
+    # Results are compared as text, since a NaN does not equal itself as a number.
     assert repr([found]) == repr(decoded(on_wire))
     if kind not in wire.MESSAGES:
         assert found == Found(BadFrame("unknown_type", on_wire[:-1]), len(on_wire))
@@ -81,8 +82,8 @@ def test_bad_frame(record: list[tuple[str, str]]) -> None:
 
 @pytest.mark.parametrize("record", STREAMS, ids=names(STREAMS))
 def test_stream(record: list[tuple[str, str]]) -> None:
-    """Each decoder decodes the vector's stream of bytes once, in one division into chunks. Another test
-    divides streams into arbitrary chunks.
+    """Each decoder decodes the vector's stream of bytes once, in chunks of fixed length. Another test divides
+    streams into arbitrary chunks.
     """
     data = b"".join(bytes.fromhex(value) for key, value in record if key == "bytes")
     expected = [f"{key} {value}" for key, value in record if key in ("frame", "bad", "refused")]

@@ -30,7 +30,8 @@ doc = "what boards of before do not know"
 NEXT = protocol_definition.load(
     DEFINITION.replace(f"minor = {PROTOCOL.minor}", f"minor = {MINOR}")
     .replace("# ----", ADDED_FIELD + "# ----", 3)
-    .replace(ADDED_FIELD, "", 1)  # no message ends before the first `# ----`, which precedes HELLO
+    # the first `# ----` precedes HELLO, so no message ends before it, and it gets no field
+    .replace(ADDED_FIELD, "", 1)
     .replace(
         "data_ready = { value = 1",
         f'later = {{ value = 9, since = {MINOR}, doc = "x" }}\ndata_ready = {{ value = 1',
@@ -39,10 +40,10 @@ NEXT = protocol_definition.load(
     + f'\n[[message]]\nname = "NOTE"\nid = 99\nsince = {MINOR}\ndoc = "x"\n'
     + ADDED_FIELD.replace(f"since = {MINOR}", "")
 )
-"""The definition of the next minor version.
+"""The definition of the protocol's next minor version.
 
-HELLO and SAMPLE have an additional field, and a message, a value of an enum and a bit of the flags are
-new.
+In this version, HELLO and SAMPLE have an additional field. A message, a value of an enum and a bit of the
+flags are new.
 """
 
 
@@ -126,8 +127,9 @@ def test_the_next_native_decoder_reads_this_board_and_the_one_after_it(tmp_path:
     ("major", "minor", "schema", "readable"),
     [
         (1, PROTOCOL.minor, wire.SCHEMA_HASH, True),
-        (1, PROTOCOL.minor, 0xDEADBEEF, False),  # same version but another hash: the definition was changed
-        # a version before `oldest`: later versions changed its messages
+        # the version is the same but the hash is not: the definition was changed
+        (1, PROTOCOL.minor, 0xDEADBEEF, False),
+        # this version is before `oldest`, so later versions have changed its messages
         (1, PROTOCOL.minor - 1, 0xDEADBEEF, False),
         (1, MINOR, 0xDEADBEEF, True),
         (2, MINOR, 0xDEADBEEF, False),

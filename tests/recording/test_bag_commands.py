@@ -136,9 +136,10 @@ def test_messages_in_two_files_of_a_bag_count_once(kind: str, how: str, tmp_path
 
 @pytest.mark.parametrize("stamped", [True, False])
 def test_messages_that_only_have_the_times_of_others_are_no_copies(stamped: bool, tmp_path: Path) -> None:
-    """With stamps, the clock of one sensor began again, so later messages repeat earlier stamps.
+    """Messages with the times of other messages are not taken for copies of them. If the messages have
+    stamps, the sensor's clock began again in this test, so later messages repeat earlier stamps.
 
-    Without stamps, only equal arrival times could show that messages are copies.
+    If the messages have no stamps, only equal arrival times could show that they are copies.
     """
     rest = even(60)
     if stamped:

@@ -1,4 +1,6 @@
-"""If one topic of a bag holds several sensors, the user chooses one, and samples of two are never mixed."""
+"""If one topic of a bag holds several sensors, the user chooses one, and samples of two sensors are never
+mixed.
+"""
 
 import itertools
 from collections.abc import Sequence

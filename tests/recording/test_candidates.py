@@ -32,8 +32,8 @@ OPTION = re.compile(r"--([\w-]+) (\S+)")
 
 
 def lines_of(table: str) -> dict[str, tuple[str, list[float], list[float]]]:
-    """Return the rows of a printed table of candidate units, by unit. Each consists of the name of the noise
-    figure (N or σ), its value on each axis, and the mean of each axis.
+    """Return the rows of a message's table of candidate units, by unit. A row consists of the name of the
+    noise figure (N or σ), the figure's value on each axis, and the mean of each axis.
     """
     found = {}
     for line in table.split("\n"):
@@ -135,8 +135,8 @@ def test_gravity_tells_the_unit_whatever_the_orientation(
 def test_whole_numbers_may_be_counts_and_are_never_taken_for_others(
     direction: tuple[float, ...], offset: tuple[float, ...], unit: str
 ) -> None:
-    """A gravity of slightly more than 8192 counts could also be one of 9,807 mm/s². In this case, no unit is
-    shown.
+    """If gravity is slightly more than 8192 in whole numbers, the unit could be a count or mm/s², in which
+    gravity is 9,807. In this case, no unit is shown.
     """
     g = OF_COUNTS.get(unit) or GRAVITY[unit]
     found = gravity_units(np.rint(at_rest(direction, offset, g)))

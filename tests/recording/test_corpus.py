@@ -24,8 +24,8 @@ from tests.rig.corpus_reading import BY_NAME, OPTIONS, UNREAD_DIALECTS, how_of, 
 EVIDENCE = {"given", "stated", "dialect", "convention", "measured"}
 
 OURS = {"fltea.npz", "fltea.mcap", "fltea.ndjson"}
-"""Files of fltea itself, for which nothing has to be asked. fltea.mcap holds other data than the other
-files.
+"""Files that fltea itself wrote, for which the user is asked for nothing. fltea.mcap holds other samples than
+all other files of the corpus.
 """
 
 READ = [name for name in OPTIONS if name not in UNREAD_DIALECTS]
@@ -33,9 +33,10 @@ SLOW = {"asam.mf4"}
 """Files for which a library is needed that takes seconds to load."""
 
 NOT_LIVE = {*BY_NAME, "excel_unicode.txt", "xsens_mtw.txt"}
-"""Text files that cannot be read as live text: a pipe has no file name, and nobody sends UTF-16 line by line.
+"""Text files that cannot be read as live text from a pipe. For some, the file name is needed, which a pipe
+does not have. Others are UTF-16, which nobody sends line by line.
 
-One text file has a column of times that is empty, which its first few rows do not show.
+In one file, a column of times is empty; the first rows are too few to show this.
 """
 LIVE = [name for name in READ if name.endswith((".txt", ".csv", ".gcsv")) and name not in NOT_LIVE]
 

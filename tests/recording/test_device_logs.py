@@ -100,14 +100,16 @@ def test_the_unit_of_a_px4_topic_is_its_documentations(tmp_path: Path) -> None:
 
 
 def queue(counts: Iterable[int], true_us: float, dt_us: float) -> tuple[bytes, Any]:
-    """Return a log of a sensor's queue, and its samples. Each message holds several samples."""
+    """Return a ULog file with messages of a sensor's queue, each of which holds several samples. Also return
+    the samples.
+    """
     counts = list(counts)
     raw = np.random.default_rng(3).integers(-200, 200, size=(sum(counts), 3))
     rows, end = [], 0
     for count in counts:
         one = np.zeros((3, 32), np.int16)
         one[:, :count] = raw[end : end + count].T
-        # the message's entries after its last sample stand for old values, left over from earlier messages
+        # the entries after the last sample stand for old values that earlier messages left in the array
         one[:, count:] = 9999
         end += count
         last_us = round((end - 1) * true_us) + 1_000_000

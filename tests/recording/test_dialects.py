@@ -38,7 +38,7 @@ of_each = pytest.mark.parametrize("one", TABLE, ids=lambda one: one.name)
 
 
 class Seen(NamedTuple):
-    """What was known of a file when its dialect was determined: the arguments of `dialect_of`."""
+    """What was known of a file when its dialect was determined. These are the arguments of `dialect_of`."""
 
     names: Sequence[str]
     facts: Facts
@@ -47,8 +47,8 @@ class Seen(NamedTuple):
 
     @property
     def columns(self) -> Sequence[str]:
-        """Return the names of the file's columns, and the names that neighbouring lines give. If there are no
-        names, return the columns' positions.
+        """Return the names of the file's columns, and the labels of numbers in other lines of the file. If
+        there are no names and labels, return the columns' positions.
         """
         return (*self.names, *self.facts.beside) or [str(place + 1) for place in range(self.fields)]
 
@@ -150,8 +150,8 @@ def test_each_column_of_a_row_is_in_one_of_its_files(one: Dialect) -> None:
 
 @of_each_file
 def test_of_several_rows_for_a_file_the_special_one_stands_first(one: Dialect, name: str) -> None:
-    """If several rows of the table match a file, the first one is the most special. So some example file of
-    each other row does not match the first row.
+    """If several rows of the table match a file, the first of them has to be the most special one. For each
+    of the others, at least one of its example files must therefore not match the first row.
     """
     first, *others = seen(name).all()
     assert first is one
@@ -160,7 +160,9 @@ def test_of_several_rows_for_a_file_the_special_one_stands_first(one: Dialect, n
 
 
 def without_a_fact(one: Dialect, found: Seen) -> Iterator[tuple[str, Seen]]:
-    """Yield what is known of a file, each time without one fact by which its dialect is recognised."""
+    """Yield what is known of a file, without one of the facts by which its dialect is recognised. Each fact
+    is missing once.
+    """
     for pattern in one.names:
         names, beside = (
             tuple(name for name in some if not re.fullmatch(pattern, name))

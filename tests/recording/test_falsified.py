@@ -58,7 +58,7 @@ def head_is_shown(case: Case, found: Figures) -> bool:
 
 
 def given(case: Case, found: Figures) -> bool:
-    """Return whether the user's option decides about the falsified fact, and a note of the result says so.
+    """Return whether a note of the result says that the user's option decides about the falsified fact.
 
     The option decides if the file states nothing, or if only the logger's dialect contradicts the option.
     """
@@ -84,8 +84,9 @@ UNDETECTABLE: dict[str, tuple[str, Shown]] = {
         lambda case, found: found.says("accelerometer", "missing"),
     ),
 }
-"""Falsifications that change the resulting figures without an error, since the file stays consistent. Each
-has the reason, and a function that returns whether the result shows the falsified value.
+"""Falsifications that change the resulting figures without an error, since the file stays consistent. For
+each, this mapping holds the reason why nothing contradicts it, and a function that returns whether the result
+at least shows the falsified value.
 """
 
 OTHER_CLOCK_WITHOUT_UNIT = {
@@ -95,11 +96,13 @@ OTHER_CLOCK_WITHOUT_UNIT = {
     "gopro.csv",
     "gopro_zxy.csv",
 }
-"""Files in which a second clock could count thousandths of what the first clock counts."""
+"""Files with two clocks of which one has no stated unit, so it could count thousandths of what the other
+clock counts.
+"""
 
 
 def is_of_one_fact(case: Case, found: Figures, truth: Figures) -> bool:
-    """Return whether the result differs from the truth as it does after a change of one fact: only the
+    """Return whether the difference between result and truth can come from one changed fact. Then only the
     sampling rate differs, or all axes differ by the same factor.
     """
     if case.kind in ("two sensors by turns", "names of the sensors swapped"):
@@ -111,8 +114,8 @@ def is_of_one_fact(case: Case, found: Figures, truth: Figures) -> bool:
 
 
 def wrong_in_silence(case: Case, truth: Figures, read: Callable[[], Figures]) -> str:
-    """Return a text that describes the result of reading a file if the result is wrong and nothing shows that
-    it is. Otherwise, return "".
+    """Read a falsified file. If the result is wrong and nothing shows this, return a text that describes the
+    result. Otherwise, return "".
 
     The result is right if the falsified file is refused, or if it is read as before the falsification.
     """
@@ -157,8 +160,8 @@ def renamed(names: dict[str, str]) -> Columns:
 class Table(NamedTuple):
     """A table in which one fact is falsified.
 
-    `columns`: arrays by name, and single numbers, which are sampling rates. `shows`: question, evidence and
-    value of the answer in which the reader shows the change, or None if the file is refused.
+    `columns`: the arrays and the sampling rates (single numbers), by name. `shows`: the answer in which the
+    reader has to show the change, as question, evidence and value; None if the reader has to refuse the file.
     """
 
     columns: Columns
@@ -182,8 +185,8 @@ TABLES = {
     "an axis is shorter": Table({**WHOLE, "gyro_y_dps": GYRO_DPS[:-1, 1]}),
     "an axis is no number": Table({**WHOLE, "gyro_y_dps": np.full(len(TIMES_S), "0.1")}),
 }
-"""For each falsified fact, a table in which nothing else could reveal the change, and the answer that shows
-it.
+"""Tables by the fact that is falsified in them. If nothing else in the table contradicts this fact, an answer
+of the reader has to show it.
 """
 
 

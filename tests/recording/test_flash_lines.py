@@ -1,4 +1,6 @@
-"""Tests text logs of ArduPilot: names from FMT rows, and rows of one kind and one sensor."""
+"""Tests text logs of ArduPilot: FMT rows give the columns' names, and rows of one kind and one sensor are
+read.
+"""
 
 import itertools
 from pathlib import Path

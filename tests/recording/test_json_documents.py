@@ -1,4 +1,6 @@
-"""Tests JSON documents: several sensors in one document, facts next to a table, and documents by pandas."""
+"""Tests JSON documents: several sensors in one document, facts that stand next to a table, and documents that
+pandas writes.
+"""
 
 import json
 from pathlib import Path

@@ -67,7 +67,7 @@ def plain(n: int) -> Iterator[str]:
 
 
 def pages(n: int) -> Iterator[str]:
-    """Yield pages, each with a header. An unused column has another name on each page."""
+    """Yield pages of rows, each with a header. One column is not used, and has another name on each page."""
     for k in range(n):
         if k % 10 == 0:
             yield HEADER.strip() + f",page {k}\n"
@@ -265,8 +265,8 @@ JUNK: dict[str, Callable[[int], str]] = {
     "quotes": lambda k: f'"a{k},1,2\n',
     "wrong checksums": lambda k: f"$VNYMR,1,2,3,4,5,6,7,8,9,1,2,{k}*00\n",
 }
-"""Texts in which few or no lines are rows. In these, Python's own functions are called too often to be
-counted.
+"""Texts in which few or no lines are rows. Reading them calls Python's own functions so often that counting
+these calls would take too long.
 """
 JUNK_LINES = 500
 
@@ -292,8 +292,8 @@ def test_a_line_that_is_no_row_costs_a_few_calls(name: str, head: str, tmp_path:
 
 
 def test_the_columns_have_to_be_named_in_the_first_lines(tmp_path: Path) -> None:
-    """The columns have to be named within a fixed number of first lines. Neither the length of these lines
-    nor the number of bytes that have been read counts.
+    """The columns have to be named in the first HEAD_LINES lines. This limit is a number of lines, whatever
+    their length in bytes.
     """
     path = tmp_path / "rest.csv"
     path.write_text("x\n" * (HEAD_LINES - 2) + "".join(plain(100)))
@@ -305,7 +305,9 @@ def test_the_columns_have_to_be_named_in_the_first_lines(tmp_path: Path) -> None
 
 @pytest.mark.parametrize("end", ["", "\n"])
 def test_lines_that_are_none_of_a_recording_are_looked_at_once(end: str, work: Counter[str]) -> None:
-    """The lines come before the columns are known: words, numbers with labels, or one endless line."""
+    """Lines that name no columns are examined once each. They consist of words and of numbers with labels, or
+    are one endless line.
+    """
     done = []
     for n in (ROWS // 2, ROWS):
         work.clear()
@@ -319,8 +321,8 @@ def test_lines_that_are_none_of_a_recording_are_looked_at_once(end: str, work: C
 
 
 def test_a_document_that_never_ends_is_not_joined_again_and_again() -> None:
-    """All pieces are parts of one endless line. Joining all earlier pieces whenever a piece arrives would
-    take hours.
+    """An endless document arrives in pieces. If all earlier pieces were joined whenever a piece arrives, the
+    test would take hours.
     """
     documents = text_forms.YamlDocuments()
     for _ in range(20_000):

@@ -26,7 +26,9 @@ def test_ndjson_keeps_hello_and_samples_in_order(tmp_path: Path) -> None:
 
 
 def test_epochs_that_another_version_wrote_are_read(tmp_path: Path) -> None:
-    """A replay needs only an epoch's reason; its estimator settings have changed between versions."""
+    """A replay needs only the reason why an epoch began. The record's estimator settings are not read, since
+    their form has changed between versions.
+    """
     old = '{"class":"epoch","epoch":1,"reason":"restart","host_ns":7,"estimator":{"engine":"reference"}}'
     found, _ = read_ndjson(ndjson_file(tmp_path, HELLO, old, SAMPLE))
     assert isinstance(found[1], EpochMark)

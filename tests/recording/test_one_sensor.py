@@ -1,4 +1,4 @@
-"""If one table holds rows of several sensors, the user chooses one, and samples of two are never mixed."""
+"""If a table holds rows of several sensors, the user chooses one, and no rows of two sensors are mixed."""
 
 import itertools
 import json
@@ -136,7 +136,7 @@ def assert_is(stored: Stored, sensor: int, count: int = N) -> None:
 def test_one_of_several_is_asked_for_and_read(
     form: Callable[..., Stored], ids: list[str], later_s: float, tmp_path: Path
 ) -> None:
-    """The user is asked for the sensor, whatever the sensors' names, with equal times or not."""
+    """The user is asked for the sensor, whatever the sensors' names and whether their times are equal."""
     columns = table(ids, [0, 1, 2] * N, later_s=later_s)
     asked = refusal(form, tmp_path, columns)
     assert f"which sensor is meant: column sensor_id tells several apart ({ids[0]}, {ids[1]}" in asked
@@ -370,7 +370,7 @@ def test_alike_sensors_are_told_by_their_turns(
 def side_by_side(folder: Path, **how: Any) -> Stored:
     """Return data of two Shimmer sensors as ConsensysPRO writes them.
 
-    The numbers of the second are three times as large.
+    The rates of the second sensor are three times those of the first.
     """
     names = [f"Shimmer_{of}_{name}_CAL" for of in ("B5A1", "B5A12") for name in ("Timestamp_Unix", *SHIMMER)]
     units = ["ms", *["deg/s"] * 3] * 2

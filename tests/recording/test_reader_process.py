@@ -1,4 +1,4 @@
-"""Files that would fill the memory, or keep a library busy, are refused with little memory and time."""
+"""Files that would fill the memory or keep a library busy are refused, which takes little memory and time."""
 
 import contextlib
 import gzip

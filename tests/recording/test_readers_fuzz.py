@@ -43,14 +43,14 @@ from tests.rig.tiers import long_but, slow, slow_but
 
 LIMITS = Limits(max_chunk_mb=1, max_mb=1)
 MOST_BYTES = 40_000_000
-"""Largest memory that reading may take [bytes]: twice the limits for data, and the memory that a recording
-within these limits needs besides.
+"""Largest memory that reading may take [bytes]. It allows for twice the limits for data, and for what a
+recording within these limits needs besides its data.
 """
 
 Change = tuple[float, bytes, int]
 places = st.floats(0, 1, exclude_max=True)
 LENGTHS = [byte * count for byte in (b"\x00", b"\xff") for count in (1, 2, 4, 8)]
-"""The bytes of the smallest and of the largest length that a format can state, in a field of 1, 2, 4 or 8
+"""Encoded lengths: the smallest and the largest length that a format can state in a field of 1, 2, 4 or 8
 bytes.
 """
 holes = st.tuples(places, st.integers(13, 3000)).map(lambda hole: (hole[0], bytes(hole[1]), hole[1]))
@@ -107,9 +107,10 @@ def check_finite(found: Loaded) -> None:
 
 
 def check(folder: Path, name: str, data: bytes) -> None:
-    """Read a file by all code; for about a third of the files, chosen by checksum, measure the memory.
+    """Read a file with all code that reads recordings. For about a third of the files, chosen by checksum,
+    also measure the memory that this takes.
 
-    Measuring takes two thirds of the time. The files that need most memory are tested in
+    Measuring the memory takes two thirds of the test's time. The files that need most memory are tested in
     test_hostile_files.py.
     """
     path = folder / name
@@ -191,9 +192,9 @@ def test_the_real_files_are_read(name: str, real: Files, folder: Path) -> None:
     "name", long_but(["rest.npz", "rest.csv", "ros2.db3", "rest.h5"], KINDS, quick=["rest.npy"])
 )
 def test_files_that_were_changed_anywhere(name: str, real: Files, folder: Path) -> None:
-    """Files that a library reads are changed in as few examples as the logs further below.
+    """Readers withstand changes anywhere in a file. Files that a library reads are tested with few examples.
 
-    For these files, the test only covers how errors of the library are handled.
+    For files that a library reads, the test only covers how errors of the library are handled.
     """
 
     @given(how=changes)
@@ -209,7 +210,9 @@ def test_files_that_were_changed_anywhere(name: str, real: Files, folder: Path) 
 @settings(max_examples=12)
 @pytest.mark.parametrize("name", ["ardupilot.bin", "labview.tdms", "asam.mf4", "px4.ulg", "matlab.mat"])
 def test_logs_that_were_changed_anywhere(name: str, folder: Path, how: list[Change]) -> None:
-    """The libraries for these logs take a second to start, so each file is read once."""
+    """Readers withstand changes anywhere in a log. The libraries for these logs take a second to start, so
+    each changed file is read once.
+    """
     path = folder / name
     path.write_bytes(changed((HERE / name).read_bytes(), how))
     with contextlib.suppress(FlteaError):
@@ -248,7 +251,7 @@ def test_ndjson_with_odd_values(real: Files, folder: Path, line: int, key: int, 
 
 
 ARRAYS = [name for name in NPZ_ARRAYS if name not in ("gyro_dps", "accel_ms2")]
-"""The arrays of a recording in counts."""
+"""The arrays of an .npz file whose samples are in counts."""
 
 
 @pytest.mark.slow

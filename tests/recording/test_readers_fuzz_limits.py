@@ -1,4 +1,6 @@
-"""Files that refer to others, messages with many fields, and sessions with few resources give an error."""
+"""Files that refer to other files, messages with many fields, and sessions with few resources lead to an
+error with a reason.
+"""
 
 import contextlib
 import json
@@ -54,7 +56,7 @@ def test_hdf5_never_reads_another_file(
             file.create_group("imu").attrs.update({"pandas_type": "frame", "nblocks": 1})
             file["imu/block0_items"] = [b"gyro_x_dps"]
         for place, kind, target in places:
-            # raised if a link of this name exists already
+            # one of these errors is raised if a link of this name exists already
             with contextlib.suppress(ValueError, OSError, RuntimeError):
                 _put(file, place, kind, target)
     before = os.getcwd()
@@ -64,7 +66,7 @@ def test_hdf5_never_reads_another_file(
         with contextlib.suppress(FlteaError, KeyError, ValueError):
             sheet = hdf5.read(path, "")
             for block in sheet.blocks(range(len(sheet.names))):
-                # values of another file, or values that HDF5 fills in, would be 0
+                # a value from another file, or one that HDF5 puts in for missing data, would be 0
                 assert not (block == 0).any()
     finally:
         os.chdir(before)

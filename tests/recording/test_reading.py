@@ -159,9 +159,10 @@ MAYBE = st.none() | st.sampled_from(UNITS)
 
 
 def expected(given_: str | None, stated: set[str], told: str | None) -> tuple[str, str] | None:
-    """Return the unit that the reader should choose, and the evidence for it.
+    """Return what the reader should conclude from the evidence about a unit: the unit, and the evidence that
+    decides.
 
-    Return ("", reason) for a contradiction, and None if the unit is missing.
+    If the evidence is contradictory, return ("", reason). If there is none, return None.
     """
     if len(stated) > 1:
         return None if given_ is None and not stated else ("", "differ")

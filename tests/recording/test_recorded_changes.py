@@ -25,7 +25,9 @@ CHANGES = [STEP, DOWN, MOVES, RESTS, replace(MOVES, host_ns=12 * 10**9)]
 
 
 def recorded(folder: Path, *changes: Step | Motion, **settings: object) -> list[AnyRecord]:
-    """Record the output of a device at rest, and then these records; return all records."""
+    """Write the records of a device at rest, then the steps and motions `changes`, to a recording. Return all
+    records.
+    """
     live, sink = record(folder, transport(samples=60), end=False, **settings)
     for one in changes:
         sink.write(one)
@@ -45,7 +47,7 @@ def test_they_are_channels_with_schemas(tmp_path: Path) -> None:
     null = {"/due/step": {}, "/due/motion": {"samples": None, "largest": None}}
     said = [null[topic] | msgspec.json.decode(message.data) for topic, message in found]
     again = [msgspec.convert(one, Step | Motion) for one in said]
-    # sorted by time, as readers of MCAP return the messages
+    # the records are sorted by time, since readers of MCAP return messages in this order
     wanted = sorted(of(Step | Motion, live), key=lambda one: one.host_ns)
     assert again == wanted
     assert [message.log_time for _, message in found] == [one.host_ns for one in wanted]

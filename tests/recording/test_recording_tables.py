@@ -33,7 +33,9 @@ def many_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def exported(folder: Path, what: str) -> tuple[list[dict[str, str]], dict[str, np.ndarray]]:
-    """Export the recording in `folder / "rec"`; return rows of CSV by column name, and arrays."""
+    """Export the recording in `folder / "rec"` as .csv and as .npz. Return the rows of the CSV file, each by
+    column name, and the arrays of the .npz file.
+    """
     for name in ("out.csv", "out.npz"):
         export([folder / "rec"], folder / name, what, 100)  # type: ignore[arg-type]
     with (folder / "out.csv").open(newline="", encoding="utf-8") as file, np.load(folder / "out.npz") as data:
@@ -41,8 +43,8 @@ def exported(folder: Path, what: str) -> tuple[list[dict[str, str]], dict[str, n
 
 
 def comparable(records: list, kind: type[Any]) -> list[tuple]:
-    """Return epoch and axes of each estimate. Its host time and number are left out, since a file without a
-    host's clock lacks them.
+    """Return epoch and axes of each estimate. The estimate's host time and number are left out, since a file
+    without times of the host clock lacks them.
     """
     return [(r.epoch, r.axes) for r in of(kind, records)]
 

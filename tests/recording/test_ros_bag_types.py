@@ -143,7 +143,7 @@ def test_samples_of_a_fifo_are_those_of_one_axis_each(tmp_path: Path) -> None:
         time = TIMES_US[k]
         head = {"timestamp": time + 9, "timestamp_sample": time, "device_id": 7, "dt": dt_us, "scale": scale}
         messages.append({**head, "samples": many, **arrays})
-    messages[50]["samples"] = 200  # damaged: a message can hold at most 32 samples
+    messages[50]["samples"] = 200  # this message is damaged: a message can hold at most 32 samples
     topics = {"/fifo": ("px4_msgs/msg/SensorGyroFifo", PX4_FIFO, messages)}
     for kind in ("mcap", "db3"):
         stored = open_bag(write_types(tmp_path / f"a.{kind}", topics, ARRIVALS))

@@ -293,7 +293,7 @@ def test_ros_in_json_has_its_convention(tmp_path: Path, kind: str) -> None:
 
 
 def described(**texts: str) -> dict[str, Any]:
-    """Return a JSON Schema whose texts describe the message (`root`), the field, an axis, or some other."""
+    """Return a JSON Schema with descriptions: of the message (`root`), its rates, an axis, another field."""
     axis = {"type": "number", **({"description": texts["axis"]} if "axis" in texts else {})}
     field = {"type": "object", "properties": dict.fromkeys("xyz", axis)}
     if "field" in texts:
@@ -482,7 +482,7 @@ def test_arrivals_tell_the_unit_of_times(tmp_path: Path, unit_s: float) -> None:
 
 
 def test_a_unit_of_times_that_nothing_tells(tmp_path: Path) -> None:
-    some = stamped((np.arange(N) * 7.0).tolist())  # times that count by 7 in no known unit
+    some = stamped((np.arange(N) * 7.0).tolist())  # the times grow by 7 per message, in no known unit
     stored = open_bag(write_objects(tmp_path / "a.mcap", some, STAMPS))
     assert stored.rate_hz == pytest.approx(RATE_HZ)
     assert (

@@ -54,8 +54,8 @@ def test_extra_rows_are_found_and_only_these(
 
 @given(SEEDS, PERIODS, NOWHERE)
 def test_they_are_found_where_the_clock_is_not_quite_even(seed: int, period: float, places: set[int]) -> None:
-    """Surplus rows are also found if the steps of the clock differ by 4 %, which is even enough for a
-    sensor's clock.
+    """Surplus rows are also found if the steps of the clock differ by 4 %. With such steps, times still count
+    as those of a sensor's clock.
     """
     alone = {place for place in places if not {place - 1, place - 2} & places}
     times, extra = with_rows((np.arange(N) + jitter(seed, 0.04)) * period, alone, seed, period)

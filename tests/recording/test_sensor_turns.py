@@ -96,7 +96,8 @@ def test_two_kinds_of_sensors_are_known_by_their_figures() -> None:
     later=st.sampled_from([0.0, 0.2, 0.5]),
     which=st.integers(0, 1),
 )
-# one row is missing, so most rows of the single piece are not where the turns would put them
+# all rows are in one piece, and one row is missing; from there on, the other sensor's rows stand at each
+# position
 @example(gone={41}, cuts=[], later=0.2, which=0)
 def test_turns_are_kept_in_whatever_pieces_rows_come(
     gone: set[int], cuts: list[int], later: float, which: int

@@ -93,7 +93,7 @@ def test_damage_at_the_end_of_an_array_is_found(tmp_path):
     path = tmp_path / "rest.npz"
     np.savez(path, gyro_dps=np.ones((AT_ONCE + 10, 1)), fs_hz=100.0)
     data = bytearray(path.read_bytes())
-    at = data.index(b"fs_hz.npy") - 200  # an offset within the last rows of the array of rates
+    at = data.index(b"fs_hz.npy") - 200  # this byte is in the last rows of the array of rates
     data[at] ^= 1
     path.write_bytes(data)
     with pytest.raises(UsageError, match="cannot be read"):

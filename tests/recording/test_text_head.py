@@ -168,7 +168,7 @@ UNITS_OF_OTHERS = (
     "# gyro range: 250 dps",
     "# Units: rad/s\n# gyro in deg/s and rad/s",
     "# gyro unit: rad/s\n# gyro unit: deg/s",
-    "# scale: 131 LSB/dps",  # contradicts the numbers, which have fractions and so are no counts
+    "# scale: 131 LSB/dps",  # the numbers contradict this scale: they have fractions, so they are no counts
 )
 
 

@@ -264,8 +264,9 @@ def test_what_is_no_time_stays(text: str) -> None:
 def test_milliseconds_that_are_not_padded(point: str, tmp_path: Path) -> None:
     """WitMotion's SDK for Python joins the numbers of a chip's time without padding, each converted by `str`.
 
-    github.com/WITMOTION/WitStandardProtocol_JY901, Python/Python-WitProtocol, wit_protocol_resolver.py,
-    get_chiptime. Read as a fraction, 9:46:40.5 would be half a second and not 5 ms.
+    See `get_chiptime` in wit_protocol_resolver.py in Python/Python-WitProtocol of
+    github.com/WITMOTION/WitStandardProtocol_JY901. So 9:46:40.5 means 5 ms after the second. Read as a
+    fraction, it would be half a second after.
     """
     text = "time,wx(deg/s)\n"
     for k in range(400):

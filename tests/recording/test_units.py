@@ -1,4 +1,4 @@
-"""Tests how units are read as people write them."""
+"""Tests that units are understood in the spellings that people use."""
 
 import math
 

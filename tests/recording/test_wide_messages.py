@@ -35,7 +35,8 @@ def schema_of(fields: int, parts: int = 0) -> bytes:
     """Return the Protobuf schema of a message with `fields` fields of type double, the first of which have
     the names NAMES.
 
-    `parts`: number of fields in each message of a list within this message, or 0 for no list.
+    `parts`: number of fields in each message of a list that this message contains. If it is 0, the message
+    contains no list.
     """
     found = descriptor_pb2.FileDescriptorSet()
     file = found.file.add(name="imu.proto", package="robot", syntax="proto3")

@@ -1,4 +1,6 @@
-"""Tests that some code sets each field of a record that has a default, so that no field is always empty."""
+"""Tests that each field of a record that has a default is set by some code. Otherwise the field would always
+be empty.
+"""
 
 import ast
 import re

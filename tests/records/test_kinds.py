@@ -24,7 +24,7 @@ Function = ast.FunctionDef
 
 @functools.cache
 def all_told() -> list[tuple[str, str]]:
-    """Return every error kind that the code of fltea reports, and where, as `told` finds them."""
+    """Return every error kind that the code of fltea reports, and where. The function `told` finds them."""
     files = sorted((ROOT / "host/fltea").rglob("*.py"))
     return list(
         told(
@@ -88,7 +88,7 @@ def kinds_in(value: ast.expr, defined: dict[str, list[Function]], place: str) ->
             makers = defined.get(name_of(func), [])
             assert makers, f"{place}: nobody defines {name_of(func)}, which gives kind and text"
             return {kind for maker in makers for kind in returned(maker)}
-    return set()  # a variable or an attribute: its kind is found where the error was made
+    return set()  # `value` is a variable or an attribute: the kind is found where the error was made
 
 
 def returned(function: Function) -> set[str]:

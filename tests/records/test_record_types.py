@@ -72,7 +72,7 @@ def test_a_key_has_one_type_in_all_records() -> None:
 
 
 def absent(of: inspect.Type, key: str = "") -> Iterator[str]:
-    """Yield the keys of a record whose value is an object or a list, or null."""
+    """Yield the keys of a record whose value is either null or an object or list."""
     some = [one for one in members(of) if not isinstance(one, inspect.NoneType)]
     for one in some:
         if len(some) < len(members(of)) and kind(one) in ("object", "array"):

@@ -1,5 +1,5 @@
-"""Tests that the error names the limit that was probably reached, in one sentence, if the system refuses more
-memory or threads.
+"""If the system refuses more memory or threads, the error names the limit that was probably reached, in one
+sentence.
 """
 
 import errno
@@ -34,7 +34,8 @@ def test_a_command_says_which_limit_is_to_blame(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     def fails() -> None:
-        raise KeyError("gyro") from error  # a library may raise another exception because of the first one
+        # a library may catch `error`, and raise another exception because of it
+        raise KeyError("gyro") from error
 
     monkeypatch.setattr(app, "app", fails)
     monkeypatch.setattr(sys, "argv", ["fltea", "devices"])

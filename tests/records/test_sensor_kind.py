@@ -1,4 +1,6 @@
-"""Tests that the declared names of both kinds of sensors fit the records, settings and units."""
+"""Tests that the names declared for each kind of sensor (gyroscope, accelerometer) exist in records, settings
+and units.
+"""
 
 import msgspec
 import pytest
