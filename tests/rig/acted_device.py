@@ -75,8 +75,8 @@ ACTS = (
 class Birth(NamedTuple):
     """How the device starts.
 
-    The fields are number and time of the first sample, the seed of the noise, and whether a HELLO comes
-    first.
+    The fields are the number and the time of the first sample, the seed of the noise, and whether a HELLO
+    precedes the samples.
     """
 
     sequence: int

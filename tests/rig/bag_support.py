@@ -66,7 +66,7 @@ class Messages(NamedTuple):
     arrival_ns: Sequence[int] | None = None
     frame: str | Sequence[str] = "imu_link"
     unknown: tuple[str, ...] = ()
-    """Sensors ("gyro" or "accel") whose covariance states that they are not measured."""
+    """The messages' covariances state that these sensors ("gyro" or "accel") are not measured."""
 
     def rows(self, chosen: Any) -> "Messages":
         """Return the messages at the chosen indices, some of which may occur twice."""

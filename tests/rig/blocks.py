@@ -88,7 +88,7 @@ def block_of_records(sample: Sample, estimate: Estimate | None = None) -> Block:
 
 
 def tracked_columns(unit: str, found: dict[str, AxisEstimate]) -> TrackedColumns:
-    """Return the estimates of one sample as the columns of a block of one row that hold the tracked bias."""
+    """Return the bias fields of one sample's estimates, as `TrackedColumns` of a block of one row."""
     axes = found.values()
     return TrackedColumns(
         tuple(found),
@@ -187,8 +187,8 @@ def track_all(decoder: Decoder, samples: Sequence[RawSample]) -> list[Tracked | 
 
 
 def track_events(events: Iterable[Event]) -> tuple[SampleStats, list[Decoded]]:
-    """Decode the blocks of samples among all events of a source. Return the decoder's final counts of
-    samples, and the decoded pieces.
+    """Decode all blocks of samples among the events of a source. Return the decoder's final counts of
+    samples, and the pieces into which it has decoded the blocks.
     """
     decoder = Decoder(lambda: 0, max_gap=100)
     found = [piece for event in events for piece in of(Decoded, decoder.feed(event))]

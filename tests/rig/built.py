@@ -1,4 +1,4 @@
-"""Compile the libraries that tests need, once even if several processes run tests."""
+"""Compile the libraries that tests need. Each is compiled only once, even if several processes run tests."""
 
 import ctypes
 import fcntl
@@ -14,7 +14,7 @@ BUILD = NATIVE.parents[1] / "build"
 DOUBLES, COUNTS, BYTES = (
     np.ctypeslib.ndpointer(kind, flags="C") for kind in (np.float64, np.int16, np.uint8)
 )
-"""Argument types that are common in the probes' functions."""
+"""Argument types that many functions of the probes (libraries in tests/native) have."""
 
 
 def make(folder: Path, build: Path, *goals: str | Path) -> None:

@@ -71,7 +71,7 @@ def rows_in(folder: Path) -> list[dict[str, Any]]:
 
 
 def values(folder: Path) -> list[dict[str, Any]]:
-    """Return the rows of a table without the columns on computing time."""
+    """Return the rows of a table without the columns that contain computing times."""
     return [{**row, "seconds": None} for row in rows_in(folder)]
 
 

@@ -42,8 +42,8 @@ class Figures(NamedTuple):
     marks: frozenset[str]
 
     def is_like(self, other: "Figures") -> bool:
-        """Return whether all figures of two recordings agree. Most may differ by 5 %, a mean by a tenth of
-        the noise.
+        """Return whether all figures of two recordings agree. The means may differ by a tenth of the noise,
+        all other figures by 5 %.
         """
         if self.noise.shape != other.noise.shape or not _near(self.rate_hz, other.rate_hz):
             return False
@@ -54,8 +54,8 @@ class Figures(NamedTuple):
         )
 
     def has_gravity_of(self, other: "Figures") -> bool:
-        """Return whether the mean specific force equals that of `other`, or the program says that it may be
-        wrong.
+        """Return whether the mean specific force equals that of `other`, or the program says that this force
+        may be wrong.
 
         The two are equal if they agree within 5 %. Otherwise the program has to report that the accelerometer
         was not read, or a data check has to mark gravity as wrong.
@@ -135,7 +135,7 @@ class Text(NamedTuple):
 
 
 class Case(NamedTuple):
-    """One falsification of one file.
+    """One falsified file.
 
     `kind`: kind of the falsification in the test's table. `name`, `options`: file name and options for
     reading the file.
@@ -164,7 +164,8 @@ def read_text(name: str, text: str, options: str) -> Figures:
 def text_of(name: str) -> Text:
     """Split a file of the corpus as the reader understands it.
 
-    The result has the numbers of its first row and of the lines with column names and units.
+    The result contains the number of the first line with samples, and those of the lines with column names
+    and with units.
     """
     data = (HERE / name).read_bytes()
     text = data.decode("utf-16" if data.startswith(b"\xff\xfe") else "utf-8-sig")

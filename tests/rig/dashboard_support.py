@@ -119,7 +119,7 @@ def told(*groups: list[AnyRecord], who: EstimateOn = "host") -> DeviceHistory:
 
 
 def columns(history: DeviceHistory, axis: str, window: int = 0) -> dict[str, np.ndarray]:
-    """Return the columns of data that the figures of one axis show, for a time window."""
+    """Return the columns of data that the live page's diagrams of one axis show, for a time window."""
     values = history.course.read(window, Cursor()).values
     return {name: values[:, place] for name, place in history.course.columns(axis).items()}
 
@@ -180,9 +180,9 @@ def both(
     why_not: WhyNot = "other_settings",
     **own: Any,
 ) -> list[AnyRecord]:
-    """Return the records with additional estimates by the device, whose α and f differ from the host's.
+    """Return the records with additional estimates by the device.
 
-    The differences for a sample are `apart(sequence number)`.
+    For each sample, the device's α and f differ from the host's by `apart(sequence number)`.
 
     `apart`: returns None for a sample whose estimates cannot be compared. `why_not`: reason given for such a
     sample.

@@ -20,8 +20,8 @@ from tests.rig.built import BYTES, COUNTS, DOUBLES, probe
 
 VARIANTS = ("joint", "triple")
 FIELDS = Estimate._fields[: Estimate._fields.index("tracker_bias")]
-"""Fields of ESTIMATE that the estimator fills. The fields of the bias tracker come from the fits
-(spectrum_probe).
+"""Fields of ESTIMATE that the estimator fills. The other fields are those of the bias tracker
+(tests/rig/spectrum_probe.py).
 """
 
 

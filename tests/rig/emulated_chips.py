@@ -58,13 +58,13 @@ _MPU9250 = Emulated(
     at_25_c=1335,
     counts_a_c=333.87,
     kept={
-        0x19: 9,  # 1 kHz / (1 + 9)
-        0x1A: 0x41,  # DLPF_CFG 1: 184 Hz; FIFO_MODE
-        0x1B: 0x18,  # ±2000 deg/s
-        0x1C: 0x00,  # ±2 g
-        0x1D: 0x01,  # 184 Hz
+        0x19: 9,  # the sampling rate is 1 kHz / (1 + 9)
+        0x1A: 0x41,  # DLPF_CFG 1 (the gyroscope's low-pass has 184 Hz), and the bit FIFO_MODE
+        0x1B: 0x18,  # the gyroscope's range is ±2000 deg/s
+        0x1C: 0x00,  # the accelerometer's range is ±2 g
+        0x1D: 0x01,  # the accelerometer's low-pass has 184 Hz
         0x23: 0xF8,  # the FIFO gets temperature, three gyroscope axes and acceleration
-        0x38: 0x10,  # FIFO_OFLOW_EN
+        0x38: 0x10,  # FIFO_OFLOW_EN: an overflow of the FIFO causes an interrupt
         0x6A: 0x40,
         0x6B: 0x01,
     },
@@ -108,14 +108,14 @@ EMULATED = {
         at_25_c=1335,
         counts_a_c=333.87,
         kept={
-            0x006: 0x01,  # not asleep; the chip selects the best clock
-            0x007: 0x00,  # all axes enabled
-            0x200: 8,  # 1125 Hz / (1 + 8)
-            0x201: 0x07,  # GYRO_DLPFCFG 0: 196.6 Hz; ±2000 deg/s; filter on
+            0x006: 0x01,  # the chip is awake and selects the best clock
+            0x007: 0x00,  # all axes are enabled
+            0x200: 8,  # the gyroscope's rate is 1125 Hz / (1 + 8)
+            0x201: 0x07,  # GYRO_DLPFCFG 0: the gyroscope's low-pass is on, with 196.6 Hz; range ±2000 deg/s
             0x209: 0x01,
             0x210: 0,
             0x211: 8,
-            0x214: 0x01,  # ACCEL_DLPFCFG 0: 246 Hz; ±2 g; filter on
+            0x214: 0x01,  # ACCEL_DLPFCFG 0: the accelerometer's low-pass is on, with 246 Hz; range ±2 g
             0x067: 0x1E,  # the FIFO gets acceleration and the rates of three axes
             0x069: 0x01,
             0x068: 0x00,  # as long as this reset bit is set, the FIFO stays empty

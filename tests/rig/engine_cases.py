@@ -82,7 +82,7 @@ def reference_run(
 ) -> Array:
     """Return the estimates of the reference implementation, of shape (n, len(ESTIMATES)).
 
-    The settings must be single numbers, not arrays with a value for each lane.
+    The settings must be single numbers, not arrays with a value for each lane (axis).
 
     `changes`: Q and R that take effect at the given samples.
     """

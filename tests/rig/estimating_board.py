@@ -72,7 +72,7 @@ def said(at: int, message: wire.Message, sequence: int = 0) -> Sent:
 
 
 def chunks(sent: Iterable[Sent], start: int = 0) -> Iterator[Chunk]:
-    """Yield each frame that was sent as one chunk of bytes with its arrival time.
+    """Yield each sent frame as a chunk of bytes with an arrival time.
 
     `start`: number of sampling periods by which all arrival times are later.
     """

@@ -95,7 +95,7 @@ class FakeHost:
 class FakeBus:
     """An `smbus2.SMBus` with one chip.
 
-    `inject`: errno with which a transaction fails, or None.
+    `inject`: called before each transaction; returns the errno with which the transaction fails, or None.
     """
 
     def __init__(self, host: FakeHost, chip: Chip, baud: int = 400_000) -> None:

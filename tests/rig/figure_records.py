@@ -42,7 +42,7 @@ from tests.rig.fit_support import FRACTIONAL, with_curves
 from tests.rig.host_support import hello
 
 KEYS: dict[str, Any] = {"str": "order_box", "int": 60}
-"""An example key for each type of keys, used in mappings that the example records leave empty."""
+"""For each type of keys, a key that is put into mappings that the example records leave empty."""
 
 
 def parts_of(hint: Any) -> Iterator[Any]:

@@ -56,7 +56,7 @@ def fltea(*arguments: str | Path, columns: int = 200) -> subprocess.CompletedPro
 
 
 def fltea_here(*arguments: str | Path, columns: int = 200) -> subprocess.CompletedProcess[str]:
-    """Run fltea in this process, without the start of Python and the imports.
+    """Run fltea in this process, which saves the start of Python and the imports.
 
     Use this for commands that end without a signal, if only their output matters.
     """
@@ -94,7 +94,7 @@ def strict_records(output: str | bytes) -> list[AnyRecord]:
     found = []
     for line in data.splitlines():
         assert line.startswith(b'{"class":"'), line[:80]
-        record = _decoder.decode(line)  # refuses unknown fields, wrong types, and NaN
+        record = _decoder.decode(line)  # the decoder refuses unknown fields, wrong types, and NaN
         assert record_json(record) == line
         found.append(record)
     return found

@@ -74,8 +74,8 @@ MCAP_LIES: dict[str, Callable[[], bytes]] = {
     "a frame that declares 4 GB": lambda: chunk("zstd", _frame_declaring(4_200 * MB), 900),
     "an unknown packer": lambda: chunk("\x1b[31mrar", b"", 9),
 }
-"""Functions that make recordings with a damaged chunk that is not large, by name. A reader must read the data
-after that chunk.
+"""Functions that make recordings, by name. In each, one chunk is damaged but not large. A reader must read
+the data after that chunk.
 """
 
 

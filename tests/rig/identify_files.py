@@ -33,9 +33,10 @@ def npz(path: Path, raw: np.ndarray, **extra: object) -> Path:
 
 
 class Deadly:
-    """An object that replaces a path and kills the process that reads it, at the first `times` attempts.
+    """An object that a test uses in place of a path. It kills the process that receives it, at the first
+    `times` attempts.
 
-    Only a process that receives this object dies, because unpickling the object kills the process.
+    The object kills a process by being unpickled, so the process that makes and sends it survives.
     """
 
     def __init__(self, path: Path, mark: Path, times: int) -> None:

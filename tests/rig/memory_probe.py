@@ -98,8 +98,8 @@ class Memory:
 
     @property
     def modes(self) -> tuple[int, int]:
-        """Return two numbers: with how many exponentials (modes) the memory computes the sum of states, and
-        with how many the sum of variances.
+        """Return two numbers of exponentials (modes): those from which the memory computes the sum of states,
+        and those for the sum of variances.
 
         The length of the memory and `digits` determine these numbers.
         """

@@ -197,7 +197,7 @@ class Stage(contextlib.ExitStack):
     def client(self, port: int, name: str = "", **settings: Any) -> Client:
         """Return a connected client.
 
-        `settings`: `version`, `login` and `ca` configure the connection; each other setting is a function
+        `settings`: `version`, `login` and `ca` configure the connection. Each other setting is a function
         that handles an event.
         """
         version = settings.pop("version", MQTTProtocolVersion.MQTTv5)

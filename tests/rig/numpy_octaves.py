@@ -24,8 +24,8 @@ class Lines(NamedTuple):
 
 
 def _correlated(later: int) -> float:
-    """Return the sum of the squared correlations of one spectral line of a block of samples with all lines of
-    another block.
+    """Return the sum of squared correlations between one spectral line of a block of samples and all spectral
+    lines of another block.
 
     The other block begins `later` samples later.
     """

@@ -20,7 +20,7 @@ CUT = ("cobs", "oversize", "short", "crc")
 class Found(NamedTuple):
     """A frame or an error that was decoded from the bytes.
 
-    `end`: offset, in all bytes, of the first byte after it.
+    `end`: offset, from the first of all bytes, of the byte that follows the frame or error.
     """
 
     item: Frame | Refused | BadFrame

@@ -74,7 +74,7 @@ class Saved(NamedTuple):
     Filters and trackers are handed over, not copied, so the saved run cannot continue.
 
     `sample`: the last sample before the snapshot.
-    `unix_ns`: arrival time of the sample, by the date at the time of the snapshot [ns].
+    `unix_ns`: Unix time of the sample's arrival, by the machine's date when the snapshot was taken [ns].
     `made_with`: values that must be unchanged for the snapshot to be used.
     """
 
@@ -297,7 +297,7 @@ class PlainDeviceStream:
             yield self._error("no_axis", ", ".join(absent))
 
     def _lost(self, lost: list[Loss]) -> Iterator[Error]:
-        """Report which axes became invalid. An axis is reported at most once a minute."""
+        """Report which axes became invalid, each at most once a minute."""
         for axis, why in lost:
             told_ns = self._lost_told_ns.get(axis)
             if told_ns is None or self._now_ns - told_ns >= MINUTE_NS:

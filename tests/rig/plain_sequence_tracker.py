@@ -19,8 +19,8 @@ LONGEST_DISAGREEMENT_US = 5 * 60 * 10**6
 on the host's clock. After a reset, device time begins again, which can look like a gap of an hour.
 """
 CLOCK_TOLERANCE = 0.02
-"""Accepted relative difference between the time by sequence numbers and the device's time. It is twice the ±1
-% of a sensor's own clock.
+"""Largest accepted relative difference between two times since the last sample: the one that sequence numbers
+give, and the one that the device's clock gives. It is twice the ±1 % of a sensor's own clock.
 """
 LONGEST_GAP = 1_000_000
 """Largest number of lost samples that begin no epoch, however large `link.max_gap` is."""
@@ -139,7 +139,7 @@ class PlainSequenceTracker:
     def on_break(self, reason: EpochReason) -> None:
         """Begin an epoch at the next sample, because a recording says so.
 
-        If another reason to begin an epoch is known, it is kept.
+        A reason that is already known is kept, unless it is that the sensor restarted.
         """
         if self._reason in (None, "sensor_restart"):
             self._reason = reason

@@ -56,7 +56,7 @@ class SensorTracks:
     def take(self, sample: Vector, accel_ms2: Vector | None) -> dict[str, dict[str, object]]:
         """Update the trackers with one sample.
 
-        Return the fields of an estimate that they supply, for each axis.
+        For each axis, return the fields of an estimate that its tracker supplies.
 
         `accel_ms2`: the accelerometer's sample, by which the gyroscope's tracker detects motion as well.
         """

@@ -89,8 +89,8 @@ class BoardSpectrum:
     def track_by(self, verdict: int, *numbers: float) -> None:
         """Let the tracker use given parameters for the next samples.
 
-        `numbers`: α, g, s2 and R for a fractional noise; 1 - φ, its variance and R for a relaxation with
-        coefficient φ.
+        `numbers`: for a fractional noise α, g, s2 and R; for a relaxation with coefficient φ (a first-order
+        Gauss-Markov process) 1 - φ, the relaxation's variance and R.
         """
         given = np.array([verdict, *numbers, *[0.0] * (4 - len(numbers))])
         library().spectrum_design(self._axis, given)

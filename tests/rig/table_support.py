@@ -42,7 +42,8 @@ def hdf5(folder: Path, arrays: dict[str, Any], **how: Any) -> Stored:
     `arrays`: values by their path in the file. `path@name` stands for the attribute `name` of the data set or
     group `path`.
     """
-    path = folder / f"{next(_NUMBERS)}.h5"  # a new name each time, as h5py keeps the earlier file open
+    # each file gets a new name, since h5py keeps the earlier file open
+    path = folder / f"{next(_NUMBERS)}.h5"
     with h5py.File(path, "w", track_order=True) as file:
         for name, value in arrays.items():
             owner, mark, attribute = name.partition("@")
@@ -56,7 +57,8 @@ def hdf5(folder: Path, arrays: dict[str, Any], **how: Any) -> Stored:
 
 def with_attributes(folder: Path, values: Any, attributes: dict[str, Any], **how: Any) -> Stored:
     """Write gyroscope samples at 100 Hz to a data set with these attributes, and open the file."""
-    path = folder / f"{next(_NUMBERS)}.h5"  # a new name each time, as h5py keeps the earlier file open
+    # each file gets a new name, since h5py keeps the earlier file open
+    path = folder / f"{next(_NUMBERS)}.h5"
     with h5py.File(path, "w") as file:
         file["gyro"] = values
         file["t"] = TIMES_S

@@ -46,7 +46,7 @@ def unplug(made: list[Terminal]) -> None:
 class SpeakingPort:
     """A pseudo-terminal that sends bytes every `every_s` seconds.
 
-    The bytes sent the n-th time are those that `speech(n)` returns.
+    At the n-th time, it sends the bytes that `speech(n)` returns.
     """
 
     def __init__(self, speech: Callable[[int], bytes], every_s: float) -> None:

@@ -36,8 +36,8 @@ def kalman(s: System, y: Array) -> dict[str, Array]:
 
 
 def simulated(s: System, n: int, seed: int) -> tuple[Array, Array]:
-    """Return simulated measurements of a system, and its true states. States that have a stationary
-    distribution begin in it, the others at 0.
+    """Return simulated measurements of a system, and its true states. States with a stationary distribution
+    begin with a value drawn from this distribution, all other states at 0.
     """
     rng = np.random.default_rng(seed)
     moving = np.hypot(s.a, s.b) < 1

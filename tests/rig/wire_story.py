@@ -173,8 +173,8 @@ class StorySource(FedSource):
         self._together = together
 
     def read(self, moments: Sequence[Moment]) -> Iterator[Event]:
-        """Read the moments in groups of the sizes `together`. Where the port is lost, yield the ticks up to
-        that time, and open the port again.
+        """Read the moments in groups of the sizes `together`. Where the port is lost, yield the events of
+        passing time (ticks) up to that moment, and open the port again.
         """
         begin, turn = 0, 0
         while begin < len(moments):

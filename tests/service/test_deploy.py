@@ -23,7 +23,7 @@ from tests.rig.toolchain import needed
 DEPLOY = ROOT / "tools/deploy"
 SCRIPT = DEPLOY / "service.sh"
 LARGEST_EXPOSURE = 20
-"""Largest accepted "exposure level" of the service by `systemd-analyze security`, in tenths.
+"""Largest accepted "exposure level" of the service that `systemd-analyze security` shows, in tenths.
 
 The service's exposure level is 16 now, mostly since the service needs the network and the serial ports.
 """
@@ -53,7 +53,9 @@ def script(action: str, **environment: str | Path) -> subprocess.CompletedProces
 
 
 SHUT = "umask 077; exec "
-"""The beginning of a command in the shell of a careful administrator: only the user may read new files."""
+"""The beginning of a command that runs as in the shell of a careful administrator, where only the user may
+read new files.
+"""
 
 INSTALLER = """#!/bin/sh
 # Does to the umask what Python's venv and pip do to it: nothing.
@@ -215,8 +217,8 @@ def test_what_is_installed_under_a_strict_umask_can_be_read(tmp_path: Path) -> N
 
 
 def test_a_program_installed_under_a_strict_umask_is_run_by_any_user(tmp_path: Path) -> None:
-    """Any user can run the installed program. The second installation replaces files that, after the first
-    one, the test has made unreadable for other users.
+    """Any user can run the installed program. The program is installed twice. In between, the test makes
+    files unreadable for other users, and the second installation replaces these files.
     """
     python, program = tmp_path / "python", tmp_path / "opt/program"
     python.write_text(INSTALLER)

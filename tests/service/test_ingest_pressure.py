@@ -28,7 +28,9 @@ from tests.rig.memory_sink import Memory
 from tools.faults.server import Broker
 
 SECONDS, DEVICES = 120, ("a", "b")
-"""The seconds of samples from these devices are together more than a queue of 10,000 records has room for."""
+"""Each of these devices sends this many seconds of samples. Together these are more records than fit into a
+queue of 10,000.
+"""
 
 
 class Flood:
@@ -160,8 +162,8 @@ def test_a_broker_holds_what_has_no_room_and_does_not_give_us_up(
             publisher.publish("fltea/a/frames", k.to_bytes(2, "big").ljust(size), qos=1)
         wait_until(lambda: not publisher._out_messages, "that the broker has all")
         wait_until(lambda: not inbox.wait_for_room(0), "that no more has room")
-        # The ingest subscribes again and again as a sign of life. Without these signs, the connection would
-        # be closed by then: by the broker after 1.5 keepalive periods, by the client library after two.
+        # The ingest subscribes again and again as a sign of life. Without these signs, the broker would close
+        # the connection after 1.5 keepalive periods, and the client library after two. The test waits longer.
         wait_until(lambda: broker.said().count("Received SUBSCRIBE") > 8, "signs of life")
         found: list[int] = []
         while len(found) < count:
@@ -180,7 +182,7 @@ def test_what_is_turned_away_just_before_the_end_is_told_of() -> None:
     scene = Scene(queue_bytes=1_000_000)
     scene.sink.go.set()
     wait_until(lambda: scene.samples == 100 * len(DEVICES) * SECONDS, "all samples")
-    # keeps the regular checks from running before the end
+    # this time of the last check lets no further check run before the end
     scene.ingest.hearing.checked_ns = host_ns() + 10**12
     scene.ingest.inbox.put("bad name<b>", second_of(0, 0))
     scene.end()

@@ -253,7 +253,7 @@ def test_at_the_end_nothing_waits_for_more(hub, lines, monkeypatch, running) -> 
     """With many devices, samples wait for further ones, so that larger blocks are processed together. At the
     end of the program they are processed at once.
 
-    The patience is set so long here that samples would otherwise wait for longer than the test lasts.
+    In this test, PATIENCE_NS is so long that samples would otherwise wait for longer than the test lasts.
     """
     monkeypatch.setattr("fltea.service.port_loop.PATIENCE_NS", 10**12)
     monkeypatch.setattr("fltea.service.port_loop.DEVICES_A_SECOND", 0)

@@ -1,5 +1,5 @@
-"""Tests of snapshots of a device's state. From a good one, a later run's estimates continue bit for bit.
-Others must not be used.
+"""Tests of snapshots of a device's state. From a sound snapshot, a later run's estimates continue bit for
+bit. An unsound snapshot must not be used.
 """
 
 import errno
@@ -296,7 +296,7 @@ def test_a_folder_that_goes_is_told_once_and_the_old_file_kept(tmp_path: Path) -
 def test_a_file_that_is_none_of_ours_is_refused_and_left_alone(content: bytes, tmp_path: Path) -> None:
     path = tmp_path / "notes.txt"
     path.write_bytes(content)
-    for _ in range(2):  # twice, since the first attempt must not leave the file locked
+    for _ in range(2):  # the second attempt shows that the first one has not left the file locked
         with pytest.raises(UsageError, match="no snapshot of fltea"):
             state_file(path)
     assert path.read_bytes() == content
@@ -329,7 +329,7 @@ def test_a_file_that_cannot_be_one_is_refused(tmp_path: Path) -> None:
     ("changes", "reason"),
     [
         ({"bias_dps": (0.0,)}, "bias_dps has 1 numbers for 3 axes"),
-        ({"engine": None}, ""),  # stands for a snapshot whose last bytes are changed
+        ({"engine": None}, ""),  # this case stands for a snapshot whose last bytes are changed
     ],
     ids=str,
 )

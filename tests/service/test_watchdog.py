@@ -1,4 +1,6 @@
-"""Tests of the reports to systemd: they stop when a device stream hangs. A signal ends the waiting."""
+"""Tests that the reports to systemd stop when a device stream hangs, and that a signal ends the program's
+waiting.
+"""
 
 import math
 import signal

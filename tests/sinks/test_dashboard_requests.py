@@ -78,8 +78,8 @@ def test_the_page_is_for_those_who_know_the_password(tmp_path: Path) -> None:
     paths = "/", "/state?device=due", "/report.html?device=due"
     try:
         assert served.ask("GET", "/", Authorization=good).status == 200
-        # all paths at the same time, since the server delays the answer to a request without the right
-        # password
+        # the test requests all paths at the same time, since the server delays the answer to a request
+        # without the right password
         with ThreadPoolExecutor(len(paths)) as pool:
             assert [*pool.map(lambda path: served.ask("GET", path).status, paths)] == [401] * len(paths)
     finally:

@@ -13,8 +13,8 @@ KINDS = ("mean", "max", "min", "mean", "max")
 
 
 def fill(tiers: Tiers, values: list[float], begin_ms: float = 1e12, step_ms: float = 10.0) -> np.ndarray:
-    """Append rows to the tiers, and return them. A row has a time, a number, and three times the same value:
-    the tiers merge each column in another way.
+    """Append rows to the tiers, and return them. A row has a time, a number, and three columns with the same
+    value, since the tiers merge each of the three in another way.
     """
     rows = np.array([[begin_ms + k * step_ms, k, v, v, v] for k, v in enumerate(values)])
     for row in rows:
@@ -42,7 +42,9 @@ def test_buckets_are_what_their_samples_say(values: list[float]) -> None:
                 assert np.isnan(row[2:]).all()
                 continue
             assert (row[2], row[4]) == (good.min(), good.max())
-            if window == 0:  # in longer windows a row has the mean of means, which may differ
+            # in longer windows a row has the mean of other rows' means, which may differ from the mean of the
+            # samples
+            if window == 0:
                 assert row[0] == pytest.approx(inside[:, 0].mean())
                 assert row[3] == pytest.approx(good.mean(), rel=1e-9, abs=1e-6)
 
@@ -64,7 +66,7 @@ def test_a_reader_gets_every_row_once(bursts: list[int], window: int) -> None:
 
 def test_long_past_is_bounded_and_reaches_back_as_far_as_it_says() -> None:
     tiers = Tiers(KINDS)
-    fill(tiers, [0.0] * 5_000, step_ms=25_000.0)  # rows of 35 hours
+    fill(tiers, [0.0] * 5_000, step_ms=25_000.0)  # the rows span 35 hours
     for number in range(len(WINDOWS)):
         new = tiers.read(number, Cursor())
         assert len(new.values) <= MOST_ROWS

@@ -95,7 +95,7 @@ def test_figures_and_exceptions_are_of_fields_that_there_are() -> None:
     for kind, path in UNSHOWN:
         assert any(f"{found}.".startswith(f"{path}.") for found in numbers(kind)), (kind.__name__, path)
     for kind, path in DECLARED:
-        with_changed(EVERYTHING, kind, path)  # raises an error if the record has no such field
+        with_changed(EVERYTHING, kind, path)  # this call raises an error if the record has no such field
 
 
 def with_changed(records: Records, kind: type, path: str) -> Records:

@@ -72,7 +72,8 @@ def value(found: dict[tuple[str, Labels], float], name: str, **labels: str) -> f
 
 @pytest.fixture
 def serve(monkeypatch: pytest.MonkeyPatch) -> Iterator[Serve]:
-    monkeypatch.setattr("fltea.sinks.metrics.sink.POLL_S", 0.01)  # short, so that the output ends sooner
+    # this period is so short that the output ends without a long wait
+    monkeypatch.setattr("fltea.sinks.metrics.sink.POLL_S", 0.01)
 
     def start(
         *records: Any, sink_queues: Any = list, told: list[str] | None = None, **settings: Any
@@ -214,7 +215,8 @@ def test_several_at_once_while_records_come(serve: Serve) -> None:
             number += 1
             sink.write(msgspec.structs.replace(STATS, device=f"d{number % 40}"))
             sink.write(Error(f"k{number % 40}", "text", 1))
-            # lets the threads run that ask for metrics; otherwise they would wait long for the interpreter
+            # this lets the threads that ask for metrics run; otherwise they would wait long for the
+            # interpreter
             time.sleep(0)
     assert [one.exception() for one in asked] == [None] * 16
 

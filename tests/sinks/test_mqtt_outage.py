@@ -178,7 +178,8 @@ def test_every_record_is_acknowledged_waiting_or_lost(steps: list[str], qos: int
                     b.wait(40)
                 case "full":
                     b.connection.full = not b.connection.full
-            # two more than the limit, since the two retained state messages are always sent
+            # 6 is the limit; two more messages are allowed, since the two retained state messages are always
+            # sent
             assert len(b.sink._delivery._flight) <= 6 + 2
             assert len(b.sink._delivery._waiting) <= 4
             states = sum(m.retain for m in b.sink._delivery._flight.messages)

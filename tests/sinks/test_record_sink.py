@@ -309,7 +309,7 @@ def test_folder_that_cannot_be(tmp_path: Path) -> None:
 
 def test_a_too_slow_recorder_marks_the_place(tmp_path: Path) -> None:
     items = transport(samples=400)
-    sink = sink_in(tmp_path, rotate_s=1.2)  # files of 1.2 s: long enough that each contains a HELLO
+    sink = sink_in(tmp_path, rotate_s=1.2)  # the files are 1.2 s long, so that each contains a HELLO
     for item in items[:150]:
         sink.write(item)
     sink.on_overflow(33)

@@ -323,7 +323,7 @@ def test_each_axis_stands_in_the_sentence_that_the_page_has(width: int) -> None:
         ([HELLO, EPOCH, STATS], ["start-up window: 123 samples to go"], []),
         ([HELLO, OPENED], ["bad frames 2 "], []),
         ([HELLO, estimate(), EPOCH], ["no estimate yet"], ["0.412"]),
-        ([HELLO, FIT, EPOCH], ["Fractional"], []),  # in a new epoch, the last fit stays shown until the next
+        ([HELLO, FIT, EPOCH], ["Fractional"], []),  # the last fit stays shown in a new epoch
         ([HELLO, estimate(), EPOCH, estimate()], [BARS[0]], []),
         ([estimate(gyro_x=WITHOUT_STD)], ["0.412"], ["0.412 ±", "None"]),
         # the library rich would read [bold] and [5 s] as markup if that were not switched off

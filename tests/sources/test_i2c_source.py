@@ -152,8 +152,8 @@ def test_a_long_time(ppm: float, until_s: int, monkeypatch: pytest.MonkeyPatch) 
 
 def test_sequence_and_device_time_wrap() -> None:
     pi = Pi()
-    # the next sample's number: its time is 4294.9 s, shortly before the wrap at 2^32 us (4294.967 s), and
-    # modulo 2^16 it is 36,274
+    # The next sample gets this number. Its time is 4294.9 s, shortly before the time wraps at 2^32 us
+    # (4294.967 s). Modulo 2^16, the number is 36,274.
     pi.source._reader._clock.next = 429_490
     pi.run_until(1)
     assert max(raw.device_us for raw in pi.raw) == 429_496 * 10_000

@@ -1,5 +1,5 @@
-"""Compares the layout of the scans that the kernel's IIO devices send, and the meaning of the counts in them,
-with the kernel's documentation and a slow, plain decoder.
+"""Tests the decoding of scans that the kernel's IIO devices send: their layout, and the meaning of the
+counts. The results are compared with the kernel's documentation, and with a slow, plain decoder.
 """
 
 import numpy as np

@@ -257,7 +257,7 @@ def test_a_node_that_does_not_open_and_a_buffer_that_does_not_start_leave_all_as
 
 
 def refuse_to_write(monkeypatch: pytest.MonkeyPatch, name: str, content: str, number: int) -> None:
-    """From now on, let the writing of this content to a file of this name fail with the error `number`."""
+    """Make every later attempt to write `content` to a file called `name` fail with the error `number`."""
     write = Path.write_text
 
     def refuse(path: Path, text: str, encoding: str | None = None) -> int:

@@ -193,7 +193,7 @@ def test_cut_at_every_byte_it_gives_what_was_whole_before(tmp_path: Path) -> Non
             continue
         events = list(McapRecording(before, "x").events())
         chunks = sum(end <= length for end in ends)
-        # one chunk less, since the first recorded item is `Opened`, which has no bytes
+        # there is one chunk less than items, since the first recorded item is `Opened`, which has no bytes
         bytes_in = b"".join(item.data for item in everything[: max(0, chunks - 1)])
         frames = FrameReader().feed(bytes_in)
         samples = [frame for frame in frames if isinstance(frame.message, wire.Sample)]

@@ -109,7 +109,7 @@ def test_time_that_a_recording_skips_is_a_gap(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("rate_hz", "times_s"),
     [
-        # times in whole tenths of a ms: the steps are 0.1 and 0.2 ms
+        # the times are in whole tenths of a ms, so the steps are 0.1 and 0.2 ms
         (8000.0, np.round(np.arange(8000) / 8000, 4)),
         (100.0, np.delete(np.arange(400) / 100, [50, 51, 52])),
         # a pause of 100 s whose cause is unknown

@@ -199,10 +199,10 @@ IN_ONE_GO = {"plain.csv"}
     ],
 )
 def test_what_a_shell_hands_over(way: str, names: tuple[str, ...]) -> None:
-    """Recordings that a shell passes through a pipe are read. This also works for files that are read in a
-    reader process, whose standard input is another one.
+    """Recordings that a shell passes to the program are read, also if a reader process reads them, whose
+    standard input is not this program's.
 
-    The files of these formats cannot be read sequentially.
+    A pipe is refused for formats that cannot be read sequentially.
     """
     command = WAYS[way] if "fltea" in WAYS[way] else "fltea " + WAYS[way]
     said_of = {"json.mcap": " --units rad/s"}

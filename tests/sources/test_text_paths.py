@@ -212,8 +212,8 @@ def test_what_a_file_takes_a_pipe_takes_with_the_same_samples(
         assert isinstance(from_file, str), from_pipe
         assert isinstance(from_pipe, str), from_file
         return
-    # if a line lacks the accelerometer's values, a file gives none of them, and a pipe those of the lines
-    # before
+    # if a line lacks the accelerometer's values, a file gives no accelerometer at all, whereas a pipe gives
+    # the values of the lines before
     if from_file.accel is None:
         from_pipe = from_pipe._replace(accel=None)
     assert from_file == from_pipe
