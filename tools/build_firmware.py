@@ -120,20 +120,23 @@ def check(root: Path, build_folder: Path) -> int:
     committed = (root / IMAGE).read_bytes()
     recorded = json.loads((root / RECORD).read_text(encoding="utf-8"))
     if recorded["sha256"] != hashlib.sha256(committed).hexdigest():
-        return _say(DIFFERS, f"{RECORD} tells of another image than {IMAGE}: run `make firmware`")
+        return _say(
+            DIFFERS, f"{RECORD} describes another image than the present {IMAGE}: run `make firmware`"
+        )
     if recorded["build_id"] != build_id(root):
         return _say(
             DIFFERS,
             f"{IMAGE} was built from sources with the id {recorded['build_id']}, "
-            f"these have {build_id(root)}: run `make firmware`",
+            f"the present sources have {build_id(root)}: run `make firmware`",
         )
     made_by = compiler()
     if made_by is None:
-        return _say(NO_COMPILER, f"{IMAGE} not compared: no {PREFIX}g++ here (Debian: gcc-arm-none-eabi)")
+        return _say(NO_COMPILER, f"{IMAGE} not compared: {PREFIX}g++ is missing (Debian: gcc-arm-none-eabi)")
     if made_by != recorded["compiler"]:
         return _say(
             OTHER_COMPILER,
-            f"{IMAGE} not compared: it was built by {recorded['compiler']}, here is {made_by}",
+            f"{IMAGE} not compared: it was built by {recorded['compiler']}, "
+            f"and the compiler here is {made_by}",
         )
     image = build(root, COMMITTED_MODE, build_folder / COMMITTED_MODE)
     fresh = describe(root, image, made_by)
@@ -145,7 +148,7 @@ def check(root: Path, build_folder: Path) -> int:
         first = next((i for i, (a, b) in pairs if a != b), min(len(image.data), len(committed)))
         differing.append(f"first differing byte at 0x{0x80000 + first:08X}")
     if differing:
-        return _say(DIFFERS, f"{IMAGE} is not what the sources give: {'; '.join(differing)}")
+        return _say(DIFFERS, f"{IMAGE} differs from the image that the sources give: {'; '.join(differing)}")
     return OK
 
 

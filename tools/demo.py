@@ -42,7 +42,7 @@ KNOWN = ((30, 0.08, 0.8), (60, 0.06, 0.6), (600, 0.02, 0.2))
 f). They were computed by tools/validation/evaluate/cramer_rao.py.
 """
 TRUTH = (
-    f"make run: the truth: this sensor's noise has α = {ALPHA:g} and f = {F:g} s^-α, in white noise (s2/R = "
+    f"make run: the true noise of this sensor has α = {ALPHA:g} and f = {F:g} s^-α, in white noise (s2/R = "
     f"{S2_OVER_R:g}, R = {R:g} (deg/s)²). It cannot be known exactly from a short record: at best "
     + ", ".join(f"α ± {alpha:g} and f ± {f:g} after {seconds} s" for seconds, alpha, f in KNOWN)
     + " (95 %)."
@@ -51,7 +51,7 @@ TRUTH = (
 SLOW = "real time"
 """Words that occur only in the emulator's warning that it is slower than real time."""
 MEANING = (
-    "make run: what the figures then mean: the board's clock looks slow to this computer, and fewer samples "
+    "make run: the emulator is too slow, so the board's clock looks slow to this computer, and fewer samples "
     "come per second; α, f and noise per sample are unaffected, because the board samples by its own clock."
 )
 STOP_TIMEOUT_S = 5.0

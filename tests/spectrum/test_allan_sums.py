@@ -36,8 +36,8 @@ def test_against_allantools(kind, n):
     whole = factors <= FULL
     np.testing.assert_allclose(adev[whole], expected[whole], rtol=1e-12)
     np.testing.assert_array_equal(terms[whole], theirs[whole])
-    # For longer averaging times τ, only eight terms begin within τ. This costs a few hundredths of the
-    # degrees of freedom.
+    # For averaging times τ that are longer than FULL, only eight terms begin within each τ, so the sum has a
+    # few hundredths fewer degrees of freedom.
     error = expected / np.sqrt(2 * full_overlap(-2 if kind == "random walk" else 0, factors, n))
     assert (np.abs(adev - expected) < 0.7 * error).all()
 

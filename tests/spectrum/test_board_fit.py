@@ -26,8 +26,8 @@ NOISES = (
     *((0.6, -0.05, 0.3), (0.8, -0.005, 0.05), (0.4, -0.1, 0.5), (0.7, -0.03, 0.1), (0.5, -0.005, 0.2)),
     *((0.9, -0.01, 0.01),),
 )
-"""Parameters of the noises: order α, g = h^α f, and which proportion of the innovations' variance is that of
-the state (the rest is white noise).
+"""Parameters of the noises: order α, g = h^α f, and the state's proportion of the innovations' variance (the
+rest is white noise).
 """
 
 
@@ -94,8 +94,8 @@ def test_of_a_million_samples_it_says_what_the_host_says() -> None:
 
 
 WEAK_ORDER = 0.35
-"""Order of a weak noise with f = -1 at 100 Hz, Q = 0.004 and R = 0.02. Orders of 0.1 to 0.7 fit nearly
-equally well, and the likelihood often has two maxima.
+"""Order of a weak noise at 100 Hz with f = -1, driving noise of variance Q = 0.004 and white noise of
+variance R = 0.02. Orders of 0.1 to 0.7 fit nearly equally well, and the likelihood often has two maxima.
 """
 
 
@@ -145,14 +145,14 @@ def test_of_weak_noise_the_interval_holds_the_order_and_the_next_answer() -> Non
 
 
 def ratio_of_order(whole: Periodogram) -> float:
-    """Return the host's likelihood ratio for the only alternative to white noise that a board tests."""
+    """Return the host's likelihood ratio of white noise and the only alternative that a board tests."""
     return native(binned(whole), whole.h, whole.n).null_test([])[0]
 
 
 def test_white_noise_is_hardly_ever_called_anything_else() -> None:
     """The board tests white noise at the level 5 %, so 3 of 60 records are expected to be rejected.
 
-    ± 5 are three standard deviations of a binomial.
+    Up to 8 are accepted. These are five more than expected, which is three standard deviations of a binomial.
     """
     rng = np.random.default_rng(4)
     found = [on_board(np.rint(SIGMA * rng.standard_normal(6000)).astype(np.int16), {}) for _ in range(60)]

@@ -9,7 +9,7 @@ from tests.rig.spectrum_probe import BoardSpectrum, track_sensor
 
 WHITE, FRACTIONAL, RELAXATION = 1, 2, 3
 AHEAD = 100
-"""Number of samples in the next second."""
+"""Number of samples over which the bias is predicted: those of the next second."""
 CHUNK = 32
 LSB = 16.4
 """Scale of the sensor: counts per deg/s."""
@@ -59,7 +59,7 @@ def test_the_bias_is_the_mean_over_the_second_to_come() -> None:
     rows = {}
     for ahead in (0, AHEAD):
         board = BoardSpectrum(ahead)
-        # These samples are so many that the board knows the offset.
+        # After so many samples, the board knows the offset.
         board.track(np.zeros(1_000_000, dtype=np.int16))
         board.track_by(RELAXATION, fall, variance, R)
         rows[ahead] = board.track(np.full(40, 3, dtype=np.int16))[-1]
@@ -131,8 +131,8 @@ def test_the_chunk_in_which_motion_is_found_and_the_one_before_are_undone() -> N
         board.track_by(*SLOW)
         if board is axis:
             moved = last
-    # The board then replaces the samples of both chunks by predictions. So its state equals that of a tracker
-    # that never received these samples.
+    # When the board detects the turn, it replaces the samples of this chunk and of the one before by
+    # predictions. So its state equals that of a tracker that never received these samples.
     calm = last[2] * a ** (2 * CHUNK)
     assert moved[2] == pytest.approx(calm, abs=0.05)
     assert abs(moved[0] - OFFSETS[0]) < 0.5

@@ -47,7 +47,7 @@ def test_the_gain_of_a_relaxation_is_that_of_the_riccati_equation(fall: float) -
     a, variance = 1 - fall, 40.0
     (K,), S = steady(np.array([a]), np.array([variance * (1 - a * a)]), R)
     board = BoardSpectrum()
-    # These samples are so many that the board knows the offset.
+    # After so many samples, the board knows the offset.
     board.track(np.zeros(1_000_000, dtype=np.int16))
     board.track_by(RELAXATION, fall, variance, R)
     pulse = np.zeros(40, dtype=np.int16)

@@ -1,4 +1,4 @@
-"""The rate of a record's drift, and its interval given the noise."""
+"""Tests the drift rate of a record, and the drift rate's interval, whose width depends on the noise."""
 
 from functools import partial
 

@@ -273,8 +273,9 @@ def test_what_is_left_at_the_zero_of_a_mean_is_no_rise() -> None:
 
 @pytest.mark.parametrize("kind", [p.Order, p.Arfima])
 def test_an_order_behind_a_mean_of_samples_has_intervals(kind: type[p.Part]) -> None:
-    """An order that stands behind a mean in a model has intervals. A mean has no free parameters, so the
-    order's first parameter has the index that the mean's would have.
+    """An order has intervals even if it stands after a mean of samples in the list of a model's parts. The
+    mean has no free parameters. So the order's first parameter has the index that a parameter of the mean
+    would have.
     """
     ordered = order(0.5, 0.3, 60.0) if kind is p.Order else p.Arfima(0.4, 0.8, 0.5)
     parts = (p.White(1.0), p.Mean(4), ordered)

@@ -1,5 +1,5 @@
-"""Tests the predicted time that has to be recorded in addition until an interval is as narrow as wanted. It
-is compared with the theoretical bound and with intervals of longer records.
+"""Tests the prediction how much longer one has to record until an interval is as narrow as wanted. The
+predicted time is compared with the theoretical bound and with intervals of longer records.
 """
 
 import math

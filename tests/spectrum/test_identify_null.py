@@ -57,14 +57,14 @@ def test_p_value_falls(ratio: float, more: float, ordinates: int) -> None:
 
 @pytest.mark.parametrize("ordinates", [60, 500, 1500, 30_000, 10**7])
 def test_p_value_at_the_table(ordinates: int) -> None:
-    """The p-value of each quantile in the null test's table is the probability of that quantile. The
-    quantiles hardly depend on the length of the record.
+    """The null test has a table of quantiles. The p-value of each of them is the probability that the table
+    states for it. The quantiles hardly depend on the length of the record.
     """
     values = critical_values(ordinates)
     assert 5 < values[PROBABILITIES.index(0.05)] < 8 < values[PROBABILITIES.index(0.01)] < 12
     for probability, value in zip(PROBABILITIES, values.tolist(), strict=True):
-        # For a fifth of all white series, neither alternative of the null test fits better than white noise.
-        # So the p-value of a value of 0 is 1.
+        # For a fifth of all white series, neither alternative of the null test fits better than white noise,
+        # so the value of the test is 0. The p-value of 0 is therefore 1.
         assert p_value(value, ordinates) == (pytest.approx(probability) if value > 0 else 1)
     assert p_value(-1e-9, ordinates) == 1
 

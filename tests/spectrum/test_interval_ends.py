@@ -1,4 +1,6 @@
-"""Ends of intervals of an order with almost no white noise, and parts described by other free parameters."""
+"""Tests the ends of an order's intervals in records with almost no white noise. Also tests parts of noise
+models that are described by other free parameters than usual.
+"""
 
 import math
 
@@ -22,8 +24,8 @@ OTHERS = {
     BY_NOISE: (ORDER, [ALPHA, LOGIT, LOG_S2], [ALPHA, LOGIT, LOG_S2 - 2 * ALPHA * math.log(H)]),
     BY_STEP: (ARFIMA, [0.3, -1.0, LEVEL], [0.3, -1.0, LOG_S2]),
 }
-"""For each other form of parameters: the kind of the part of the noise model, its free parameters, and the
-same parameters in this form.
+"""Unusual forms of the free parameters. For each form: the kind of the part of the noise model, the part's
+usual free parameters, and the same parameters in this form.
 """
 
 
@@ -47,10 +49,11 @@ def test_other_coordinates_give_the_same_spectrum_with_their_own_slopes(code: in
 
 
 def test_an_end_is_found_though_the_best_fit_has_no_white_noise() -> None:
-    """The best fit of an order has no white noise. With another fixed value of s2 (variance that drives the
-    state), the best fit may have white noise, and then 2 log L falls less.
+    """In these records, the best fit of an order has no white noise. To find the interval's end, s2 (the
+    variance that drives the state) is fixed at other values. The best fit then may have white noise, with
+    which 2 log L falls less than without.
 
-    The search for the end of an interval has to find this fit.
+    The search for the end of the interval has to find this fit.
     """
     compared = 0
     for seed in range(12):

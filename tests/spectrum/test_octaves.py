@@ -100,7 +100,7 @@ def test_cuts_of_the_rows_change_nothing(data: st.DataObject) -> None:
         once.add(y)
         for part in np.split(y, sorted(data.draw(st.lists(st.integers(0, len(y)), max_size=9)))):
             if len(part):
-                cut.cells(0, H)  # reading the cells of the spectrum does not change it
+                cut.cells(0, H)  # reading the spectrum (its cells) does not change it
             cut.add(part)
         lost = data.draw(st.integers(0, 12))
         once.skip(lost)
@@ -194,7 +194,7 @@ def test_refuses(refused: Callable[[], object], why: str) -> None:
 
 
 def test_the_allan_sums_take_what_the_gate_accepts() -> None:
-    """Samples of knocks are left out of the Allan sums, and lost samples are breaks."""
+    """Samples of knocks are left out of the Allan sums. Lost samples count there as breaks."""
     y = noise(5000, 1, 3)
     y[2000:2100] += 80
     octaves = Octaves(1)

@@ -132,7 +132,7 @@ def test_at_most_one_sample_in_a_thousand_is_made_up() -> None:
     counts = octaves.counts(0)
     assert counts.lost == 200
     assert counts.bridged <= 80_000 / 1000
-    # the last gap counts as neither, since no samples came after it
+    # the last of 200 gaps counts neither as bridged nor as a gap, since no samples came after it
     assert counts.bridged + counts.gaps == 199
     assert mean_power(octaves.periodogram(0, H)) == pytest.approx(1, abs=0.03)
 

@@ -151,7 +151,8 @@ def test_a_sharp_resonance_does_not_change() -> None:
     """A sharp resonance rings on over several blocks of the spectrum, so that the powers of neighbouring
     blocks depend on each other.
 
-    Without a correction for this dependence, one in four sharp resonances would be called changing.
+    Without a correction for this dependence, one in four records with a sharp resonance would be called not
+    stationary.
     """
     phi = 2 * 0.995 * np.cos(1.97), -(0.995**2)
     kinds = [decide(examined(y, H).evidence).kind for y in ar(phi, 6000, 20, 1)]

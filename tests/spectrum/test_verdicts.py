@@ -28,7 +28,7 @@ from tests.rig.tiers import slow
 
 RELAXING = (p.White(0.0025), *(p.Relaxation(0.0175, tau) for tau in (1.0, 0.1, 0.02)))
 FAMILIES: dict[str, tuple[Sequence[p.Part], set[str]]] = {
-    # "undecided", since the null test rejects one white series in twenty
+    # "undecided" is right, too, since the null test rejects one white series in twenty
     "white": ([p.White(1.0)], {"white", "undecided"}),
     "relaxations, as a model is simulated": (
         [*RELAXING, p.Quantisation(1.4e-4)],
@@ -83,8 +83,8 @@ def test_a_slow_sine_is_told_by_its_period() -> None:
 
 
 def test_the_ends_of_a_short_record_do_not_leak() -> None:
-    """3,000 samples of white noise with a ramp are called drift, and white apart from the ramp: it does not
-    leak into the rest of the spectrum.
+    """3,000 samples of white noise with a ramp are called drift, and white apart from the ramp. The ramp does
+    not leak into the rest of the spectrum.
 
     The ramp rises by thirty standard deviations of the noise.
     """
@@ -230,14 +230,14 @@ def ordered() -> Evidence:
 @pytest.mark.parametrize(
     ("at", "over_rich", "same", "reading", "said"),
     [
-        # The lead is that of the best model with an order over the best without, in 2 log L. At a lead of 0,
-        # three decisions change: which model is compared with white noise, which model is accepted, and
-        # whether the noise is a random walk or an order.
+        # The lead is the 2 log L of the best model with an order, minus that of the best model without one.
+        # At a lead of 0, three decisions change: which model is compared with white noise, which model is
+        # accepted, and whether the noise counts as a random walk or as an order.
         (0.0, 0.0, ALIKE, None, lambda e, v: wording.names(e.candidates.ordered.kinds) in v.rules[3].figure),
         (0.0, 0.0, ALIKE, None, lambda e, v: winner(e, v) is e.candidates.order),
         (0.0, 0.0, ALIKE, NOTHING._replace(drifts=True), lambda e, v: v.kind != "drift"),
         # At a lead that counts as significant, three further decisions change: whether an order is claimed,
-        # is possible beside other parts, or is possible alone.
+        # whether it is possible beside other parts, and whether it is possible alone.
         (6.0, 50.0, {}, None, lambda e, v: v.kind == "fractional"),
         (
             -6.0,

@@ -91,8 +91,8 @@ def test_samples_of_a_device_that_contradicts_itself_are_counted_as_such(
 
 
 def test_a_rate_ten_times_too_high_is_no_restart() -> None:
-    """A stated rate that is ten times too high is not taken for a restart. Each pair of samples looks like
-    one, for longer than the program ever waits for a HELLO.
+    """A stated rate that is ten times too high is not taken for a restart. Between any two samples, the
+    device seems to restart, for longer than the program ever waits for a HELLO.
     """
     some = samples(100.0, 2000)
     records = walked(list(with_hellos(1000.0, some)))

@@ -41,8 +41,8 @@ class Noticing(QuickAxes):
 
 
 class Unhurried(FitWorker):
-    """A fit worker that pauses before each fit, each time for another time. `fault`: exception that the fits
-    then raise, or None.
+    """A fit worker that pauses before each fit, for a different time before each. `fault`: exception that the
+    fits then raise, or None.
     """
 
     def __init__(self, pauses_s: Iterable[float], fault: Exception | None = None) -> None:

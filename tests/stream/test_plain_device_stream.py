@@ -74,7 +74,8 @@ SETTINGS: list[dict[str, Any]] = [
         "accel.startup": 20,
         "channels": ["gyro_x", "accel_x"],
     },  # with these settings the guard limits the estimates
-    {"estimator.R": [0.2, 0.25, 0.3], "estimator.bias": [0.2, -2.4, 0.0]},  # without a start-up window
+    # these settings have no start-up window
+    {"estimator.R": [0.2, 0.25, 0.3], "estimator.bias": [0.2, -2.4, 0.0]},
     {
         "estimator.bias": [0.5, 0.0, -0.1],
         "estimator.memory": "direct",
@@ -188,10 +189,10 @@ def with_snapshot(
 
 
 def of_first_epoch(records: list[AnyRecord], *, begins: int) -> dict[int, dict[str, AxisEstimate]]:
-    """Return the estimates by the samples' numbers on the wire.
+    """Return the estimates of one epoch, by the 16-bit numbers of their samples on the wire.
 
-    Only estimates up to the beginning of the first further epoch are returned. `begins`: number of epochs
-    whose beginning is among the records before that.
+    The estimates end where the next epoch begins. `begins`: 1 if `records` include the beginning of the epoch
+    itself, otherwise 0.
     """
     found = {}
     for record in records:
@@ -219,7 +220,8 @@ def check_snapshot(
         return 0
     mine, others = of_first_epoch(found.pipeline, begins=1), of_first_epoch(found.went_on, begins=0)
     both_have = mine.keys() & others.keys()
-    for k in both_have:  # the two runs may have other axes: those of an epoch's first sample
+    # the two runs may have different axes, since an epoch has the axes of its first sample
+    for k in both_have:
         axes = mine[k].keys() & others[k].keys()
         assert {axis: mine[k][axis] for axis in axes} == {axis: others[k][axis] for axis in axes}
     return len(both_have)
@@ -258,8 +260,7 @@ QUICK = ("longest gap", "odd gap", "date", "boot", "no accelerometer")
 
 @pytest.mark.parametrize("what", slow_but(QUICK, ACTS))
 def test_each_thing_that_may_happen_before_a_snapshot_and_behind_it(what: str) -> None:
-    """Each incident, before a snapshot and after it, is tried small and large, at several times within a
-    second.
+    """Each incident is tried before and after a snapshot, small and large, at several times within a second.
 
     Many samples follow the incident.
     """

@@ -66,7 +66,7 @@ def test_delivered_and_lost_are_all_that_were_due(device: Device, indices: list[
     for before, k, jitter_us in zip([None, *indices], indices, jitters, strict=False):
         placed = track_one(decoder, device.sample(k, jitter_us))
         assert placed is not None
-        # number and time without wraps begin with those that the first sample has on the wire
+        # the unwrapped number and time begin with the values that the first sample has on the wire
         assert placed.seq - device.first_sequence == k
         assert placed.device_us - first_us % 2**32 == device.true_us(k, jitter_us) - first_us
         assert placed.missing == (0 if before is None else k - before - 1)
@@ -266,7 +266,8 @@ def test_time_that_disagrees_with_the_sequence_is_not_believed(device: Device, s
 class Happening(NamedTuple):
     """The change from one sample of a device to the following one.
 
-    `step`: how many numbers later the sample is; 0 repeats the sample. `what`: an event before the sample.
+    `step`: by how much the sequence number grows; 0 repeats the sample. `what`: an event between the two
+    samples.
     """
 
     step: int

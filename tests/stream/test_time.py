@@ -80,7 +80,7 @@ def test_figures_are_none_at_first() -> None:
     assert timebase.rate_hz == pytest.approx(100.0)
     for k in range(2, 1001):
         add_one(timebase, k, k * PERIOD_US, k * PERIOD_US * 1000 + k)
-        assert (timebase.clock_ppm is None) == (k < 1000)  # this needs ten blocks of one second each
+        assert (timebase.clock_ppm is None) == (k < 1000)  # the figure needs ten blocks of one second each
 
 
 def test_times_of_arrival_that_are_the_devices_own_tell_no_drift() -> None:
@@ -125,9 +125,10 @@ def test_lost_samples_do_not_move_time() -> None:
 
 @pytest.mark.slow
 def test_changed_clock_is_followed_within_ten_minutes() -> None:
-    """The rate of a cold oscillator changes in this way while it warms up.
+    """The clock fit follows a change of the clock's rate within ten minutes. The rate of a cold oscillator
+    changes in this way while it warms up.
 
-    Ten minutes are the 600 blocks that the clock fit keeps.
+    Ten minutes are the 600 blocks, of one second each, that the clock fit keeps.
     """
     timebase, k = Timebase(0), np.arange(0, 1_440_000, 20)  # a sample every 0.2 s
     steps_ns = np.where(k >= 720_000, 200_010_000, 200_000_000)

@@ -1,5 +1,5 @@
-"""Statistics of many devices. Those of each device are published once a second, and the devices take turns
-within the second.
+"""Tests the statistics of many devices. Each device's statistics are published once a second. If there are
+many devices, their statistics come at different moments of the second.
 """
 
 from itertools import pairwise

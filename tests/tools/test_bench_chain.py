@@ -39,7 +39,7 @@ def test_long_rows_are_measured_only_on_request() -> None:
 
 
 def test_an_unknown_row_is_answered_with_all_names() -> None:
-    with pytest.raises(SystemExit, match=r"no 300-devices\. There are none, ndjson, .*1000"):
+    with pytest.raises(SystemExit, match=r"no row 300-devices\. The rows are none, ndjson, .*1000"):
         chosen(["300-devices"])
 
 

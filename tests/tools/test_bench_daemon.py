@@ -39,7 +39,8 @@ def test_each_port_takes_what_is_noted_and_none_before_it_is_due(tmp_path: Path)
 def test_a_port_that_is_full_is_noted(tmp_path: Path) -> None:
     masters, slaves = ports(tmp_path, 1)
     refused = 0
-    # full only after 20 refusals: the system may move bytes to another buffer a little later
+    # the port counts as full only after 20 refusals, since the system may move bytes to another buffer a
+    # little later
     while refused < 20:
         try:
             os.write(masters[0], bytes(1 if refused else 1000))

@@ -71,8 +71,8 @@ def test_users_are_found_by_what_they_import() -> None:
 
 
 def test_every_python_file_is_type_checked() -> None:
-    """The folders with type-checked files stand in pyproject.toml. One file is outside of them, which only
-    the build reads.
+    """The folders with type-checked files stand in pyproject.toml. Only one Python file is outside of them;
+    only the build reads this file.
     """
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["mypy"]
     listed = subprocess.run(["git", "ls-files", "*.py"], cwd=ROOT, capture_output=True, text=True, check=True)

@@ -120,7 +120,8 @@ def functions(text: str) -> Iterator[tuple[str, int]]:
 
 
 def cxx_functions(text: str) -> Iterator[tuple[str, int]]:
-    """Yield the name of each function in C++ code, or the end of its head, and its number of lines.
+    """Yield the name and the number of lines of each function in C++ code. Without a name in the last line of
+    its head, yield the beginning of this line instead.
 
     The code is formatted by clang-format: a head ends in `{`, and the next `}` that is indented like it ends
     the function. If a head has several lines, the function is counted from the last of them.

@@ -115,8 +115,8 @@ def test_a_full_disk_leaves_no_half_file(
 
 
 class Backwards(Here):
-    """Workers for the validation that run three tasks at a time, and finish the one that was given last
-    first.
+    """Workers for the validation. They have up to three tasks at a time, and always finish the newest of
+    these first.
     """
 
     slots = 4

@@ -89,7 +89,8 @@ def held(rows: list[dict[str, object]], quantity: str) -> tuple[float, float]:
 
 def test_N_holds_what_a_fast_relaxation_that_was_not_found_would_make_of_it() -> None:
     """The interval of N allows for a fast relaxation that the fit may have missed. Of 40 intervals, 38 (95 %)
-    are expected to contain the true N. If an interval came from the chosen model alone, 21 would.
+    are expected to contain the true N. If intervals came from the chosen model alone, only 21 would contain
+    it.
     """
     inside, published = held(run.count("fast relaxation", 40), "N")
     assert published >= 25

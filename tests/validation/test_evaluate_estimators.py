@@ -1,5 +1,5 @@
-"""The evaluation runs filters of many series in parallel, also with changing Q and R, and fits. Filters and
-fits give the same results as the daemon's.
+"""The evaluation runs filters and fits on many series in parallel. They give the same results as the
+daemon's, for filters even if Q and R change during the run.
 """
 
 from itertools import pairwise

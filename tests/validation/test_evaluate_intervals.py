@@ -1,5 +1,5 @@
-"""Tests how the evaluation counts how often intervals contain the true value, over many series. Also tests
-its reference method on short series.
+"""The evaluation counts in how many of many series the interval contains the true value. This count is
+tested, and the evaluation's reference method on short series.
 """
 
 import numpy as np

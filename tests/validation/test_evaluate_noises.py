@@ -72,7 +72,9 @@ SEEDS = 6
 
 @pytest.fixture(scope="module")
 def found() -> dict[tuple[str, bool], Row]:
-    """Return the results by the name of the shift (a change of the noise), and by whether the fit forgets."""
+    """Return the results by two keys: the name of the shift (a change of the noise), and whether the fit
+    forgets old samples.
+    """
     rows = [row for shift in SHIFTS for row in score_shift(shift, SEEDS)]
     return {(row["change"], row["memory_s"] is not None): row for row in rows}
 
@@ -95,8 +97,8 @@ def test_three_time_constants_later_the_truth_is_back(
 @pytest.mark.slow
 @pytest.mark.parametrize("shift", SHIFTS, ids=lambda shift: shift.name)
 def test_without_forgetting_the_verdict_says_it(shift: Shift, found: dict[tuple[str, bool], Row]) -> None:
-    """Without forgetting, the verdict reports that the noise has shifted ("not stationary"). A change after
-    which the noise is the same as before does not spoil the fit.
+    """Without forgetting, the verdict reports that the noise has shifted ("not stationary"). A change that
+    ends with the same noise as before does not spoil the fit.
     """
     score = found[shift.name, False]
     assert score["verdicts"].get("not stationary", 0) == (0 if shift.stationary else SEEDS)

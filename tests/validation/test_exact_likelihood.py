@@ -72,8 +72,8 @@ def test_fractional_noise(d: float) -> None:
     expected = (
         math.gamma(1 - 2 * d) / math.gamma(1 - d) ** 2 * np.cumprod(np.append(1, (k - 1 + d) / (k - d)))
     )
-    # The computation assumes a periodic noise. The true noise's memory is longer than this period, which
-    # changes all of these few lags by the same constant.
+    # The computation assumes a periodic noise. The memory of the true noise is longer than this period. This
+    # changes the autocovariances at these few lags by the same constant.
     np.testing.assert_allclose(gamma - gamma[0], expected - expected[0], atol=2e-3 * expected[0])
 
 

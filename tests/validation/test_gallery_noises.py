@@ -51,7 +51,7 @@ def test_spectrum(name: str) -> None:
     noise = NOISES[name]._replace(lines=(), drift=None)
     y = noise.draw(SAMPLES, RATE_HZ, np.random.default_rng(5))
     _, power = welch(y, window="hann", nperseg=SEGMENT, scaling="density", fs=2 * np.pi)
-    power *= np.pi  # scaled so that white noise of variance R has the power R
+    power *= np.pi  # this scale gives white noise of variance R the power R
     lam = 2 * np.pi * np.arange(SEGMENT // 2 + 1) / SEGMENT
     edges = np.unique(np.geomspace(5, SEGMENT // 2 - 3, 9).astype(int))
     # In Welch's periodogram, the window of a short segment smears steep spectra. Here, a weighted mean over
@@ -62,7 +62,7 @@ def test_spectrum(name: str) -> None:
     smeared = np.concatenate([np.ones(5), near @ weight / weight.sum()])
     for begin, end in itertools.pairwise(edges):
         expected, got = smeared[begin:end].sum(), power[begin:end].sum()
-        # proportion of one ordinate in the power of the band, if it had equal ordinates
+        # 1 / effective number of ordinates: a band of this many equal ordinates would scatter as much
         share = (smeared[begin:end] ** 2).sum() / expected**2
         spread = math.sqrt(share / (SAMPLES / SEGMENT * 1.3))
         assert got / expected == pytest.approx(1, abs=5 * spread + 0.03), f"ordinates {begin} to {end}"

@@ -80,7 +80,8 @@ def chunks_of(data: bytes, sizes: list[int]) -> list[bytes]:
 def test_it_gives_what_the_plain_decoder_gives(data: bytes) -> None:
     blocks, frames = BlockReader(), FrameReader()
     expected = decoded(data)
-    assert repr(in_chunks(blocks, [data])) == repr(expected)  # compared as text, in which a NaN equals itself
+    # Results are compared as text, in which a NaN equals itself.
+    assert repr(in_chunks(blocks, [data])) == repr(expected)
     assert repr(frames.feed_all(data)) == repr([item for item, _ in expected])
     names = ("frames" if isinstance(item, Frame) else getattr(item, "reason", None) for item, _ in expected)
     assert frames.counts == Counter(name for name in names if name)

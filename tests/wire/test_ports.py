@@ -84,8 +84,8 @@ def many(terminals, loop_of) -> tuple[list[Terminal], Loop]:
 def test_what_comes_from_a_port_is_its_own_in_any_order_of_sending_and_reading(
     many: tuple[list[Terminal], Loop], story: list[tuple[int, bytes | None]]
 ) -> None:
-    """`story`: what happens in order: bytes that a port receives, or None for a round of the loop. All
-    examples use the same ports.
+    """`story`: list of what happens, in order. An item is a port with the bytes that it receives, or with
+    None, which means a round of the loop. All examples use the same ports.
     """
     terminals, loop = many
     sent = [loop.data(place) for place in range(10)]
@@ -156,7 +156,7 @@ def test_one_that_floods_loses_nothing_and_holds_up_nobody(terminals, loop_of) -
     flood = 0
     for k in range(300):
         with contextlib.suppress(BlockingIOError):
-            for _ in range(100):  # writes until the terminal is full, before every round
+            for _ in range(100):  # before every round, this loop writes until the terminal is full
                 flood += os.write(many[1].master, bytes(1000))
         many[k % 2 * 2].send(b"x")
         # Bytes written to a terminal may arrive a moment later, so several rounds may be needed. Reading

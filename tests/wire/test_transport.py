@@ -83,7 +83,7 @@ def broken(*arguments: object) -> bytes:
 def test_any_exception_of_a_driver_becomes_an_event(monkeypatch, readers) -> None:
     monkeypatch.setattr(type(serial.serial_for_url("loop://")), "read", broken)
     events = readers("loop://").events(0.05)
-    for _ in range(2):  # twice, since the reading thread must go on after an exception
+    for _ in range(2):  # the second time shows that the reading thread goes on after an exception
         next_of(Opened, events)
         assert "NoneType" in failure(events).message
 

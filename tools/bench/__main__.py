@@ -29,11 +29,11 @@ USUAL = Mode(
 )
 MODES = {
     "device": Mode(
-        "only what the device's estimates and fits cost",
+        "only what the estimates and fits cost that the board makes",
         ("tools.bench.device_cost", "tools.bench.spectrum_cost"),
     ),
     "chain": Mode(
-        "only recordings and devices, from file or port to output: six minutes",
+        "only recordings and live devices, from file or port to output (takes six minutes)",
         ("tools.bench.bench_chain",),
         ("long", "rows", "against", "rounds"),
     ),
@@ -43,26 +43,36 @@ MODES = {
         ("long", "against", "rounds"),
     ),
     "ports": Mode(
-        "only devices on ports, recorded: is anything lost?",
+        "only devices on ports: latency, costs, and losses on the way and in recordings",
         ("tools.bench.bench_daemon",),
         ("devices", "seconds", "open_files"),
     ),
-    "loop": Mode("only where each microsecond of a live device goes", ("tools.bench.loop_profile",)),
+    "loop": Mode("only which tasks take the processor time of a live device", ("tools.bench.loop_profile",)),
     "reading": Mode("only what reading text costs, compared with pandas", ("tools.bench.bench_reading",)),
-    "live": Mode("only what the live fit costs: accumulators and fits", ("tools.bench.bench_live",)),
+    "live": Mode(
+        "only the processor time of the live fit: of its running sums, and of its fits",
+        ("tools.bench.bench_live",),
+    ),
     "memory": Mode(
-        "only the compressed memory: modes, accuracy, time of a step", ("tools.bench.bench_memory",)
+        "only the filters' compressed memory: number of modes, accuracy, time of a step",
+        ("tools.bench.bench_memory",),
     ),
     "cluster": Mode(
         "only `fltea identify --out` with one and two workers of Dask", ("tools.bench.bench_cluster",)
     ),
     "ingest": Mode(
-        "only many sensors through MQTT and NATS: two minutes",
+        "only many sensors through MQTT and NATS (takes two minutes)",
         ("tools.bench.bench_ingest",),
         ("devices", "seconds"),
     ),
-    "fleet": Mode("only `fltea fleet` under load: half a minute", ("tools.bench.bench_fleet",), ("devices",)),
-    "soak": Mode("only days of a stream, in minutes", ("tools.bench.soak",), ("hours", "seed")),
+    "fleet": Mode(
+        "only `fltea fleet` under load (takes half a minute)", ("tools.bench.bench_fleet",), ("devices",)
+    ),
+    "soak": Mode(
+        "only a device's stream of several days, which takes minutes",
+        ("tools.bench.soak",),
+        ("hours", "seed"),
+    ),
 }
 
 
@@ -78,14 +88,17 @@ def main() -> None:
     parser.add_argument(
         "--against",
         metavar="COMMIT",
-        help="for --chain, --identify: also measure this commit's program, in turns",
+        help="for --chain, --identify: measure the present program and this commit's alternately",
     )
     parser.add_argument(
-        "--rows", help="for --chain: names of rows separated by commas, or hour, day, live, all"
+        "--rows",
+        help="for --chain: names of rows, or of groups of rows (hour, day, live, all), separated by commas",
     )
     parser.add_argument("--rounds", type=int, help="for --chain, --identify (default 3; 1 for long rows)")
     parser.add_argument(
-        "--long", action="store_true", help="for --chain, --identify: also long rows (24 hours, ten minutes)"
+        "--long",
+        action="store_true",
+        help="for --chain, --identify: also measure long rows (24 hours of samples, or ten minutes live)",
     )
     devices = "for --ports (default 300), --ingest (200) and --fleet (500)"
     parser.add_argument("--devices", type=int, help=devices)

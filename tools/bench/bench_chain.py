@@ -131,7 +131,7 @@ def _measured(row: Row, files: Files, program: Program, engine_s: float) -> Figu
 
 
 def spread(runs: Sequence[Figures], key: str) -> tuple[float, float, float] | None:
-    """Return median, smallest and largest value of a figure; None if no run has it."""
+    """Return median, smallest and largest value of a figure; None if no run has the figure."""
     values = [run[key] for run in runs if run.get(key) is not None]
     return (statistics.median(values), min(values), max(values)) if values else None
 
@@ -181,7 +181,7 @@ def _lines(row: Row, programs: Sequence[str], runs: Mapping[str, Sequence[Figure
         cells = [_cell(spread(runs[program], key), column.form) for key, column in columns.items()]
         goals = [f"{columns[key].heading} ≤ {goal:g}" for key, goal in row.goals.items()]
         last = [*goals] if program == PRESENT.name else []
-        last += [f"{len(failed)} of {len(runs[program])} failed: {failed[0]}"] if failed else []
+        last += [f"{len(failed)} of {len(runs[program])} runs failed: {failed[0]}"] if failed else []
         lines.append(["", "", program, *cells, ", ".join(last)])
     lines[0][:2] = [row.name, row.title]
     if len(lines) > 1:

@@ -42,7 +42,7 @@ def measure() -> dict[str, Any]:
     """
     from distributed import LocalCluster
 
-    start: Any = LocalCluster  # distributed has no type hints
+    start: Any = LocalCluster  # the package `distributed` has no type hints
     found: dict[str, Any] = {"cores": os.cpu_count()}
     with tempfile.TemporaryDirectory() as name, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # Dask warns about its own ports and files

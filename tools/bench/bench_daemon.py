@@ -151,7 +151,7 @@ def _wait_until_open(daemon: Any, devices: int, folder: Path) -> None:
     After a longer wait, the daemon would report that the devices, which send nothing yet, are silent for 5 s.
     """
     files, until_s = psutil.Process(daemon.pid), time.monotonic() + OPEN_WITHIN_S
-    with contextlib.suppress(psutil.Error):  # The daemon may have ended.
+    with contextlib.suppress(psutil.Error):  # The daemon may have ended; then `_still_runs` raises the error.
         while daemon.poll() is None and files.num_fds() < devices and time.monotonic() < until_s:
             time.sleep(0.1)
     time.sleep(1.0)
@@ -167,8 +167,8 @@ def _still_runs(daemon: Any, folder: Path) -> None:
 def _arrived(reader: Reader, fed: dict[str, Any], begin_ns: int) -> dict[str, Any]:
     """Return the latency of the estimates for samples written after `begin_ns`, and the losses by kind.
 
-    Later commits are compared with the commit 068f73c8, whose statistics have the counts of samples as
-    `samples`.
+    A record `stats` has the counts of samples in `sample_counts`. In the commit 068f73c8, with which later
+    commits are compared, it has them in `samples`.
     """
     written_ns, stats = fed["times"], reader.stats.values()
     after = written_ns > begin_ns

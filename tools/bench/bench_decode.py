@@ -84,7 +84,7 @@ def text(figures: dict[str, Any]) -> str:
     lines += [
         f"native is {figures['native_over_python']:.1f} times as fast as Python and "
         f"{figures['native_over_cobs']:.1f} times as fast as bare cobs",
-        f"a call that brings one frame: native {figures['native_us_per_call']:.2f} us, "
+        f"a call with one frame: native {figures['native_us_per_call']:.2f} us, "
         f"Python {figures['python_us_per_call']:.2f} us",
     ]
     return "\n".join(lines)
@@ -98,5 +98,5 @@ def _rate(decode: Callable[[], int]) -> float:
     found: list[int] = []
     seconds = cpu_seconds(lambda: found.append(decode()))
     if found != [FRAMES]:
-        raise RuntimeError(f"{found} frames decoded, {FRAMES} sent: the figure is void")
+        raise RuntimeError(f"{found} frames were decoded of {FRAMES}, so the measured speed is wrong")
     return FRAMES / seconds

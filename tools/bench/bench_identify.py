@@ -29,12 +29,10 @@ def text(found: dict[str, Any]) -> str:
         if own not in found["runs"]:
             continue
         said = []
-        for key, what in (("wall_s", "wall"), ("cpu_s", "processor")):
+        for key, what in (("wall_s", "wall-clock"), ("cpu_s", "processor")):
             its = spread(found["runs"][own].get(PRESENT.name, []), key)
             its_peer = spread(found["runs"][peer].get(PRESENT.name, []), key)
             if its is not None and its_peer is not None:
-                said.append(f"{its[0] / its_peer[0]:.2f} times ({what})")
-        lines.append(
-            f"{kind}: identify takes {' and '.join(said)} what allantools takes for the Allan deviation."
-        )
+                said.append(f"{its[0] / its_peer[0]:.2f} times the {what} time")
+        lines.append(f"{kind}: identify takes {' and '.join(said)} of allantools for the Allan deviation.")
     return "\n".join(lines)

@@ -30,12 +30,12 @@ NAMES += [f"accel_{axis} (m/s^2)" for axis in "xyz"]
 PLACES = How(columns=["2", "3", "4"], time_column="1", time_unit="s", units="deg/s")
 ROUNDS = 5
 SMALLER = 30
-"""Ratio of the rows of the CSV file to the rows of the files that are used to measure how the time grows with
-size.
+"""How the time grows with a file's size is measured on smaller files. The CSV file has this many times the
+rows of the smallest of them.
 """
 SECONDS_PER_MB, TWICE = 1.0, 2.5
-"""Goals, as largest values: SECONDS_PER_MB is the time for 1 MB of any text [s], TWICE the ratio of the times
-for twice as much text.
+"""Largest values that reach the goals. SECONDS_PER_MB is the time for 1 MB of any text [s]. TWICE is the time
+for a text, divided by the time for half of it.
 """
 HALF = 0.5
 """Goal: the speed of reading CSV is at least this fraction of pandas' speed."""
@@ -102,7 +102,8 @@ LINEAR = {
 def measure(rows: int = ROWS, rounds: int = ROUNDS) -> dict[str, Any]:
     """Return the processor times for each kind of text.
 
-    Also measured are the times for a file, and for files twice and four times as long.
+    Also return, for some kinds of text, the times for a small file and for files that are twice and four
+    times as long.
     """
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "rest.csv"

@@ -190,7 +190,8 @@ def chosen(names: Sequence[str] = (), *, long: bool = False) -> list[Row]:
     if unknown := [name for name in names if name not in known]:
         rows = ", ".join(row.name for row in ROWS)
         raise SystemExit(
-            f"--rows: no {', '.join(unknown)}. There are {rows}; hour, day, live and all are many of them."
+            f"--rows: there is no row {', '.join(unknown)}. "
+            f"The rows are {rows}; hour, day, live and all stand for several."
         )
 
     def fits(row: Row) -> bool:

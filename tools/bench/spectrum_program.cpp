@@ -41,7 +41,7 @@ volatile uint32_t& at(uint32_t address) { return *reinterpret_cast<volatile uint
 // The timer SysTick counts down. In the emulator, an instruction takes one cycle.
 uint32_t now() { return 0xFFFFFF - at(0xE000E018); }
 void start_counting() {
-    at(0x400E1A54) = 1 << 15;  // turns the watchdog off
+    at(0x400E1A54) = 1 << 15;  // this value turns the watchdog off
     at(0xE000E014) = 0xFFFFFF;
     at(0xE000E018) = 0;
     at(0xE000E010) = 5;
@@ -111,8 +111,8 @@ void fit_once(const Bins& bins, Fit& fit, Memory& memory, Phase phase) {
     }
 }
 
-// Tracks the bias of some of the same noise. The tracker uses the Kalman filter of the fit, then that of a
-// fractional noise, then again that of the fit.
+// Tracks the bias of 1,200 samples of the same noise. The tracker uses the Kalman filter of the fit, then
+// that of a fractional noise, then again that of the fit.
 void track(const fltea::whittle::FitFigures& found) {
     fltea::whittle::FilterDesign& design = *new (design_storage) fltea::whittle::FilterDesign;
     fltea::whittle::TrackedState& tracked = *new (tracked_storage) fltea::whittle::TrackedState;

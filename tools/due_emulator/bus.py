@@ -25,7 +25,8 @@ class Bus:
     def __init__(self, machine: Machine) -> None:
         self._machine = machine
         self._peripherals: list[Peripheral] = []
-        # Programs often poll registers, so a single lookup finds a valid access.
+        # Programs often poll registers, so access has to be fast: one lookup in a dict finds the register of
+        # a valid access.
         self._readers: dict[int, _Port] = {}
         self._writers: dict[int, _Port] = {}
 
