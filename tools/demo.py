@@ -169,7 +169,7 @@ class Summary:
 
 
 def _axis(axis: dict[str, Any]) -> str:
-    """Return a text with the verdict of an axis and its bias.
+    """Return a text with the verdict and the bias of an axis.
 
     If the noise has an order, α and f with their intervals are included.
     """

@@ -27,8 +27,8 @@ from tests.rig.mcap_support import files, kill, record, replay, transport
 class Case:
     """A recording in many chunks, for each test to change.
 
-    `places`: kind of each record of the file, with the offsets of its begin and end. `chunks`: begin and end
-    of each chunk. `messages`: messages in each chunk.
+    `places`: kind of each record of the file, with the offsets of its beginning and end. `chunks`: offsets of
+    the beginning and end of each chunk. `messages`: messages in each chunk.
     """
 
     def __init__(self, folder: Path) -> None:

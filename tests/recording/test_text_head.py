@@ -18,7 +18,7 @@ def table(head: str, separator: str = ",", times_s: float | None = 1.0, factor: 
     """Return a text that consists of a head and rows.
 
     `times_s`: length of the unit in which the column of times counts [s], or None for no such column.
-    `factor`: by what the rates in deg/s are multiplied.
+    `factor`: the rates in deg/s are multiplied by this factor.
     """
     rows = []
     for k, rates in enumerate(GYRO_DPS * factor):

@@ -19,7 +19,7 @@ for _dialect in dialects():
 """Reading options of each file in `tests/recording/corpus`, by file name."""
 
 UNREAD_DIALECTS = {name: one.unread for one in dialects() if one.unread for name in one.corpus}
-"""Files of known loggers that cannot be read: the reason by the name of the example file."""
+"""Example files of known loggers whose files cannot be read. For each file name, the reason."""
 
 BY_NAME = {name for one in dialects() if one.file for name in one.corpus}
 """Files whose logger is recognised by the file name."""

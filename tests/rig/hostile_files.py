@@ -135,7 +135,7 @@ def npz(path: Path, packing: int = zipfile.ZIP_DEFLATED, **arrays: bytes | objec
 def npz_bombs(folder: Path) -> dict[str, tuple[Path, str]]:
     """Write npz files that must be refused.
 
-    Return, by name, the path and a word of the expected error message.
+    Return a dict by the files' names. A value is the file's path and a word of the expected error message.
     """
     good = {"fs_hz": 100.0, "lsb_per_dps": 16.4}
     rows = 60 * MB

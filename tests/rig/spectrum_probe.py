@@ -34,7 +34,7 @@ class BoardFit(NamedTuple):
 def board_quantile(level: int, ordinates: float) -> float:
     """Return the null test's quantile as a board computes it.
 
-    `level`: 0 for 5 %, 1 for 1 %, 2 for 0.1 %.
+    `level`: the significance level: 0 means 5 %, 1 means 1 %, 2 means 0.1 %.
     """
     header = Path(__file__).parents[2] / "firmware/core/engine/null_quantiles.hpp"
     rows = re.findall(r"\{(-?[\d.]+)f, (-?[\d.]+)f, (-?[\d.]+)f\}", header.read_text(encoding="utf-8"))

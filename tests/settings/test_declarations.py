@@ -29,8 +29,8 @@ COMMAND: Any = typer.main.get_command(app).commands["run"]  # type: ignore[attr-
 
 ALL = list(SETTINGS.values())
 BESIDE = {"mqtt.key": 'cert = "client.pem"'}
-"""For some settings, a further line that the same table of the configuration file must hold, so that the
-setting is accepted.
+"""Some settings are accepted only with another line in the same table of the configuration file. For each of
+them, this line.
 """
 
 

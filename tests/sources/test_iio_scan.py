@@ -11,7 +11,9 @@ from hypothesis import strategies as st
 
 
 def test_the_layout_of_the_kernels_own_example() -> None:
-    """The example of Documentation/driver-api/iio/buffers.rst: 12 bits in 16, shifted by 4, big-endian."""
+    """The example of Documentation/driver-api/iio/buffers.rst: values of 12 bits in fields of 16 bits,
+    shifted by 4 bits, big-endian.
+    """
     element = parse_element("accel_x", "0\n", "be:s12/16>>4\n")
     assert element == Element("accel_x", 0, True, True, 12, 16, 4)
     layout = ScanLayout([element])

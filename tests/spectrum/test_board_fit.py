@@ -1,9 +1,9 @@
 """The board's spectrum and fit, compared with the host's for the same samples.
 
 The board computes the periodogram of the whole record for up to 496 samples, the host for up to 3,072. Beyond
-this, both use octaves. The board's filters for them start later, so its spectrum has a few percent fewer
-samples at the lowest frequencies. So the fits are close, not equal. tests/native checks that the arithmetic
-is the same.
+this, both use octaves. The board's filters for the octaves start later, so the board's spectrum has a few
+percent fewer samples at the lowest frequencies. So the fits are close, not equal. tests/native checks that
+the arithmetic is the same.
 """
 
 from itertools import pairwise

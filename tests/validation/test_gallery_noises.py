@@ -1,5 +1,5 @@
-"""The samples of the gallery's noises have the spectra of their closed forms, as an independent periodogram
-shows.
+"""The samples of the gallery's noises have the spectra that the noises' closed forms give. An independent
+periodogram shows this.
 """
 
 import ast

@@ -47,8 +47,7 @@ def good_frames(draw: st.DrawFn) -> bytes:
 
 
 good = good_frames()
-# Undamaged frames of any type and length, so also of unknown types, wrong lengths, and other protocol
-# versions.
+# Undamaged frames of any type and length. Some have unknown types, wrong lengths, or other protocol versions.
 intact = st.builds(
     encode_frame, st.one_of(st.integers(0, 8), st.integers(0, 255)), sequences, times, st.binary(max_size=240)
 )

@@ -79,7 +79,8 @@ MODES = {
 def main() -> None:
     """Run the chosen benchmarks and print the results.
 
-    Times vary from run to run, so the figures are medians with their spread, and ratios.
+    Times vary from run to run. So the figures are medians with their spread, or ratios of times that were
+    measured alternately.
     """
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--json", action="store_true", help="print one JSON object")

@@ -44,7 +44,7 @@ Row = tuple[str, ...]
 
 
 class Form(NamedTuple):
-    """A kind of text.
+    """A kind of text, for which the time of reading is measured.
 
     `pandas`: function that reads the text by pandas, or None if pandas cannot. `again`: a line that is
     repeated after every `every` rows. `share`: fraction of the rows that is used, smaller for text that takes

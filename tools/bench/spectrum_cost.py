@@ -28,7 +28,9 @@ DUE = (
     "-Wl,--gc-sections",
 )
 MOST_S = 600
-"""Time limit [s of the emulated board, at its slow clock after reset]."""
+"""Largest time that the program may take on the emulated board [s of virtual time]. The board runs at its
+slow clock after reset.
+"""
 PHASES = ("sample", "level", "bins", "first fit", "next fit", "filter", "track")
 LAYOUT = struct.Struct("<2I4f10I" + 3 * f"{len(PHASES)}I")
 NOISES = ("kSlow", "kWhite", "kFast", "kFullScale", "kConstant")
