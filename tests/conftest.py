@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 from fltea import _native
 from hypothesis import HealthCheck, settings
+from hypothesis.internal.conjecture import providers
 
 from tests.rig.tiers import LATER_TIERS, names_a_tier
 
@@ -89,6 +90,9 @@ if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
 # its cases sets a larger number. There is no deadline, so no test fails because the machine is slow or busy.
 # To try more and other examples, as in the hours before a release:
 # make test ARGS=--hypothesis-profile=thorough
+# Hypothesis 6.170 also draws constants from the source of each module of this project that is loaded by then,
+# so that the examples of a test would depend on the tests that ran before it.
+providers._get_local_constants = lambda: providers._local_constants
 ANY_PACE = {"database": None, "deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
 settings.register_profile("fixed", derandomize=True, max_examples=25, **ANY_PACE)
 settings.register_profile("thorough", max_examples=1000, print_blob=True, **ANY_PACE)
