@@ -1,4 +1,4 @@
-"""Writes a new file with one system call per flush, and can check that nobody has deleted or moved it."""
+"""Writes a new file with one system call per flush, and can check whether anyone has deleted or moved it."""
 
 import contextlib
 import errno

@@ -15,11 +15,12 @@ from fltea.records.errors import UsageError
 from fltea.settings.how import How
 
 RATE_TOLERANCE = 0.01
-"""Largest relative difference between the rate that the user gives and the rate that the times show."""
+"""The rate that the user gives may differ from the rate that the times show by at most this proportion."""
 
 CLOCK_TOLERANCE, FEWEST = 0.25, 10
-"""Limits for finding the stamps' unit by the arrival times: largest relative difference of the time that
-passes by both, and fewest messages.
+"""Arrival times show the stamps' unit if there are at least FEWEST messages. In the right unit, the time that
+passes by the stamps differs from the time that passes by the arrivals by less than the proportion
+CLOCK_TOLERANCE.
 """
 
 OTHER_UNITS = 1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9

@@ -29,8 +29,7 @@ TIMES = {
 """Types of ROS 1 and ROS 2 that consist of two numbers, whether or not the bag holds their definitions."""
 
 LIST = -1
-"""Value of `Field.many` for a list or text. The length of a list or text is stored in the 4 bytes before it.
-"""
+"""Value of `Field.many` for a list or text. The 4 bytes before a list or text store its length."""
 
 DEEPEST, MOST_LINES, MOST_LAYOUTS = 10, 5000, 64
 LONGEST_PADDING = 7

@@ -36,13 +36,15 @@ from fltea.settings.extras import load
 from fltea.settings.how import How
 
 COLUMNS, NUMBERS = ("gyro", "accel", "stamp", "arrival"), 8
-"""Columns of the temporary file, and how many numbers it holds for each sample in all these columns."""
+"""COLUMNS: columns of the temporary file. NUMBERS: how many numbers all these columns together hold for each
+sample.
+"""
 
 SHOWN = 8 * AT_ONCE
-"""Number of samples from which the table is computed that shows the user what each unit would mean."""
+"""A table shows the user what each unit would mean. It is computed from at most this number of samples."""
 
 ZSTD = b"\x28\xb5\x2f\xfd"
-"""First bytes of a message that was compressed by itself with zstd."""
+"""First bytes of a message that was compressed on its own, with zstd."""
 
 
 @dataclass
@@ -51,8 +53,8 @@ class MessageCounts:
 
     `unusable`: messages without the topic's layout. `not_numbers`: messages with a value that no sensor
     gives. `twice`: messages equal to the message before. `in_two_files`: messages that another file of the
-    bag holds too. `measured`: `gyro`, `accel` or both: the quantities of which at least one message says that
-    they were measured.
+    bag holds too. `measured`: `gyro`, `accel` or both: a quantity is included if at least one message says
+    that it was measured.
     """
 
     unusable: int = 0
@@ -310,7 +312,7 @@ class Gathered:
             self._counts.not_numbers += bad
 
     def _drop_repeated(self) -> None:
-        """Drop messages that the bag holds twice, for instance in two of its files."""
+        """Of messages that the bag holds twice, for instance in two of its files, drop the later one."""
         twice = held_twice(self._samples.spool)
         if twice is not None and twice.any():
             self._counts.in_two_files = int(np.count_nonzero(twice))
@@ -362,7 +364,11 @@ def _unpacked(message: bytes) -> bytes:
 def _blocks(
     spool: Spool, stamps: Stamps, rate_hz: float, start_ns: int, factors: tuple[float, float]
 ) -> Iterator[Recording]:
-    """Yield the samples in blocks. `factors`: of the file's units in deg/s (or counts) and in m/s²."""
+    """Yield the samples in blocks.
+
+    `factors`: factor that converts the file's rates to deg/s (or counts), and factor that converts its
+    accelerations to m/s².
+    """
     names = [name for name in ("gyro", "accel", "arrival") if name in spool]
     row = 0
     for values in spool.blocks(names, AT_ONCE):

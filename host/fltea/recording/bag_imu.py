@@ -67,7 +67,9 @@ Some types have several definitions, since releases of PX4 differ.
 """
 
 PX4_PADDING = 3
-"""Most padding bytes at the end of a PX4 message. More bytes show a release of PX4 with other fields."""
+"""Largest number of padding bytes at the end of a PX4 message. More bytes show a release of PX4 with other
+fields.
+"""
 
 PX4_AXES = {"SensorCombined": "gyro_rad", "VehicleAngularVelocity": "xyz"}
 

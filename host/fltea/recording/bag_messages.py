@@ -34,7 +34,8 @@ class Topic(NamedTuple):
     def is_imu(self) -> bool:
         """Whether the topic's messages may hold angular rates.
 
-        For JSON and protobuf, this is guessed from the names of the topic, of the type and in the schema.
+        For JSON and protobuf, this is guessed from the name of the topic, the name of the type, and the names
+        in the schema.
         """
         if self.is_of_objects:
             names = f"{self.type} {self.name}".lower()

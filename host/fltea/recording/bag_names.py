@@ -39,7 +39,7 @@ _NOT_OF_VALUES = re.compile(
     r"|minimum|threshold|saturat\w*|offset|density|lsbs?|counts?|up to|within|not|instead of|formerly"
     r"|previously|used to|multipl\w+|divided?|convert|converted from|conversion)\b|±|\+/-"
 )
-"""Words near which a unit need not be the unit of the values, as in `range ±2000 deg/s`."""
+"""A unit near one of these words may not be the unit of the values, as in `range ±2000 deg/s`."""
 
 UnitOf = Callable[[str], str | None]
 
@@ -47,7 +47,7 @@ UnitOf = Callable[[str], str | None]
 class Said(NamedTuple):
     """A unit, with the kind of its evidence and its source.
 
-    `against`: another unit that contradicts it, with its source, or "".
+    `against`: another unit that contradicts this one, with its source, or "".
     """
 
     unit: str
@@ -208,7 +208,7 @@ def _clock(names: Sequence[str], texts: Texts) -> tuple[tuple[str, ...], tuple[f
 def _stated(names: Sequence[str], in_name: UnitOf, texts: Texts, unit_of: UnitOf) -> Said | None:
     """Return the unit of a sensor's axes.
 
-    It is stated by the axes' names, by a field of units in the messages, or by the schema.
+    The unit is stated by the axes' names, by a field of units in the messages, or by the schema.
     """
     said: list[Said] = []
     for why, units in (

@@ -28,12 +28,13 @@ WORDS = "description", "title", "unit", "units", "x-unit", "$comment"
 """Keywords of JSON Schema whose text describes a field."""
 
 MOST_OTHERS = 16
-"""Largest number of fields of a message that are examined for whether their values distinguish sensors,
-although their names do not show it.
+"""The values of a field may distinguish sensors although the field's name does not show it. At most this
+number of such fields of a message is examined.
 """
 
 MOST_TRIED, MOST_TEXTS = 100, 10_000
-"""Largest numbers of messages that are searched for angular rates, and of a schema's texts that are read."""
+"""At most MOST_TRIED messages are searched for angular rates. At most MOST_TEXTS texts of a schema are read.
+"""
 
 
 def layout_of(
@@ -226,7 +227,7 @@ def _files_of(schema: bytes) -> Any:
 
     try:
         return descriptor_pb2.FileDescriptorSet.FromString(schema)
-    # protobuf's protobuf's DecodeError has no specific base class; `decoder_of` reports the error
+    # protobuf's DecodeError has no specific base class; `decoder_of` reports the error
     except Exception:
         return None
 

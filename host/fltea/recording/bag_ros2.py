@@ -30,7 +30,7 @@ AT_ONCE = 4096
 """Largest number of messages in a batch."""
 
 STEPS = 10_000
-"""Number of steps of SQLite's virtual machine after which the time limit is checked again."""
+"""The time limit is checked again after this number of steps of SQLite's virtual machine."""
 
 SQLITE_LIMITS = {
     sqlite3.SQLITE_LIMIT_SQL_LENGTH: 1 << 20,
@@ -78,9 +78,10 @@ def read_sqlite(path: Path, limits: Limits) -> Iterator[Batch | Note]:
 
 
 def _check_tables(connection: sqlite3.Connection) -> None:
-    """Raise ValueError unless the bag's tables are plain tables: neither views nor with computed columns.
+    """Raise ValueError unless the bag's tables are plain tables.
 
-    SQLite's own parser is asked of which kind a table is, since the schema in the file may name a wrong kind.
+    They must not be views or have computed columns. SQLite's own parser is asked for the kind of a table,
+    since the schema in the file may name a wrong kind.
     """
     kinds = {name: kind for _, name, kind, *_ in connection.execute("PRAGMA main.table_list")}
     for name in ("topics", "messages"):

@@ -15,14 +15,17 @@ ALL_ARE_ONE = "1/1"
 """Value of the option --sensor by which the user states that all messages are from one sensor."""
 
 FEWEST = 10
-"""Number of messages from which on a field that has another value in each message counts as a counter."""
+"""A field that has another value in each message counts as a counter if there are at least this many
+messages.
+"""
 
 MOST_LOOKED_AT = 500
-"""Number of messages at the beginning in which fields are checked for values that alternate between sensors.
+"""Only this number of messages at the beginning is searched for fields whose values alternate between
+sensors.
 """
 
 PUBLISHER = "publisher"
-"""Name by which the publisher of a message stands in lists of fields."""
+"""Name of the publisher of a message in lists of fields, where the publisher counts as a field."""
 
 
 def are_at_once(publishers: NDArray[np.str_], arrival_ns: Ints) -> bool:

@@ -29,10 +29,10 @@ Means over 0.1 s show the noise density N even if a low-pass filter removes the 
 """
 
 QUIET = 0.1
-"""Fraction of the stretches of time that counts as rest. The stretches with the least noise are taken."""
+"""The stretches of time with the least noise count as rest. They are this fraction of all stretches."""
 
 MOVING = 0.05
-"""Largest σ of the accelerations, relative to gravity, for which the sensor counts as at rest."""
+"""The sensor counts as at rest if σ of the accelerations is at most this proportion of gravity."""
 
 
 class Scale(NamedTuple):

@@ -28,13 +28,14 @@ GRAVITY_COUNTS = (2048, 4096, 8192, 16384)
 """Length of gravity in 16-bit counts of accelerometers with ranges of ±16, ±8, ±4 and ±2 g."""
 
 GRAVITY_TOLERANCE = 0.15
-"""Relative tolerance within which a vector has the length of gravity. Cheap accelerometers are wrong by about
-5 %. So the units mg and cm/s², which differ by 2 %, cannot be distinguished.
+"""A vector has the length of gravity if its length differs from gravity by at most this proportion. Cheap
+accelerometers are wrong by about 5 %. So the units mg and cm/s², which differ by 2 %, cannot be
+distinguished.
 """
 
 STEADY = 0.1
-"""Largest median deviation of a vector's length from its median, relative to the median, for which the vector
-may be gravity.
+"""Vectors may be gravity if their lengths deviate from the median length by at most this proportion of it, in
+the median.
 """
 
 UNITS = ("rad/s", "deg/s", "mrad/s", "mdps", "deg/h")
@@ -53,8 +54,8 @@ LIKELY_HZ = PLAUSIBLE_HZ[0] / 5, PLAUSIBLE_HZ[1] * 2
 
 MOST_COLUMNS = 40
 NOBODY_MEASURES = 1e100
-"""Numbers of at least this size are no measurements and are left out. The squares of smaller numbers do not
-overflow.
+"""Numbers of at least this size are no measurements and are left out. The squares of the remaining numbers do
+not overflow.
 """
 
 

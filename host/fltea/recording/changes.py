@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class StepMark(Record, frozen=True, forbid_unknown_fields=False, tag="step"):
-    """Fields of a `step` record that are needed to count it; newer versions may write further fields."""
+    """Fields of a `step` record that are needed to count it. Newer versions may write more fields."""
 
     host_ns: int
 

@@ -16,12 +16,12 @@ MOST_IN_TURNS = 4
 """Largest number of alternating sensors that can be recognised from the times alone."""
 
 SHORT_GAPS = 2, 3, 4
-"""Lengths of steps between times [sampling periods] that always mean lost samples, however many such steps
-there are. Longer steps may also be pauses between bursts of rows.
+"""Steps between times that are this many sampling periods long always mean lost samples, however many such
+steps there are. Longer steps may also be pauses between bursts of rows.
 """
 
 NEARLY = 1e-3
-"""Largest distance of a time from a multiple of the times' resolution, relative to the resolution."""
+"""A time differs from a multiple of the times' resolution by less than this proportion of the resolution."""
 
 COARSEST_S = 1e-3 * (1 + NEARLY)
 """Coarsest resolution of times from which the period is measured: milliseconds [s].
@@ -36,19 +36,19 @@ before with other values.
 """
 
 RARE, CLEAN_SHARE = 0.05, 0.5
-"""RARE: quantile of the durations of all stretches with a certain number of rows that counts as the duration
-without lost samples. CLEAN_SHARE: smallest fraction of stretches that must be free of loss.
+"""Among all stretches with a certain number of rows, the quantile RARE of their durations counts as the
+duration without lost samples. At least the fraction CLEAN_SHARE of the stretches must be free of loss.
 """
 
 FEWEST_BURSTS, MANY_BURSTS, ALIKE_SHARE = 3, 10, 0.7
-"""Fewest long steps between times from which rows count as coming in bursts, if the bursts are regular
-(FEWEST_BURSTS) and if not (MANY_BURSTS). ALIKE_SHARE: fraction of the bursts that must be alike to count as
-regular.
+"""Rows count as coming in bursts if there are at least this many long steps between times: FEWEST_BURSTS if
+the bursts are regular, MANY_BURSTS if they are not. Bursts are regular if at least the fraction ALIKE_SHARE
+of them is alike.
 """
 
 MOST_IN_STEPS, NEARLY_ALL = 0.5, 0.8
-"""Fraction of the whole time that the long steps between times must take, so that rows count as coming in
-bursts: MOST_IN_STEPS for regular bursts, NEARLY_ALL for irregular bursts.
+"""Rows count as coming in bursts if the long steps between times take more than this fraction of the whole
+time: MOST_IN_STEPS for regular bursts, NEARLY_ALL for irregular bursts.
 """
 
 
@@ -197,7 +197,7 @@ def _of_block(times: Floats, median: float, grain: float) -> float | None:
     if period == math.inf:
         return period
     steps[steps > (SHORT_GAPS[-1] + 0.5) * period] = period
-    times = np.cumsum(steps)  # number the samples, since some stretches have lost samples
+    times = np.cumsum(steps)  # the samples are numbered, since some were lost in some stretches
     numbers = (
         Numbering(period, 1 / period, is_rounded=True).add(times, np.zeros(len(times), np.bool_)).sequence
     )

@@ -54,8 +54,8 @@ def _sensor(words: str, letters: str) -> re.Pattern[str]:
 
 _GYRO_AXIS, _ACCEL_AXIS = _sensor(_GYRO, "gw"), _sensor(_ACCEL, "a")
 _BARE_AXIS = _axis("(?:(?:as|axis|rate|rotation)_?)?(?P<x>[xyz])")
-"""Matches names of axes of which only the unit says whether they are rates or accelerations. WitMotion calls
-a rate AsX.
+"""Matches names of axes that may be rates or accelerations, so that only the unit decides. WitMotion calls a
+rate AsX.
 """
 
 _TIME = re.compile(rf"{_TIMES}|{_BEFORE}(?:(?:{_OF_CLOCK})_)*(?:{_OF_TIME})(?:_formatted)?(?:_unix)?{_SORT}")
@@ -220,7 +220,7 @@ def states_units(name: str) -> bool:
 
 
 def split_seconds(names: Sequence[str]) -> dict[int, tuple[int, float]]:
-    """Return, for each column of whole seconds, the column of fractions to add, and its unit [s]."""
+    """Return, for each column of whole seconds, the column of fractions to add, and their unit [s]."""
     parts: dict[int, tuple[int, float]] = {}
     bases = {}
     for place, name in enumerate(names):

@@ -30,8 +30,8 @@ PACKERS: dict[bytes, tuple[Any, str]] = {
     b"BZh": (bz2.open, "bzip2 -dk {}"),
     b"\xfd7zXZ": (lzma.open, "xz -dk {}"),
 }
-"""For the first bytes of a compressed file: the function that opens it, and the command by which the user can
-decompress it.
+"""Key: the first bytes of a compressed file. Value: the function that opens such a file, and the command by
+which the user can decompress it.
 """
 
 DAMAGE = (OSError, ValueError, zlib.error, lzma.LZMAError, zipfile.BadZipFile, NotImplementedError)

@@ -19,12 +19,12 @@ from fltea.records.units import STANDARD_GRAVITY_MS2
 from fltea.settings.how import TimeUnit
 
 MOST_OFFSET_DPS = 5.0
-"""Largest offset at rest that is usual [deg/s]. If the rates are at most this large, a length near 1 is not
+"""A usual offset at rest is at most this large [deg/s]. If the rates are no larger, a length near 1 is not
 taken for gravity in g.
 """
 
 FEWEST_STEPS = 8
-"""Fewest steps between times from which two clocks are compared."""
+"""Two clocks are compared if there are at least this many steps between times."""
 
 
 def check_clock(

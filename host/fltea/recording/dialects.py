@@ -20,7 +20,7 @@ from fltea.recording.wanted import NUMBER
 from fltea.records.units import STANDARD_GRAVITY_MS2
 
 _SHARED = re.compile(r"(?:.*[\s._/:-])?")
-"""Matches the longest beginning of a name that ends where a word ends."""
+"""Matches the beginning of a name, up to its last separator between words."""
 
 
 # Over 12 attributes: each is one key of a row of dialects.toml.
@@ -104,8 +104,8 @@ Each name is compared with each dialect, which would take too long for more colu
 """
 
 GRAVITY_TOLERANCE = 0.05
-"""Relative tolerance of gravity's length. For dialects that are recognised only by the number of fields, the
-accelerations have to have this length.
+"""If a dialect is recognised only by its number of fields, the length of the accelerations must not differ
+from gravity by more than this proportion.
 """
 
 

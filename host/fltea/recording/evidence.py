@@ -45,7 +45,9 @@ _TWO_FIELDS = re.compile(r"(\d+)\+(\d+)")
 """Matches the positions of two columns: one of whole seconds, and one of nanoseconds."""
 
 ENOUGH = 10
-"""A column counts as empty if it holds no number in the first rows, if there are at least this many."""
+"""A column counts as empty if it holds no number in the first rows, provided that there are at least this
+many rows.
+"""
 
 
 class Choice:
@@ -294,9 +296,9 @@ class Choice:
         return rate_hz
 
     def _has_times_beside_columns(self) -> bool:
-        """Return whether the user is asked for the axes, and some column may then be one of times.
+        """Return whether the user has to name the axes, and some column may be one of times.
 
-        The user is not asked for the rate then, since the times may give it.
+        In this case the user is not asked for the rate, since the times may give it.
         """
         is_asked = any(one.option.startswith("--columns") for one in self.missing)
         return is_asked and any(is_time(name.rpartition(".")[2]) for name in self.names)

@@ -22,10 +22,13 @@ LARGEST_DPS = 1e6
 """Largest accepted angular rate [deg/s], far above any gyroscope's. A larger number shows a wrong unit."""
 
 LONGEST_NAME, MOST_NAMES = 60, 30
-"""Longest name [characters], and largest number of names, that an error message shows from a file."""
+"""An error message shows at most MOST_NAMES names from a file, and at most LONGEST_NAME characters of each.
+"""
 
 LARGEST_COUNT, LARGEST_NUMBER = 2.0**31, 2.0**53
-"""Largest count of a sensor's register, and largest whole number that a float represents exactly."""
+"""The counts of a sensor's register are below LARGEST_COUNT. Up to LARGEST_NUMBER, a float represents each
+whole number exactly.
+"""
 
 HOST_TOLERANCE = 0.05
 

@@ -77,7 +77,9 @@ def with_clocks(names: Sequence[str], of: Sequence[str]) -> list[str]:
 def short_names(
     names: Sequence[str], of: Sequence[str], fixed: Mapping[int, str], keep: Sequence[int]
 ) -> dict[int, str]:
-    """Return short names of columns, by column index: without the names of the groups `of`, innermost first.
+    """Return short names of columns, by column index.
+
+    They lack the names of the groups `of`, innermost first.
 
     `fixed`: names that stay unchanged. `keep`: columns that get short names. If several columns would get the
     same short name, only the column in the innermost group gets it.

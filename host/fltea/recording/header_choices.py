@@ -11,7 +11,7 @@ from fltea.recording.columns import Chosen
 from fltea.records.errors import UsageError
 
 MOST = 64
-"""Most different headers (lines with column names) of a text for which columns are chosen."""
+"""Columns are chosen for at most this number of different headers (lines with column names) of a text."""
 
 
 class Choices:

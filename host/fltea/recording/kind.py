@@ -20,7 +20,7 @@ from fltea.records.small_file import open_stream
 
 BEGIN_BYTES = 512
 FEWEST_ROWS = 2
-"""Fewest rows of numbers from which a file counts as text, whatever the ending of its name."""
+"""A file with at least this many rows of numbers counts as text, whatever the ending of its name."""
 
 TEXTS = "csv", "ndjson", "json"
 OURS, ARRAY = re.compile(rb'\{\s*"class"'), re.compile(rb"\[\s*\{")

@@ -33,9 +33,10 @@ class _One(NamedTuple):
 class LabelLines:
     """Joins the lines of each sample.
 
-    The sample's last line gets all its numbers, and the others become empty. A sample ends before a line
-    whose label the sample already has, or whose label comes earlier in the order of labels in the first
-    sample. In lines with Teleplot's mark `>`, a time in ms may stand before the number: `>gx:1000:1.2`.
+    The last line of a sample gets all numbers of the sample, and its other lines become empty. A sample ends
+    before a line whose label the sample already has, or whose label comes earlier in the order of labels in
+    the first sample. In lines with Teleplot's mark `>`, a time in ms may stand before the number:
+    `>gx:1000:1.2`.
     """
 
     begins = re.compile(rb"^[ \t>]*[^\W\d][^:=\n]{0,80}[:=]", re.M)

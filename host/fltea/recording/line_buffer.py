@@ -40,7 +40,7 @@ class LineBuffer:
         return self._whole(self._decoder.feed(data, hold=not self._skipping))
 
     def release(self) -> bytes | None:
-        """Return lines as `feed` does, from bytes held back for decoding. Call it at the text's end."""
+        """Return the lines in the bytes that were held back for decoding. Call this at the text's end."""
         return self._whole(self._decoder.release())
 
     def finish(self) -> bytes:

@@ -52,7 +52,7 @@ class BadLines:
 
 
 class RowNumbers:
-    """Numbers the samples, and finds where the sender restarted, since it repeats its header then."""
+    """Numbers the samples, and finds where the sender restarted: it repeats its header after a restart."""
 
     def __init__(self) -> None:
         self._ordinal = self._since_header = self._page = 0
@@ -69,7 +69,7 @@ class RowNumbers:
     def repeat_header(self, rows: int) -> None:
         """Note that the sender has repeated its header, which names the columns.
 
-        This means that the sender restarted, unless it repeats the header after each fixed number of rows.
+        The sender has then restarted, unless it always repeats the header after a fixed number of rows.
         `rows`: number of rows from here until the header comes once more, -1 if unknown.
         """
         self._begins |= self._since_header not in (self._page, rows)

@@ -31,31 +31,36 @@ SET_BACK = 10
 """A step backwards by more than this many periods means that the clock was set."""
 
 SET_FORWARD_NS = 1_000_000_000
-"""Forward jump of the stamps above which the clock counts as changed if arrival times show no gap [ns]."""
+"""If the stamps jump forward by more than this [ns], and the arrival times show no gap, the clock was
+changed.
+"""
 
 STEPS, MORE = 1000, 1.05
-"""STEPS: number of steps over which the mean step is measured if samples come in batches. MORE: factor by
-which it is increased, so that pauses between batches do not count as gaps.
+"""If samples come in batches, the mean step is measured over STEPS steps. It is increased by the factor MORE,
+so that pauses between batches do not count as gaps.
 """
 
 MOST_PASSES, SAME = 5, 1e-6
-"""Limits of the iteration for the period: most rounds, and the relative change of the period that ends it."""
+"""The iteration for the period ends after MOST_PASSES rounds, or when the period changes by at most the
+proportion SAME.
+"""
 
 LEAST_IN_BATCHES = 3
 """Smallest number of lost samples that can be detected if samples come in batches."""
 
 SURE = 100
-"""Largest number of lost samples in a gap for which the number is certain, although the period is not known
+"""If at most this many samples are lost in a gap, their number is certain although the period is not known
 exactly.
 """
 
 MANY = 1 << 20
-"""Number of steps from which a median is taken; of more steps, a part is used."""
+"""A median is taken from at most this number of steps. If there are more steps, only a part of them is used.
+"""
 
 WILD_NS = 60_000_000_000
-"""Largest difference between a step of the arrival times and the step that the sequence numbers give [ns].
+"""A step of the arrival times may differ from the step that the sequence numbers give by at most this [ns].
 
-If it is larger, the arrival times are not used.
+If the difference is larger, the arrival times are not used.
 """
 
 
@@ -142,7 +147,8 @@ def is_arrival(arrival_ns: Times, sequence: Times, period_ns: float) -> bool:
 def _first_guess(times_ns: Times, steps: Times) -> tuple[float, bool]:
     """Return a first value of the period, and whether samples come in batches.
 
-    It is the usual step between stamps. For batches, it is the mean step, slightly increased.
+    The period is the usual step between stamps. If samples come in batches, it is the mean step, slightly
+    increased.
     """
     thin = steps[:: -(-len(steps) // MANY)]
     typical = float(np.median(thin))
@@ -170,9 +176,9 @@ def _gaps(
 ) -> tuple[Times, Times]:
     """Return the rows before which samples were lost, and the number of samples lost before each.
 
-    Stamps may be late, so the true length of a gap follows from the samples before and after it that are late
-    by the least. A stamp that repeats the previous stamp is ignored, except in batches, where most stamps
-    repeat.
+    Stamps may be late. So the true length of a gap is found from the two samples, one before the gap and one
+    after it, that are least late. A stamp that repeats the previous stamp is ignored, except in batches,
+    where most stamps repeat.
     """
     rows, missing = [], []
     of_epochs = [0, *epoch_row.tolist(), len(times_ns)]

@@ -19,7 +19,7 @@ counter.
 
 MOST_IN_TURN, FEWEST_ROWS = 16, 25
 """MOST_IN_TURN: largest number of sensors that are recognised by alternating values in a column alone.
-FEWEST_ROWS: fewest rows that are enough for it.
+FEWEST_ROWS: least number of rows that is enough for this recognition.
 """
 
 LONGEST_TURN, REGULAR, SELDOM = 32, 0.9, 0.7
@@ -32,12 +32,12 @@ status.
 
 CHANCE_SIGMA, APART = 5.0, 5.0
 """Thresholds in standard deviations. CHANCE_SIGMA: how far the regularity of a cycle has to exceed chance.
-APART: how far the numbers of two sensors have to differ.
+APART: how far the mean numbers of two sensors have to differ, in the sum of their standard deviations.
 """
 
 FEWEST_SHARE, FEWEST_COUNTED = 0.6, 5
-"""FEWEST_SHARE: fewest rows of a sensor, as a fraction of the number that it would have if all sensors had
-equally many. FEWEST_COUNTED: fewest numbers in the cycle of a counter.
+"""FEWEST_SHARE: each sensor has at least this fraction of the rows that it would have if all sensors had
+equally many. FEWEST_COUNTED: the cycle of a counter has at least this many numbers.
 """
 
 
@@ -129,7 +129,7 @@ def tells_apart(cells: Sequence[str], times: Floats | None, values: Floats) -> b
 def _is_counter(cells: Sequence[str]) -> bool:
     """Return whether the texts are whole numbers that rise by one from row to row, in a cycle.
 
-    At its highest number the cycle begins again. It has at least five numbers.
+    After its highest number, the cycle begins again. A cycle has at least five numbers.
     """
     if not all(cell.isdecimal() for cell in cells):
         return False

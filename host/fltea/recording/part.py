@@ -37,7 +37,7 @@ CHUNK_BYTES = 1 << 20
 
 
 class _Packer(threading.local):
-    """Compressor for chunks of messages. A thread has one for all its files, as each uses a megabyte."""
+    """Compressor for chunks of messages. A thread uses one for all its files, since each takes a megabyte."""
 
     def __init__(self) -> None:
         self.packed = ZstdCompressor(level=1, write_checksum=True).compress

@@ -11,13 +11,13 @@ MOST_DPS = 4000.0
 """Largest plausible rate [deg/s]; gyroscopes in phones and for navigation have no wider range."""
 
 ENOUGH_ROWS = 50
-"""Fewest rows from which numbers are judged."""
+"""Numbers are judged only if there are at least this many rows."""
 
 
 class Plausible:
     """Checks whether rates are possible for a gyroscope at rest.
 
-    A wrong unit or column gives impossible ones.
+    Rates in a wrong unit, or from a wrong column, are impossible.
     """
 
     def __init__(self, chosen: Chosen) -> None:

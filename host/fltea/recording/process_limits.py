@@ -27,8 +27,8 @@ STARTUP_BYTES = 2 << 30
 """Address space that the interpreter and libraries reserve [bytes]."""
 
 SILENT_RATIO = 4
-"""Ratio of the longest time without output to the limit of processor time. It is above 1, since a process may
-have to wait for a processor or disk.
+"""The longest time without output is this many times the limit of processor time. The factor is above 1,
+since a process may have to wait for a processor or disk.
 """
 
 OUT_OF_MEMORY = 75

@@ -21,16 +21,16 @@ from fltea.records.errors import UsageError
 from fltea.settings.limits import MB, Limits
 
 RATIO, SMALLEST_BYTES = 200, 4 * MB
-"""RATIO: largest ratio of decompressed to compressed size. SMALLEST_BYTES: decompressed size that is allowed
-at any ratio [bytes].
+"""RATIO: decompressed data may be at most this many times as large as the compressed data. SMALLEST_BYTES:
+decompressed data up to this size are always allowed [bytes].
 """
 
 SECONDS_PER_MB = 5.0
 SECONDS_PER_MESSAGE = 0.005
 
 MOST_FIELDS = 1000
-"""Most fields of one message, including nested fields. Even a message with a robot's whole state has only a
-few hundred.
+"""Largest number of fields in one message, including nested fields. Even a message with a robot's whole state
+has only a few hundred.
 """
 
 T = TypeVar("T")

@@ -21,8 +21,8 @@ from fltea.recording.text_times import points_of_time
 from fltea.records.errors import UsageError
 
 MOST_WIDE = 64
-"""Most columns of one array. An array with more columns than rows is transposed, since MATLAB programs write
-one row for each axis.
+"""Largest number of columns of one array. An array with more columns than rows is transposed, since MATLAB
+programs write one row for each axis.
 """
 
 MOST_REASONS = 5

@@ -140,9 +140,9 @@ class _Reader:
             values = values.cast(pa.int64())
             if self._begin is None and not pa.types.is_time(one.kind):
                 self._begin = next((stamp.as_py() for stamp in values if stamp.is_valid), None)
-            values = compute.subtract(
-                values, self._begin or 0
-            )  # the first date is subtracted before, since a float resolves Unix times only to 0.2 µs
+            # The first date is subtracted before the conversion to float, which resolves Unix times only to
+            # 0.2 µs.
+            values = compute.subtract(values, self._begin or 0)
         return np.asarray(values.cast(pa.float64(), safe=False).to_numpy() * scale)
 
     def _seconds_of(self, texts: Sequence[str | None]) -> Floats:
