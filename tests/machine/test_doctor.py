@@ -137,7 +137,7 @@ def test_a_raspberry_pi_is_told_how_to_switch_its_bus_on(system: FakeSystem) -> 
         ({0x68: 0x33}, "problem", "WHO_AM_I 0x33", "a bad contact on SDA"),
         ({0x69: 0x71}, "problem", "but at 0x69: MPU-9250", "--source 'i2c:///dev/i2c-1?addr=0x69'"),
         ({}, "problem", "no chip answers at /dev/i2c-1, address 0x68", "i2cdetect -y 1"),
-        ({0x68: OSError(16, "busy")}, "ok", "a driver of the kernel has the chip at 0x68", None),
+        ({0x68: OSError(16, "busy")}, "ok", "a driver of the kernel uses the chip at 0x68", None),
     ],
 )
 def test_the_chip_on_the_bus(

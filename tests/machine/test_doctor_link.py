@@ -61,7 +61,9 @@ def test_a_device_in_good_health() -> None:
     )
     later = heard(hello=msgspec.structs.replace(HELLO, protocol="1.9", schema_hash="0x54B0C642"))
     message = finding_of(list(judge("port", later)), "firmware").message
-    assert message.endswith("protocol 1.9, schema 0x54B0C642, which this program reads as far as it knows it")
+    assert message.endswith(
+        "protocol 1.9, schema 0x54B0C642, which is not this program's: fltea ignores what it does not know"
+    )
     assert finding_of(findings, "samples").message == "401 in 4.0 s, 100.00 Hz (100 stated), 0 lost"
     assert finding_of(findings, "clock drift").message.endswith("+12 ± 9.8 ppm")
 
@@ -80,7 +82,7 @@ def test_a_device_in_good_health() -> None:
         ({"hello": msgspec.structs.replace(HELLO, who_am_i=0)}, "sensor", "problem", "has found no sensor"),
         ({"delivered": 0, "seconds": 0.0}, "samples", "problem", "no samples"),
         ({"delivered": 391, "lost": 10}, "samples", "warning", "10 lost"),
-        ({"seconds": 4.1}, "samples", "warning", "the sensor's clock is off"),
+        ({"seconds": 4.1}, "samples", "warning", "the sensor's clock is wrong"),
         ({"status": DeviceStatus(4, 1, 0, 0, 7, "watchdog")}, "board", "warning", "7 dropped frames, 4 I²C"),
         ({"drift": Drift(900.0, 10.0)}, "clock drift", "warning", "+900 ± 20 ppm"),
         ({"drift": Drift(900.0, 300.0)}, "clock drift", "ok", "+900 ± 590 ppm"),

@@ -173,5 +173,5 @@ def test_simulated_means_of_the_bias_spread_as_is_said(name: str) -> None:
 
 
 def test_a_mean_of_no_samples_is_refused() -> None:
-    with pytest.raises(ValueError, match="a sample or more"):
+    with pytest.raises(ValueError, match="at least one sample"):
         mean_ahead(_system("walk"), 0)

@@ -92,9 +92,9 @@ BAD_NPY = {
     "transposed": (GYRO.T, {"rate_hz": 1.0}, "save its transpose"),
     "three dimensions": (GYRO[None], {"rate_hz": 1.0}, "has the shape (1, 300, 3)"),
     "nothing": (GYRO[:0], {"rate_hz": 1.0}, "has the shape (0, 3)"),
-    "text": (np.array(["a", "b"]), {"rate_hz": 1.0}, "none of numbers"),
+    "text": (np.array(["a", "b"]), {"rate_hz": 1.0}, "not a type of numbers"),
     "objects": (np.array([None, 1]), {"rate_hz": 1.0}, "cannot be read as .npy"),
-    "complex": (GYRO * 1j, {"rate_hz": 1.0}, "none of numbers"),
+    "complex": (GYRO * 1j, {"rate_hz": 1.0}, "not a type of numbers"),
     "infinity": (
         GYRO * [1, np.inf, 1],
         {"rate_hz": 1.0},

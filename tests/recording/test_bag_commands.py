@@ -128,9 +128,7 @@ def test_messages_in_two_files_of_a_bag_count_once(kind: str, how: str, tmp_path
     (note,) = stored.notes
     assert note.kind == "bag_messages"
     twice = {"copied": 60, "overlapping": 15}
-    expected = (
-        f"{twice[how]} messages stand in the bag before already" if how in twice else "is the same file as"
-    )
+    expected = f"{twice[how]} messages stand in the bag twice" if how in twice else "is the same file as"
     assert expected in note.text
 
 

@@ -134,7 +134,7 @@ def test_a_field_that_counts_tells_no_sensors(tmp_path: Path, column: str) -> No
     counted = write_objects(tmp_path / "b.mcap", objects(frame_id=range(7)), STAMPS)
     assert open_bag(counted).samples == N
     states = write_objects(tmp_path / "c.mcap", objects(sensor=["warm", "cold"]), STAMPS)
-    with pytest.raises(NotStated, match=r"1/1 says that all messages are of one"):
+    with pytest.raises(NotStated, match=r"1/1 says that all messages are from one sensor"):
         open_bag(states)
     assert open_bag(states, How(topic="1/1")).whole().gyro == pytest.approx(BOTH)
 

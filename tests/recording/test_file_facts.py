@@ -145,7 +145,7 @@ def test_the_order_of_axes_that_is_stated_is_followed(
     ("stated", "reason"),
     [
         ({"units": ["deg/s", "rad/s", "rad/s"]}, "the columns of one sensor are in different units"),
-        ({"units": ["rad/s", "rad/s"]}, "2 units (rad/s, rad/s) are stated of 3 columns"),
+        ({"units": ["rad/s", "rad/s"]}, "2 units (rad/s, rad/s) are stated for 3 columns"),
         ({"columns": ["x", "y"]}, "gyro@columns names 2 columns (x, y), and there are 3"),
         ({"axes": ["x", "-y", "-z"]}, "names axes with signs (x, -y, -z), which are not applied here"),
     ],

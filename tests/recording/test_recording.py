@@ -113,7 +113,7 @@ BAD_NPZ = {
     "NaN as a number": ({"time_s": np.arange(4.0), "seq": [np.nan] * 4}, "seq is not finite in row 0"),
     "numbers without times": (
         {"time_s": np.arange(4) / 100, "seq": [0, 1, 102, 103], "epoch": np.zeros(4, int)},
-        "seq lacks samples that time_s has no time for in row 2",
+        "seq skips samples for which time_s leaves no time in row 2",
     ),
     "accel in a row": ({"accel_raw": np.ones(4)}, "accel_raw has the shape (4,)", "(4, 3) is needed"),
     "NaN accel": ({"accel_raw": NOT_FINITE}, "accel_raw is not finite in row 2"),

@@ -392,9 +392,11 @@ def test_a_scale_in_each_message(tmp_path: Path) -> None:
     counts = np.rint(at_rest() * 131)
     some = objects(counts, scale=1 / 131, unit="deg/s")
     path = write_objects(tmp_path / "a.mcap", some, STAMPS)
-    with pytest.raises(NotStated, match=r"stand: scale 0\.00763359 may .*: --units \? --overrule$"):
+    with pytest.raises(NotStated, match=r"to which scale 0\.00763359 may .*: --units \? --overrule$"):
         open_bag(path)
-    with pytest.raises(UsageError, match=r"changed by scale 0\.00763359, and --units deg/s says not whether"):
+    with pytest.raises(
+        UsageError, match=r"changed by scale 0\.00763359, and --units deg/s does not say whether"
+    ):
         open_bag(path, How(units="deg/s"))
     stored = open_bag(path, How(units="lsb:131", overrule=True))
     assert stored.whole().gyro == pytest.approx(counts)
@@ -486,7 +488,7 @@ def test_a_unit_of_times_that_nothing_tells(tmp_path: Path) -> None:
     stored = open_bag(write_objects(tmp_path / "a.mcap", some, STAMPS))
     assert stored.rate_hz == pytest.approx(RATE_HZ)
     assert (
-        "nothing says the unit of timestamp (--time-unit ?), so the times of arrival are taken"
+        "nothing says the unit of timestamp (--time-unit ?), so the times of arrival are used"
         in told(stored)["bag_stamps"]
     )
     given_ms = open_bag(write_objects(tmp_path / "b.mcap", some, STAMPS), How(time_unit="ms"))

@@ -398,8 +398,8 @@ class _Loop(HandOut[_Task]):
                     if data_check.kind in FILE_TROUBLES
                 ][:1]
                 report.failure = UsageError(
-                    f"{report.name}: {len(series.y)} samples, {len(series.y) * h:.1f} s, are too short for a "
-                    f"verdict; {needed} are the least (the start-up window takes "
+                    f"{report.name}: {len(series.y)} samples ({len(series.y) * h:.1f} s) are too few for a "
+                    f"verdict, which needs at least {needed} samples (the start-up window takes "
                     f"{options.estimator.startup_needed}: --startup). Record ten minutes at rest, or an "
                     f"hour to know the bias instability.{''.join(wrong)}"
                 )

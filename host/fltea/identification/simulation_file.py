@@ -67,7 +67,7 @@ def write_model_simulation(out: Path, model: Path, settings: NoiseSettings) -> N
     _check(out, settings)
     models = read_models(model)
     if not models.axes:
-        raise UsageError(f"{model}: has no gyroscope axis, and only these are simulated.")
+        raise UsageError(f"{model}: has no gyroscope axis, and only gyroscope axes are simulated.")
 
     def drawn(axis: int) -> tuple[Array, Array]:
         rng = np.random.default_rng((settings.seed, axis))

@@ -78,7 +78,7 @@ def next_of_white(allan: Allan, walk: OffsetWalkFound, unit: str) -> str:
         what = (
             "there is slower noise, which this record is too short to name"
             if found.is_more
-            else "there is less slow noise than white noise has, as behind a high-pass"
+            else "there is less slow noise than in white noise, as behind a high-pass"
         )
         until = f" up to {duration(found.to_s)}" if found.to_s >= 1 else ""
         return (
@@ -88,8 +88,8 @@ def next_of_white(allan: Allan, walk: OffsetWalkFound, unit: str) -> str:
     if walk.said == "walks":
         return f"A filter needs its density N and the walk of its offset. {of_K}"
     return (
-        "A filter needs only its density N: the Allan deviation is that of white noise up to its end, "
-        f"{duration(found.ends_s)}. {of_K}"
+        "A filter needs only its density N: the Allan deviation is that of white noise at all averaging "
+        f"times, up to {duration(found.ends_s)}. {of_K}"
     )
 
 

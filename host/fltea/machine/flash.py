@@ -146,8 +146,8 @@ def _unknown(port: str, vid: int | None, pid: int | None) -> str:
     else:
         what = f"{port} is no Arduino Due (its USB id is {vid:04x}:{pid:04x}, a Due's 2341:003d or 2a03:003d)"
     return (
-        f"{what}. Nothing was opened, since that erases some boards. If it is the programming port of a "
-        f"Due all the same, as with another USB chip: {ERASE_UNKNOWN}. {list_ports_text()}"
+        f"{what}. The port was not opened, since opening it at 1200 baud erases some boards. If it is a "
+        f"Due's programming port all the same, with another USB chip: {ERASE_UNKNOWN}. {list_ports_text()}"
     )
 
 

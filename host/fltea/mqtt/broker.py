@@ -86,7 +86,7 @@ class Broker:
             hint = self._hung_up()
         else:
             hint = f"{error}."
-        return "broker_lost", f"{where}: {hint} It is tried again."
+        return "broker_lost", f"{where}: {hint} fltea tries again."
 
     def explain_refusal(self, reason: ReasonCode) -> Failure:
         """Return kind and text of the `error` record for the broker's refusal of a connection."""
@@ -103,14 +103,14 @@ class Broker:
             )
         return "broker_refused", (
             f"{where}: the broker refuses user or password ({name}). They come from mqtt.password_file, "
-            f"or else from {USER} and {PASSWORD}; does the broker have both?"
+            f"or else from {USER} and {PASSWORD}; does the broker know both?"
         )
 
     def explain_unreadable(self, topics: Iterable[str]) -> Failure:
         """Return kind and text of the `error` record for topics that this user is not allowed to read."""
         return "broker_refused", (
-            f"{self.address}: the broker does not let this user read {', '.join(topics)}: its access list "
-            "has to."
+            f"{self.address}: the broker does not let this user read {', '.join(topics)}: allow it in the "
+            "broker's access list."
         )
 
     def explain_end(self, reason: ReasonCode, answered: bool) -> Failure:
@@ -120,8 +120,8 @@ class Broker:
         """
         where, name = str(self.address), reason.getName()
         if answered:
-            return "broker_lost", f"{where}: the connection was lost ({name}). It is tried again."
-        return "broker_lost", f"{where}: {self._hung_up()} It is tried again."
+            return "broker_lost", f"{where}: the connection was lost ({name}). fltea tries again."
+        return "broker_lost", f"{where}: {self._hung_up()} fltea tries again."
 
     def _hung_up(self) -> str:
         if self.tls is None:

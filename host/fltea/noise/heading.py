@@ -76,7 +76,7 @@ def mean_ahead(system: System, samples: int) -> Ahead:
 def means_ahead(system: System, counts: Sequence[int]) -> list[Ahead]:
     """Return `mean_ahead` for each of several numbers of samples. Squared matrices are computed only once."""
     if any(count < 1 for count in counts):
-        raise ValueError(f"a mean is one of a sample or more, got {list(counts)}")
+        raise ValueError(f"a mean needs at least one sample, got {list(counts)}")
     sums = _sums(system, system.bias, 0.0, counts)
     return [Ahead(row / m, variance / m**2) for (row, variance), m in zip(sums, counts, strict=True)]
 

@@ -98,23 +98,23 @@ class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="p
         Raises:
             ValueError: the part is an order that is not stationary.
         """
-        raise NotImplementedError(f"the part {self.tag()} has no coordinates")
+        raise NotImplementedError(f"the part {self.tag()} cannot be converted to free parameters")
 
     @classmethod
     def of_eta(cls, eta: Sequence[float], h: float) -> Self:
         """Return the part that has the transformed parameters `eta`. `h`: sampling period [s]."""
-        raise NotImplementedError(f"the part {cls.tag()} is of no coordinates")
+        raise NotImplementedError(f"the part {cls.tag()} cannot be made from free parameters")
 
     def words(self, rate_hz: float) -> str:
         """Return words that describe the part in a sentence; "" if another sentence of the verdict names it.
 
         `rate_hz`: sample rate. If a corner frequency is above half of it, the words say so.
         """
-        raise NotImplementedError(f"the part {self.tag()} has no words")
+        raise NotImplementedError(f"the part {self.tag()} has no words for a sentence")
 
     def response(self, lam: Array, h: float) -> Complex:
         """Return the frequency response of a slow part at λ. White noise of variance 1 drives the part."""
-        raise NotImplementedError(f"the part {self.tag()} has no response")
+        raise NotImplementedError(f"the part {self.tag()} has no frequency response")
 
     def own_poles(self, lam: Array, h: float, room: int) -> list[complex]:
         """Return the poles of a part that is no filter; if it has none, return poles that approximate it.

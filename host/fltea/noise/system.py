@@ -200,7 +200,7 @@ class System(NamedTuple):
             ValueError: the last state is no offset.
         """
         if not (len(self.a) and self.a[-1] == 1.0):
-            raise ValueError("only an offset, the last coordinate, can have a slope")
+            raise ValueError("only an offset can have a slope, and it has to be the last state")
         return self.with_coordinate(ramp_of(slope, samples))
 
     def with_coordinate(self, one: Coordinate) -> "System":

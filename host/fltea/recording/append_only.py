@@ -21,7 +21,7 @@ class Meddled(OSError):
     """
 
     def __init__(self, what: Literal["deleted", "moved", "cut short"], where: str = "") -> None:
-        super().__init__(errno.ESTALE, f"another program has {what} its file")
+        super().__init__(errno.ESTALE, f"another program has {what} the file that fltea writes")
         self.what, self.where = what, where
 
 

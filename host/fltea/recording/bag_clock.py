@@ -179,7 +179,7 @@ def _without_stamps(layout: Layout, ticks: Ticks | None, stamp_ns: Times) -> str
     what = f"the stamps of all message headers are {value}"
     if layout.time and not (ticks and ticks.seconds):
         what = f"nothing says the unit of {layout.time[0]} (--time-unit ?)"
-    return f"{what}, so the times of arrival are taken; gaps and rate are only as good as these"
+    return f"{what}, so the times of arrival are used; gaps and rate are only as good as these times"
 
 
 def _of_stamps(stamps: Stamps, n: int) -> list[str]:
@@ -187,9 +187,9 @@ def _of_stamps(stamps: Stamps, n: int) -> list[str]:
     problems = []
     if is_uneven(stamps, n):
         problems.append(
-            f"{stamps.uneven} of {n - 1} steps between stamps are more than a fifth off the period of "
-            f"{stamps.period_ns * 1e-6:.4g} ms (by {stamps.spread_ns * 1e-6:.3g} ms, root mean square); "
-            "the samples are taken as even"
+            f"{stamps.uneven} of {n - 1} steps between stamps differ from the period of "
+            f"{stamps.period_ns * 1e-6:.4g} ms by more than a fifth (root mean square of all differences: "
+            f"{stamps.spread_ns * 1e-6:.3g} ms); the samples are taken as even"
         )
     if stamps.alike:
         problems.append(f"{stamps.alike} stamps are the same as the one before, with other values")

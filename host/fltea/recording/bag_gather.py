@@ -71,11 +71,11 @@ class MessageCounts:
                 self.not_numbers,
                 "hold a value that is not a number, or that no sensor gives, and count as missing",
             ),
-            (self.twice, "are repeated and taken once"),
+            (self.twice, "repeat the message before them, and are used once"),
             (
                 self.in_two_files,
-                "stand in the bag before already, with the same times and numbers (is a file of it copied or "
-                "linked under another number, or do files overlap?), and are taken once",
+                "stand in the bag twice, with the same times and numbers (is a file of it copied or linked "
+                "under another number, or do files overlap?), and are used once",
             ),
         ]
         return [f"{count} messages {what}" for count, what in found if count]
@@ -209,7 +209,9 @@ class Gathered:
         if which is None:
             return self._stored(others, notes)
         topic = self._how.topic
-        what = f"{which.what}{'' if several else f'; {ALL_ARE_ONE} says that all messages are of one'}"
+        what = (
+            f"{which.what}{'' if several else f'; {ALL_ARE_ONE} says that all messages are from one sensor'}"
+        )
         ask = Missing(what, "--sensor ?" if topic is None else f"--sensor {self._topic.name}:?")
         options = given_options(replace(self._how, topic=None))
         raise asked_with(self._where, ask, options, lambda: self._stored(others, notes))
@@ -338,12 +340,12 @@ class Gathered:
             )
             raise UsageError(f"{self._where}: the angular velocity is 0 in all {n} messages{said}.{instead}")
         if n < 2:
-            raise UsageError(f"{self._where}: one message alone tells no rate.")
+            raise UsageError(f"{self._where}: one message alone does not show a rate.")
 
     def _of_messages(self) -> list[Note]:
         problems = self._counts.problems(visible(self._topic.type))
         if self._layout.unread:
-            problems.append(f"others of a sensor's fields are not read: {listed(self._layout.unread)}")
+            problems.append(f"other fields of a sensor are not read: {listed(self._layout.unread)}")
         if self._samples.bad_accel.count and "accel" not in self._samples.spool:
             problems.append(
                 "the acceleration is left out, since most of its values are not numbers, or no "

@@ -149,7 +149,7 @@ def _read_chunk(
         if len(data) == most:
             raise limits.chunk_too_large(place, most)
         if LENGTH.pack(len(data)) != fields.get(b"size"):
-            problem = "it holds another number of bytes than it says"
+            problem = "it does not hold the number of bytes that it states"
     return messages.add_all(data) or problem
 
 

@@ -90,12 +90,12 @@ def scales(where: str, layout: Layout, how: How) -> Scales:
 
     changed = "" if how.overrule else layout.changed
     if changed and how.units is None:
-        what = f"what {title(layout.gyro)} are as they stand: {changed} may have to be applied"
+        what = f"the unit of {title(layout.gyro)}, to which {changed} may still have to be applied"
         raise not_stated(where, [Missing(what, "--units ? --overrule")], given_options(how))
     if changed and how.units is not None and parse_units(how.units)[1] is None:
         raise UsageError(
             f"{where}: {title(layout.gyro)} may have to be changed by {changed}, and --units {how.units} "
-            f"says not whether that is done. If they are in {how.units} as they stand, add --overrule."
+            f"does not say whether that was done. If they are in {how.units} as they stand, add --overrule."
         )
     rate = accepted(layout.gyro, layout.rate, how.units, "--units", parse_units)
     if how.accel_units is not None and not layout.accel:

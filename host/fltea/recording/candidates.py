@@ -126,7 +126,7 @@ def times_table(step: float, limits_hz: tuple[float, float] = LIKELY_HZ, also: s
 
 def ticks_table(step: float, units: Sequence[str]) -> str:
     """Return a text of `step`, the lines `units` of a `times_table`, and the option for unknown ticks."""
-    return "\n".join([f"A step of {step:.6g} would be:", *units, "  or in ticks of its own: --rate ?"])
+    return "\n".join([f"A step of {step:.6g} would be:", *units, "  or in ticks of unknown length: --rate ?"])
 
 
 def gravity_units(values: Floats) -> list[str]:

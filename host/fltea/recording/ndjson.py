@@ -84,7 +84,7 @@ def _convert(path: Path, number: int, record: dict[str, Any], before: list[Kept]
     try:
         item: Kept = msgspec.convert(record, Kept)
         if abs(item.host_ns) > LATEST_NS:
-            raise ValueError("a time that cannot be")
+            raise ValueError("an impossible time")
         if isinstance(item, Hello):
             check_hello(item)
         elif isinstance(item, Sample):
@@ -109,4 +109,4 @@ def _check_sample(sample: Sample, before: list[Kept]) -> None:
         raise ValueError(f"more than {LARGEST_DPS:g} m/s² or °C")
     whole = sample.seq, sample.device_us, sample.epoch, sample.flags
     if max(map(abs, whole)) > LATEST_NS:
-        raise ValueError("numbers that cannot be")
+        raise ValueError("impossible numbers")

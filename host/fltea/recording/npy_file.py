@@ -39,7 +39,7 @@ def open_npy(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS)
     stored = open_sheet(path, with_sample(sheet), how, limits)
     if how is said:
         return stored
-    why = "columns without names, of which there are no more than a gyroscope has axes"
+    why = "columns without names, at most as many as a gyroscope has axes"
     answers = (
         msgspec.structs.replace(one, evidence="convention", why=why) if one.question == "columns" else one
         for one in stored.reading
@@ -57,7 +57,7 @@ def _mapped(path: Path) -> NDArray[Any]:
         reason = str(error) or type(error).__name__
         raise UsageError(f"{path}: cannot be read as .npy ({reason}).") from error
     if found.dtype.names is None and found.dtype.kind not in KINDS:
-        raise UsageError(f"{path}: holds the type {found.dtype}, which is none of numbers.")
+        raise UsageError(f"{path}: holds the type {found.dtype}, which is not a type of numbers.")
     if found.ndim not in ((1,) if found.dtype.names is not None else (1, 2)) or not found.size:
         raise UsageError(f"{path}: has the shape {found.shape}; (samples,) or (samples, columns) is needed.")
     if found.ndim == 2 and found.shape[1] > found.shape[0]:

@@ -123,7 +123,7 @@ def _check_sizes(
     for name, header in headers.items():
         info = members[name]
         if header.dtype.hasobject:
-            raise ValueError(f"{name} holds pickled objects, which could run a program of a stranger's")
+            raise ValueError(f"{name} holds pickled objects, which could run a stranger's program")
         if header.dtype.kind not in KINDS:
             raise UsageError(f"{path}: {name} does not hold numbers.")
         if any(n < 0 for n in header.shape):

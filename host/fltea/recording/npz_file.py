@@ -112,7 +112,9 @@ def _npz_blocks(path: Path, arrays: NpzArrays, columns: list[str], like: Recordi
         numbers: dict[str, Any] = {}
         for name in ("seq", "epoch"):
             if name in found and np.abs(found[name]).max() > LARGEST_NUMBER:
-                raise UsageError(f"{path}: {name} holds numbers beyond 53 bits, which number no samples.")
+                raise UsageError(
+                    f"{path}: {name} holds numbers beyond 53 bits, which cannot be numbers of samples."
+                )
             if name in found and "time_s" in found:
                 numbers[name] = found[name].astype(np.int64)
         yield like._replace(
@@ -164,7 +166,7 @@ class _Check:
             (stands, "time_s does not increase"),
             (np.abs(block.device_s) > LONGEST_S, f"time_s is beyond {LONGEST_S:g} s"),
             (np.diff(host_s, prepend=self._last[1]) < 0, "t_host_s runs backwards"),
-            (lacks, "seq lacks samples that time_s has no time for"),
+            (lacks, "seq skips samples for which time_s leaves no time"),
             (beyond, f"{key} is more than {LARGEST_DPS:g} deg/s"),
         ):
             if bad.any():

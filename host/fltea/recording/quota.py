@@ -41,8 +41,8 @@ class TooManyFields(ValueError):
 
     def __init__(self) -> None:
         super().__init__(
-            f"a message has more than {MOST_FIELDS} fields, and so many are not looked through for a "
-            "gyroscope's. Write the gyroscope's to messages of their own"
+            f"a message has more than {MOST_FIELDS} fields, too many to search for those of a gyroscope. "
+            "Write the gyroscope's fields to messages of their own"
         )
 
 

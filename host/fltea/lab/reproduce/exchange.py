@@ -100,8 +100,8 @@ def text(found: Row) -> str:
 
 PAPERS_TEXT = (
     "The paper's own text says of example 3 that there is no difference between the state estimates of both "
-    "lengths, and that a noisy input leads to the same results for both. Printed table 3 does that; printed "
-    "table 4 does not."
+    "lengths, and that a noisy input leads to the same results for both. The numbers of the paper's table 3 "
+    "agree with that; those of its table 4 do not."
 )
 
 
@@ -110,8 +110,9 @@ def _rarest_text(found: Row) -> str:
         return ""
     return (
         "Eight numbers are compared: the errors of state and parameter in both tables at L = 4,000, and "
-        "their changes to L = 2,000. As printed (table 3 is of example 2, table 4 of example 3) the rarest "
-        f"is {_place(found['as_printed'])}. Exchanged, it is {_place(found['exchanged'])}."
+        "their changes to L = 2,000. If table 3 is of example 2 and table 4 of example 3, as the paper says, "
+        f"the rarest number is {_place(found['as_printed'])}. If the tables are exchanged, the rarest is "
+        f"{_place(found['exchanged'])}."
     )
 
 
@@ -121,10 +122,11 @@ def _change_text(found: Row) -> str:
         return ""
     much, little = (100 * _relative(table, "state") for table in (4, 3))
     return (
-        f"With the shorter length table 4's state error changes by {much:+.1f} %. Example 3 changes by as "
-        f"much or more in {percent_text(three['at_least_4'])} % of its seeds, example 2 in "
-        f"{percent_text(two['at_least_4'])} %. Table 3's changes by {little:+.2f} %: example 2 by as little "
-        f"or less in {percent_text(two['at_most_3'])} %, example 3 in {percent_text(three['at_most_3'])} %."
+        f"With the shorter length, the state error of table 4 changes by {much:+.1f} %. The state error "
+        f"changes by at least as much in {percent_text(three['at_least_4'])} % of the seeds of example 3, "
+        f"and in {percent_text(two['at_least_4'])} % of example 2. The state error of table 3 changes by "
+        f"{little:+.2f} %. It changes by at most as much in {percent_text(two['at_most_3'])} % of the seeds "
+        f"of example 2, and in {percent_text(three['at_most_3'])} % of example 3."
     )
 
 
@@ -135,9 +137,10 @@ def _order_text(found: Row) -> str:
         return ""
     return (
         "The order column fits neither example: the largest error of the order in any seed is "
-        f"{largest[0]:,.4g} (example 2) and {largest[1]:,.4g} (example 3), printed are {printed[0]:,.4g} and "
-        f"{printed[1]:,.4g}. An order estimated as 0 throughout has {zero_order_error():,.3g}. "
-        "`--readings` shows what the choices that the paper leaves open do to it."
+        f"{largest[0]:,.4g} (example 2) and {largest[1]:,.4g} (example 3), but the paper has "
+        f"{printed[0]:,.4g} and {printed[1]:,.4g}. If the order were estimated as 0 throughout, its "
+        f"error would be {zero_order_error():,.3g}. `--readings` shows how the choices that the "
+        "paper leaves open change the errors."
     )
 
 

@@ -162,17 +162,17 @@ def document(rows: Sequence[Row]) -> str:
     printed = " / ".join(f"{table[paper.SAMPLES].order:,.4g}" for table in PAPER.values())
     lines = [
         f"**What the paper leaves open, one choice at a time.** As chosen: {CHOSEN}. {seeds:,} seeds, "
-        "L = 4,000. Runs that are not finite + far off: medians of the squared errors of state / parameter / "
-        "order over the finite ones.",
+        "L = 4,000. Each cell: number of runs that are not finite + number of runs that are far off: medians "
+        "of the squared errors of state / parameter / order over the finite runs.",
         "",
         *_table(
             ["choice", *(f"example {number}" for number in paper_examples())], [_errors(row) for row in rows]
         ),
         "",
-        "Percentiles of the printed state / parameter / order at L = 4,000 among the finite seeds "
-        f"(standard error up to {50 / seeds**0.5:.2g}). The last column counts seeds whose error of the "
-        f"order is within a factor of {NEAR:g} of the printed {printed}, tables 3 and 4 in the example "
-        "with more of them.",
+        "Percentiles of the paper's errors of state / parameter / order at L = 4,000 among the finite seeds "
+        f"(standard error up to {50 / seeds**0.5:.2g}). The last column counts the seeds whose error of the "
+        f"order is within a factor of {NEAR:g} of the paper's {printed}; for tables 3 and 4, the example "
+        "with more such seeds is shown.",
         "",
         *_table(["choice", *heads, "near the printed order: table 2 / 3 / 4"], cells),
     ]

@@ -173,7 +173,7 @@ def _how(rows: Sequence[Row]) -> str:
     if "example" not in first:
         return how
     return (
-        f"{how} In brackets behind the paper's number: its percentile, the per cent of these seeds with a "
+        f"{how} In brackets after the paper's number: its percentile, the percentage of these seeds with a "
         f"smaller number (standard error up to {50 / first['seeds'] ** 0.5:.2g})."
     )
 
@@ -181,8 +181,8 @@ def _how(rows: Sequence[Row]) -> str:
 _CAPTIONS = {
     "1": "Table 1. Seconds for the 4,000 samples of example 1",
     "2": "Table 2. Sums of squared errors, example 1 (constant order, saw-tooth)",
-    "3": "Table 3. Sums of squared errors, printed for example 2 (varying order, saw-tooth)",
-    "4": "Table 4. Sums of squared errors, printed for example 3 (varying order, Gaussian input)",
+    "3": "Table 3. Sums of squared errors; the paper names example 2 (varying order, saw-tooth)",
+    "4": "Table 4. Sums of squared errors; the paper names example 3 (varying order, Gaussian input)",
     "5": "Table 5. Gyroscope: sums of squared differences between L = 3,000 and L = 1,500",
     "6.2": "Section 6.2. Unknown input, itself fractional: x of order 0.4 and f = -1",
 }

@@ -165,12 +165,14 @@ def document(rows: Sequence[dict[str, Any]]) -> str:
         [_line(case, by) for case, by in cases.items() if key in by["off"]] for key in ("state", "alpha")
     )
     lines = [
-        "Runs that are not finite + far off: medians of the squared errors state / parameter / order of the "
-        "finite ones (in brackets: over the seeds for which the printed algorithm is neither).",
+        "Each cell: number of runs that are not finite + number of runs that are far off: medians of the "
+        "squared errors of state / parameter / order over the finite runs (in brackets: medians over the "
+        "seeds whose run of the paper's algorithm is finite and not far off).",
         *head,
         *driven_lines,
         "",
-        "At rest, runs that are not finite + far off: median of the last α / f of the finite ones.",
+        "At rest: number of runs that are not finite + number of runs that are far off: medians of the last "
+        "α / f over the finite runs.",
         *head,
         *resting_lines,
     ]

@@ -54,7 +54,7 @@ def _speed(system: System, bus: str) -> Iterator[Finding]:
     text = f"{bus} is there and may be used; {speed_hz / 1000:g} kHz"
     if speed_hz > FASTEST_HZ:
         remedy = "dtparam=i2c_arm_baudrate=400000 in config.txt, then reboot."
-        yield warning("i2c", f"{text}, more than the chip's {FASTEST_HZ // 1000}.", remedy)
+        yield warning("i2c", f"{text}, but the chip allows at most {FASTEST_HZ // 1000}.", remedy)
     else:
         yield ok("i2c", text)
 
@@ -74,7 +74,8 @@ def _chip(system: System, bus: str, address: int) -> Iterator[Finding]:
         except OSError as error:
             if error.errno == errno.EBUSY:
                 yield ok(
-                    "sensor", f"a driver of the kernel has the chip at 0x{candidate:02X}; it was not asked"
+                    "sensor",
+                    f"a driver of the kernel uses the chip at 0x{candidate:02X}; fltea did not ask it",
                 )
                 return
     where = f"{bus}, address 0x{address:02X}"
@@ -84,7 +85,8 @@ def _chip(system: System, bus: str, address: int) -> Iterator[Finding]:
             yield problem(
                 "sensor",
                 f"no chip answers at {where}, but at 0x{elsewhere:02X}: {sensor_name(answers[elsewhere])}.",
-                f"--source 'i2c://{bus}?addr=0x{elsewhere:02X}' ({ADDRESSES[address]} gives this one).",
+                f"--source 'i2c://{bus}?addr=0x{elsewhere:02X}' ({ADDRESSES[address]} gives address "
+                f"0x{address:02X}).",
             )
         else:
             yield problem(

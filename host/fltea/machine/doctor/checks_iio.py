@@ -33,7 +33,7 @@ def check_iio(system: System, rest: str) -> Iterator[Finding]:
     if not device.channels(GYRO):
         yield problem(
             "iio",
-            f"{device.id} ({device.name}) has no gyroscope whose samples a buffer may hold.",
+            f"{device.id} ({device.name}) has no gyroscope whose samples can be buffered.",
             "another device of the same chip may have it: 'fltea devices' lists them; a driver without a "
             "buffer needs a newer kernel.",
         )
@@ -47,8 +47,8 @@ def check_iio(system: System, rest: str) -> Iterator[Finding]:
     if device.driver.startswith(MPU_DRIVER):
         yield ok(
             "low-pass",
-            "inv_mpu6050 sets the chip's low-pass to half the rate at most: noise near half the rate is the "
-            "filter's, so sample at twice what you want to judge",
+            "inv_mpu6050 sets the chip's low-pass to half the rate at most: noise near half the rate is "
+            "shaped by the filter, so sample at twice the rate that you want to judge",
         )
     if not device.has(f"{device.elements}/in_timestamp_en"):
         yield warning(
@@ -92,7 +92,9 @@ def _permission(system: System, device: Attributes, node: str) -> Iterator[Findi
 def _in_use(system: System, device: Attributes, node: str) -> Iterator[Finding]:
     holders = ", ".join(map(str, system.holders(node)))
     if holders:
-        yield problem("in use", f"{node} is in use by {holders}.", "end it; a device has one reader.")
+        yield problem(
+            "in use", f"{node} is in use by {holders}.", "end it: only one program can read a device."
+        )
     elif device.text(f"{device.buffer}/enable") == "1":
         yield warning(
             "in use",
@@ -135,7 +137,7 @@ def _rate(system: System, device: Attributes, wanted_hz: float | None) -> Findin
     if rate_hz is None:
         return warning(
             "rate",
-            f"the driver of {device.id} says no rate, or 0: it may give no samples.",
+            f"the driver of {device.id} states no rate, or the rate 0, so it may give no samples.",
             "set one: --source 'iio:NAME?rate_hz=200'.",
         )
     return ok("rate", f"{rate_hz:g} Hz, as its driver says it")

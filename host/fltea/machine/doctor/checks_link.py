@@ -132,7 +132,7 @@ def judge(port: str, heard: Heard) -> Iterator[Finding]:
         if abs(ppm) > DRIFT_PPM + 3 * std_ppm:
             yield warning(
                 "clock drift",
-                f"{text}; two crystals are within {DRIFT_PPM:g}.",
+                f"{text}; two crystals differ by at most {DRIFT_PPM:g} ppm.",
                 "listen again; if it stays, the firmware was built for another crystal, or this machine's "
                 "clock is being adjusted.",
             )
@@ -161,7 +161,7 @@ def _firmware(heard: Heard) -> Finding:
     assert hello is not None
     firmware = visible(hello.firmware_version or "")
     same = hello.schema_hash == f"0x{wire.SCHEMA_HASH:08X}"
-    beside = "as this program" if same else "which this program reads as far as it knows it"
+    beside = "as this program" if same else "which is not this program's: fltea ignores what it does not know"
     text = f"{firmware}, protocol {hello.protocol}, schema {hello.schema_hash}, {beside}"
     version = firmware.split(" ", 1)[0]
     if version != __version__:
@@ -199,7 +199,9 @@ def _samples(heard: Heard) -> Iterator[Finding]:
     text = f"{heard.delivered} in {heard.seconds:.1f} s, {rates}, {heard.lost} lost"
     if abs(rate_hz / hello.rate_hz - 1) > RATE_TOLERANCE:
         yield warning(
-            "samples", f"{text}.", "the sensor's clock is off: a clone, or settings.h states another rate."
+            "samples",
+            f"{text}.",
+            "the sensor's clock is wrong (a clone?), or settings.h states another rate.",
         )
     elif heard.lost:
         remedy = "is this machine overloaded, or the board behind a slow hub?"

@@ -174,4 +174,6 @@ class _Log:
         columns = {f"gyro_{axis}": (data[axis] / head["mul"][:, np.newaxis])[kept] for axis in "xyz"}
         units = {"time_us": "us", **dict.fromkeys(columns, "rad/s")}
         sheet = of_arrays({"time_us": time_us[kept], **columns}, units)
-        return replace(sheet, unit_evidence=("dialect", "ArduPilot: counts of a batch by mul are rad/s"))
+        return replace(
+            sheet, unit_evidence=("dialect", "ArduPilot: counts of a batch, divided by mul, are rad/s")
+        )

@@ -137,7 +137,7 @@ class _Columns:
             is_whole = not reason and array.dtype.kind in "iu"
             scale = file_facts.scale_of(scales, name, labels, unit, is_whole=is_whole)
             if scale and is_time(label):
-                why = why or f"{scale} may change its numbers, and not said is how. {OVERRULE}"
+                why = why or f"{scale} may change its numbers, and the file does not say how. {OVERRULE}"
             elif scale:
                 self._changed[label] = scale
             why = why or self._doubts.get(name, "") or self._wrong_units(name, len(found))
@@ -151,7 +151,7 @@ class _Columns:
 
     def _wrong_units(self, name: str, width: int) -> str:
         said = self._said.get(name, [])
-        wrong = f"{len(said)} units ({listed(said)}) are stated of {width} columns. {OVERRULE}"
+        wrong = f"{len(said)} units ({listed(said)}) are stated for {width} columns. {OVERRULE}"
         return wrong if len(said) not in (0, 1, width) else ""
 
     def sheet(self, rates: Mapping[str, float], arrays: Mapping[str, Any]) -> Sheet:

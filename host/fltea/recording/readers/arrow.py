@@ -85,7 +85,7 @@ def _arrow(schema: Any, rows: int, batches: Batches) -> Sheet:
         is_whole = "int" in str(one.kind)
         scale = file_facts.scale_of(facts, one.source, [one.label], units[-1], is_whole=is_whole)
         if scale and is_time(one.label):
-            doubts.setdefault(one.label, f"{scale} may change its numbers, and not said is how.")
+            doubts.setdefault(one.label, f"{scale} may change its numbers, and the file does not say how.")
         elif scale:
             changed[one.label] = scale
 
