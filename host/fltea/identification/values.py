@@ -136,7 +136,7 @@ def few_values(y: Array, unit: str) -> DataCheck | None:
     return DataCheck(
         "few values",
         "bad",
-        f"There are only {len(values)} values, {names} {unit}, one after the other for "
+        f"There are only {len(values)} values, {names} {unit}, and each of them stays for "
         f"{len(y) / int(stays.sum()):.3g} samples in the mean: steps between levels (telegraph noise), or "
         "counts that are too coarse. Noise about them cannot be seen.",
         "Choose a smaller range of the sensor, and write all its decimals. If it does step between levels, "
@@ -182,7 +182,7 @@ def _too_frequent(common: list[_Common], unit: str) -> Iterator[DataCheck]:
     if gap:
         kind, what = "dead band", f", and none is nearer to it than {gap:.3g} {unit}: a dead band"
     else:
-        kind, what = "common value", ", far more than have values near it"
+        kind, what = "common value", ", far more than have the neighbouring values"
     yield DataCheck(
         kind,
         "bad" if 2 * sum(one.is_bad for one in common) > len(common) else "warning",

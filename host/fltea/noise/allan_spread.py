@@ -165,7 +165,11 @@ def _weights(lam: Array, m: float) -> Array:
 
 
 def _slow_squares(grids: _Grids, shape: _Shape, lines: Sequence[Line]) -> float:
-    """Return Σ (1 - |k| / M) r(k)² for the noise that is slow enough to be sampled by the lags."""
+    """Return Σ (1 - |k| / M) r(k)² for the noise that is slow enough to be sampled by the lags k.
+
+    r(k) is the covariance, at lag k, of the differences of neighbouring means; M is the number of
+    differences.
+    """
     m, terms, step, points = shape
     lam, S = grids.of(0.0, np.pi / step, points // 2)
     if lines:
@@ -182,9 +186,10 @@ def _slow_squares(grids: _Grids, shape: _Shape, lines: Sequence[Line]) -> float:
 
 
 def _fast_squares(grids: _Grids, shape: _Shape) -> float:
-    """Return the sum Σ (1 - |k| / M) r(k)² for the noise that is too fast to be sampled by the lags.
+    """Return the sum Σ (1 - |k| / M) r(k)² for the noise that is too fast to be sampled by the lags k.
 
-    The covariance of fast noise is confined to lags near 0, m and 2 m.
+    r(k) is the covariance, at lag k, of the differences of neighbouring means; M is the number of
+    differences. The covariance of fast noise is confined to lags near 0, m and 2 m.
     """
     m, terms, step, _ = shape
     if step == 1:

@@ -20,7 +20,10 @@ def log_lam(frequency_hz: float, h: float) -> float:
 
 
 def hz(log_lam: float, h: float) -> float:
-    """Return the frequency [Hz] that has this logarithm in rad per sample. `h`: sampling period [s]."""
+    """Return the frequency [Hz], given the logarithm of the frequency in rad per sample.
+
+    `h`: sampling period [s].
+    """
     return math.exp(log_lam) / (2 * math.pi * h)
 
 

@@ -38,8 +38,8 @@ CANCELLING: states cancel each other too much if their total power exceeds the p
 this factor.
 """
 DEEPEST = 1e-7
-"""Where a spectrum is lower than this proportion of its mean, it is raised to it. Otherwise its logarithm
-would be infinite where a filter has a zero.
+"""A spectrum is raised to this proportion of its mean wherever it is lower. Otherwise its logarithm would be
+infinite where a filter has a zero.
 """
 
 

@@ -31,8 +31,8 @@ hundredths of a second look like 100 Hz with every hundredth sample lost.
 """
 
 FEWEST_ODD, ODD_SHARE = 20, 0.005
-"""A clock counts as too coarse if at least this number, and this fraction, of rows repeat the time of the row
-before with other values.
+"""A clock counts as too coarse if many rows repeat the time of the row before, with other values: at least
+FEWEST_ODD rows, and at least the fraction ODD_SHARE of all rows.
 """
 
 RARE, CLEAN_SHARE = 0.05, 0.5

@@ -85,7 +85,7 @@ class LabelLines:
         return found
 
     def _begin(self, one: _One) -> list[str]:
-        """Hold lines back until a label repeats, which shows the lines of one sample."""
+        """Hold lines back until a label repeats. Only then it is known which lines belong to one sample."""
         labels = [held.label for held in self._held if held.label]
         is_row = not one.label and _NUMBERS.search(one.line) is not None
         if is_row or len(self._held) > MOST_LINES or labels == [one.label]:

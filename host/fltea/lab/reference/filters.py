@@ -81,7 +81,7 @@ class Difference(NamedTuple):
 
     order: np.float64
     gain: np.float64
-    """The factor h^α."""
+    """The factor h^α, where h is the sampling period and α the order."""
     c: Array
     """The weights c_0 .. c_L(k) for the order α, (L(k)+1,)."""
     past: Array

@@ -67,11 +67,11 @@ class Weighed(NamedTuple):
 
     order: Array
     gain: Array
-    """The factor h^α."""
+    """The factor h^α, where h is the sampling period and α the order."""
     x: Array
-    """The sum over j = 1 … k of c_j x̂_{k-j}."""
+    """Weighted sum of the past states x̂: the sum over j = 1 … k of c_j x̂_{k-j}."""
     P: Array
-    """The sum over j = 2 … k of c_j² P_{k-j}."""
+    """Weighted sum of the variances P of past states: the sum over j = 2 … k of c_j² P_{k-j}."""
 
 
 def run(filters: LaneSettings, reading: Reading, data: Data) -> Estimated:
@@ -126,7 +126,7 @@ class _Step:
         return x + K * (y - x), (1 - K) ** 2 * P + K**2 * self.R
 
     def _weigh(self, past: Past) -> Weighed:
-        """Return the past states weighted for the present estimate of the order."""
+        """Return the weighted sums of past states, with the weights for the present estimate of the order."""
         order = self.order.mean
         c = weights(order, past.x.shape[1])[:, 1:]
         V = np.einsum("rj,rj,rj->r", c[:, 1:], c[:, 1:], past.P[:, 1:])

@@ -53,8 +53,7 @@ def select(tables: Sequence[str], figures: Sequence[str]) -> tuple[tuple[str, ..
     If the user named none, these are all tables and figures that can be made.
 
     Raises:
-        UsageError: the paper has no table or figure of a number, or a figure of that number cannot be
-        computed.
+        UsageError: a table or figure that the user names is not in the paper, or a figure cannot be computed.
     """
     for table in set(tables) - set(TABLES):
         raise UsageError(

@@ -44,16 +44,16 @@ class Outcome(NamedTuple):
     state: Array
     """Sum of squared errors of the state over the run, in unit²."""
     parameter: Array
-    """Sum of squared errors of the parameter, in s^-2α."""
+    """Sum of squared errors of the parameter over the run [s^-2α]."""
     order: Array
     not_finite: NDArray[np.bool_]
     """Whether an estimate of the run is infinite or NaN. Such a run has no squared errors."""
     far_off: NDArray[np.bool_]
     """Whether the run is finite, but its order or state is ever beyond ORDER_LIMIT or STATE_LIMIT."""
     settled_order: Array
-    """Mean of α̂ over the last third of the run."""
+    """Mean of the estimated order α̂ over the last third of the run."""
     settled_parameter: Array
-    """Mean of f̂ over the last third of the run, in s^-α."""
+    """Mean of the estimated parameter f̂ over the last third of the run [s^-α]."""
 
 
 class Curves(Protocol):

@@ -71,7 +71,7 @@ class SawTooth:
         return f"saw-tooth {size}, {1 / self.period_s:g} Hz, starting at {start:g}"
 
     def samples(self, n: int, h: float) -> Array:
-        """Return u_0 .. u_{n-1} at the times 0, h, 2h, ..., shape (n,)."""
+        """Return the inputs u_0 .. u_{n-1} at the times 0, h, 2h, ..., shape (n,)."""
         phase = np.arange(n, dtype=np.float64) * h / self.period_s
         # the small number is added since a rounding error could hide the end of a period
         phase -= np.floor(phase + 1e-9)

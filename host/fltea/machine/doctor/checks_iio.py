@@ -48,7 +48,7 @@ def check_iio(system: System, rest: str) -> Iterator[Finding]:
         yield ok(
             "low-pass",
             "inv_mpu6050 sets the chip's low-pass to half the rate at most: noise near half the rate is "
-            "shaped by the filter, so sample at twice the rate that you want to judge",
+            "shaped by the filter, so to judge the noise of one rate, sample at twice that rate",
         )
     if not device.has(f"{device.elements}/in_timestamp_en"):
         yield warning(

@@ -97,7 +97,7 @@ def _broker(configs: Sequence[Config], system: System) -> Iterator[Finding]:
             "without it and tries again.",
         )
     else:
-        text = f"something answers at {host}, port {port}; whether it accepts fltea's login shows at run time"
+        text = f"something answers at {host}, port {port}; 'fltea run' shows whether it accepts the login"
         yield ok("mqtt", text)
 
 
