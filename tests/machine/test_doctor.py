@@ -242,7 +242,7 @@ def test_ports_of_the_page_and_of_the_metrics(system: FakeSystem, taken: int) ->
         unused = free.getsockname()[1]
     findings = outputs(system, dashboard__address=str(unused), metrics__address=f"127.0.0.1:{taken}")
     assert levels(findings) == {"dashboard": "ok", "metrics": "problem"}
-    assert finding_of(findings, "metrics").remedy == f"ss -ltnp 'sport = :{taken}' names it."
+    assert finding_of(findings, "metrics").remedy == f"ss -ltnp 'sport = :{taken}' names that program."
     system.process(5, "/opt/fltea/bin/fltea", "run")
     assert levels(outputs(system, metrics__address=taken)) == {"metrics": "ok"}
     assert levels(outputs(system, metrics__address="192.0.2.1:80")) == {"metrics": "problem"}

@@ -102,7 +102,9 @@ class Settings(msgspec.Struct, frozen=True):
             value = getattr(config, key)
             if isinstance(value, list):
                 if index >= len(value):
-                    raise UsageError(f"{key}: has {len(value)} numbers, but {axis} is axis {index + 1}.")
+                    raise UsageError(
+                        f"{key}: has {len(value)} numbers, but {axis} is axis {index + 1} of the sensor."
+                    )
                 numbers[key] = value[index]
         return msgspec.structs.replace(self.options, estimator=msgspec.structs.replace(config, **numbers))
 

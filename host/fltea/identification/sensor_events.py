@@ -160,7 +160,7 @@ def _staying(tracked: Mapping[str, FittedSystem | None], h: float) -> dict[str, 
         fast = [part for part in one.parts if not _is_slow(part)]
         moves = len(fast) < len(one.parts) or one.walk.is_certain
         if moves and any(isinstance(part, White) for part in fast):
-            # an error means that no filter works with this model
+            # an error means that no Kalman filter works with this model
             with contextlib.suppress(ValueError, ArithmeticError):
                 found[name] = system(fast, h, one.samples, found=True).with_offset()
     return found

@@ -44,7 +44,8 @@ as long as the record.
 DRAWN = 1 << 13
 """Number of samples in each block that is drawn from a long record."""
 ACCURACY = 3
-"""Accuracy of the filters' memory of past samples, in digits: for copies, this memory is compressed.
+"""Accuracy, in digits, of the filters' memory of past samples. For shuffled copies, this memory is
+compressed.
 
 The error in α that comes from this memory is 1e-6, while α of the copies differs by 1e-2. The memory needs a
 sixth of the time of an exact one.

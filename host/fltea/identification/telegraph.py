@@ -33,7 +33,7 @@ OUTLIERS = 5e-4
 """Proportion of the samples that is ignored as outliers, at each end of the range of values."""
 CALM, OF_GAUSSIAN = 0.95, 0.871
 """The smallest steps between successive samples are attributed to the noise alone, and not to changes of
-level. CALM is the proportion of all steps that these smallest ones are.
+level. CALM is the proportion of these steps among all steps.
 
 OF_GAUSSIAN is the root mean square of the smallest steps of Gaussian noise (the proportion CALM), divided by
 the root mean square of all its steps.

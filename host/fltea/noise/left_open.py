@@ -36,7 +36,7 @@ POINTS = 80
 CONVERGED, ITERATIONS = 1e-3, 60
 PRIOR = 1.0
 """Fisher information that is added for each free parameter, so that none is entirely unknown. It is the same
-for all, since nearly all free parameters are logarithms.
+for all parameters, since nearly all free parameters are logarithms.
 """
 
 

@@ -196,5 +196,7 @@ def _of_stamps(stamps: Stamps, n: int) -> list[str]:
     if stamps.backward:
         problems.append(f"{stamps.backward} stamps run backwards")
     if len(stamps.epoch_row):
-        problems.append(f"the clock was set {len(stamps.epoch_row)} times; a new stretch begins at each")
+        problems.append(
+            f"the clock was set {len(stamps.epoch_row)} times; a new stretch of samples begins each time"
+        )
     return problems

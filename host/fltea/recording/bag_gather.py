@@ -348,8 +348,8 @@ class Gathered:
             problems.append(f"other fields of a sensor are not read: {listed(self._layout.unread)}")
         if self._samples.bad_accel.count and "accel" not in self._samples.spool:
             problems.append(
-                "the acceleration is left out, since most of its values are not numbers, or no "
-                "sensor gives them"
+                "the acceleration is left out, since most of its values are not numbers, or are "
+                "values that no sensor gives"
             )
         return [Note("bag_messages", f"{self._where}: {'; '.join(problems)}.")] if problems else []
 

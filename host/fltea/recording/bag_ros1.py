@@ -138,7 +138,7 @@ def _read_chunk(
     data, problem = packed, None
     if compression != b"none":
         if compression not in (b"lz4", b"bz2"):
-            return f"no reader for chunks that are packed by {compression[:20]!r}"
+            return f"no reader for chunks that are compressed by {compression[:20]!r}"
         if compression == b"lz4":
             load("lz4.frame", "lz4", "ros", "Bags that are packed in LZ4 need")
         most = limits.chunk_bytes + 1

@@ -92,8 +92,9 @@ def open_one_file(path: Path) -> Opened:
         if is_stream(path):
             if not FORMATS[kind].pipe:
                 raise UsageError(
-                    f"{path}: is a pipe, and {FORMATS[kind].title} has to be a file, since it is not read in "
-                    f"one go. Write what comes out of it to a file first ('> recording'), and name that."
+                    f"{path}: is a pipe, and {FORMATS[kind].title} has to be a file, since it is not read "
+                    f"from beginning to end. Write what comes out of it to a file first "
+                    "('> recording'), and name that."
                 )
             unused.pop_all()
             return Opened(kind, file)

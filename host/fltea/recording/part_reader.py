@@ -93,8 +93,8 @@ def _torn(scan: Scan) -> Torn:
         return Torn(f"{scan.path}: a program still writes it; what has reached the disk is read.", True)
     why = f": {scan.why}" if scan.lost_bytes and scan.why else ""
     text = (
-        f"{scan.path}: has no index, because its program was killed or it was cut off; what reached the disk "
-        f"is read ({scan.lost_bytes} bytes at its end are not{why})."
+        f"{scan.path}: has no index, because the program that wrote it was killed, or the file was cut "
+        f"off; what reached the disk is read ({scan.lost_bytes} bytes at its end are not{why})."
     )
     return Torn(text, False)
 

@@ -57,8 +57,8 @@ class Plausible:
                 raise Implausible(
                     f"{where}: column '{name}' is beyond {MOST_DPS:g} deg/s in {large} of {self.rows} rows, "
                     f"read in the unit {chosen.units}; no gyroscope at rest gives that. If it holds counts, "
-                    "say how many a deg/s has by the data sheet, such as --units lsb:131; if thousandths, "
-                    "--units mdps."
+                    "say how many counts are 1 deg/s by the data sheet, such as --units lsb:131. If it holds "
+                    "thousandths of deg/s, say --units mdps."
                 )
 
 

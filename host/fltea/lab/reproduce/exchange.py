@@ -90,8 +90,8 @@ def text(found: Row) -> str:
     heading = {
         "exchanged": "Tables 3 and 4 are most likely exchanged in print: an inference, "
         "the paper does not say so",
-        "too few seeds": f"{asked} Too few seeds to tell: {FEWEST_SEEDS} finite ones of each "
-        f"example are needed, there are {found['seeds']:,}",
+        "too few seeds": f"{asked} Too few seeds to tell: each example needs {FEWEST_SEEDS} seeds "
+        f"with finite runs, and there are {found['seeds']:,}",
         "cannot be told": f"{asked} With these settings the numbers do not tell",
     }[found["inference"]]
     lines = [_rarest_text(found), _change_text(found), PAPERS_TEXT, _order_text(found)]

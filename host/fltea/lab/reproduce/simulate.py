@@ -1,4 +1,4 @@
-"""Simulate fractional systems of one state, many at once, with the samples of `fltea.noise.simulation`.
+"""Simulate many fractional systems of one state at once. Samples equal those of `fltea.noise.simulation`.
 
     x_k = h^α_k (f x_{k-1} + u_{k-1} + ω_{k-1}) - sum_{j=1}^{k} c_j(α_k) x_{k-j},    x_0 = 0
 

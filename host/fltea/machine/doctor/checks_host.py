@@ -51,7 +51,7 @@ def check_packages(config: Config, system: System) -> Iterator[Finding]:
     if needed:
         yield problem(
             "packages",
-            f"not installed, but the configuration asks for it: {', '.join(needed)}.",
+            f"the configuration needs what is not installed: {', '.join(needed)}.",
             f"{how_to_install(*needed)}.",
         )
     elif missing:

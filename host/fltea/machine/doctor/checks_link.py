@@ -183,7 +183,9 @@ def _sensor(heard: Heard) -> Iterator[Finding]:
         yield ok("sensor", f"{hello.sensor} (WHO_AM_I 0x{hello.who_am_i:02X}), {scale}")
     elif not reported:
         yield problem(
-            "sensor", "the board has found no sensor.", "check its wires: firmware/README.md, Wiring."
+            "sensor",
+            "the board has found no sensor.",
+            "check the sensor's wires: firmware/README.md, Wiring.",
         )
 
 

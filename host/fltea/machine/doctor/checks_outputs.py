@@ -124,7 +124,9 @@ def _listener(check: str, address: str, system: System) -> Finding:
             return ok(check, f"{host}:{port} is taken, probably by the fltea that is running")
         if error.errno == errno.EADDRINUSE:
             return problem(
-                check, f"{host}:{port} is taken by another program.", f"ss -ltnp 'sport = :{port}' names it."
+                check,
+                f"{host}:{port} is taken by another program.",
+                f"ss -ltnp 'sport = :{port}' names that program.",
             )
         return problem(
             check, f"{host}:{port} cannot be used ({error.strerror or error}).", "give PORT or HOST:PORT."
