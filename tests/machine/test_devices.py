@@ -98,9 +98,9 @@ def test_of_this_machine_it_knows_who_opened_a_file_but_leaves_itself_out(tmp_pa
             "sudo usermod -aG dialout anna, then log out and in again.",
         ),
         (Group(986, "uucp", True), set(), {20}, "sudo usermod -aG uucp anna, then"),
-        (Group(20, "dialout", True), set(), {20}, "this login is older than that: log out and in again"),
-        (Group(20, "dialout", True), {20}, {20}, "a container or a security module is in the way"),
-        (Group(0, "root", False), set(), set(), "admits no group that anna could join (its group is 'root')"),
+        (Group(20, "dialout", True), set(), {20}, "only after this login: log out and in again"),
+        (Group(20, "dialout", True), {20}, {20}, "a container or a security module prevents the access"),
+        (Group(0, "root", False), set(), set(), "by joining a group (its group is 'root')"),
     ],
 )
 def test_the_remedy_names_the_exact_group(

@@ -98,7 +98,7 @@ def test_header_that_does_not_fit_raises(sequence: int, device_us: int) -> None:
 
 def test_payload_too_long_raises() -> None:
     assert len(encode_frame(9, 0, 0, bytes(240))) == wire.MAX_ENCODED + 1
-    with pytest.raises(ValueError, match="payload of 241 bytes; at most 240 fit"):
+    with pytest.raises(ValueError, match="payload has 241 bytes; a frame has room for at most 240"):
         encode_frame(9, 0, 0, bytes(241))
 
 

@@ -171,7 +171,7 @@ class PlainDeviceStream:
             yield from self._absent(raw, accel_ms2)
             reason, resumed_after_s, why_not = self._begin(raw, hello, reason, accel_ms2)
             if why_not:
-                text = f"the snapshot is not used, so the start-up window begins: {why_not}."
+                text = f"the snapshot is not used: {why_not}. The start-up window begins anew."
                 yield self._error("state_unused", text)
         assert self._timebase is not None
         host_ns, device = self._timebase.add(seq, device_us, raw.host_ns), self._config.name
@@ -375,12 +375,12 @@ def why_unused(saved: Saved, hello: Hello, config: Config, now_unix_ns: int) -> 
     """Return the reason why a snapshot cannot be used; None if it can be used."""
     age_s, longest_s = (now_unix_ns - saved.unix_ns) * 1e-9, config.state.max_age_s
     if age_s < 0:
-        return "it is from the future: was the clock set?"
+        return "it is dated in the future, so the system's clock was probably set back"
     if age_s > longest_s:
         return f"it is {age_s:.0f} s old (state.max_age_s is {longest_s:g})"
     other = [key for key, value in made_with(hello, config).items() if saved.made_with[key] != value]
     if other:
-        return f"it differs in: {', '.join(other)}"
+        return f"it was made for a device or settings that differ in: {', '.join(other)}"
     # A later HELLO of the same boot may have stated another sampling rate. The filters keep the rate that was
     # stated at the beginning of the epoch.
     is_other_rate = any(sensor.rate_hz != hello.rate_hz for sensor in saved.sensors)

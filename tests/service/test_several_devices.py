@@ -131,4 +131,4 @@ def test_an_axis_that_the_source_does_not_have_is_told(tmp_path: Path) -> None:
     path = tmp_path / "one.csv"
     path.write_text("gyro_x_dps\n" + "".join(f"{k % 7}\n" for k in range(90)))
     run = fltea("run", "-s", str(path), "--rate", "100", "--once", *QUICK, "--channels", "gyro_z")
-    assert "no_axis: the setting channels names gyro_z, which this source does not have" in run.stderr
+    assert "no_axis: the setting 'channels' asks for gyro_z, which this source does not have" in run.stderr

@@ -152,14 +152,14 @@ def test_bias_and_r_are_kept_and_no_start_up_window_begins() -> None:
 @pytest.mark.parametrize(
     ("board", "settings", "text"),
     [
-        ({"device_id": "b1"}, {}, "differs in: device_id"),
-        ({"who_am_i": 0x70}, {}, "differs in: who_am_i"),
-        ({"gyro_lsb_per_dps": 131.0}, {}, "differs in: scales"),
-        ({"rate_hz": 99.0}, {}, "differs in: rate_hz"),
-        ({"gyro_dlpf_hz": 5.0}, {}, "differs in: filter_hz"),
-        ({}, {"estimator__window": 60}, "differs in: settings"),
-        ({}, {"estimator__state.Q": 0.2}, "differs in: settings"),
-        ({}, {"channels": ["gyro_x"]}, "differs in: channels"),
+        ({"device_id": "b1"}, {}, "differ in: device_id"),
+        ({"who_am_i": 0x70}, {}, "differ in: who_am_i"),
+        ({"gyro_lsb_per_dps": 131.0}, {}, "differ in: scales"),
+        ({"rate_hz": 99.0}, {}, "differ in: rate_hz"),
+        ({"gyro_dlpf_hz": 5.0}, {}, "differ in: filter_hz"),
+        ({}, {"estimator__window": 60}, "differ in: settings"),
+        ({}, {"estimator__state.Q": 0.2}, "differ in: settings"),
+        ({}, {"channels": ["gyro_x"]}, "differ in: channels"),
     ],
 )
 def test_another_sensor_or_other_settings_begin_again(

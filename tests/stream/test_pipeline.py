@@ -68,7 +68,7 @@ def test_order_of_records_and_first_estimate_after_the_startup_window() -> None:
     assert first.host_ns == UNIX_OFFSET_NS + 20 * PERIOD_NS
 
 
-@pytest.mark.parametrize(("n", "said"), [(0, []), (12, ["end 8 before"]), (20, [])])
+@pytest.mark.parametrize(("n", "said"), [(0, []), (12, ["needs 8 more samples"]), (20, [])])
 def test_an_end_within_the_startup_window_is_told(n: int, said: list[str]) -> None:
     pipeline = pipeline_of()
     feed(pipeline, hello(), *(raw(k) for k in range(n)))

@@ -1,13 +1,13 @@
 """The stream of one device: convert the events of the device's source into records and blocks of samples.
 
-A source yields events. The native device (`fltea.stream.decode`) processes the samples in them. It stops
-where Python has to act, such as at a gap; `HANDLERS` names the method for each kind of stop. All results go
-to the outputs, in the order of the samples. The results do not depend on how samples were grouped into
-blocks, nor on how the bytes were read.
+A source yields events. The native device (`fltea.stream.decode`) processes the samples in these events. It
+stops wherever Python has to act, for example at a gap in the samples. `HANDLERS` names the method for each
+kind of stop. All results go to the outputs, in the order of the samples. The results do not depend on how
+samples were grouped into blocks, nor on how the bytes were read.
 
 The statistics of a device are published at the first event of each new second, and count the events before
-that one. With many devices, the second of each device begins at another time (`fit_times.turn`). Otherwise
-the statistics of all devices would be due together, and samples would wait for them.
+that one. With many devices, the seconds of different devices begin at different moments (`fit_times.turn`).
+Otherwise the statistics of all devices would be due together, and samples would wait for them.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -59,8 +59,8 @@ class Pipeline:
     `fit_worker`: makes the live fits of all devices of this program.
     `number`: index of this device among the devices of the program, counted from zero.
     `stats_s`: seconds between two statistics of a device. Different devices publish them at different times.
-    `watched`: whether an output receives every result. Otherwise only the last statistics are made, and the
-    records on which other results depend.
+    `watched`: whether an output receives every result. If not, this class makes only the statistics at the
+    end and those records on which other results depend.
     """
 
     def __init__(
@@ -128,7 +128,7 @@ class Pipeline:
             if stop in HANDLERS:
                 now_ns = int(raw.host_ns[row]) if stop in BEFORE_SAMPLE else self._now_ns
                 yield from self.stopped(stop, now_ns, details)
-        self._now_ns = int(raw.host_ns[-1])  # the time is noted even if the device ignores the last samples
+        self._now_ns = int(raw.host_ns[-1])  # noted even if the device ignores the last samples
 
     def took(self, rows: Rows, host_ns: Ints) -> Iterator[Output]:
         """Yield the samples that the native device has processed, together with the results for them.
@@ -209,12 +209,12 @@ class Pipeline:
         found = list(self._fits.counted())
         self._sensors.go_by_fits(self._device)
         self._set_fit_times()
-        # The records of the fit are yielded only now: an output that receives them needs the verdicts that
-        # the next samples have (`words`).
+        # The records of the fit are yielded only after the sensors have changed to that fit: an output that
+        # receives these records also needs the new verdicts (`words`), which the next samples have.
         yield from found
 
     def _on_fit_due(self, details: None) -> Iterator[Output]:
-        """Begin a refit in the fit worker, with the samples until now."""
+        """Let the fit worker begin a refit of all samples so far."""
         moment = self._moment()
         assert self._fits is not None
         assert moment is not None
@@ -249,9 +249,9 @@ class Pipeline:
         self._device.stats_due_ns = (begun + 1) * self._stats_ns + self._stats_offset_ns
 
     def _note_offset(self) -> None:
-        """Update the offset from host time to Unix time until the first epoch begins.
+        """Take the source's present offset from host time to Unix time, unless the first epoch has begun.
 
-        The source may learn the date only after its first events.
+        The offset may change because the source may learn the date only after its first events.
         """
         if not self._decoder.epoch:
             self._offset_ns = self._source_offset_ns
@@ -285,15 +285,15 @@ class Pipeline:
         if hello is None or not saved or self._device.moment is None:
             return None
         sequence, device_us, host_ns, *_ = self._device.newest
-        # The present offset is used, not the one from the beginning of the epoch: the date may have been set
-        # since then.
+        # The offset from host time to Unix time is the present one, not that of the beginning of the epoch,
+        # because the date may have been set since then.
         unix_ns = host_ns + self._source.unix_offset_ns
         last = None if self._boot_id is None else LastSample(self._boot_id, sequence, device_us)
         return DeviceState(sensor=sensor_of(hello, self._config), unix_ns=unix_ns, last=last, **saved)
 
     @property
     def device(self) -> Device:
-        """The native device, for callers whose own native code passes the samples to it."""
+        """The native device, for those callers whose own native code passes the samples to the device."""
         return self._device
 
     @property
@@ -334,10 +334,10 @@ class Pipeline:
         )
 
     def finish(self, *, last_fit: bool = True, whole: bool = False) -> Iterator[Output]:
-        """Yield the records at the end of a stream: a fit of all samples, and the statistics.
+        """Yield the records at the end of a stream, which are a fit of all samples and the statistics.
 
-        `last_fit`: whether to make that fit. `whole`: whether the source has ended, so that no more samples
-        can come.
+        `last_fit`: whether to make the fit of all samples. `whole`: whether the source has ended, so that no
+        more samples can come.
         """
         if self._fits is not None and last_fit:
             yield from self._fits.last(self._moment())
@@ -345,8 +345,8 @@ class Pipeline:
         if whole and stats.sample_counts.delivered and stats.startup_remaining:
             yield self._error(
                 "too_short",
-                f"the samples end {stats.startup_remaining} before the start-up window is full, so there is "
-                "no estimate. Record ten minutes at rest, or an hour to know the bias instability.",
+                f"the start-up window needs {stats.startup_remaining} more samples, so there is no estimate. "
+                "Record ten minutes at rest, or an hour to know the bias instability.",
             )
         yield stats
 
@@ -361,7 +361,7 @@ class Pipeline:
     def _standing(self) -> Standing:
         """Return the present state of all estimators.
 
-        For an axis that only the board estimates, it is the board's.
+        For an axis that only the board estimates, it is the state of the board's estimator.
         """
         whole = self._sensors.standing(self._device)
         return whole if self._board is None else whole.with_board(self._board.standing())
@@ -372,9 +372,9 @@ class Pipeline:
         """Begin an epoch, from the snapshot if there is a suitable one.
 
         Returns the reports to publish, the reason why the epoch begins, the snapshot's age [s] (None without
-        a snapshot), and the number of samples lost since the snapshot. These losses are counted only for a
-        device that another process of a cluster served before, since no other part of the program counts
-        them. Otherwise the number is 0.
+        a snapshot), and the number of samples lost since the snapshot. The number of lost samples is 0
+        unless another process of a cluster served the device before. In that case, no other part of the
+        program counts these samples.
         """
         notices: list[Item] = []
         hello = beginning.hello
@@ -382,8 +382,8 @@ class Pipeline:
         if absent and not self._no_axis_reported:
             self._no_axis_reported = True
             text = (
-                f"the setting channels names {', '.join(absent)}, which this source does not have, or for "
-                "which it states no scale."
+                f"the setting 'channels' asks for {', '.join(absent)}, which this source does not have, or "
+                "for which it states no scale."
             )
             notices.append(Notice("no_axis", text, self._now_ns))
         state, self._state = self._state, None
@@ -403,7 +403,7 @@ class Pipeline:
                     handed_over = is_partitioned(self._config.source)
                     lost = missing_by_number(state, hello, *place, age_s) if handed_over else None
                     return notices, "resumed", age_s, lost or 0
-            text = f"the snapshot is not used, so the start-up window begins: {problem}."
+            text = f"the snapshot is not used: {problem}. The start-up window begins anew."
             notices.append(Notice("state_unused", text, self._now_ns))
         try:
             self._begin_sensors(beginning)
@@ -447,4 +447,4 @@ report no event.
 """
 
 BEFORE_SAMPLE = {stop for stop in Stop if stands_before_sample(stop)}
-"""Kinds of stops that come before the next sample. All other stops come after the last sample."""
+"""Kinds of stops before the device processes the next sample. Other stops come after the last sample."""

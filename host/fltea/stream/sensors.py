@@ -1,6 +1,6 @@
 """The sensors of a device in one epoch.
 
-Each has a bias tracker, the sums from which its noise is fitted, and FLTEA's filters.
+Each sensor has bias trackers, sums of spectra to which noise models are fitted, and FLTEA's filters.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -80,8 +80,9 @@ class Sensors:
         Return the sensors in the form that `_native.Device.begin` expects.
 
         Raises:
-            ValueError: the settings or the snapshot cannot be used. The sensors have not changed then.
-            UsageError: a time in the settings, converted at this rate, is more samples than allowed.
+            ValueError: the settings or the snapshot cannot be used. In this case the sensors are unchanged.
+            UsageError: a time in the settings corresponds, at the device's sampling rate, to more samples
+            than allowed.
         """
         config, hello, saved = self._config, beginning.hello, beginning.saved or Saved()
         h = 1 / hello.rate_hz
@@ -89,7 +90,7 @@ class Sensors:
         tracks: dict[SensorKind, SensorTracks] = {}
         for kind, axes in beginning.axes(config.channels).items():
             estimator: EstimatorConfig = getattr(config, kind.settings)
-            # without settings only the board filters the gyroscope
+            # if there are no settings, only the board filters the gyroscope's samples
             here = self._settings() if kind is GYROSCOPE else estimator
             if here is not None:
                 settings = _at(here, kind.settings, hello.rate_hz)
@@ -114,7 +115,7 @@ class Sensors:
                 device.set_waits(number, sensor.channels.waiting)
 
     def fill(self, device: Any) -> Iterator[Channels]:
-        """Let the filters of each sensor whose start-up window has become full begin, and yield them."""
+        """Start the filters of each sensor whose start-up window has become full, and yield these filters."""
         for number, sensor in enumerate(self._all):
             channels = sensor.channels
             if channels is not None and channels.bank.startup_remaining and not device.window_left(number):
@@ -184,7 +185,7 @@ class Sensors:
     def save(self) -> dict[str, Any]:
         """Return the estimators' state for a later run, as fields of `Saved`.
 
-        It is empty while a start-up window is not full.
+        The result is empty while a start-up window is not full.
         """
         saved: dict[str, Any] = {}
         for sensor in self._all:
@@ -202,7 +203,7 @@ def _at(config: EstimatorConfig, table: str, rate_hz: float) -> EstimatorConfig:
     """Return the settings of the filters with all times converted to numbers of samples.
 
     Raises:
-        UsageError: a time in the settings is more samples than allowed.
+        UsageError: a time in the settings corresponds to more samples than allowed.
     """
     try:
         return config.at(rate_hz)

@@ -1,11 +1,11 @@
 """Define what is saved of a device's estimators for a later run, and when that snapshot may be used.
 
 A snapshot is used for the same device with the same sensor and settings, if it is not older than `max_age_s`.
-Then the estimates of the bias and of R go on from the saved ones, and so do the filters with their memory.
-The time since the snapshot is bridged like a gap, by prediction alone, for at most the length of the memory.
-The spectral sums of the live fit continue as well, with a break for that time. The record of the first epoch
-gives `resumed` as the reason. A reset of the board since the snapshot does not matter, since the sensor's
-noise stays the same. (Opening the port of a Due resets it.)
+Then the estimates of the bias and of R continue from the saved estimates, and the filters continue with their
+saved memory. The time since the snapshot is bridged like a gap, by prediction alone, for at most the length
+of the memory. The spectral sums of the live fit continue as well, with a break for that time. The record
+`epoch` of the first epoch gives `resumed` as the reason for that epoch. A reset of the board since the
+snapshot does not matter, since the sensor's noise stays the same. (Opening the port of a Due resets it.)
 """
 
 import msgspec
@@ -37,9 +37,9 @@ class LastSample(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class DeviceState(Saved, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The saved estimators of one device.
 
-    `sensor`: values that describe device, sensor and settings; they have to be equal for the snapshot to be
-    used. `unix_ns`: Unix time of the last sample [ns]. `last`: the last sample; its number shows how many
-    samples are missing, if the device has run on since.
+    `sensor`: values that describe device, sensor and settings. The snapshot is used only if these values are
+    still the same. `unix_ns`: Unix time of the last sample [ns]. `last`: the last sample. If the device has
+    kept running since the snapshot, the number of this sample shows how many samples are missing.
     """
 
     sensor: dict[str, str]
@@ -50,8 +50,9 @@ class DeviceState(Saved, frozen=True, forbid_unknown_fields=True, kw_only=True):
 def missing_since(state: DeviceState, hello: Hello, sequence: int, device_us: int, age_s: float) -> int:
     """Return how many samples are missing between a snapshot and the device's present sample.
 
-    If the device has not booted since the snapshot, and its clock agrees with the samples' numbers, these
-    numbers say it. Otherwise it is computed from `age_s`, the age of the snapshot [s], and the sampling rate.
+    The result follows from the samples' numbers if the device has not booted since the snapshot and its clock
+    agrees with these numbers. Otherwise the result is computed from `age_s`, the age of the snapshot [s], and
+    the sampling rate.
     """
     known = missing_by_number(state, hello, sequence, device_us, age_s)
     return max(0, round(age_s * hello.rate_hz) - 1) if known is None else known
@@ -93,9 +94,9 @@ def why_unused(state: DeviceState, hello: Hello, config: Config, now_unix_ns: in
     """Return the reason why a snapshot cannot be used; None if it can be used."""
     age_s = (now_unix_ns - state.unix_ns) * 1e-9
     if age_s < 0:
-        return "it is from the future: was the clock set?"
+        return "it is dated in the future, so the system's clock was probably set back"
     if age_s > config.state.max_age_s:
         return f"it is {age_s:.0f} s old (state.max_age_s is {config.state.max_age_s:g})"
     now = sensor_of(hello, config)
     other = [key for key, value in now.items() if state.sensor.get(key) != value]
-    return f"it differs in: {', '.join(other)}" if other else None
+    return f"it was made for a device or settings that differ in: {', '.join(other)}" if other else None

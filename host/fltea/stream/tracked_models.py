@@ -21,8 +21,8 @@ from fltea.spectrum.live_axes import Noise
 from fltea.spectrum.wording import names
 
 ENOUGH = 3000
-"""Number of samples from which on a fit's noise model replaces the bank of random walks, which the tracker
-uses before. A fit of fewer samples shows too little of slow noise.
+"""If a fit has at least this number of samples, its noise model replaces the bank of random walks, with which
+the tracker begins. A fit of fewer samples shows too little of slow noise.
 """
 FEWEST, LIKELIER = 300, 30.0
 """A fit of fewer samples than `ENOUGH`, but at least `FEWEST`, replaces the bank of random walks if 2 log L
@@ -30,12 +30,13 @@ of the samples is higher by more than `LIKELIER` with its noise model than with 
 """
 AHEAD_S = 1, 10, 60, 600, 3600
 GROWTH, APART = 1.5, 0.5
-"""The tracker gets a new filter if the record has grown by the factor `GROWTH`, if the parts of the noise
-model have changed, or if the old and the new model differ by `APART` or more in log likelihood.
+"""After a fit, the tracker gets a new filter in any of three cases: the record has grown by more than the
+factor `GROWTH`; the noise model has other parts than before; or the old noise model would lose at least
+`APART` in log likelihood on a record of the new noise.
 """
 EVERY = 2
-"""Of the grid of step variances for the random walk of the offset, only every second one (`EVERY`) is tried.
-The bias is as accurate as if all were tried, and the search takes a fifth of the time.
+"""The search for the step variance of the offset's random walk tries only every second value (`EVERY`) of its
+grid. The bias is as accurate as if all values were tried, and the search takes a fifth of the time.
 """
 DIGITS = 3
 """Number of significant digits to which the figures of a fit are rounded, since further digits may differ
@@ -52,8 +53,8 @@ class TrackedModel(NamedTuple):
     tracker_model: TrackerModel
     """The model that the tracker uses."""
     system: System
-    """State-space system of the noise model. Its offset drifts as the weighted mean of all drifts that the
-    samples allow.
+    """State-space system of the noise model. The drift of its offset is the weighted mean of all drifts that
+    the samples allow.
     """
     K: Interval
     """Rate random walk K of the offset with its interval (`OffsetWalk.K`)."""
@@ -63,12 +64,15 @@ class TrackedModel(NamedTuple):
     """
     h: float
     headings: dict[int, float]
-    """For each number of seconds after the end of the rest, the standard deviation of the heading error;
-    empty for a sensor that measures no rate.
+    """Standard deviation of the heading error, by the number of seconds after the sensor's rest has ended.
+    Empty for a sensor that measures no rate.
     """
 
     def heading_std(self, t_s: float) -> float:
-        """Return the standard deviation of the samples' integral, `t_s` seconds after the end of a rest."""
+        """Return the standard deviation of the heading error `t_s` seconds after the end of a rest.
+
+        For a sensor that measures no rate, it is that of the error of the samples' integral.
+        """
         return heading_std(self.system, self.at_rest, self.h, t_s)
 
 
@@ -107,8 +111,8 @@ class TrackedModelMaker(NamedTuple):
             tracker_model = TrackerModel(self.rules, *rivals)
             P = rested(found, n)
             stds = heading_stds(found, P, self.h, AHEAD_S) if self.unit == GYRO_UNIT else ()
-        # the new model is at the edge of stationarity, so no filter can be made for it, and the previous
-        # model stays in use
+        # no filter can be made for a new model that is at the edge of stationarity, so the previous model
+        # stays in use
         except (ValueError, ArithmeticError):
             return before
         model = names(map(type, noise.parts))
@@ -128,6 +132,6 @@ def _says_the_same(noise: Noise, before: Noise, h: float) -> bool:
 
 def _rounded(part: Part) -> Part:
     figures = ((name, getattr(part, name)) for name in part.__struct_fields__)
-    # A parameter that is a number of samples is an integer and is not rounded.
+    # Integer parameters, which are numbers of samples, are not rounded.
     rounded = {name: x if isinstance(x, int) else float(f"{x:.{DIGITS}g}") for name, x in figures}
     return with_fields(part, **rounded)

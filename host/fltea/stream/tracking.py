@@ -1,7 +1,8 @@
 """Estimate the present bias of each axis with the noise model of the live fit.
 
-The bias is estimated from the first sample on. Until a fit is far likelier than a bank of random-walk models,
-or has 3,000 samples, the tracker uses that bank in place of the fit's noise model.
+The bias is estimated from the first sample on. At first the tracker uses a bank of random-walk models. The
+noise model of a fit replaces the bank as soon as that model is far likelier than the bank or the fit has
+3,000 samples.
 """
 
 import contextlib
@@ -24,13 +25,11 @@ from fltea.stream.tracked_models import TrackedModel, TrackedModelMaker
 
 UNDEFINED = Interval()
 CHECKED_S = 1, 10, 60
-"""Lengths of the later pieces of samples with whose means the bias is compared, as a check of its standard
-deviation [s].
+"""To check the standard deviation of a bias, the bias is compared with the mean of the samples that follow
+it. These are the lengths of the pieces of samples for such means [s].
 """
 STILL_S = 10.0
-"""Time for which the samples have to stay at another value before the tracker takes that value as the new
-offset [s].
-"""
+"""If the samples stay at another value for this time, the tracker takes that value as the new offset [s]."""
 
 
 def rules_of(live: LiveConfig, h: float, unit: str) -> TrackerRules:
@@ -43,7 +42,7 @@ def rules_of(live: LiveConfig, h: float, unit: str) -> TrackerRules:
         largest_gravity_step=live.largest_step_ms2,
         still=max(round(STILL_S / h), 1),
         patience=max(round(LONGEST_MOTION_S / h), 1),
-        settles=not is_gyro,  # an accelerometer that was tilted stays at another value, which is no motion
+        settles=not is_gyro,  # a tilted accelerometer stays at its new value without moving
     )
 
 
@@ -62,8 +61,8 @@ class SensorTracks:
         self._bias_s = live.bias_s
         self.tracker = Tracker(self._offsets, rules_of(live, h, unit))
         self.words = self._words()
-        """The verdicts of all axes, their alphas and their f. They are the same in all records until the next
-        fit.
+        """The verdict, alpha and f of each axis. They are the same in the records of all samples until the
+        next fit.
         """
         self._tracked_models: dict[str, TrackedModel] = {}
 
@@ -85,7 +84,7 @@ class SensorTracks:
     def columns(self, found: Sequence[Array | Mask]) -> TrackedColumns:
         """Return the tracker's results for a block of samples as named columns.
 
-        `found`: the arrays of the native tracker.
+        `found`: the arrays that the native tracker has written.
         """
         return TrackedColumns._make((self.names, self.unit, *found, *self.words))
 
@@ -106,9 +105,9 @@ class SensorTracks:
         self.tracker.skip(count)
 
     def maker(self, axis: str) -> TrackedModelMaker:
-        """Return an object that makes the tracker model of an axis.
+        """Return an object that makes the tracker model of an axis, for `AcceptedFit.followed_by`.
 
-        It uses the samples that the axis's tracker remembers now.
+        The object uses those samples that the axis's tracker remembers at the time of this call.
 
         `AcceptedFit.followed_by` uses this object.
         """
@@ -134,9 +133,10 @@ class SensorTracks:
             self._tracked_models[axis] = tracked_model
 
     def heading_std(self, axis: str, t_s: float) -> float:
-        """Return the standard deviation of an axis's integral, `t_s` seconds after the end of a rest.
+        """Return the standard deviation of an axis's heading error `t_s` seconds after the end of a rest.
 
-        Return NaN before the first fit of the axis.
+        For a sensor that measures no rate, it is that of the error of the samples' integral. Return NaN
+        before the first fit of the axis.
         """
         return self._tracked_models[axis].heading_std(t_s) if axis in self._tracked_models else math.nan
 
@@ -177,9 +177,9 @@ class SensorTracks:
 
 
 def _checks(checked: Sequence[Checked]) -> dict[int, BiasCheck]:
-    """Return, for each time in `CHECKED_S`, how well the bias predicted the samples' mean.
+    """Return how well the bias predicted the mean of the samples after it.
 
-    Times without a complete check are left out.
+    The result has an entry for each length of time in `CHECKED_S` for which a check is complete.
     """
     found = zip(CHECKED_S, checked, strict=True)
     return {t_s: BiasCheck(one.pieces, one.rms) for t_s, one in found if one.rms is not None}

@@ -14,15 +14,15 @@ STEP = 0.1
 confidence interval.
 """
 LEAST_R = 1e-3
-"""Smallest ratio of R, the variance of the white noise, to s2, the variance of a step of the state. The
-samples cannot distinguish a smaller R from 0, and a filter needs R > 0.
+"""Smallest ratio of R, the variance of the white noise, to s2, the variance of a step of the state. From the
+samples, a smaller R cannot be distinguished from 0, and a filter needs R > 0.
 """
 
 
 class HandedOver(NamedTuple):
     """The variances and the order from one fit.
 
-    A filter has to use them together, since each is right only with the others.
+    A filter has to use all of them together, since each is right only in combination with the others.
     """
 
     variances: Variances
@@ -34,10 +34,10 @@ def handed_over(fit: AxisFit, in_use: Variances | None) -> HandedOver | None:
 
     s2 is the variance of a step of the state, and R that of the white noise. Both may be uncertain by a
     factor of ten although the order α is known, since more white noise with a smaller state has nearly the
-    same spectrum. So α and f are used only with s2 and R of the same fit. The result is also None if the
-    noise passed a low-pass or high-pass filter, which Q and R do not describe; if the filters do not accept
-    the order or the variances; and if both variances are unchanged. `in_use`: the variances that the filter
-    uses now; None if it has none from a fit.
+    same spectrum. So α and f are used only with s2 and R of the same fit. The result is also None in three
+    more cases: the noise has passed a low-pass or high-pass filter, which Q and R do not describe; the
+    filters do not accept the order or the variances; or both variances are unchanged. `in_use`: the variances
+    that the filter uses now; None if it has none from a fit.
     """
     s2, R = fit.s2.value, fit.R.value
     filter_model = _filter_model(fit)
@@ -53,8 +53,8 @@ def handed_over(fit: AxisFit, in_use: Variances | None) -> HandedOver | None:
 def _filter_model(fit: AxisFit) -> FilterModel | None:
     alpha, F, f = _with_std(fit.alpha), _with_std(fit.F), _with_std(fit.f)
     if fit.low_pass is not None or fit.high_pass is not None or alpha is None or F is None or f is None:
-        # without an order there is no model, and if the samples passed a low-pass or high-pass, the figures
-        # describe the noise before that filter
+        # If the order is not known, there is no filter model. If the samples have passed a low-pass or
+        # high-pass filter, the figures describe the noise before that filter.
         return None
     filter_model = FilterModel(*alpha, *F, *f)
     return (

@@ -23,16 +23,16 @@ class SampleColumns(NamedTuple):
     device_us: NDArray[np.int64]
     """Device time since boot, modulo 2**32 [us]; shape (n,)."""
     gyro: NDArray[np.int16]
-    """Angular rates about x, y, z in LSB, whose size HELLO states; shape (n, 3)."""
+    """Angular rates about x, y, z as raw counts, whose scale HELLO states; shape (n, 3)."""
     accel: NDArray[np.int16]
-    """Specific force along x, y, z in LSB, whose size HELLO states; shape (n, 3)."""
+    """Specific force along x, y, z as raw counts, whose scale HELLO states; shape (n, 3)."""
     temperature: NDArray[np.int16]
-    """Temperature of the sensor chip [LSB]; shape (n,)."""
+    """Temperature of the sensor chip as raw counts; shape (n,)."""
     flags: NDArray[np.int64]
     """Bits of `wire.SampleFlags`; shape (n,)."""
     end: NDArray[np.int64]
-    """For each frame, the offset just after its closing 0x00, counted from the first byte passed to the call
-    [bytes]; shape (n,).
+    """Where each frame ends: the number of bytes from the first one passed to the call up to and including
+    the frame's closing 0x00; shape (n,).
     """
 
     def frames(self) -> Iterator[Frame]:
@@ -43,12 +43,13 @@ class SampleColumns(NamedTuple):
 
 
 class Located(NamedTuple):
-    """A decoded item that is not a sample, with the place in the stream of bytes where it ends."""
+    """A decoded item that is not a sample, and the place where it ends among the bytes."""
 
     item: Frame | Refused | BadFrame
     """A frame other than SAMPLE, a refused HELLO, or a bad frame."""
     end: int
-    """Offset just after the item's closing 0x00, counted from the first byte passed to the call [bytes].
+    """Where the item ends: the number of bytes from the first one passed to the call up to and including the
+    item's closing 0x00.
 
     A COBS block that is too long is reported before its 0x00 arrives. It ends with the first byte beyond the
     limit.
@@ -62,7 +63,8 @@ class BlockReader:
     """Decodes the bytes from one port into blocks of samples and other items, in the order of arrival.
 
     `bytes_in` is the number of all bytes passed to `feed`; `reset` does not change it. The result does not
-    depend on how the bytes are divided among calls, except that a block of samples ends at the end of a call.
+    depend on how the bytes are divided among calls of `feed`, with one exception: at the end of a call, a
+    block of samples ends, too.
     """
 
     def __init__(self) -> None:
@@ -72,7 +74,7 @@ class BlockReader:
     def reset(self) -> None:
         """Begin again after the port was reopened. An unfinished frame is dropped.
 
-        The first frame after this call may lack its beginning.
+        The beginning of the first frame after this call may be missing.
         """
         self._decoder.reset()
 
@@ -82,7 +84,7 @@ class BlockReader:
         return self._decoder.pending
 
     def feed(self, data: bytes | bytearray | memoryview) -> list[Decoded]:
-        """Return all items that end in `data`. This method never raises an exception.
+        """Return all items whose last byte is in `data`. This method never raises an exception.
 
         A HELLO of another protocol version gives a `Refused`; the caller must not interpret any later item.
         """
@@ -128,14 +130,15 @@ class FrameReader:
         return self._blocks.bytes_in
 
     def feed(self, data: bytes) -> list[Frame | Refused]:
-        """Return the good frames that end in `data`. Bad frames are only counted. No exception is raised.
+        """Return the good frames whose last byte is in `data`.
 
-        A HELLO of another protocol version gives a `Refused`; the caller must not interpret any later frame.
+        Bad frames are only counted. No exception is raised. A HELLO of another protocol version gives a
+        `Refused`; the caller must not interpret any later frame.
         """
         return [item for item in self.feed_all(data) if not isinstance(item, BadFrame)]
 
     def feed_all(self, data: bytes) -> list[Frame | Refused | BadFrame]:
-        """Return the good and bad frames that end in `data`, in order. No exception is raised."""
+        """Return the good and bad frames whose last byte is in `data`, in order. No exception is raised."""
         items: list[Frame | Refused | BadFrame] = []
         for decoded in self._blocks.feed(data):
             items += decoded.frames() if isinstance(decoded, SampleColumns) else [decoded.item]

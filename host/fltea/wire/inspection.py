@@ -22,8 +22,8 @@ SAMPLE.
 def inspect(chunks: Iterable[bytes], reader: FrameReader) -> Iterator[str]:
     """Yield one line of text for every frame in the bytes `chunks`. `reader` decodes and counts the frames.
 
-    After a HELLO of another protocol version, the fields of frames may have other meanings, so the lines of
-    good frames begin with `?`.
+    After a HELLO of another protocol version, the fields of frames may have other meanings. The lines of good
+    frames therefore begin with `?`.
     """
     doubtful = False
     for chunk in chunks:

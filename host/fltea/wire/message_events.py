@@ -20,7 +20,7 @@ BINS = sum(field.startswith("frequency_") for field in wire.Spectrum._fields)
 
 
 def hello_event(hello: wire.Hello, source: str, host_ns: int) -> Hello:
-    """Return the event of a HELLO message, with counts converted to units."""
+    """Return the event of a HELLO message, with the message's integers converted to physical units."""
 
     def scaled(name: str) -> float:
         # rounded, so that a raw value of 164 in units of 0.1 gives exactly 16.4
@@ -48,7 +48,7 @@ def hello_event(hello: wire.Hello, source: str, host_ns: int) -> Hello:
 
 
 def status_event(s: wire.Status) -> DeviceStatus:
-    """Return the event of a STATUS message, with counts converted to units.
+    """Return the event of a STATUS message, with the message's integers converted to physical units.
 
     Every pass of the device's main loop takes more than 0 µs. A `longest_step` of 0 µs therefore means that
     the device has not measured any time, and the event has no processor times.
@@ -161,7 +161,7 @@ def bins_event(s: wire.Spectrum, host_ns: int) -> DeviceBins:
 
 
 def name_of(enum: type[IntEnum], value: int) -> str:
-    """Return the name of a value of an enum in lower case, or "unknown (N)" for an unknown number N."""
+    """Return the name of an enum's value in lower case, or "unknown (N)" for an undefined number N."""
     try:
         return enum(value).name.lower()
     except ValueError:

@@ -1,14 +1,14 @@
 """Defines the types of decoded frames, and encodes frames (protocol/README.md).
 
-Frames are decoded elsewhere, by the native decoder (`fltea.wire.block_reader`).
+The native decoder decodes frames (`fltea.wire.block_reader`).
 """
 
 from struct import Struct
 from typing import Final, NamedTuple
 from zlib import crc32
 
-# This package was written independently of the device's encoder, so it does not have the same faults, and
-# tests can compare the two. It is a fast C extension.
+# The package `cobs` was written independently of the device's encoder. It therefore does not have the same
+# faults, and tests can compare the two. The package is a fast C extension.
 from cobs import cobs
 
 from fltea.wire.layout import (
@@ -26,11 +26,11 @@ REASONS: Final = {
     "cobs": "not a COBS block",
     "oversize": "no 0x00 within the length of the longest frame",
     "short": "shorter than header and CRC",
-    "crc": "CRC-32 does not fit",
-    "length": "CRC fits, but the payload is shorter than its type demands",
+    "crc": "CRC-32 does not match",
+    "length": "CRC-32 matches, but the payload is shorter than that of any message of this type",
     "unknown_type": "an intact frame of a type that this version does not know",
 }
-"""Short texts for the reasons why a block of bytes is a `BadFrame`."""
+"""For each reason why a block of bytes is a `BadFrame`, a short text that explains it."""
 
 CRC_SIZE: Final = 4
 VERSION: Final = Struct("<BBI")
@@ -64,7 +64,7 @@ class BadFrame(NamedTuple):
 
 
 class Refused(NamedTuple):
-    """The protocol version in an undamaged HELLO if this program cannot read that version.
+    """The protocol version that an undamaged HELLO states and this program cannot read.
 
     After such a HELLO, nothing else that the device sends may be interpreted.
     """
@@ -119,7 +119,7 @@ def encode_frame(type: int, sequence: int, device_us: int, payload: bytes) -> by
         struct.error: a number does not fit its field in the header.
     """
     if len(payload) > MAX_PAYLOAD:
-        raise ValueError(f"payload of {len(payload)} bytes; at most {MAX_PAYLOAD} fit")
+        raise ValueError(f"payload has {len(payload)} bytes; a frame has room for at most {MAX_PAYLOAD}")
     body = HEADER.pack(type, sequence, device_us) + payload
     block: bytes = cobs.encode(body + crc32(body).to_bytes(CRC_SIZE, "little"))
     return block + b"\0"

@@ -1,6 +1,6 @@
-"""Opens serial ports, each in its own thread, and opens them again if they are lost.
+"""Opens serial ports, each in its own thread, and opens a port again if it was lost.
 
-The opened ports are read elsewhere.
+This module does not read the opened ports.
 """
 
 import os
@@ -18,7 +18,7 @@ from fltea.wire.transport import Port
 class _PortState:
     """State of a port.
 
-    `open_ns`: time at which it is to be opened [ns]; None while it is open or being opened.
+    `open_ns`: time at which the port has to be opened [ns]; None while the port is open or being opened.
     """
 
     port: Port
@@ -49,7 +49,7 @@ class Openings:
         self._closed = False
 
     def begin(self, now_ns: int) -> None:
-        """Start to open the ports that are due.
+        """Start to open those ports whose time to be opened has come.
 
         Each is opened in its own thread, since opening a port on a network may be slow.
         """
@@ -61,11 +61,14 @@ class Openings:
 
     @property
     def next_ns(self) -> int | None:
-        """Time at which the next port is to be opened [ns]; None if no port waits to be opened."""
+        """Earliest time at which a port has to be opened [ns]; None if no port waits to be opened."""
         return min((state.open_ns for state in self._states if state.open_ns is not None), default=None)
 
     def opened(self) -> Iterator[tuple[int, Opened | Failed]]:
-        """Yield port index and result of each attempt to open a port that has ended since the last call."""
+        """Yield the results of all attempts to open a port that have ended since the last call.
+
+        Each result comes with the index of its port.
+        """
         while not self._opened.empty():
             index, event = self._opened.get()
             state = self._states[index]
@@ -81,8 +84,8 @@ class Openings:
         """Close a port that was lost, schedule its next opening, and return the event of the loss.
 
         `number`: errno of the failed system call that showed the loss.
-        `at`: host time of the loss, and its offset to Unix time [ns].
-        `worked`: whether bytes had arrived from the port; such a port is opened again soon.
+        `at`: host time of the loss, and Unix time minus host time at that moment, both in ns.
+        `worked`: whether bytes had arrived from the port before. If so, the port is opened again soon.
         """
         state = self._states[index]
         if worked:
@@ -115,9 +118,9 @@ class Openings:
         self._wake()
 
     def _updated(self, state: _PortState, event: Opened | Failed) -> Opened | Failed:
-        """Record by `event` whether the port is open.
+        """Record whether the port is open, as `event` says.
 
-        If it is not, schedule its next opening. Return the event.
+        If the port is not open, schedule its next opening. Return the event.
         """
         state.is_open = isinstance(event, Opened)
         state.open_ns = None if state.is_open else host_ns() + round(state.port.backoff_s() * 1e9)

@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 
 class Group(NamedTuple):
-    """The group of a file.
+    """The group of users to which a file belongs.
 
-    `joinable`: whether a user who joins the group gains access. This is so if its members may read and write
-    the file, and if it is not root's group.
+    `joinable`: whether a user can gain access by joining the group. This is so if the members of the group
+    may read and write the file, and if it is not root's group.
     """
 
     gid: int
@@ -57,11 +57,11 @@ def this_user() -> User:
 
 
 RULES = {
-    "dialout": "sudo make install-udev, in a clone; then plug the board in again",
+    "dialout": "sudo make install-udev, in a clone of fltea; then plug the board in again",
     "i2c": 'KERNEL=="i2c-[0-9]*", GROUP="i2c", MODE="0660"',
 }
-"""For the usual groups of serial ports and of I²C buses, a text that names the udev rule that gives users
-access, or says how to install it.
+"""Remedies by the usual group of serial ports and of I²C buses. Each remedy is a udev rule that gives the
+group access, or says how to install such a rule.
 """
 
 
@@ -75,16 +75,17 @@ def join_remedy(device: str, group: Group | None, user: User) -> str:
         return f"Such devices usually belong to the group '{usual}': sudo usermod -aG {usual} {user.name}."
     if not group.joinable:
         return (
-            f"{device} admits no group that {user.name} could join (its group is '{group.name}'). A udev "
-            f"rule gives it to '{usual}': {RULES[usual]}."
+            f"{user.name} cannot get access to {device} by joining a group (its group is '{group.name}'). A "
+            f"udev rule gives the device to the group '{usual}': {RULES[usual]}."
         )
     if group.gid in user.in_force:
         return (
-            f"{user.name} is in its group '{group.name}', but a container or a security module is in the way."
+            f"{user.name} is in the device's group '{group.name}', so a container or a security module "
+            "prevents the access."
         )
     if group.gid in user.granted:
         return (
-            f"{user.name} is in the group '{group.name}', but this login is older than that: log out and in "
-            f"again (or, for one shell: newgrp {group.name})."
+            f"{user.name} has joined the group '{group.name}' only after this login: log out and in again "
+            f"(or, for one shell: newgrp {group.name})."
         )
     return f"sudo usermod -aG {group.name} {user.name}, then log out and in again."

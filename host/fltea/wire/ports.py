@@ -22,7 +22,7 @@ TICK_NS = int(TICK_S * 1e9)
 class Ports:
     """Reads serial ports that have file descriptors.
 
-    It yields the received bytes, not decoded, and the events of the ports.
+    It yields the received bytes without decoding them, and the events of the ports.
     """
 
     def __init__(self, ports: Sequence[Port]) -> None:
@@ -34,8 +34,8 @@ class Ports:
     def poll(self, timeout_s: float) -> Iterator[tuple[int, Reads | Opened | Failed | Tick]]:
         """Wait up to `timeout_s` [s] for events; yield each event with the index of its port.
 
-        A `Tick` means that nothing arrived from a port for half a second. It contains the time at the end of
-        the half second.
+        A `Tick` means that nothing arrived from a port for half a second. The `Tick` contains the time at
+        which this half second ended.
         """
         now_ns = host_ns()
         self._openings.begin(now_ns)

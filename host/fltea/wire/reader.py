@@ -12,7 +12,7 @@ from fltea.wire.transport import QUEUE_BYTES, READ_TIMEOUT_S, Port
 class Reader:
     """Reads one serial port in a separate thread until `close`, and queues the events.
 
-    This class serves ports without a file descriptor, and callers that have only one port.
+    This class is for ports without a file descriptor, and for callers that have only one port.
     """
 
     def __init__(self, port: Port) -> None:

@@ -14,11 +14,11 @@ from fltea.wire.sensors import temperature_counts, temperature_scale
 class Scales(NamedTuple):
     """Factors from counts to physical units.
 
-    If a scale in HELLO is null, the samples are in that physical unit already.
+    If a scale in HELLO is null, the samples are already in the physical unit, not in counts.
     """
 
     gyro_lsb_per_dps: float
-    """Sensitivity of the gyroscope [LSB per deg/s]; 1 if rates are in deg/s already."""
+    """Sensitivity of the gyroscope [LSB per deg/s]; 1 if the rates are already in deg/s."""
     accel_ms2_per_lsb: float | None
     """Size of one accelerometer count [m/s²]; None if the scale is not known."""
     temperature_lsb_per_c: float

@@ -37,9 +37,9 @@ class Sensor(NamedTuple):
         return self.note == _CLONE
 
 
-_CLONE = "a chip that is sold as MPU-9250: the same scales are assumed, and its noise may be any."
-_SIX_AXES = "often sold as MPU-9250: the same kind of gyroscope, but no magnetometer."
-_OLDER = "an older chip sold in its place: the scales are the same, the noise is not."
+_CLONE = "a chip that is sold as an MPU-9250. It is read with an MPU-9250's scales, but its noise may differ."
+_SIX_AXES = "often sold as an MPU-9250. It has the same kind of gyroscope, but no magnetometer."
+_OLDER = "an older chip that is sold in its place. The scales are the same, but the noise differs."
 
 SENSORS = {
     0x71: Sensor("MPU-9250", "mpu9250", 333.87, 21.0),
@@ -74,7 +74,8 @@ def relative_text(who_am_i: int) -> str | None:
 def sensor_name(who_am_i: int) -> str:
     """Return the name of the chip with this WHO_AM_I.
 
-    For 0 it is "no sensor", and for an unknown chip a text with the number.
+    For 0, the name is "no sensor". For an unknown chip, the name is a text that contains the value of
+    WHO_AM_I.
     """
     if who_am_i == NO_SENSOR:
         return "no sensor"

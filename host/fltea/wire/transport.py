@@ -40,8 +40,8 @@ load classes.
 
 BACKOFF_S = (0.25, 0.5, 1.0, 2.0, 5.0)
 QUEUE_BYTES = 1 << 20
-"""Largest number of received bytes of a port that may wait for the consumer. A serial port at full speed
-sends so many in half a minute.
+"""Largest number of bytes from a port that may wait for the consumer. A serial port at full speed delivers
+this number of bytes in half a minute.
 """
 
 MAX_CHUNK = 1 << 16
@@ -55,7 +55,7 @@ _OPENING = threading.BoundedSemaphore(AT_ONCE)
 
 
 def check_url(url: str, baud: int) -> None:
-    """Refuse URLs and baud rates with which every attempt to open the port would fail.
+    """Refuse a URL or a baud rate with which every attempt to open the port would fail or do harm.
 
     Raises:
         UsageError: the URL's scheme is not in `SCHEMES`, or the speed is impossible, or it is 1200 baud,
@@ -72,7 +72,7 @@ def check_url(url: str, baud: int) -> None:
         # pyserial looks for the scheme of a URL in the same way
         scheme, is_url, _ = url.lower().partition("://")
         if is_url and scheme not in SCHEMES:
-            raise ValueError(f"'{scheme}://' is not among the kinds of addresses that it opens")
+            raise ValueError(f"'{scheme}://' is not among the kinds of addresses that fltea opens")
         serial.serial_for_url(url, baudrate=baud, do_not_open=True)
         if url.startswith(SOCKET) and urlsplit(url).port is None:
             raise ValueError("its port number is missing")
@@ -113,7 +113,7 @@ def explain_open_failure(url: str, error: Exception) -> tuple[str, str]:
         if url == ANY_BOARD:
             return "no_port", (
                 "no Arduino Due on its programming port (the one beside the power socket), and no other "
-                f"--source given. Check the cable. {list_ports_text()} Without a board: "
+                f"--source was given. Check the cable. {list_ports_text()} To run without a board: "
                 "--source 'synthetic:?alpha=0.3&f=-1.5'."
             )
         return "no_port", f"there is no port {url}. Check the cable and the name. {list_ports_text()}"
@@ -144,12 +144,12 @@ class Port:
 
     @property
     def has_descriptor(self) -> bool:
-        """Whether the port has a file descriptor, with which the operating system reports waiting data."""
+        """Whether the port has a file descriptor, through which the system reports that bytes wait."""
         return self.is_socket or "://" not in self.url or self.url.startswith("hwgrep://")
 
     @property
     def is_socket(self) -> bool:
-        """Whether the port is a TCP socket, so that the other side can close it."""
+        """Whether the port is a TCP socket, which the other side can close."""
         return self.url.startswith(SOCKET)
 
     def open(self) -> Opened | Failed:
@@ -174,7 +174,7 @@ class Port:
             # The text of the failure names groups and ports of this machine, and reading these may fail as
             # well.
             except Exception as fault:
-                text = f"cannot open {self.url}: {error}. Nothing more can be found out ({fault})."
+                text = f"cannot open {self.url}: {error}. The search for the cause failed, too ({fault})."
                 return Failed("open_failed", text, host_ns(), unix_offset_ns())
         return Opened(host_ns(), unix_offset_ns())
 
@@ -185,8 +185,8 @@ class Port:
     def has_worked(self) -> None:
         """Make the pauses between attempts to open the port short again.
 
-        This is called when bytes have arrived, not yet when the port was opened: a port may be lost right
-        after it was opened.
+        This method is called only when bytes have arrived, not as soon as the port is open, because a port
+        may be lost right after it was opened.
         """
         self._failures = 0
 
@@ -201,7 +201,8 @@ class Port:
             data = port.read(1)
             if data:
                 data += port.read(min(port.in_waiting, MAX_CHUNK))
-        # if the port is lost, this may be OSError, SerialException or TypeError, depending on the driver
+        # if the port is lost, `error` may be an OSError, a SerialException or a TypeError, depending on the
+        # driver
         except Exception as error:
             return self.lost(error)
         if not data:
@@ -212,7 +213,8 @@ class Port:
     def lost(self, error: Exception, *at: int) -> Failed:
         """Close the port, and return the event that the port was lost, with the reason.
 
-        `at`: host time of the loss, and its offset to Unix time [ns]. Without them, the present time is used.
+        `at`: host time of the loss, and Unix time minus host time at that moment, both in ns. Without `at`,
+        the present time is used.
         """
         self.close()
         message = f"{self.url} was lost ({error}): it was unplugged, or the other side has ended."
