@@ -19,15 +19,16 @@ namespace fltea {
 namespace allan {
 
 constexpr std::size_t kChunk = 16, kHistory = 15;
-// Octaves 0 to 3 are computed from level 0, and each further octave from its own level.
+// Octaves 0 to 3 of the Allan variance are computed from the samples (level 0). Each further octave is
+// computed from the values of its own level.
 constexpr std::size_t kLevels = 24, kOfSamples = 4, kOctaves = kLevels + kOfSamples - 1;
-// Points of the Allan variance whose last term is older than this multiple of the memory's time constant are
-// not returned.
+// A point of the Allan variance is returned only if the age of its last term is at most this many time
+// constants of the memory.
 constexpr double kOldest = 3;
 constexpr double kLargestValue = 1e100, kLargestCount = 1e15;
 
-// The weighted sum of the terms (B_k - B_{k-m})² of one octave. A new term has weight 1, and older terms have
-// less if samples are forgotten.
+// The weighted sum of the terms (B_k - B_{k-m})² of one octave. A new term has the weight 1. If samples are
+// forgotten, older terms have smaller weights.
 struct Octave {
     double squares = 0, weight = 0, weight_squared = 0;
     // Time of the last term that was added, in samples since the beginning of the series.
@@ -35,18 +36,18 @@ struct Octave {
 };
 
 struct Level {
-    // The last kHistory values of earlier chunks since the last break (0 where there are fewer), then the
-    // values that wait until their chunk is complete.
+    // First the last kHistory values of earlier chunks since the last break, or 0 where there are fewer. Then
+    // the values that wait until their chunk is complete.
     double values[kHistory + kChunk] = {};
     std::size_t waiting = 0;
-    // Number of values since the last break that were already processed, without the waiting values.
+    // Number of values since the last break that were already processed. Waiting values are not included.
     double taken = 0;
 };
 
 struct Point {
     double factor, avar;
-    // Effective number of the overlapping terms that were averaged. If nothing is forgotten, it is their
-    // exact number.
+    // Effective number of the overlapping terms that were averaged. If no samples are forgotten, it is the
+    // exact number of these terms.
     double terms;
 };
 
@@ -74,7 +75,7 @@ class AllanSums {
         if (n == 0) return;
         if (!begun_) {
             // The origin, a fixed value, is subtracted from the samples, so that a large offset causes no
-            // rounding errors in the sums. It cancels in the differences of sums.
+            // rounding errors in the sums. The origin cancels in the differences of sums.
             origin_ = y[0];
             begun_ = true;
         }
@@ -99,8 +100,8 @@ class AllanSums {
         stretch_begin_ = now_;
     }
 
-    // Adds the sums of another instance, as if the series of both ended now. The series of this instance has
-    // a break here.
+    // Adds the sums of another instance, as if the series of both instances ended now. After that, the series
+    // of this instance has a break at its end.
     void merge(const AllanSums& other) {
         if (other.samples_ <= 0) return;
         AllanSums ended(other);

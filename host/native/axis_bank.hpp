@@ -20,15 +20,16 @@ namespace fltea {
 struct BankBlock {
     double* columns[kLaneColumns];  // NaN where an axis is not valid
     std::uint8_t* valid;            // 1 where an axis is valid, else 0
-    std::uint8_t* white;            // 1 where an axis's innovations are white (Whiteness::is_white), else 0
+    // 1 where the innovations of an axis are white (Whiteness::is_white), else 0
+    std::uint8_t* white;
 };
 
 // Result of a fit for one axis: the order and the parameter f, each with its standard deviation.
 //
 // A filter treats its Q and R, and the slope of its predictions, as exact. The standard deviation that it
-// reports therefore shrinks even around a wrong value. As a filter cannot know more than the fit does, the
-// published standard deviation is at least that of the fit, and it grows with the distance of the filter's
-// value from the fitted value.
+// reports therefore shrinks even around a wrong value. A filter cannot know more than the fit does. The
+// published standard deviation is therefore at least that of the fit, and it grows with the distance of the
+// filter's value from the fitted value.
 struct Known {
     bool any;  // whether there is a fit for this axis
     double alpha, alpha_std, f, f_std;
@@ -53,9 +54,9 @@ class AxisBank {
     // start().
     const engine::Baseline<double>& window(std::size_t axis) const { return window_[axis]; }
 
-    // Ends the start-up window. From the next row on, each axis is filtered by one of the `lanes` (a lane has
-    // the filters of one axis), after `bias` was subtracted. Axes that are not `live` stay invalid, whatever
-    // their lanes report.
+    // Ends the start-up window. From the next row on, `bias` is subtracted from the samples, and one of the
+    // `lanes` filters each axis; a lane has the filters of one axis. Axes that are not `live` stay invalid,
+    // whatever their lanes report.
     void start(std::unique_ptr<LaneRunner> lanes, const double* bias, const std::uint8_t* live) {
         lanes_ = std::move(lanes);
         bias_.assign(bias, bias + axes_);
@@ -104,8 +105,8 @@ class AxisBank {
         }
     }
 
-    // Predicts `count` missing rows. Before start(), missing rows change nothing. Row numbers in `lost` are
-    // counted from the first missing row.
+    // Lets the filters predict `count` missing rows. Before start(), missing rows change nothing. Row numbers
+    // in `lost` are counted from the first missing row.
     void skip(std::size_t count, std::vector<Lost>& lost) {
         if (count > 0) {
             for (Whiteness& one : white_) one.skip();
@@ -122,8 +123,8 @@ class AxisBank {
     }
 
   private:
-    // Number of rows that are processed at a time. They are few, so that what one step of the processing
-    // writes is still in the cache for the next step.
+    // Number of rows that are processed at a time. The number is small, so that what one step of the
+    // processing writes is still in the cache for the next step.
     enum : std::size_t { kSlab = 128 };
 
     static BankBlock shifted(const BankBlock& out, std::size_t place) {

@@ -26,20 +26,21 @@ struct Tracked {
 
 struct TrackerCounts {
     std::uint64_t moved;  // number of samples in motion
-    std::uint64_t begun;  // number of restarts of the tracker, because the offset had changed
+    std::uint64_t begun;  // number of times that the tracker restarted because the offset had changed
     std::uint64_t steps;  // number of steps of the bias
 };
 
 struct TrackerRules : BiasLengths {
-    // Largest change of the samples' mean that is taken for a step of the bias. A larger change is taken for
-    // motion.
+    // A change of the samples' mean counts as a step of the bias if it is at most this large. A larger change
+    // counts as motion.
     double largest_step = std::numeric_limits<double>::infinity();
-    // When the samples stay at another mean, this number of samples has to pass without motion until the
-    // tracker accepts that mean as the new offset. `still` applies if that mean is nearer to 0, if the caller
-    // reports rest, or if `settles` is set. Otherwise the sensor may be rotating, and `patience` applies.
+    // When the samples stay at another mean, the tracker accepts that mean as the new offset after this
+    // number of samples without motion. `still` applies if the new mean is nearer to 0 than the old one, if
+    // the caller reports rest, or if `settles` is set. Otherwise the sensor may be rotating, and `patience`
+    // applies.
     std::int64_t still = 1024, patience = 60000;
-    // Whether a mean farther from 0 is accepted as the new offset as quickly as a nearer one, although it may
-    // come from a rotation.
+    // Whether the tracker accepts a mean farther from 0 as the new offset as quickly as a mean nearer to 0,
+    // although the former may come from a rotation.
     bool settles = true;
 };
 
@@ -66,7 +67,7 @@ class AxisTracker {
     // Whether any sample has arrived yet.
     bool has_begun() const { return has_origin_; }
     // State vector after the newest sample, relative to the origin. If the noise model has two candidate
-    // systems, it is the state of the likelier one. Without a model the vector is empty.
+    // systems, the state is that of the likelier system. Without a model the vector is empty.
     const double* x() const { return model_->x(); }
     int size() const { return model_ == nullptr ? 0 : model_->size(); }
     double origin() const { return origin_; }
@@ -78,8 +79,8 @@ class AxisTracker {
 
     // Sets the noise model that is used from the next sample on. All remembered samples are filtered with it,
     // too. Returns false and changes nothing if no filter can work with the model. `begun`: a filter that has
-    // already processed the remembered samples in another thread, or null. If `begun` is null or no longer
-    // matches the memory, the remembered samples are filtered in this call.
+    // already processed the remembered samples in another thread, or null. If `begun` is null or was made for
+    // other remembered samples, the remembered samples are filtered in this call.
     bool set(const std::shared_ptr<TrackerModel>& model, Refiltered* begun = nullptr) {
         std::unique_ptr<Refiltered> own;
         if (begun == nullptr || begun->model() != model || !begun->expects(memory_)) {
@@ -102,8 +103,8 @@ class AxisTracker {
     }
     const StepTest& steps() const { return steps_; }
 
-    // Returns 2 log L of the samples according to the bank of filters, up to a constant, or NaN if the bank
-    // is no longer in use.
+    // Returns 2 log L of the samples if the models of the bank of filters describe them, up to a constant.
+    // Returns NaN if the bank is no longer in use.
     double likelihood() const {
         return banks_ != nullptr && banks_->bank.knows() ? banks_->bank.likelihood() : __builtin_nan("");
     }
@@ -140,7 +141,7 @@ class AxisTracker {
         return tracked(moving);
     }
 
-    // Advances by one sample that is missing, and only predicts it.
+    // Advances by one sample that is missing. The filters only predict this sample.
     void miss() {
         white_.skip();
         check_.skip();
@@ -151,12 +152,12 @@ class AxisTracker {
 
     // The kind of change of the bias that the step test has detected at the newest sample.
     StepSeen::Kind seen() const { return seen_.kind; }
-    // Whether the detected step is too large for a bias: whether it would move the bias farther from its
-    // settled value (settled_bias()) than largest_step().
+    // Whether the detected step is too large for a step of the bias. This is so if it would move the bias
+    // away from its settled value (settled_bias()) by more than largest_step().
     bool is_too_far() const { return !(std::fabs(bias() + step_size() - settled_bias()) <= largest_step()); }
 
     // Accepts the detected step: from now on, the bias is computed from the samples after the step. Returns
-    // false if the change turns out to be no step, for example a drift.
+    // false if the change turns out not to be a step, but for example a drift.
     bool step(BiasStep& found) {
         const StepSeen seen = seen_;
         const double was = bias(), was_variance = bias_variance(), size = step_size();
@@ -184,9 +185,8 @@ class AxisTracker {
 
     void drop_chunk() { gate_.drop_chunk(); }
 
-    // Call this when motion was detected. Undoes the effect of this chunk of samples and of the chunk before
-    // it on the filter, and the effect of steps just before the motion. Returns the number of samples that
-    // were undone.
+    // Call this when motion was detected. Undoes what this chunk of samples, the chunk before it, and steps
+    // just before the motion have changed in the filter. Returns the number of samples that were undone.
     std::int64_t go_back() {
         steps_.clear();
         check_.skip();
@@ -290,10 +290,11 @@ class AxisTracker {
     }
 
   private:
-    static constexpr double kRoundings = 3.4641016151377544;  // √12
-    // kWide: ratio of the variance that is assumed for a step before it is estimated, to the square of its
-    // apparent size. kSettled: if no further step follows within this number of samples, a step was not the
-    // beginning of motion.
+    // √12: rounding to multiples of 1 has the standard deviation 1/√12
+    static constexpr double kRoundings = 3.4641016151377544;
+    // kWide: Before the size of a step is estimated, its variance is assumed to be this many times the square
+    // of its apparent size. kSettled: If no further step follows within this number of samples, a step was
+    // not the beginning of motion.
     static constexpr double kWide = 10, kLeastOfNoise = 2;
     enum { kSettled = 512, kFewestOfBank = 1024, kSlow = 1024, kSoon = 4, kBefore = 512 };
 
@@ -303,15 +304,15 @@ class AxisTracker {
     };
 
     struct LastStep {
-        std::int64_t at;  // number of samples until the step was reported
+        std::int64_t at;  // number of all samples up to the one at which the step was reported
         double size;
     };
 
-    // State of the filter before a series of steps that may be the beginning of motion.
+    // State of the filter as it was before a series of steps that may be the beginning of motion.
     struct Before {
         NoiseModel::State state;
         double bias;
-        std::int64_t at, newest;  // numbers of samples until this state was saved, and until the newest step
+        std::int64_t at, newest;  // number of all samples when this state was saved, and at the newest step
         std::uint64_t steps;
     };
 
@@ -396,8 +397,8 @@ class AxisTracker {
                        moving};
     }
 
-    // If a step may have happened, the published bias is the mean of the bias with the step and without it,
-    // weighted by the probability of the step.
+    // If a step may have happened, the published bias is a mean of two values: the bias if there was a step,
+    // and the bias if there was none. The probability of the step weights them.
     void suspect(Known& now) const {
         const StepSuspected& one = steps_.suspected();
         if (!(one.likely > 0)) return;
@@ -407,8 +408,8 @@ class AxisTracker {
             one.likely * (1 - one.likely) * size * size + one.likely * one.variance * deviation_ * deviation_;
     }
 
-    // The limit for steps is at least twice the standard deviation of a sample's noise: a smaller step cannot
-    // be distinguished from noise quickly.
+    // The largest change that counts as a step of the bias. It is at least twice the standard deviation of a
+    // sample's noise, because a smaller step cannot be distinguished from noise quickly.
     double largest_step() const {
         return std::fmax(rules_.largest_step, deviation_ < kLargest ? kLeastOfNoise * deviation_ : 0);
     }
@@ -458,8 +459,8 @@ class AxisTracker {
         return seen.ago >= kSlow && size * last_step_.size > 0 && since < kSoon * std::int64_t(seen.ago);
     }
 
-    // Handles a bias that drifts by more than the noise model says. Until the next model is set, the offset's
-    // random walk gets larger steps to account for the drift.
+    // Handles a bias that drifts by more than the noise model says. Until the next model is set, the steps of
+    // the offset's random walk have a larger variance to account for the drift.
     void drift(const StepSeen& seen, double change) {
         steps_.clear();
         if (model_ == nullptr) return;
@@ -470,7 +471,7 @@ class AxisTracker {
         again();
     }
 
-    // Handles a step while there is no noise model: the bank of filters starts again with the samples since
+    // Handles a step while there is no noise model. The bank of filters starts again with the samples since
     // the step.
     bool begin_bank_at(int ago, double size, double was, double was_variance, BiasStep& found) {
         steps_.clear();
@@ -485,8 +486,8 @@ class AxisTracker {
         if (!banks_->bank.knows()) return false;
         gate_.forget_chunk();
         keep_twice();
-        // The earlier bank of filters had followed the step for a while. The bias before the step is
-        // therefore computed as the mean of samples before it.
+        // The old bank of filters had already followed the step for a while. The bias before the step is
+        // therefore computed as the mean of the samples before the step.
         double before = was, variance = was_variance;
         mean_before(ago, before, variance);
         return told(BiasStep{ago, bias() - before, std::sqrt(bias_variance() + variance)}, found);
@@ -515,8 +516,8 @@ class AxisTracker {
         variance = std::fmax(squares / known - mean * mean, 0) / known;
     }
 
-    // Stores a copy of the filter. At the end of the next chunk, this copy serves as the state of one chunk
-    // ago.
+    // Stores a copy of the filter at the end of a chunk. When the next chunk has ended, this copy is the
+    // filter as it was one chunk earlier.
     void keep() {
         if (model_ != nullptr) {
             model_->keep();

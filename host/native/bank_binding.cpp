@@ -27,19 +27,20 @@ using fltea::engine::LaneSettings;
 using Numbers = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Mask = nb::ndarray<const uint8_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
-// Largest number of lost samples for which skip() can be called. It is limited because they are predicted one
-// by one.
+// Largest number of lost samples for which skip() can be called. There is a limit because the filters predict
+// lost samples one by one.
 constexpr size_t kMostSkipped = 10'000'000;
 
-// Statistics of a start-up window: mean, variance (at least that of rounding to the resolution), and whether
-// all values are equal.
+// Statistics of a start-up window: the mean of its values, their variance, and whether all values are equal.
+// The variance is at least that of rounding to the resolution.
 using Moments = std::tuple<double, double, bool>;
 
 Moments moments_of(const fltea::engine::Baseline<double>& window, double resolution) {
     return {window.bias(), window.variance(resolution), window.constant()};
 }
 
-// Returns these statistics for every column (axis) of an array.
+// Returns the statistics of a start-up window for every column of an array; a column has the values of one
+// axis.
 std::vector<Moments> moments(Rows y, double resolution) {
     const size_t columns = y.shape(1);
     std::vector<fltea::engine::Baseline<double>> windows(columns);
@@ -175,8 +176,8 @@ class Bank : public fltea::BankPart {
     }
 
     // Returns four figures of the innovations for each axis: the correlation of neighbours (lag 1), NIS, the
-    // Ljung-Box statistic, and the number of innovations from which that statistic is computed. The figures
-    // are NaN until there are enough innovations.
+    // Ljung-Box statistic, and the number of innovations from which that statistic is computed. All these
+    // figures are NaN until there are enough innovations.
     std::vector<std::tuple<double, double, double, int>> whiteness() const {
         const std::lock_guard<std::mutex> alone(mutex_);
         std::vector<std::tuple<double, double, double, int>> result;

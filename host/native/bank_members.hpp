@@ -19,8 +19,8 @@ class BankMembers {
     enum { kMost = 4, kRoom = 320 };  // largest number of states; largest number of models
     typedef Kalman<kMost> Filter;
 
-    // Returns the models for a bias that is the expected mean over the next `ahead` samples. `ahead` is
-    // rounded to 3 %, so that sensors of similar rate share the models.
+    // Returns the noise models of the bank. In them, the bias is the expected mean over the next `ahead`
+    // samples. `ahead` is rounded to 3 %, so that sensors of similar rate share the models.
     static const BankMembers& of(std::int64_t ahead) {
         static std::mutex alone;
         static std::map<std::int64_t, std::unique_ptr<const BankMembers>> known;
@@ -39,9 +39,10 @@ class BankMembers {
     const Filter::Gains& gains(int i) const { return gains_[i]; }
 
   private:
-    // One noise model: the sum of white noise, which is low-pass filtered by a pole pair with the corner
-    // frequency `corner` [rad/sample] if that is not 0; an offset that does a random walk with steps of
-    // variance q; and `n` relaxations with time constants `times` [samples] and variances `powers`.
+    // One noise model is the sum of three components. The first is white noise; if `corner` is not 0, it has
+    // passed a low-pass of a pole pair with the corner frequency `corner` [rad/sample]. The second is an
+    // offset that does a random walk with steps of variance q. The third is `n` relaxations (first-order
+    // Gauss-Markov processes) with the time constants `times` [samples] and the variances `powers`.
     struct Noise {
         double corner, q;
         int n;
@@ -60,8 +61,8 @@ class BankMembers {
                 for (double q : {1e-6, 1e-4}) add(Noise{0, q, 1, {time}, {power}});
             }
         }
-        // These models are similar to 1/f noise over one or two decades, beginning at the shortest time
-        // constant.
+        // The spectra of these models are similar to that of 1/f noise over one or two decades of time,
+        // beginning at the shortest time constant.
         for (double time : {0.4, 1.0, 4.0}) {
             for (double apart : {4.0, 10.0}) {
                 for (double tilt : {0.5, 1.0, 3.0}) {

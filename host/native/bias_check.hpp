@@ -1,7 +1,7 @@
-// Checks whether the published standard deviation of the bias is right. The mean of the next T seconds
-// differs from the bias by the error of the bias, by the movement of the bias until then, and by white noise.
-// The check compares the actual difference with its expected standard deviation, so the true bias is not
-// needed.
+// Checks whether the published standard deviation of the bias is right. The mean of the samples of the next T
+// seconds differs from the published bias for three reasons: the error of that bias, the movement of the true
+// bias meanwhile, and white noise. The check compares the actual difference with its expected standard
+// deviation, so it does not need the true bias.
 #pragma once
 
 #include <cmath>
@@ -17,12 +17,13 @@ class BiasCheck {
     enum { kTimes = BiasLengths::kChecks };
     struct Found {
         std::uint64_t pieces;
-        // root mean square of the difference divided by its expected standard deviation; 1 if that deviation
-        // is right, NaN before the first piece of samples is complete
+        // root mean square of the ratio of each difference to its expected standard deviation; about 1 if the
+        // standard deviation is right, NaN before the first piece of samples is complete
         double rms;
     };
 
-    // Sets the number of samples over which the check number `which` averages. 0: there is no such check.
+    // Sets `length`, the number of samples over which the check number `which` averages. If `length` is 0,
+    // there is no such check.
     void expect(int which, std::int64_t length) { pieces_[which].length = length; }
 
     // Call this when another noise model applies from the next sample on.
@@ -83,7 +84,7 @@ class BiasCheck {
         std::int64_t length = 0, ends = 0;
         double bias = 0, variance = 1, sum_before = 0, squares = 0;
         std::uint64_t pieces = 0;
-        // how to predict the mean of the piece, for each candidate system of the model
+        // for each candidate system of the noise model, how it predicts the mean of the piece
         MeanAhead<kMost> ahead[TrackerModel::kRivals] = {};
     };
 

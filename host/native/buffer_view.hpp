@@ -1,4 +1,4 @@
-// Gives access to the bytes of a Python bytes-like object, and keeps the object alive as long as this view
+// Gives access to the bytes of a Python bytes-like object. The object stays alive as long as this view
 // exists.
 #pragma once
 

@@ -14,10 +14,9 @@ struct ChunkRecord {
     std::int64_t kind, begin, end, channel, sequence, log_time, publish_time;
 };
 
-// Why a chunk cannot be read; if `what` is empty, the chunk can be read. `at`: offset of the faulty record in
-// the chunk;
-// `claimed`: length that the record's header states; `left`: number of bytes that the chunk has after that
-// header.
+// Says why a chunk cannot be read. `what`: the reason; if it is empty, the chunk can be read. `at`: offset of
+// the faulty record in the chunk. `claimed`: length that the record's header states. `left`: number of bytes
+// that the chunk has after that header.
 struct ChunkFault {
     const char* what = "";
     std::uint64_t at = 0, claimed = 0, left = 0;

@@ -13,8 +13,8 @@
 
 namespace fltea {
 
-// Builds the content of an MCAP record from numbers, in little-endian byte order, and from strings, each
-// preceded by its length.
+// Builds the content of an MCAP record from numbers and strings. Numbers are in little-endian byte order, and
+// the length of each string precedes the string.
 class RecordText {
   public:
     template <typename T>
@@ -111,8 +111,8 @@ class ChunkWriter {
         return out.text();
     }
 
-    // Statistics of all finished chunks: first and newest time of a message [ns], number of chunks, and
-    // number of messages per channel.
+    // Statistics of all finished chunks: the times of the first and of the newest message [ns], the number of
+    // chunks, and the number of messages per channel.
     std::uint64_t first_ns() const { return first_ns_; }
     std::uint64_t newest_ns() const { return newest_ns_; }
     std::size_t chunks() const { return chunks_; }
@@ -158,8 +158,8 @@ class ChunkWriter {
         return index_.insert(place, Index(channel, {}))->second;
     }
 
-    // Appends a number, of which each byte holds seven bits. The index of the finished chunks is stored in
-    // this form until the file ends, because as plain numbers it would take five times the memory.
+    // Appends a number in a form in which each byte holds seven bits of it. The index of the finished chunks
+    // is stored in this form until the file ends, because plain numbers would take five times the memory.
     void note(std::uint64_t value) {
         for (; value >= 0x80; value >>= 7) noted_.push_back(static_cast<char>(value | 0x80));
         noted_.push_back(static_cast<char>(value));

@@ -16,21 +16,22 @@
 namespace fltea {
 
 struct Arrival {
-    double device, delay;  // time of a sample by the device's clock, and how much later it arrived
+    double device, delay;  // time of a sample by the device's clock, and the delay until the sample arrived
 };
 
 struct ClockFit {
-    Arrival centre = {};  // mean of the arrivals; the fitted line passes through this point
-    double slope = 0;     // slope of the line: change of the delay per unit of the device's time
+    // point with the mean time and the mean delay of all arrivals, through which the fitted line passes
+    Arrival centre = {};
+    double slope = 0;  // slope of the fitted line: change of the delay per unit of the device's time
     // Standard error of the slope, computed from the residuals; infinite with fewer than three arrivals.
     double slope_std = std::numeric_limits<double>::infinity();
 
     double at(double device) const { return centre.delay + slope * (device - centre.device); }
 };
 
-// Fits the line. `arrivals`: a container of `Arrival`, not empty. `prior`: the standard deviation of a delay,
-// divided by that of the slope, both as known before the fit, in the device's unit of time. It is 0 if
-// nothing is known of the slope; then the arrivals need at least two different device times.
+// Fits the line. `arrivals`: a container of `Arrival`, not empty. `prior`: what is known before the fit, as
+// the standard deviation of a delay divided by that of the slope, in the device's unit of time. If nothing is
+// known of the slope, `prior` is 0, and the arrivals must have at least two different device times.
 template <typename Arrivals>
 ClockFit fit_clock(const Arrivals& arrivals, double prior) {
     ClockFit fit;

@@ -12,8 +12,8 @@ namespace crc32_table {
 
 typedef std::array<std::array<std::uint32_t, 256>, 8> Tables;
 
-// tables[k][b]: what a byte b that is followed by k more bytes contributes to the CRC (Kounavis and Berry,
-// ISCC 2005).
+// tables[k][b] is the contribution of a byte b to the CRC if k more bytes follow it (Kounavis and Berry, ISCC
+// 2005).
 constexpr Tables make() {
     Tables tables = {};
     for (std::uint32_t byte = 0; byte < 256; ++byte) {

@@ -43,8 +43,8 @@ bool undo_cobs(std::uint8_t* block, std::size_t n) {
     std::size_t at = 0;
     while (at < n) {
         const std::size_t code = block[at];
-        // A COBS code of 0 would cause an endless loop. It can appear only if another thread writes to a
-        // bytearray while it is decoded here.
+        // A COBS code of 0 would cause an endless loop. Such a code can appear only if the bytes are those of
+        // a bytearray to which another thread writes while they are decoded here.
         if (code == 0) return false;
         block[at] = 0;
         at += code;
@@ -85,7 +85,7 @@ bool least_payload(std::uint8_t type, std::size_t& least) {
     }
 }
 
-// Returns why an undamaged frame cannot be used; Reason::none if it can.
+// Returns why an undamaged frame cannot be used, or Reason::none if it can be used.
 Reason judge_payload(std::uint8_t type, const std::uint8_t* payload, std::size_t n) {
     if (type == Hello::type() && is_other_version(payload, n)) return Reason::none;
     std::size_t least = 0;
@@ -93,7 +93,7 @@ Reason judge_payload(std::uint8_t type, const std::uint8_t* payload, std::size_t
     return n >= least ? Reason::none : Reason::length;
 }
 
-// Whether a frame is bad for a reason that can also arise if only a part of the frame was received.
+// Whether `reason` for a bad frame can also arise when only a part of a good frame was received.
 bool may_be_cut(Reason reason) {
     return reason == Reason::oversize || reason == Reason::cobs || reason == Reason::short_ ||
            reason == Reason::crc;
@@ -188,8 +188,8 @@ void Decoder::judge(const std::uint8_t* block, std::size_t n, std::int64_t end, 
 void Decoder::feed(const std::uint8_t* data, std::size_t n, Decoded& found) {
     found.samples.reserve(found.samples.size() + n / (kSampleBlock + 1) + 1);
     for (std::size_t at = 0; at < n;) {
-        // `room` is the number of bytes by which the block may still grow. The byte after that must be its
-        // closing 0x00.
+        // `room` is the number of bytes by which the block may still grow. If the block grows by that many
+        // bytes, the next byte must be its closing 0x00.
         const std::size_t room = discarding_ ? n : kMaxBlock - pending_;
         const std::size_t reach = std::min(n - at, room + 1);
         const void* zero = std::memchr(data + at, 0, reach);

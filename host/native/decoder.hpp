@@ -2,9 +2,9 @@
 // and returns frames.
 //
 // It returns the same frames as the plain Python decoder tests/rig/plain_decoder.py, at a tenth of the cost
-// or less; tests/wire/test_block_reader.py compares the two. Any bytes may be passed to it. The decoder never
-// reads beyond them. Between calls it keeps at most one unfinished block, which is the bytes after the last
-// 0x00.
+// or less. tests/wire/test_block_reader.py compares the two decoders. Any bytes may be passed to this
+// decoder. It never reads beyond them. Between calls it keeps at most one unfinished block, which is the
+// bytes after the last 0x00.
 #pragma once
 
 #include <cstddef>
@@ -17,7 +17,7 @@ namespace fltea {
 
 // One valid SAMPLE frame.
 struct SampleRow {
-    std::int64_t end;  // offset in the fed bytes just after the frame's closing 0x00
+    std::int64_t end;  // number of fed bytes up to and including the frame's closing 0x00
     std::uint32_t device_us;
     std::uint16_t sequence;
     Sample sample;
@@ -33,10 +33,11 @@ const char* reason_name(Reason reason);
 // A frame of another type, or a block that is not a valid frame.
 struct OtherRow {
     std::size_t row;  // number of samples of the same call that came before this item
-    // as in SampleRow, the offset just after the closing 0x00; for an oversize block, just after the byte
-    // that made it too long
+    // number of fed bytes up to and including the closing 0x00; for an oversize block, up to and including
+    // the byte that made the block too long
     std::int64_t end;
-    Reason reason;  // Reason::none means a valid frame; only then the header fields that follow are set
+    // Reason::none means a valid frame; only for a valid frame are the following header fields set
+    Reason reason;
     std::uint8_t type;
     std::uint16_t sequence;
     std::uint32_t device_us;
@@ -62,8 +63,8 @@ class Decoder {
     // Size of the largest frame after COBS encoding, without the 0x00 [bytes].
     static constexpr std::size_t kMaxBlock = kMaxWire - 1;
 
-    // Appends to `found` all frames and invalid blocks that end in these bytes. A HELLO of another version is
-    // valid at any length, because the caller judges its version.
+    // Appends to `found` all frames and invalid blocks that end in these bytes. A HELLO of another protocol
+    // version counts as valid whatever its length, because the caller judges its version.
     void feed(const std::uint8_t* data, std::size_t n, Decoded& found);
 
     // Drops the unfinished block. Call this when the serial port was reopened; the first block after that may

@@ -20,8 +20,9 @@ using fltea::OtherRow;
 using fltea::Reason;
 using fltea::SampleRow;
 
-// For this number of bytes or more, Python's GIL is released during the decoding. Decoding fewer bytes takes
-// so little time that no other thread would get the GIL, and acquiring it again can take milliseconds.
+// If there are at least this many bytes, Python's GIL is released while they are decoded. Fewer bytes are
+// decoded so quickly that no other thread would get the GIL, and acquiring the GIL again can take
+// milliseconds.
 constexpr std::size_t kWorthReleasing = 16384;
 
 class Decoder {

@@ -1,5 +1,5 @@
-// Functions that add classes to the native module fltea._native: the decoder of the wire protocol, the reader
-// of serial ports, and the decoder that turns what came from such a port into items.
+// Functions that add three classes to the native module fltea._native: the decoder of the wire protocol, the
+// reader of serial ports, and the decoder that turns what came from such a port into items.
 #pragma once
 
 #include <nanobind/nanobind.h>

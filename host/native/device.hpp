@@ -1,5 +1,6 @@
-// One device: its sensors, and what numbers, times and scales its samples. All samples, live or recorded,
-// pass through this class (host/README.md, "The way of a sample").
+// Processes the samples of one device: computes their numbers and times, converts them to physical units, and
+// passes them to the device's sensors. All samples, live or recorded, pass through this class
+// (host/README.md, "The way of a sample").
 #pragma once
 
 #include <algorithm>
@@ -20,14 +21,14 @@ namespace fltea {
 // Why `advance` returned. The caller handles the reason, then calls `advance` again.
 enum class Stop : int {
     kEnd,       // all samples are consumed
-    kMore,      // no event has occurred, but more samples wait
+    kMore,      // nothing has happened that the caller must handle, but more samples wait
     kStatsDue,  // before a sample: it arrived at or after the time at which statistics are due
-    // before a sample: other samples before it are missing, and the sensors have predicted them
+    // before a sample: samples just before it are missing, and the sensors have predicted them
     kGap,
-    kEpoch,        // before a sample: an epoch begins with it, and the caller has to call begin()
+    kEpoch,        // before a sample: an epoch begins with this sample, and the caller has to call begin()
     kHappened,     // after a sample: a bias stepped, motion began or ended, or an axis was lost
     kWindowFull,   // after a sample: the start-up window of a sensor is full
-    kFitCounts,    // after a sample: a fit that has ended takes effect at the next sample
+    kFitCounts,    // after a sample: the result of a finished fit takes effect at the next sample
     kFitDue,       // after a sample: a fit has to begin
     kRateDiffers,  // after a sample: the device's clock contradicts the rate that its HELLO states
 };
@@ -38,8 +39,8 @@ constexpr bool stands_before_sample(Stop stop) {
     return stop == Stop::kStatsDue || stop == Stop::kGap || stop == Stop::kEpoch;
 }
 
-// What happened at a sample. If `is_lost`, an axis became invalid, as `lost` says; otherwise `event` says
-// what the tracker noticed.
+// What happened at a sample. If `is_lost` is true, an axis became invalid, and `lost` says which and why.
+// Otherwise `event` says what the tracker noticed.
 struct Happening {
     std::size_t row;  // index of that sample in the run of samples
     std::size_t sensor;
@@ -51,7 +52,7 @@ struct Happening {
 // Columns of a run, which is a series of consecutive samples that are processed together. A column has the
 // shape (n,) or (n, width) for n samples.
 struct RunColumns {
-    std::size_t n = 0, first = 0;  // number of rows; index in the source of the first sample
+    std::size_t n = 0, first = 0;  // number of rows of the run; index of its first sample in the source
     std::int64_t *seq = nullptr, *device_us = nullptr, *host_ns = nullptr, *flags = nullptr;
     double *gyro_dps = nullptr, *accel_ms2 = nullptr, *temperature_c = nullptr;
     std::size_t gyro_width = 0, accel_width = 0;
@@ -66,7 +67,8 @@ struct Moment {
 struct Advanced {
     Stop stop;
     std::size_t next;  // index of the next sample in the source
-    // the rows of the run from `begin` to before `end` have to be published before the events are handled
+    // range of rows of the run, from `begin` to before `end`, that have to be published before the events are
+    // handled
     std::size_t begin, end;
 };
 
@@ -79,8 +81,8 @@ class Device {
     Scales scales = {};
     std::vector<Sensor> sensors;
     std::int64_t stats_due_ns = kNever;
-    // Sample numbers at which `advance` stops: where a fit has to begin, and where the result of a fit takes
-    // effect. Each causes one stop, and then has to be set again.
+    // Numbers of the samples at which `advance` stops because a fit has to begin, or because the result of a
+    // fit takes effect. Each number causes one stop, and then has to be set again.
     std::int64_t fit_due = kNever, fit_counts = kNever;
 
     // Begins an epoch with the sample at which `advance` stopped.
@@ -97,15 +99,15 @@ class Device {
     bool has_moment() const { return has_moment_; }
     const Moment& moment() const { return moment_; }
     const std::vector<Happening>& happened() const { return happened_; }
-    // What the sequence tracker says of the sample that stopped `advance` with kGap or kEpoch; for kGap also
-    // its Unix time.
+    // What the sequence tracker says of the sample at which `advance` has stopped with kGap or kEpoch. After
+    // kGap, also the Unix time of that sample.
     const Judged& judged() const { return judged_; }
     std::int64_t judged_ns() const { return judged_ns_; }
     // After a stop with kGap: for each sensor, the axes that became invalid while samples were missing.
     const std::vector<std::vector<Lost>>& lost_meanwhile() const { return lost_; }
 
     // Processes samples from index `at` on, up to the first sample at which the caller has to do something.
-    // `room(bytes)` has to return memory for the columns of a run. The memory has to stay valid until all
+    // The function `room(bytes)` has to return memory for the columns of a run, which stays valid until all
     // rows of the run have been returned. Throws std::domain_error for values that no filter can process.
     template <typename Room>
     Advanced advance(const SampleColumns& from, std::size_t at, Room room) {
@@ -140,12 +142,12 @@ class Device {
     }
 
   private:
-    // Largest number of rows in a run. It is small enough that the columns that one step of the processing
-    // writes are still in the cache for the next step.
+    // Largest number of rows in a run. The number is small, so that the columns that one step of the
+    // processing writes are still in the cache for the next step.
     static constexpr std::size_t kMostRows = 2048;
 
-    // Judges the next sample before it is processed. kEnd means that there is no stop: the sample either is
-    // ignored, or has to be processed now.
+    // Judges the next sample before it is processed. kEnd means that there is no stop. The sample is then
+    // either ignored or has to be processed now.
     Stop judge(const SampleColumns& from, std::size_t at) {
         if (!is_judged_) {
             judged_ = place.judge(from.sequence[at], from.device_us[at], from.host_ns[at]);
@@ -174,8 +176,8 @@ class Device {
             place.told_news();
             return Stop::kRateDiffers;
         }
-        // before the first sample of an epoch, fit_counts and fit_due may already be set, but place.newest()
-        // is still the last sample of the previous epoch
+        // Before the first sample of an epoch is processed, place.newest() is still the last sample of the
+        // previous epoch, while fit_counts and fit_due may already be set for the new epoch.
         if (is_new_) return Stop::kEnd;
         const std::int64_t seq = place.newest().seq;
         if (seq >= fit_counts) {
@@ -289,7 +291,7 @@ class Device {
         std::size_t numbers = n * (3 + run_.gyro_width + run_.accel_width) + (from.temperature ? n : 0) +
                               (from.flags != nullptr ? n : 0);
         std::size_t flags = 0;
-        // room is reserved for all sensors, also for those without samples
+        // memory is reserved for the columns of all sensors, also of those without samples
         for (const Sensor& one : sensors) {
             const std::size_t size = n * one.places.size();
             numbers += size * (kTrackedColumns + (one.bank != nullptr ? kLaneColumns : 0));
@@ -314,7 +316,7 @@ class Device {
             if (sensors[k].bank == nullptr) continue;
             for (double*& column : run_.sensors[k].bank.columns) column = real(size);
         }
-        // columns of wider types came first, so all columns are aligned
+        // columns of wider types come first in memory, so all columns are aligned
         for (std::size_t k = 0; k < sensors.size(); ++k) {
             if (!has_values(k)) continue;
             const std::size_t size = n * sensors[k].places.size();
@@ -351,7 +353,7 @@ class Device {
     RunColumns run_;
     std::vector<std::int64_t> seq_, device_us_, host_ns_;
     std::vector<std::vector<double>> values_;  // for each sensor, the samples of its axes
-    // numbers of rows and of events of the run that were returned to the caller
+    // number of rows of the run, and number of its events, that were returned to the caller
     std::size_t given_ = 0, told_ = 0;
     std::vector<Happening> pending_, happened_;
     std::vector<std::vector<Lost>> lost_;
@@ -365,11 +367,12 @@ class Device {
     bool window_is_full_ = false;
 };
 
-// Describes which columns a run has, as a list of numbers: axes of the gyroscope; axes of the accelerometer,
-// or 0; 1 if there are temperatures; 1 if there are flags; then for each sensor its number of axes (0: no
-// samples), 1 if it is the accelerometer, and 1 if it has estimates.
+// Describes which columns a run has, as a list of numbers. First four numbers: number of axes of the
+// gyroscope, number of axes of the accelerometer or 0, 1 if there are temperatures else 0, and 1 if there are
+// flags else 0. Then three numbers for each sensor: its number of axes (0 if it has no samples), 1 if it is
+// the accelerometer else 0, and 1 if it has estimates else 0.
 using RunShape = std::vector<std::size_t>;
-// Whether a RunShape contains sensors without samples (with 0 axes), or leaves them out.
+// How a RunShape describes sensors without samples: as sensors with 0 axes, or not at all.
 enum class Absent { kZero, kLeftOut };
 
 inline RunShape shape_of(const Device& device, Absent absent) {

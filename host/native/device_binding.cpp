@@ -1,5 +1,5 @@
-// Makes the C++ class Device, which processes all samples of a device, available in Python as
-// fltea._native.Device (host/fltea/stream/decode.py).
+// Makes the C++ class Device available in Python as fltea._native.Device (host/fltea/stream/decode.py). The
+// class processes all samples of a device.
 #include "device_binding.hpp"
 
 namespace nb = nanobind;

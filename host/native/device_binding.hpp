@@ -33,7 +33,7 @@ class Column {
     Column(nb::handle array, size_t rows) {
         if (array.is_none()) return;
         if (PyObject_GetBuffer(array.ptr(), &view_, PyBUF_C_CONTIGUOUS | PyBUF_FORMAT) != 0) {
-            PyErr_Clear();  // the elements do not follow one another in memory row by row
+            PyErr_Clear();  // the elements are not stored row by row without gaps
             const nb::object rows = nb::module_::import_("numpy").attr("ascontiguousarray")(array);
             if (PyObject_GetBuffer(rows.ptr(), &view_, PyBUF_C_CONTIGUOUS | PyBUF_FORMAT) != 0)
                 nb::raise_python_error();
@@ -195,8 +195,8 @@ class Device {
         return {c.delivered, c.lost, c.gaps, c.duplicates, c.before_hello, c.rate_differs};
     }
     void note_lost(std::int64_t count) { device_.place.note_lost(count); }
-    // Five numbers of the newest sample: sequence, device time and host time as received; then its number and
-    // its time in the epoch.
+    // Five numbers of the newest sample. The first three are its sequence number, device time and host time
+    // as received. The last two are its number and its device time in the epoch.
     std::tuple<std::int64_t, std::int64_t, std::int64_t, std::int64_t, std::int64_t> newest() const {
         const fltea::Newest& one = device_.place.newest();
         return {one.sequence, one.device_us, one.host_ns, one.seq, one.epoch_us};
@@ -209,7 +209,7 @@ class Device {
     std::optional<double> rate_hz() const { return known(device_.timebase.rate_hz()); }
     std::optional<double> clock_ppm() const { return known(device_.timebase.clock_ppm()); }
 
-    // Sets the printers, which from now on print all samples of this device as JSON lines.
+    // Sets the printers. From now on, they print all samples of this device as JSON lines.
     void set_printers(nb::list printers) {
         std::vector<fltea::RunPrinter*> found;
         for (nb::handle one : printers) found.push_back(&nb::cast<fltea::RunPrinter&>(one));
@@ -273,7 +273,7 @@ class Device {
 
     fltea::Device device_;
     std::optional<NumpyTable> table_;  // owns the memory for the columns of a run of samples
-    nb::object kept_;                  // keeps the Python objects alive to which the sensors point
+    nb::object kept_;                  // keeps those Python objects alive to which the sensors point
     std::vector<fltea::RunPrinter*> printers_;
     nb::object kept_printers_;
 };

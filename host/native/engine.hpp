@@ -2,8 +2,8 @@
 // per instruction set.
 //
 // engine.cpp is compiled once per instruction set, and each compilation fills one table. This file contains
-// no functions. Otherwise the linker might use a function that was compiled for one instruction set in the
-// code for another one. The caller owns all memory.
+// no functions: the linker might use a function that was compiled for one instruction set in the code for
+// another one. The caller owns all memory.
 #pragma once
 
 #include <cstddef>
@@ -11,14 +11,14 @@
 
 namespace fltea {
 
-// Largest magnitude of an input of the engine. Larger inputs would overflow a double when they are squared
-// and summed over thousands of samples.
+// Largest magnitude of an input of the engine. Larger inputs would overflow a double when their squares are
+// summed over thousands of samples.
 constexpr double kLargestInput = 1e100;
 
 namespace engine {
 
-// Settings that all lanes of an engine share; a lane is one axis. Enumerations are stored as numbers, because
-// their types belong to the namespaces of the instruction sets.
+// Settings that all lanes of an engine share; a lane is one axis. Values of enumerations are stored as
+// integers, because the enumeration types belong to the namespaces of the instruction sets.
 struct EngineShape {
     std::size_t lanes;
     std::int32_t joint;       // 0: triple (three filters), 1: joint (filters.hpp, joint.hpp)
@@ -39,8 +39,9 @@ struct LaneSettings {
     double gate;
 };
 
-// An estimate from which a lane has to continue: means and variances of the order and of the parameter (f for
-// the variant `triple`, beta for `joint`), and, for `joint` only, their covariance.
+// An estimate from which a lane has to continue: the order and the parameter, the variance of each, and their
+// covariance. The parameter is f for the variant `triple` and beta for `joint`. Only `joint` uses the
+// covariance.
 struct FilterModel {
     double alpha, parameter;
     double alpha_variance, covariance, parameter_variance;
@@ -59,8 +60,8 @@ enum Column : int {
     kColumns
 };
 
-// Inputs and outputs for a block of `samples` rows with `lanes` numbers each, stored row by row. `u` may be
-// null (no input), and `missing` may be null (no sample is missing). All numbers are finite.
+// Inputs and outputs for a block of `samples` rows with `lanes` numbers each, stored row by row. If `u` is
+// null, there is no input u. If `missing` is null, no sample is missing. All numbers are finite.
 struct Block {
     std::size_t samples;
     const double* y;
@@ -72,7 +73,7 @@ struct Block {
 // Extra arguments of a run under the supervisor (supervisor.hpp). Each lane has its own supervisor. A lane
 // that its supervisor declares lost restarts at the next row, together with the supervisor. A run under
 // supervisors writes standard deviations into the block's columns instead of variances, and does not write
-// kP. All columns are NaN where a lane is not valid.
+// the column kP. All columns are NaN where a lane is not valid.
 struct Watch {
     // Backend::supervisor bytes for each lane; if all are zero, the supervisor is new
     unsigned char* supervisors;
@@ -83,8 +84,9 @@ enum VerdictBits : int { kValid = 1, kRestarted = 2, kRanAway = 4, kBound = 8 };
 
 struct Backend {
     const char* name;
-    int width;               // number of lanes in a pack, which is one vector register
-    int causes;              // number of the guard's counters per lane: one for each cause of an intervention
+    int width;  // number of lanes in a pack, which is one vector register
+    // number of the guard's counters in each lane, one for each cause of an intervention
+    int causes;
     std::size_t supervisor;  // size of one supervisor in bytes
 
     // Returns the number of bytes of storage, aligned to 64, that an engine of this shape needs.

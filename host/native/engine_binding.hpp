@@ -17,8 +17,8 @@ using Places = nanobind::ndarray<uint8_t, nanobind::ndim<2>, nanobind::c_contig,
 using Results = nanobind::ndarray<double, nanobind::ndim<3>, nanobind::c_contig, nanobind::device::cpu>;
 using Counts = nanobind::ndarray<int32_t, nanobind::ndim<2>, nanobind::c_contig, nanobind::device::cpu>;
 
-// Releases Python's GIL as long as this object exists, but only for work on many rows, because it may take
-// long to acquire the GIL again.
+// Releases Python's GIL as long as this object exists. For work on few rows, the GIL is not released, because
+// it may take long to acquire the GIL again.
 class LockGivenAway {
   public:
     explicit LockGivenAway(size_t rows) {
@@ -30,8 +30,8 @@ class LockGivenAway {
     std::optional<nanobind::gil_scoped_release> release_;
 };
 
-// Returns the engine's functions for an instruction set. Raises ValueError, with the list of usable
-// instruction sets, if this processor does not have it.
+// Returns the engine's functions for an instruction set. If this processor does not have that instruction
+// set, raises ValueError with the list of usable instruction sets.
 const fltea::engine::Backend& find_backend(const std::string& instruction_set);
 
 // Builds the shape of an engine (EngineShape) from the arguments with which the constructors of all these
@@ -42,9 +42,9 @@ fltea::engine::EngineShape shape_of(bool joint, int guard, bool compressed, int 
 // Checks the settings of retune(). Raises ValueError unless there is one entry per lane.
 const fltea::engine::LaneSettings* settings_of(const Rows& settings, size_t lanes);
 
-// Raises ValueError for numbers beyond ±`largest` and for NaN, except where `ignored` is set (null: nowhere).
-// This is checked before any number reaches the memory of the filters, where a NaN would stay for the whole
-// length of the memory.
+// Raises ValueError for numbers beyond ±`largest` and for NaN. Numbers for which `ignored` is set are not
+// checked; if `ignored` is null, all are checked. The check comes before any number reaches the memory of the
+// filters, where a NaN would stay for the whole length of the memory.
 void check_numbers(const char* name, const double* values, size_t rows, size_t lanes, const uint8_t* ignored,
                    double largest);
 

@@ -7,7 +7,7 @@
 
 namespace fltea {
 
-// Says how fast sums forget old samples. `samples`: memory length; 0: nothing is forgotten.
+// Says how fast sums forget old samples. `samples`: length of the memory [samples]; 0: nothing is forgotten.
 //
 // For forgetting, time is divided into generations of one memory length. The sums are those of the current
 // generation plus those of the previous generation, whose weight falls from 1 to 0 while the current one
@@ -21,11 +21,11 @@ class FadingMemory {
     double generation(std::uint64_t sample) const {
         return fades() ? std::floor(double(sample) / samples_) : 0;
     }
-    // Fraction of the current generation that has passed at a sample.
+    // Fraction of its generation that has passed when a sample comes.
     double part(std::uint64_t sample) const {
         return fades() ? double(sample) / samples_ - generation(sample) : 0;
     }
-    // Number of the oldest sample that is not forgotten yet at sample `now`.
+    // Number of the oldest sample that is not forgotten yet when sample number `now` comes.
     std::uint64_t oldest(std::uint64_t now) const {
         const double least = double(now) - 2 * samples_;
         return least > 0 ? std::uint64_t(std::ceil(least)) : 0;
@@ -43,7 +43,7 @@ class FadingSums {
         std::memset(&before_, 0, sizeof before_);
     }
 
-    // Adds the powers of a block that belongs to generation `born`. The powers have the unit of the sums.
+    // Adds the powers of a block of generation `born`. The powers have the unit of the sums.
     template <typename Number>
     void add(const Number* power, int, double born) {
         age(born);
@@ -53,7 +53,8 @@ class FadingSums {
         to.blocks += 1;
     }
 
-    // Advances to a later generation; what is older than the one before it is forgotten.
+    // Advances to the later generation `generation`. Forgets the sums of all generations except this one and
+    // the one just before it.
     void age(double generation) {
         if (!(generation > generation_)) return;
         if (generation == generation_ + 1) {
@@ -65,8 +66,9 @@ class FadingSums {
         generation_ = generation;
     }
 
-    // Writes the sums of powers and of blocks at the time when the fraction `part` of the current generation
-    // has passed. `effective`: number of blocks of equal weight that would give the same precision.
+    // Writes the sums of powers and the weighted number of blocks at the time when the fraction `part` of the
+    // current generation has passed. `effective`: number of blocks of equal weight that would give the same
+    // precision.
     void read(double part, double* power, double* blocks, double* effective) const {
         const double old = 1 - part;
         for (int i = 0; i < kLines; ++i) power[i] = now_.power[i] + old * before_.power[i];

@@ -1,5 +1,6 @@
-// Detects motion of a sensor by its accelerometer: gravity changes its direction or magnitude, or the samples
-// shake. The samples are judged in the same chunks as those of the gyroscope's axes.
+// Detects motion of a sensor by its accelerometer. The sensor moves if the measured gravity changes its
+// direction or magnitude, or if the samples scatter more than usual. The accelerometer's samples are judged
+// in the same chunks as those of the gyroscope's axes.
 #pragma once
 
 #include <cmath>
@@ -63,8 +64,8 @@ class GravityGate {
         const double power = std::fmax(squares_[i] - mean * sums_[i], 0) / (n - 1);
         bool knock = false;
         if (has_place_) {
-            // While the sensor moves, the limit for a change of the mean is lower: rest begins only when the
-            // mean hardly changes any more.
+            // While the sensor moves, the limit for a change of the mean is lower, so that rest begins only
+            // when the mean hardly changes any more.
             const double step = moving ? largest_step / kStill : largest_step;
             const double least = step + kMean * std::sqrt(usual_[i] * 2 / n);
             knock = power > kKnock * std::fmax(usual_[i], largest_step * largest_step / kKnock) ||
@@ -75,8 +76,8 @@ class GravityGate {
         } else if (!knock && !moving) {
             usual_[i] += kLearned * (std::fmin(power, kOutlier * usual_[i]) - usual_[i]);
         }
-        // place_ is the mean with which the next chunk is compared. During motion it is that of the latest
-        // chunk; at rest it slowly follows the bias.
+        // place_ is the mean with which the mean of the next chunk is compared. During motion, place_ is the
+        // mean of the latest chunk. At rest, place_ slowly follows the bias.
         place_[i] = !has_place_ || knock || moving ? place : place_[i] + kLearned * (place - place_[i]);
         return knock;
     }

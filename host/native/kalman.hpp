@@ -41,10 +41,10 @@ class Kalman {
         double K[N], S, log_S;
         Variances now;
     };
-    // Gains of the filter of a system for the first kExact samples after its start. `at` points to the gain
-    // for the first sample, and the gains for the next samples follow at distances of `stride`. P is the
-    // covariance of the prediction for the last of these samples. The gains do not depend on the samples, so
-    // all filters of the same system share them.
+    // Gains of the filter of a system for the first kExact samples after the filter's start. `at` points to
+    // the gain for the first sample, and the gains for the next samples follow at distances of `stride`. P is
+    // the covariance of the prediction for the last of the kExact samples. The gains do not depend on the
+    // samples, so all filters of the same system share them.
     struct Gains {
         const Gain* at;
         std::size_t stride;
@@ -52,7 +52,8 @@ class Kalman {
     };
 
     // For kExact samples after a start or a gap, the filter computes the exact gain of each sample. After
-    // that, it uses one gain for kHeld samples, which is the exact gain of the last of them.
+    // that, it uses the same gain for kHeld samples. This gain is the exact gain of the last of these
+    // samples.
     enum { kExact = 512, kHeld = RiccatiMap<N>::kSamples, kStep = 32 };
     // Innovations are clipped at this number of standard deviations.
     static constexpr double kClip = 6;
@@ -109,9 +110,9 @@ class Kalman {
         find_gain();
     }
     double bias() const { return dot(system_->bias, x, system_->n); }
-    // Variance of the scalar product of `row` and x, for example of the bias. It is computed from P, but P
-    // may already be the covariance up to kHeld samples later. The known present variance of the bias
-    // corrects that.
+    // Variance of the scalar product of `row` and x, for example of the bias. It is computed from P, although
+    // P may already be the covariance of a moment up to kHeld samples later. The difference is corrected with
+    // the present variance of the bias, which is known.
     double variance_of(const double* row) const {
         const System<N>& s = *system_;
         const double own = form(row, P, row, s.n), of_bias = form(s.bias, P, s.bias, s.n);
@@ -198,7 +199,7 @@ class Kalman {
         io.require(S > 0);
     }
 
-    // These values, which are needed for every sample, come first in memory.
+    // Each sample needs these values, so they come first in memory.
     double x[N] = {}, K[N] = {}, S = 1;
 
   private:
@@ -220,8 +221,8 @@ class Kalman {
         now_ = one.now;
     }
 
-    // Computes the present covariance P, which was not updated while the precomputed gains `gains_` were
-    // used. From now on, these are not used any more.
+    // Stops using the precomputed gains `gains_`, and computes the present covariance P, which was not
+    // updated while they were used.
     void find_covariance() {
         if (gains_ == nullptr) return;
         std::memcpy(P, system_->P0, sizeof(double) * std::size_t(system_->n * system_->n));
@@ -249,8 +250,8 @@ class Kalman {
         for (int i = 0; i < s.n; ++i) K[i] /= S;
     }
 
-    // Begins to use one gain for kHeld samples. From here on, P is the covariance at the end of these
-    // samples.
+    // Begins to use the same gain for the next kHeld samples. From here on, P is the covariance at the end of
+    // these samples.
     void hold() {
         const int n = system_->n;
         held_ = 0;
@@ -270,9 +271,9 @@ class Kalman {
             hold();
         }
         if (held_ % kStep != 0) return;
-        // The variances are known at the beginning and at the end of these samples. In between, 1 / variance
-        // is interpolated linearly, as it grows for an estimated constant: in proportion to the number of
-        // samples.
+        // The variances are known at the beginning and at the end of the kHeld samples. In between, 1 /
+        // variance is interpolated linearly, because for the estimate of a constant, 1 / variance grows in
+        // proportion to the number of samples.
         const double share = double(held_ + kStep / 2) / kHeld;
         now_.state = between(from_.state, to_.state, share);
         now_.bias = between(from_.bias, to_.bias, share);
@@ -282,7 +283,7 @@ class Kalman {
         return whole > 0 ? from * to / whole : 0;
     }
 
-    // Stops using one gain for several samples, and computes the present covariance approximately.
+    // Stops using the same gain for several samples, and computes the present covariance approximately.
     void let_go() {
         const double ahead = to_.bias > 0 ? now_.bias / to_.bias : 1;
         if (ahead > 1) {

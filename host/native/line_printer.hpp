@@ -20,7 +20,8 @@ struct Cells {
     enum Kind { kReal, kWhole, kFlag };  // types of the numbers: double; int64; 0 or 1 in a byte
 
     const void* first;
-    // distances in memory [bytes]: from one row to the next, and from one number of a row to the next
+    // distances in memory [bytes]: from a row to the next row, and within a row from a number to the next
+    // number
     std::ptrdiff_t row, place;
     Kind kind;
 };
@@ -31,9 +32,9 @@ class LinePrinter {
         std::size_t column, place;
     };
 
-    // `texts`: the fixed texts of a line, of which one stands before each hole and one after the last hole.
-    // `nulls`: whether non-finite numbers are printed as null; if false, they are omitted together with their
-    // key. Throws std::invalid_argument if there is not one text more than there are holes.
+    // `texts`: the fixed texts of a line. One text stands before each hole, and one after the last hole.
+    // `nulls`: whether non-finite numbers are printed as null. If not, they are omitted together with their
+    // keys. Throws std::invalid_argument if there is not one text more than there are holes.
     LinePrinter(std::vector<std::string> texts, std::vector<Hole> holes, bool nulls)
         : texts_(std::move(texts)), holes_(std::move(holes)), nulls_(nulls) {
         if (texts_.size() != holes_.size() + 1)
@@ -49,9 +50,9 @@ class LinePrinter {
     // Largest number of bytes that the text of `rows` rows can take.
     std::size_t room(std::size_t rows) const { return rows * room_; }
 
-    // Prints the rows begin, begin + step, … below `end` into `out`, which needs `room` bytes. Returns the
-    // end of the printed text. Every column that is used in a hole must have these rows and the indexes that
-    // its holes name. Columns that no hole uses are ignored.
+    // Prints the rows begin, begin + step, … below `end` into `out`. `out` must have as many bytes as room()
+    // returns. Returns the end of the printed text. Every column that a hole uses must have these rows and
+    // the indexes that its holes name. Columns that no hole uses are ignored.
     char* print(const Cells* columns, std::size_t begin, std::size_t end, std::size_t step, char* out) const {
         std::vector<Cell> cells;
         cells.reserve(holes_.size());
@@ -76,7 +77,8 @@ class LinePrinter {
     };
 
     char* print_row(const std::vector<Cell>& cells, std::ptrdiff_t row, char* out) const {
-        // whether all earlier keys of the present object were omitted, so that the next key is its first one
+        // whether all earlier keys of the present object were omitted, so that the next printed key is the
+        // first
         bool first = false;
         for (std::size_t i = 0; i <= cells.size(); ++i) {
             const std::string& text = texts_[i];

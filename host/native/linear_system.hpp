@@ -11,15 +11,15 @@ namespace fltea {
 namespace track {
 
 enum { kMost = 24 };  // largest number of states
-// Elements of a covariance below this are set to 0, because calculating with denormal numbers takes a
-// processor a hundred times as long.
+// Elements of a covariance that are smaller than this in magnitude are set to 0, because calculating with
+// denormal numbers takes a processor a hundred times as long.
 constexpr double kNothing = 1e-200;
 
 // A linear system with n states, in arrays with room for N; if N is at most 4, zeros follow the last state.
 // Matrices are (n, n), row by row, in the first n * n elements. The states of `pairs` pairs of complex poles
-// come first. State i contributes to a sample with the weight c[i], to the published state with the weight
-// state[i], and to the bias with the weight bias[i]. If the bias is an expected mean over the next samples,
-// bias_more is the variance that the noise of these samples adds to it.
+// come first. The weight of state i is c[i] in a sample, state[i] in the published state, and bias[i] in the
+// bias. If the bias is an expected mean over the next samples, bias_more is the variance that the noise of
+// these samples adds to the bias.
 template <int N>
 struct System {
     int n, pairs;
@@ -55,8 +55,8 @@ struct System {
         return -1;
     }
 
-    // Number of states over which loops run. For N up to 4 it is always N, which compilers know; the zeros
-    // behind the last state do no harm.
+    // Number of states over which loops run. If N is at most 4, this number is N, which compilers know in
+    // advance. The zeros behind the last state do no harm.
     int width() const { return N <= 4 ? N : n; }
 
     // Advances a state vector by one sample: x <- A x.

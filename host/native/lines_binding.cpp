@@ -39,8 +39,7 @@ class Lines {
         printer_ = std::make_shared<const LinePrinter>(std::move(own), std::move(places), nulls);
     }
 
-    // Prints the rows begin, begin + step, … of the columns. Columns whose numbers the line does not contain
-    // are ignored.
+    // Prints the rows begin, begin + step, … of the columns. Columns that do not occur in a line are ignored.
     void add(nb::bytearray into, nb::list columns, size_t begin, size_t end, size_t step) const {
         std::vector<std::optional<Column>> held(columns.size());
         std::vector<Cells> cells(columns.size());
@@ -91,8 +90,8 @@ class Lines {
     std::shared_ptr<const LinePrinter> printer_;
 };
 
-// Returns the text that was printed since the last call, the number of records in it, and the number of rows
-// after these that were not printed.
+// Returns the text that was printed since the last call, the number of records in this text, and the number
+// of rows after these records that were not printed.
 std::tuple<nb::bytes, size_t, size_t> take(RunPrinter& printer) {
     const std::tuple<nb::bytes, size_t, size_t> found = {nb::bytes(printer.data(), printer.size()),
                                                          printer.records(), printer.missed()};

@@ -67,8 +67,8 @@ class McapChunks {
         if (from != end) throw nb::value_error("more lines than times");
     }
 
-    // Ends the chunk in progress, and returns its bytes, which have to be written at offset `at` of the file.
-    // Returns no bytes if the chunk has no message.
+    // Ends the chunk in progress, and returns its bytes. The caller has to write them at offset `at` of the
+    // file. Returns no bytes if the chunk has no message.
     nb::bytes end(uint64_t at, nb::callable packed) {
         if (!writer_.messages()) return nb::bytes("", 0);
         const nb::bytes found = nb::cast<nb::bytes>(packed(as_text(writer_.records())));

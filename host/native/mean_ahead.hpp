@@ -1,5 +1,6 @@
-// The expected mean of a weighted sum of states over the next samples: how it depends on the present states,
-// and the variance that the noise of these samples adds. The published bias is the forecast of such a mean.
+// Computes the expected mean of a weighted sum of states over the next samples. It computes how this mean
+// depends on the present states, and which variance the noise of these samples adds to it. The published bias
+// is the forecast of such a mean.
 #pragma once
 
 #include <complex>
@@ -17,15 +18,15 @@ struct MeanAhead {
     double variance;
 };
 
-// Sums over m samples for a mode of the system, which is multiplied by a complex number a with each sample.
-// They are computed by doubling m. For slow modes, all terms have the same sign, so no precision is lost.
+// Sums over m samples for a mode of the system. A mode is multiplied by a complex number a with each sample.
+// The sums are computed by doubling m. For slow modes, all terms have the same sign, so no precision is lost.
 // `power`: a^m. `geometric`: g(m) = 1 + a + … + a^(m-1). `sums`: g(1) + g(2) + … + g(m).
 struct ModeSums {
     std::complex<double> power, geometric, sums;
 };
 
-// Returns the expected mean of the scalar product of `weights` and the state x over the next m samples. With
-// m = 0, it is the product with the present x.
+// Returns the expected mean of the scalar product of `weights` and the state x over the next m samples. If m
+// = 0, the result is the scalar product with the present x.
 //
 // The state j samples ahead is x_k+j = A^j x_k plus noise. The mean is therefore computed in the eigenvectors
 // of A, where a pole pair becomes two conjugate modes. For a mode with the eigenvalue a, the mean of a^j over
@@ -52,8 +53,8 @@ MeanAhead<N> mean_ahead(const System<N>& s, const double* weights, long long m) 
         weight[i] = Complex(weights[i], -weights[i + 1]) / 2.0;
         weight[i + 1] = std::conj(weight[i]);
     }
-    // For any two modes: the sum over k = 1 … m of g(k) conj g'(k), where g belongs to one mode and g' to the
-    // other.
+    // For any two modes, this is the sum over k = 1 … m of g(k) conj g'(k), where g belongs to one mode and
+    // g' to the other.
     Complex both[N * N], noise[N * N];
     ModeSums of[N];
     for (int i = 0; i < n; ++i) {
@@ -129,9 +130,9 @@ MeanAhead<N> mean_ahead(const System<N>& s, const double* weights, long long m) 
     return found;
 }
 
-// Returns the spectral density at frequency 0 of what the states for which `in` is true contribute to a
-// sample. If these states are fast, this density gives the variance that they contribute to a mean of many
-// samples.
+// Considers what the states for which `in` is true contribute to a sample, and returns the spectral density
+// of this contribution at frequency 0. If these states are fast, the density gives the variance that they
+// contribute to a mean of many samples.
 template <int N>
 double density_at_zero(const System<N>& s, const bool* in) {
     double M[N * N], row[N];

@@ -24,7 +24,8 @@ class DirectMemory {
     static std::size_t storage(std::size_t window) {
         return history(window) + (window + kReciprocals + Lanes<T>::count - 1) / Lanes<T>::count;
     }
-    // Number of elements that hold past samples. These come first; the other elements are tables.
+    // Number of elements that hold past samples. They come first in the storage. The other elements are
+    // tables.
     static std::size_t history(std::size_t window) { return 4 * window; }
 
     // `storage` holds storage(window) elements, aligned for T. The caller owns it.
@@ -89,7 +90,7 @@ class DirectMemory {
         V = nest.variance;
     }
 
-    // What has to be saved and restored in addition to the storage.
+    // What a snapshot has to contain in addition to the storage.
     struct Position {
         std::uint64_t position, pushed;
     };
@@ -100,7 +101,7 @@ class DirectMemory {
     }
 
   private:
-    // two elements more than the window, for 1/0, which is never used, and 1/(window + 1)
+    // two elements more than the window: one for 1/0, which is never used, and one for 1/(window + 1)
     static constexpr std::size_t kReciprocals = 2;
 
     template <int N, int M>

@@ -31,7 +31,8 @@ const uint8_t* data(const nb::bytes& bytes) { return static_cast<const uint8_t*>
     throw nb::value_error((std::string(field) + ": " + why).c_str());
 }
 
-// A visitor for the fields of a message (messages.h), which sets each of them from a tuple, in order.
+// A visitor for the fields of a message (messages.h). It sets the fields in order from the elements of a
+// tuple.
 class FieldReader {
   public:
     explicit FieldReader(nb::tuple values) : values_(values) {}

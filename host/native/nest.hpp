@@ -10,10 +10,10 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// Computes sum_{j=1}^{n} c_j(a) x_j for N orders, and sum_{j=2}^{n} c_j(a)^2 P_j for the first M (0 or 1) of
-// them. The recurrence acc_j = x_j + (c_{j+1}/c_j) acc_{j+1} runs from the oldest sample to the newest. No
-// weight c_j is computed, so no weight can overflow before the sum does. A sample takes two operations per
-// order.
+// Computes sum_{j=1}^{n} c_j(a) x_j for N orders, and sum_{j=2}^{n} c_j(a)^2 P_j for the first M of these
+// orders, where M is 0 or 1. The recurrence acc_j = x_j + (c_{j+1}/c_j) acc_{j+1} runs from the oldest sample
+// to the newest. No weight c_j is computed, so no weight can overflow before the sum does. A sample takes two
+// operations per order.
 template <class T, int N, int M>
 class Nest {
     typedef Real<T> R;
@@ -44,8 +44,8 @@ class Nest {
         for (; j > kHead; j -= 2) {
             two(x[j - 2], P[j - 2], T(reciprocal[j]), x[j - 1], P[j - 1], T(reciprocal[j + 1]));
         }
-        // The newest kHead samples. An accumulator is the sum so far, divided by the weight c_j of the sample
-        // that it has reached, so in the end it is multiplied by c_1 = -a.
+        // This loop processes the newest kHead samples. An accumulator is the sum so far, divided by the
+        // weight c_j of the last sample that was added. In the end it is therefore multiplied by c_1 = -a.
         for (; j > 1; --j) head(x[j - 1], P[j - 1], R(j), reciprocal[j + 1]);
         if (j == 1) head(x[0], T(R(0)), R(1), reciprocal[2]);
         for (int i = 0; i < N; ++i) state[i] = -order_[i] * state[i];

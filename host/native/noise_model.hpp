@@ -20,7 +20,7 @@ class NoiseModel {
     typedef System<kMost> Noise;
     typedef Kalman<kMost> Filter;
 
-    // What changes with the samples: a copy of it can be stored and restored.
+    // Everything that changes with the samples. A copy of it can be stored and restored.
     struct State {
         std::vector<Filter> filters;
         std::vector<double> unlikely;
@@ -34,7 +34,7 @@ class NoiseModel {
         weigh();
         stays_ = rivals_.back().weight;
     }
-    // Starts all filters with an unknown offset.
+    // Starts all filters. The offset is then unknown.
     void start() {
         for (std::size_t i = 0; i < rivals_.size(); ++i) {
             rivals_[i].filter.start(&of_->rival(i).system, &of_->rival(i).map);
@@ -71,10 +71,11 @@ class NoiseModel {
         return e;
     }
 
-    // Returns the innovation with which the samples are tested for steps, divided by its standard deviation.
-    // `e`: the weighted innovation of all systems. If the system whose offset does no random walk was the
-    // more likely one for long, the innovation of that system is used instead: the offset of the other system
-    // would follow a step, and so would hide it.
+    // Returns the innovation with which the samples are tested for steps of the bias, divided by its standard
+    // deviation.
+    // `e`: the weighted innovation of all systems. If the system whose offset does no random walk has been
+    // the more likely one for long, the innovation of that system is used instead. The offset of the other
+    // system would follow a step, and so would hide the step.
     double for_steps(double e) const {
         const Rival& still = rivals_.back();
         return rivals_.size() > 1 && stays_ > 0.5 ? still.e / std::sqrt(still.S) : e / std::sqrt(variance_);
@@ -125,8 +126,8 @@ class NoiseModel {
         for (const Rival& one : rivals_) sum += one.weight * one.filter.bias();
         return sum;
     }
-    // Computes mean and variance of a quantity that is linear in the state x. `rows` has its coefficients for
-    // each system.
+    // Computes mean and variance of a quantity that is a linear function of the state x. `rows` has the
+    // coefficients of this function for each system.
     void mean_of(const MeanAhead<kMost>* rows, double& mean, double& variance) const {
         mean = variance = 0;
         for (std::size_t i = 0; i < rivals_.size(); ++i) {
@@ -228,15 +229,15 @@ class NoiseModel {
     }
 
   private:
-    // Limit for the difference between the log likelihoods of two systems, so that the less likely system can
-    // become the likelier one again soon.
+    // Limit for the difference between the log likelihoods of two systems. The limit lets the less likely
+    // system soon become the likelier one again.
     static constexpr double kMostLikely = 12, kClip = 6, kSlow = 1 / 2048.0;
 
     struct Rival {
         Filter filter, before[2];
         // innovation, its variance, and weight of this system at the newest sample
         double e = 0, S = 1, weight = 1;
-        // -log L of the samples by this system, up to a constant
+        // -log L of the samples if this system describes them, up to a constant
         double unlikely = 0, unlikely_before[2] = {0, 0};
     };
 
@@ -264,7 +265,7 @@ class NoiseModel {
     std::vector<Rival> rivals_;
     std::size_t best_ = 0;
     double variance_ = 1;
-    // mean weight, over the newest few thousand samples, of the system whose offset does no random walk
+    // mean weight of the system whose offset does no random walk, over the newest few thousand samples
     double stays_ = 1;
 };
 

@@ -10,9 +10,9 @@
 namespace fltea {
 namespace track {
 
-// A state to be appended to a system, which evolves without other states. `variance`: its variance before the
-// first sample. `shared`: variance of a further component of the state, which the previous state has with the
-// opposite sign, so that it cancels in the sum of both states.
+// A state to be appended to a system. Its evolution does not depend on other states. `variance`: variance of
+// the state before the first sample. `shared`: variance of a further component of the state. The previous
+// state has this component with the opposite sign, so that it cancels in the sum of both states.
 struct Coordinate {
     double a, q, variance, signal, shared;
 };
@@ -124,15 +124,15 @@ inline bool rested(const System<kMost>& s, std::int64_t samples, double* P) {
     return true;
 }
 
-// Prediction of the sum of the next samples, each of which is c x plus white noise of variance R. The scalar
-// product of `row` and x, the state at the last sample, is the expected sum, and `variance` is the variance
-// that the noise of the next samples adds to it.
+// Prediction of the sum of the next samples. Each sample is c x plus white noise of variance R. The expected
+// sum is the scalar product of `row` and the state x at the last sample. `variance` is the variance that the
+// noise of the next samples adds to the sum.
 struct SumAhead {
     double row[kMost], variance;
 };
 
-// Predicts the sums over several numbers of samples together, because all of them need the same squares of
-// the transition matrix.
+// Predicts the sum of the next samples for several numbers of samples together, because all predictions need
+// the same squares of the transition matrix.
 inline void sums_ahead(const System<kMost>& s, const double* c, double R, const std::int64_t* counts,
                        int count, SumAhead* to) {
     enum { kAll = kMost + 1 };
@@ -162,7 +162,7 @@ inline void sums_ahead(const System<kMost>& s, const double* c, double R, const 
         for (int k = 0; k < count; ++k) {
             if (((counts[k] >> bit) & 1) == 0) continue;
             std::memcpy(rows, to[k].row, sizeof(double) * std::size_t(n));
-            rows[n] = 1;  // the sum over the next samples is added to the sum so far
+            rows[n] = 1;  // the sum of further samples is added to the sum so far
             to[k].variance += form(rows, Q, rows, all);
             for (int j = 0; j < n; ++j) {
                 double sum = 0;

@@ -1,6 +1,6 @@
 // Searches the spectral lines of an octave spectrum (host/fltea/spectrum/ordinates.py) for the most
-// significant peak. A peak is a stretch of neighbouring lines whose mean power is higher than the means of
-// the lines on both sides, its flanks, by more than chance.
+// significant peak. A peak is a stretch of neighbouring lines whose mean power exceeds that of the lines on
+// either side by more than chance explains. The lines on either side are the flanks of the peak.
 //
 // Most lines are averages over blocks of samples under Hann's window. Such a line has more than two degrees
 // of freedom, and neighbouring lines are correlated. A stretch of a few lines therefore has more degrees of
@@ -21,28 +21,28 @@ struct Found {
     double level;  // noise level around the peak
 };
 
-// Constants of the search. The constants that this search shares with another one are in
-// host/fltea/spectrum/ordinate_peak.py.
+// Constants of the search. host/fltea/spectrum/ordinate_peak.py has those constants that another search uses,
+// too, and explains them.
 constexpr double kFlank = 48;  // least number of ordinates in a flank
 constexpr double kWidestShare = 0.08;
-// least number of lines in a flank, however many ordinates each of them stands for
+// least number of lines in a flank, however many ordinates each line stands for
 constexpr std::size_t kShortestFlank = 12;
 constexpr std::size_t kLeastFlank = 4;  // least number of lines in a flank at the edge of the spectrum
 constexpr double kLeastInFlank = 16;    // least number of ordinates in a flank at the edge of the spectrum
 constexpr std::size_t kEndFlank = 4;    // number of lines in the flank below a line near frequency 0
-// widths of stretches near the ends of the spectrum [lines]; there only peaks as narrow as a single frequency
-// are searched for
+// Widths of stretches near the ends of the spectrum [lines]. Near the ends, the search is only for peaks as
+// narrow as a single frequency.
 constexpr std::size_t kEndWidths[] = {1, 2};
-// Near an end of the spectrum, the level is extrapolated from two parts of the only flank, with the means
-// `near` and `far`, as near²/far. This is the ratio of the variance of that level to the variance of `near`,
-// if both parts have equally many ordinates.
+// Near an end of the spectrum, there is only one flank. It is divided into two parts with the means `near`
+// and `far`, and the noise level is extrapolated as near²/far. If both parts have equally many ordinates, the
+// variance of this level is kContinued times the variance of `near`.
 constexpr double kContinued = 5;
 // largest number of averaged lines in a stretch; these are a fifth of an octave
 constexpr std::size_t kWidest = 8;
-// a stretch is tested only if its gain in log likelihood is at least this fraction of the gain that would be
-// needed if the noise level were known
+// If the noise level were known, a peak would have to raise the log likelihood by a certain gain. A stretch
+// is tested only if its gain is at least this fraction of that gain.
 constexpr double kHopeless = 0.6;
-// least noise level that is assumed, relative to the mean of the spectrum
+// least noise level that is assumed, as a fraction of the mean of the spectrum
 constexpr double kLeastLevel = 1e-12;
 
 // Returns Peizer and Pratt's function (1 - x² + 2x log x) / (1 - x)². Near x = 1, it is (1 - x)/3.
@@ -131,13 +131,13 @@ class Search {
     static double gain_of(double effective, double ratio) {
         return effective * (ratio - 1 - std::log(ratio));
     }
-    // Returns the gain in log likelihood below which a stretch cannot reach the normal deviate `deviate`, so
-    // that it needs no exact test. If the noise level were known, a stretch would have a deviate of about √(2
-    // gain). Most stretches need no exact test.
+    // Returns the gain in log likelihood that a stretch needs at least to reach the normal deviate `deviate`.
+    // A stretch with a smaller gain needs no exact test, and most stretches have a smaller one. If the noise
+    // level were known, a stretch would have a deviate of about √(2 gain).
     static double hopeless(double deviate) { return kHopeless * deviate * deviate / 2; }
 
-    // Returns the index at which a range of lines has to begin that ends before `end` and has at least this
-    // many ordinates and lines.
+    // Returns the index at which a range of lines has to begin if it ends before `end` and must have at least
+    // this many ordinates and lines.
     std::size_t down(std::size_t end, double ordinates, std::size_t lines) const {
         const auto next = std::upper_bound(weights_.begin(), weights_.end(), weights_[end] - ordinates);
         const std::ptrdiff_t enough = next - weights_.begin() - 1;
@@ -151,8 +151,8 @@ class Search {
     }
 
     std::vector<Try> tries() const {
-        // For each line: where the shortest flank ends that goes upwards from it, and the one that goes
-        // downwards.
+        // For each line, where the shortest flank above it ends (`to`), and where the shortest flank below it
+        // begins (`from`).
         std::vector<std::size_t> to(size_ + 1), from(size_ + 1);
         for (std::size_t i = 0, high = 0, low = 0; i <= size_; ++i) {
             while (high <= size_ && weights_[high] < weights_[i] + kFlank) ++high;
@@ -185,7 +185,7 @@ class Search {
         const double deviate = critical(false_alarm / static_cast<double>(all.size()));
         const double hope = std::fmax(hopeless(deviate), best.gain);
         // Among the stretches that pass the test, the one with the largest gain in log likelihood is chosen.
-        // Choosing the largest deviate would favour wide stretches, because their flanks are longer.
+        // A choice by the largest deviate would favour wide stretches, because their flanks are longer.
         for (const Try& one : all) {
             const double low = mean(one.low), high = mean(one.high), level = std::fmax(low, high);
             const double ratio = mean(one.own) / std::fmax(level, least_);
@@ -199,8 +199,8 @@ class Search {
         }
     }
 
-    // A stretch that is too close to an end of the spectrum to have complete flanks. It is compared with both
-    // flanks if `two_sided` is true, otherwise with two neighbouring parts of the lower flank.
+    // A stretch that is too close to an end of the spectrum to have complete flanks. If `two_sided` is true,
+    // the stretch is compared with both flanks; otherwise, with two neighbouring parts of the lower flank.
     struct AtAnEnd {
         Range own, near, other;
         bool two_sided;
@@ -218,8 +218,8 @@ class Search {
                 std::min(filled, index(size_) - index(kLeastFlank)) - 2 * index(width);
             for (std::ptrdiff_t at = index(kEndFlank + width); at < std::min(first, last + 1); ++at)
                 found.push_back(at_an_end(static_cast<std::size_t>(at), width));
-            // Across two averaged lines, the level of steep noise can rise so far that it cannot be
-            // distinguished from a peak.
+            // The level of steep noise can rise so far from one averaged line to the next that the rise
+            // cannot be distinguished from a peak.
             if (width > 1 && is_averaged(size_ - 1)) continue;
             for (std::ptrdiff_t at = std::max(last + 1, first); at <= index(size_) - index(width); ++at)
                 found.push_back(at_an_end(static_cast<std::size_t>(at), width));

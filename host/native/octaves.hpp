@@ -1,5 +1,5 @@
-// Everything that is kept of the noise of one axis for its spectrum. The memory does not grow with the length
-// of the record.
+// Everything that is kept of the noise of one axis for its spectrum and its Allan variance. Its size in
+// memory does not grow with the length of the record.
 #pragma once
 
 #include <cstddef>
@@ -12,8 +12,8 @@
 namespace fltea {
 
 // Passes the samples that the gate has accepted on to the spectrum and to the Allan sums. The gate calls
-// accept() for samples that follow one another, with the number of the first one, and cut() where the stream
-// breaks.
+// accept() for consecutive samples, with the number of the first of them, and cut() where the stream has a
+// break.
 template <typename Number>
 struct AcceptedStream {
     explicit AcceptedStream(double memory) : ladder(memory), allan(memory), next_(0) {}
@@ -55,7 +55,7 @@ struct AcceptedStream {
     std::uint64_t next_;  // expected number of the next sample
 };
 
-// Number of samples that were left out because of motion (`moved`), and number of motions.
+// `moved`: number of samples that were left out because of motion. `motions`: number of motions.
 struct MotionCounts {
     std::uint64_t moved, motions;
 };
@@ -76,8 +76,8 @@ class Octaves {
 
     void add(const double* y, std::size_t n, std::size_t stride) { gate_.add(y, n, stride, accepted_); }
     // Adds samples, except those in motion. If a motion has lasted for more than `longest` samples without
-    // kRest consecutive samples at rest, the samples after that count as noise, because the noise may have
-    // become louder for good.
+    // kRest consecutive samples at rest, the samples after these count as noise, because the noise may have
+    // become stronger for good.
     void add(const double* y, const unsigned char* moving, std::size_t n, std::size_t stride,
              std::uint64_t longest) {
         for (std::size_t i = 0, next; i < n; i = next) {
@@ -96,8 +96,8 @@ class Octaves {
     }
     void skip(std::uint64_t count) { gate_.skip(count); }
 
-    // Adds the samples that wait in the incomplete chunk, and drops what is forgotten by now. The stream has
-    // a break here.
+    // Adds the samples that wait in the incomplete chunk, and drops what is forgotten by now. After that, the
+    // stream has a break.
     void finish() {
         gate_.finish(accepted_);
         accepted_.age(now());
@@ -111,8 +111,8 @@ class Octaves {
         return copy;
     }
 
-    // Adds the samples that the lowest level still keeps singly to Welch sums, so that the record of the
-    // spectrum over time includes them.
+    // Adds to the Welch sums those samples that the lowest level still keeps singly, so that the record of
+    // the spectrum over time includes them.
     void deepen() {
         if (accepted_.ladder.depth() < accepted_.ladder.kLevels - 1) accepted_.ladder.deepen();
     }

@@ -90,8 +90,8 @@ class Octaves : public fltea::SumsPart {
         for (size_t i = 0; i < lanes_.size(); ++i) lanes_[i].merge(theirs[i]);
     }
 
-    // Returns how the samples of an axis were counted (the fields of GateCounts and then of MotionCounts, in
-    // order), and whether all samples so far were equal.
+    // Returns the counts of an axis's samples, which are the fields of GateCounts and then those of
+    // MotionCounts, in order. Also returns whether all samples so far were equal.
     std::tuple<std::vector<uint64_t>, bool> counts(size_t lane) const {
         const std::lock_guard<std::mutex> alone(mutex_);
         const fltea::engine::GateCounts& c = at(lane).counts();

@@ -9,8 +9,8 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// Splits x = 2^n m, where m is between 1/√2 and √2. Writes n as the bits of the double 2^52 + 1023 + n, and
-// m.
+// Splits x into n and m with x = 2^n m, where m is between 1/√2 and √2. Writes n in the form of the bits of
+// the double 2^52 + 1023 + n.
 template <class T>
 struct Binary {
     T shifted, m;

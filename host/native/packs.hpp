@@ -1,6 +1,7 @@
 // Runs packs of lanes one after another, for one instruction set. A pack is one vector register of lanes, and
 // a lane is one axis. engine.cpp fills its table with these functions. They call no inline function of the
-// standard library, because the linker would keep only one of its compiled copies for all instruction sets.
+// standard library, because of all compiled copies of such a function the linker would keep only one, for all
+// instruction sets.
 #pragma once
 
 #include <new>
@@ -25,8 +26,8 @@ inline std::size_t rounded_up(std::size_t bytes) {
 }
 inline std::size_t packs(const EngineShape& shape) { return (shape.lanes + kLanesInPack - 1) / kLanesInPack; }
 
-// Largest number of samples that a snapshot may state. No sensor delivers so many, and the counters would
-// wrap only far beyond it.
+// Largest number of samples that a snapshot may state. No sensor delivers so many samples, and the counters
+// would wrap only far beyond this number.
 const std::uint64_t kMostPushed = std::uint64_t(1) << 52;
 
 // The two kinds of memory: each struct says how much storage its memory needs, and creates the memory.
@@ -52,8 +53,8 @@ struct Compressed {
     static bool plausible(const Memory::Position& at, const EngineShape&) { return at.pushed <= kMostPushed; }
 };
 
-// Whether the filters of a lane can have reached this state. The caller has checked that all numbers in it
-// are finite.
+// Whether the filters of a lane can have reached this state. The caller has already checked that all numbers
+// of the state are finite.
 inline bool sound(const StateBelief<Number>& state, int lane) {
     return state.P[lane] >= 0 && state.V[lane] >= 0 && state.reach[lane] >= 0;
 }
@@ -195,8 +196,8 @@ class Packs {
         return in + bytes;
     }
 
-    // Number of lanes of pack i that belong to series of samples. The last pack may have further lanes: these
-    // have the settings of the last lane, and zeros as input.
+    // Number of lanes of pack i that are in use. The last pack may have further, unused lanes. These have the
+    // settings of the last lane in use, and zeros as input.
     std::size_t used(std::size_t i) const {
         const std::size_t rest = shape_.lanes - i * kLanesInPack;
         return rest < kLanesInPack ? rest : kLanesInPack;

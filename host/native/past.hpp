@@ -55,7 +55,7 @@ class Newest {
         return 2 * known >= group ? float(sum / known) : __builtin_nanf("");
     }
     void clear() { first_ = count_ = 0; }
-    // Whether all numbers but the newest `but_newest` equal those of `other` bit by bit.
+    // Whether all numbers except the newest `but_newest` ones equal those of `other` bit by bit.
     bool is(const Newest& other, int but_newest) const {
         if (first_ != other.first_ || count_ != other.count_) return false;
         const int all = count_ - but_newest;
@@ -63,7 +63,7 @@ class Newest {
         return all <= 0 || (same(values_ + first_, other.values_ + first_, to_end) &&
                             same(values_, other.values_, all - to_end));
     }
-    // Marks the newest numbers as unknown, as many as `newest` says.
+    // Marks the newest `newest` numbers as unknown.
     void forget(int newest) {
         for (int i = count_ - newest < 0 ? 0 : count_ - newest; i < count_; ++i) {
             values_[(first_ + i) % size] = __builtin_nanf("");
@@ -106,8 +106,8 @@ class Past {
         }
         return single_.is(other.single_, but_newest);
     }
-    // Marks the newest samples as unknown, as many as `newest` says. Samples that are not kept singly any
-    // more stay as they are.
+    // Marks the newest `newest` samples as unknown. Samples that are not kept singly any more stay as they
+    // are.
     void forget(int newest) { single_.forget(newest); }
     const Newest<kSingle>& single() const { return single_; }
     // The queue of means over kGroup^(level + 1) samples each.

@@ -1,5 +1,5 @@
 // Parses lines of text that are plain rows of numbers. The numbers are bit-identical to those of Python's
-// float(). Any other line is left to Python (host/fltea/recording/text_numbers.py), so that the rules for
+// float(). Python parses all other lines (host/fltea/recording/text_numbers.py), so that the rules for
 // unusual lines exist only there.
 #pragma once
 
@@ -17,8 +17,8 @@
 namespace fltea {
 
 // The form of a row of numbers. `separator`: character between its fields; 0 stands for white space. `least`:
-// least number of fields. `most`: number of fields after which all others have to be empty. `places`:
-// indexes, counted from zero, of the fields to read.
+// least number of fields. `most`: all fields after the first `most` ones have to be empty. `places`: indexes,
+// counted from zero, of the fields to read.
 struct RowForm {
     char separator;
     std::size_t least, most;
@@ -41,10 +41,11 @@ class PlainRows {
         return 1 + static_cast<std::size_t>(std::count(text.begin(), text.end(), '\n'));
     }
 
-    // Reads complete lines (the last line may lack its end) up to the first line that is not plain. Returns
-    // the position at which that line begins, or text.size() + 1 if all lines are plain. Blank lines and
-    // comments are skipped. The numbers are written to `values`, row by row. For each row, the index of its
-    // line, counted from zero, is written to `lines`. Both need room for all lines.
+    // Reads lines up to the first line that is not plain. All lines have to be complete; only the line end of
+    // the last one may be missing. Returns the position at which the first line that is not plain begins, or
+    // text.size() + 1 if all lines are plain. Blank lines and comments are skipped. The numbers are written
+    // to `values`, row by row. For each row, the index of its line, counted from zero, is written to `lines`.
+    // Both arrays need room for all lines.
     std::size_t read(std::string_view text, double* values, std::int64_t* lines) {
         const std::size_t width = form_.places.size();
         std::size_t begin = 0;
@@ -65,7 +66,7 @@ class PlainRows {
         return begin;
     }
 
-    // Number of lines that were read, and number of rows among them.
+    // `passed`: number of lines that were read. `rows`: number of those lines that are rows of numbers.
     std::size_t passed = 0, rows = 0;
 
     char decimal() const { return decimal_; }
@@ -89,7 +90,7 @@ class PlainRows {
         return !line.empty() && (line.front() == '#' || line.front() == '%' || line.substr(0, 2) == "//");
     }
 
-    // Does the same as row() in a third of the time, if all fields to be read are short numbers. Otherwise
+    // If all fields to be read are short numbers, does the same as row() in a third of the time. Otherwise
     // returns false.
     bool quick(std::string_view line, double* out) {
         if (!is_ascii(line.front()) || (decimal_ == ',' && form_.separator != ',')) return false;
@@ -118,7 +119,7 @@ class PlainRows {
 
     bool is_end(char sign) const { return form_.separator ? sign == form_.separator : is_blank(sign); }
 
-    // Returns whether a line is plain, and writes its numbers if it is.
+    // Returns whether a line is plain. If it is, writes its numbers.
     bool row(std::string_view line, double* out) {
         fields_.clear();
         // a line may not begin with another control character or a character beyond ASCII: Python counts some
@@ -191,9 +192,9 @@ class PlainRows {
 
     static bool is_digit(char sign) { return sign >= '0' && sign <= '9'; }
 
-    // Parses a short number. Its digits have to be an integer of at most 2^53, which is divided by an exact
-    // power of ten, so that this one division rounds correctly. Returns the position after the number, or
-    // null if the text is not such a number.
+    // Parses a short number. Its digits without the decimal mark have to be an integer of at most 2^53. This
+    // integer is divided by an exact power of ten, so that this single division rounds correctly. Returns the
+    // position after the number, or null if the text is not such a number.
     static const char* digits(const char* at, const char* end, double& value, bool& has_point) {
         static constexpr double kTens[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,  1e8, 1e9,
                                            1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18};

@@ -20,11 +20,11 @@
 namespace fltea {
 
 // To use this decoder, call one of the functions that take input, and then next() until it returns an item
-// kDone. Items that were not fetched before the next input are dropped.
+// kDone. Items that the caller has not fetched before the next input are dropped.
 class PortDecoder {
   public:
-    // If the program itself was stalled for longer than this, the lack of bytes does not mean that the port
-    // was silent.
+    // If this program itself was stalled for longer than this, missing bytes do not prove that the port was
+    // silent.
     static constexpr std::int64_t kStallNs = 2 * kSecondNs;
     // Largest number of ticks for one silence of the port. In a recording, a silence may last for days.
     static constexpr std::int64_t kMostTicks = 120;
@@ -32,7 +32,7 @@ class PortDecoder {
     explicit PortDecoder(const PortTimes& times) : times_(times), watch_(times) {}
 
     const PortCounts& counts() const { return counts_; }
-    // Unix time minus host time, as it was at the newest input of which the caller has received an item.
+    // Unix time minus host time at the newest input from which the caller has received an item.
     std::int64_t unix_offset_ns = 0;
 
     // Call this when the port was opened, for the first time or again.
@@ -45,8 +45,8 @@ class PortDecoder {
         set_last(at.host_ns);
     }
 
-    // Call this when the port could not be opened or was lost. Returns whether this has to be reported. There
-    // are no items for it.
+    // Call this when the port could not be opened or was lost. Returns whether this failure has to be
+    // reported. There are no items for a failure.
     bool failed(const char* kind, const Stamp& at) {
         drop();
         unix_offset_ns = at.unix_offset_ns;
@@ -62,7 +62,8 @@ class PortDecoder {
         tells_time_ = true;
     }
 
-    // Input: the bytes of one read. There are no ticks for a silence before it; the caller handles them.
+    // Input: the bytes of one read. There are no ticks for a silence before this read, because the caller
+    // makes them.
     void feed_one(const std::uint8_t* data, const PortRead& read, std::int64_t now_ns) {
         begin(data, &read, 1, now_ns);
         tells_time_ = false;
@@ -80,7 +81,7 @@ class PortDecoder {
         }
     }
 
-    // Input: no bytes will come before the time `until_ns`. There are ticks for this silence.
+    // Input: no bytes will come before the time `until_ns`. There are ticks among the items for this silence.
     void pass_time(std::int64_t until_ns) {
         drop();
         begin_ticks_before(until_ns);
@@ -105,7 +106,7 @@ class PortDecoder {
         accepted_.assign(hello_, hello_ + hello_size_);
         watch_.on_hello(true);
     }
-    // Refuses the HELLO that was the last item. Returns whether this has to be reported.
+    // Refuses the HELLO that was the last item. Returns whether the refusal has to be reported.
     bool refuse_hello() {
         watch_.on_hello(false);
         return watch_.is_news("bad_hello", hello_ns_);
@@ -129,8 +130,8 @@ class PortDecoder {
     }
 
   private:
-    // What the caller received with the last item: where it ended, and how many frames it had. It is counted
-    // at the next call of next().
+    // What the caller received with the last item: at which offset the item ended, and how many frames it
+    // had. This is added to the counts at the next call of next().
     struct Handed {
         bool is_any = false;
         std::int64_t end = 0, frames = 0;
@@ -193,9 +194,9 @@ class PortDecoder {
 
     std::int64_t end_before(std::size_t read) const { return read == 0 ? 0 : reads_[read - 1].end; }
 
-    // Continues with the next part of the input. A part is the reads that are decoded together: all reads
-    // within one second that came close to each other, or a single read if a trouble may become due between
-    // the reads. Ticks for the silence before come first.
+    // Continues with the next part of the input. A part consists of the reads that are decoded together.
+    // These are all reads within one second that came close to each other, or a single read if a trouble may
+    // become due between the reads. Ticks for the silence before the part come first.
     void next_part() {
         if (at_ == group_end_) {
             group_end_ = end_of_group();
@@ -244,8 +245,8 @@ class PortDecoder {
         check_is_due_ = true;
     }
 
-    // Returns the read, among those of the present part, with which a frame ended whose last byte is just
-    // before the offset `end`.
+    // Returns the read of the present part that contained the last byte of a frame. `end`: offset just after
+    // that byte.
     const PortRead* read_of(std::int64_t end) const {
         return std::lower_bound(reads_.data() + part_begin_, reads_.data() + at_, base_ + end,
                                 [](const PortRead& read, std::int64_t at) { return read.end < at; });
@@ -271,8 +272,8 @@ class PortDecoder {
         }
     }
 
-    // Makes an item of the next samples, up to the first one whose sequence number does not follow the
-    // previous one, because an epoch may begin with it.
+    // Makes an item of the next samples. The item ends before the first sample whose sequence number does not
+    // follow the previous one, because an epoch may begin with that sample.
     void give_samples(std::size_t stop, PortItem& item) {
         const std::size_t from = row_;
         row_ = samples_.end_of_sequence(from, stop);
@@ -289,8 +290,8 @@ class PortDecoder {
         handed_ = {true, found_.samples[stop - 1].end, static_cast<std::int64_t>(stop - begin), Reason::none};
     }
 
-    // Makes an item of a frame that is no sample, or of a bad block. Returns false if there is no item,
-    // because the frame comes from a device that was refused.
+    // Makes an item of a frame that is no sample, or of a bad block. If the frame comes from a device that
+    // was refused, there is no item, and the function returns false.
     bool give_other(const OtherRow& other, PortItem& item) {
         const PortRead& read = *read_of(other.end);
         unix_offset_ns = read.stamp.unix_offset_ns;
@@ -334,8 +335,8 @@ class PortDecoder {
         }
     }
 
-    // Counts what the caller received with the last item. Later bytes are not counted yet, although they may
-    // be decoded already, so the counts do not depend on how the bytes were read.
+    // Counts what the caller received with the last item. Later bytes are not counted yet, even if they are
+    // decoded already, so that the counts do not depend on how the bytes were read.
     void count_handed() {
         hello_size_ = 0;
         if (!handed_.is_any) return;
@@ -360,13 +361,13 @@ class PortDecoder {
     PortCounts counts_;
     Handed handed_;
     bool has_before_ = false, has_last_ = false;
-    std::int64_t before_ns_ = 0;  // time at which the program had last processed all input
+    std::int64_t before_ns_ = 0;  // time at which this program had last processed all input
     std::int64_t last_ns_ = 0;    // time of the last event or tick
     std::int64_t ticks_left_ = 0, next_tick_ns_ = 0;
     bool check_is_due_ = false;  // whether a check for troubles is due at last_ns_
 
-    // The input. Reads before the index `at_` are being processed or done. The present group of reads, which
-    // came close to each other, ends at the index `group_end_`.
+    // The input. Reads before the index `at_` are being processed or are processed already. The present group
+    // consists of reads that came close to each other. It ends before the index `group_end_`.
     std::vector<std::uint8_t> bytes_;
     std::vector<PortRead> reads_;
     std::size_t at_ = 0, group_end_ = 0;

@@ -26,11 +26,12 @@ struct PortItem {
         kTrouble,         // a trouble of the port: it is silent, unreadable or without a HELLO
     };
     Kind kind = kDone;
-    // arrival time of the read in which the frame ended; samples have their own times
+    // arrival time of the read in which the frame ended; samples have their own arrival times
     std::int64_t host_ns = 0;
     SampleColumns samples = {};    // raw counts; gyro and accel are (n, 3)
-    Reason reason = Reason::none;  // why a bad block is bad
-    std::uint8_t type = 0;         // of a frame, as are the fields from `sequence` to `size`
+    Reason reason = Reason::none;  // only for bad blocks: why the block is not a valid frame
+    // type of the frame; the fields from `sequence` to `size` also belong to a frame
+    std::uint8_t type = 0;
     std::uint16_t sequence = 0;
     std::uint32_t device_us = 0;
     const std::uint8_t* bytes = nullptr;  // payload of a frame, or a bad block as received
@@ -40,10 +41,10 @@ struct PortItem {
     bool is_news = false;           // only for kRefusedVersion: whether the refusal has to be reported
 };
 
-// Counts of what the caller received from a port, and of what was lost.
+// Counts of what the caller received from a port, and of frames and bytes that could not be used.
 struct PortCounts {
     std::int64_t bytes = 0, frames = 0, connections = 0;
-    // frames that were not interpreted: HELLOs of another protocol version, and the frames after them
+    // frames that were not interpreted: HELLOs of another protocol version, and frames after such a HELLO
     std::int64_t refused = 0;
     struct Bad {
         Reason reason;

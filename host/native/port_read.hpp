@@ -7,7 +7,7 @@ namespace fltea {
 
 struct Stamp {
     std::int64_t host_ns;         // host time, on the clock that fltea.records.clock reads
-    std::int64_t unix_offset_ns;  // Unix time minus host_ns; 0 if Unix time is not known
+    std::int64_t unix_offset_ns;  // Unix time minus host time; 0 if Unix time is not known
 };
 
 // One successful read of a port. The bytes of several reads may be fetched together; `end` is the offset in

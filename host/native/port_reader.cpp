@@ -19,7 +19,7 @@ namespace {
 std::atomic<std::int64_t> unix_shift_ns{0};
 
 constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
-// end of the dates that are taken for real Unix times, the same as in fltea.records.clock
+// A Unix time after this is not taken for a real date. fltea.records.clock uses the same limit.
 constexpr std::int64_t kEndOfDatesNs = 4'102'444'800 * 1'000'000'000;
 constexpr std::size_t kMostBytes = 1 << 16;  // largest number of bytes in one read
 // largest number of ports that one call of epoll_wait() reports as ready
@@ -108,8 +108,8 @@ std::int64_t PortReader::take(double timeout_s, std::vector<PortNews>& news) {
         news.back().port = static_cast<int>(at);
         one.news = PortNews();
     }
-    // The time is read while the mutex is locked, so that all reads of ports after this call have a later
-    // time stamp.
+    // The time is taken while the mutex is locked, so that all reads of ports after this call have later time
+    // stamps.
     return now_ns(kClock);
 }
 
@@ -151,8 +151,8 @@ void PortReader::run() {
             any |= read_port(static_cast<std::size_t>(at), hung_up, buffer.get());
         }
         tell_if_due();
-        // If no ready descriptor had any bytes, wait a little. This can happen if another program reads the
-        // same port.
+        // If none of the ready descriptors had any bytes, wait a little. This can happen if another program
+        // reads from the same port.
         if (!any) std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
 }

@@ -29,13 +29,13 @@ struct PortNews {
     int port = 0;
     std::vector<std::uint8_t> bytes;
     std::vector<PortRead> reads;
-    // number of bytes that were read but discarded, because too many were waiting
+    // number of bytes that were read but discarded, because too many bytes were waiting
     std::int64_t overflow_bytes = 0;
-    int error = 0;  // errno with which the port was lost after these bytes; 0 if it was not lost
+    int error = 0;  // error number with which the port was lost after these bytes; 0 if the port was not lost
     Stamp lost = {};
 };
 
-// All methods may be called from any thread, but take() from only one thread at a time.
+// All methods may be called from any thread. Only one thread at a time may call take().
 class PortReader {
   public:
     // `capacity`: number of bytes that may wait for each port, including the memory for the time stamps of
@@ -46,15 +46,15 @@ class PortReader {
     PortReader& operator=(const PortReader&) = delete;
 
     // Begins to read a port through its descriptor, which must be non-blocking. The caller owns the
-    // descriptor, and closes it after the port is lost or this reader is closed. `port`: index of the port,
-    // from 0, which no other port uses.
-    // `closes`: whether an empty read means that the other side was closed, as for a socket. Throws
-    // std::system_error if epoll does not accept the descriptor.
+    // descriptor, and has to close it after the port is lost or this reader is closed. `port`: index of the
+    // port, counted from 0; each port has another index.
+    // `closes`: whether an empty read means that the other side has closed the connection, as for a socket.
+    // Throws std::system_error if epoll does not accept the descriptor.
     void add(int port, int descriptor, bool closes, std::int64_t latency_ns);
 
-    // Waits until the oldest waiting byte of a port has waited for the port's latency, until wake() is
-    // called, or until the timeout passes. Returns the time at the end of the wait, and writes everything
-    // that has arrived by then to `news`. A port that is lost ends the wait at once, and is no longer read.
+    // Waits until the oldest waiting byte of a port has waited for the port's latency, until a port is lost,
+    // until wake() is called, or until the timeout passes. Returns the time at the end of the wait, and
+    // writes everything that has arrived by then to `news`. A lost port is no longer read.
     std::int64_t take(double timeout_s, std::vector<PortNews>& news);
 
     // Ends the call of take() that is waiting. If none is waiting, the next call returns at once.
@@ -79,7 +79,8 @@ class PortReader {
     void tell_if_due();
 
     const std::size_t capacity_;
-    // process that created the reader; a process that was forked from it does not have the reading thread
+    // ID of the process that created the reader; a process that was forked from it does not have the reading
+    // thread
     const int owner_;
     const Descriptor epoll_;
     const WakeUp close_;

@@ -25,9 +25,10 @@ class PortReader {
         reader_.add(port, descriptor, closes, latency_ns);
     }
 
-    // Returns the time, and a tuple for each port from which something came: its number; the bytes; the
-    // columns of its reads (end, host_ns, unix_offset_ns); the number of discarded bytes; and, if the port
-    // was lost, errno and the time of the loss, otherwise None.
+    // Returns the time, and a tuple for each port from which something came. The tuple has five elements: the
+    // number of the port; the bytes; the columns of its reads (end, host_ns, unix_offset_ns); the number of
+    // discarded bytes; and the loss of the port. The loss is the error number and the time of the loss, or
+    // None if the port was not lost.
     nb::tuple take(double timeout_s) {
         std::int64_t now_ns = 0;
         std::vector<PortNews> news;

@@ -1,6 +1,6 @@
 // Processes what comes from one device on a serial port: passes its bytes through the wire decoder and the
-// device, and collects printed lines of text and rows of samples. It works on its own until the caller has to
-// do something (PortStop).
+// device, and collects printed lines of text and rows of samples. It continues on its own until the caller
+// has to do something (PortStop).
 #pragma once
 
 #include <cstddef>
@@ -22,8 +22,8 @@ enum class PortStop : int {
     kNothing,  // all received bytes are processed
     kItem,     // a decoded item came that the caller has to handle (item())
     kStop,     // the device has stopped at a sample (advanced(), samples())
-    kRows,     // rows of samples wait (rows()); the caller has to clear them
-    kReads,    // raw bytes wait (reads()); the caller has to clear them
+    kRows,     // rows of samples wait (rows()); the caller has to fetch and clear them
+    kReads,    // raw bytes wait (reads()); the caller has to fetch and clear them
     // all received bytes are processed, and after them the port was lost (news().error, news().lost)
     kLost,
     kFault,  // the bytes cannot be processed (Round::fault); the stream has ended
@@ -36,14 +36,15 @@ class PortStream {
 
     // Whether the caller wants rows of samples, printed lines, or the raw bytes.
     bool wants_rows = false, wants_text = false, wants_reads = false;
-    // How long rows of samples and raw bytes may wait here, so that the caller can fetch many together.
+    // How long rows of samples and raw bytes may wait in this object, so that the caller can fetch many
+    // together.
     std::int64_t patience_ns = 0;
     std::int64_t overflow_bytes = 0;
 
-    // Whether rows of samples or raw bytes wait for the caller, or received bytes or a loss of the port are
-    // not processed yet.
+    // Whether anything still waits: rows of samples or raw bytes for the caller, or received bytes or a loss
+    // of the port that are not processed yet.
     bool is_waiting() const { return is_busy_ || is_lost_ || rows_.rows() > 0 || !reads_.reads.empty(); }
-    // After a loss of the port: whether any bytes had come from it since the loss before.
+    // After a loss of the port: whether any bytes had come from the port since its previous loss.
     bool has_worked() const { return has_worked_; }
     const PortItem& item() const { return item_; }
     const Advanced& advanced() const { return advanced_; }
@@ -61,7 +62,7 @@ class PortStream {
     // Arrival time of the newest sample or other item that was processed.
     std::int64_t now_ns() const { return now_ns_; }
 
-    // Time at which the waiting rows or bytes have to be fetched.
+    // Latest time at which the caller has to fetch the waiting rows or bytes.
     std::int64_t due_ns() const {
         std::int64_t due = Device::kNever;
         if (rows_.rows() > 0) due = rows_.first_ns() + patience_ns;
@@ -97,7 +98,7 @@ class PortStream {
     PortStop run(std::int64_t now_ns) {
         while (is_busy_) {
             if (held_ != PortStop::kNothing && !has_new_rows_) {
-                // the caller gets the rows of earlier samples before this stop
+                // the caller receives the rows of earlier samples before this stop
                 if (rows_.rows() > 0) return PortStop::kRows;
                 if (held_ == PortStop::kItem && says_hello() && !reads_.reads.empty())
                     return PortStop::kReads;
@@ -133,7 +134,7 @@ class PortStream {
   private:
     static constexpr std::size_t kMostRows = 512, kMostBytes = 1 << 16;
 
-    // Whether the present item is a HELLO. A caller that keeps the raw bytes receives the bytes of a HELLO
+    // Whether the present item is a HELLO. A caller that wants the raw bytes receives the bytes of a HELLO
     // before the item.
     bool says_hello() const { return item_.kind == PortItem::kFrame && item_.type == Hello::type(); }
 
@@ -211,7 +212,7 @@ class PortStream {
     bool is_busy_ = false, has_samples_ = false, is_lost_ = false;
     // what run() will return as soon as the caller has all earlier samples
     PortStop held_ = PortStop::kNothing;
-    // whether the rows of the newest run have to be collected still, and whether they could not be printed
+    // whether the rows of the newest run still have to be collected; whether these rows could not be printed
     bool has_new_rows_ = false, is_text_missing_ = false;
     bool is_unprinted_ = false;  // whether the rows that wait for the caller were not printed as text
 };

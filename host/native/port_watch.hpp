@@ -1,5 +1,5 @@
-// Watches one serial port: detects that no bytes, no readable frames or no HELLO come from it, and decides
-// when such a trouble has to be reported.
+// Watches one serial port. Detects when no bytes, no readable frames or no HELLO come from the port, and
+// decides when such a trouble has to be reported.
 #pragma once
 
 #include <cstdint>
@@ -83,7 +83,8 @@ class PortWatch {
     }
     // Call this if all received bytes were parts of readable frames.
     void on_all_read() { has_unread_ = false; }
-    // Call this if the last received bytes were not parts of readable frames so far. `bytes`: their number.
+    // Call this if the newest received bytes are not part of a readable frame so far. `bytes`: number of
+    // these bytes.
     // `since_ns`: time at which the first of them came.
     void on_read_but(std::int64_t bytes, std::int64_t since_ns) {
         has_unread_ = true;
@@ -98,15 +99,15 @@ class PortWatch {
         return is_connected_ && heard_hello_ && !is_refused_ && unread_ns < times_.silence_ns - kSecondNs;
     }
 
-    // Returns the trouble of the port at this moment, if it has to be reported.
+    // Returns the present trouble of the port if it has to be reported, otherwise PortTrouble::none.
     PortTrouble check(std::int64_t now_ns) {
         const PortTrouble found = trouble_of(now_ns);
         const bool is_due = found != PortTrouble::none && is_news(trouble_name(found), now_ns);
         return is_due ? found : PortTrouble::none;
     }
 
-    // Whether a trouble has to be reported, because it differs from the last reported one or because that
-    // report is long ago. If so, the trouble counts as reported from now on.
+    // Whether a trouble has to be reported. This is so if it differs from the last reported trouble, or if
+    // that report was made long ago. If so, the trouble counts as reported from now on.
     bool is_news(const char* kind, std::int64_t now_ns) {
         if (reported_ == kind && time_between(reported_ns_, now_ns) <= times_.repeat_ns) return false;
         reported_ = kind;

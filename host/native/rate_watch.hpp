@@ -1,7 +1,8 @@
 // Checks whether the times of samples agree with the rate that their device states. A device numbers its
 // sampling instants and adds its own time to each sample, so numbers and times together give the true rate.
 // The rate that HELLO states is a constant of the firmware. A check of single samples would have to accept
-// time differences that are wrong by one period, and so would even accept a device with half the stated rate.
+// time differences that are wrong by one period, and so it would accept even a device with half the stated
+// rate.
 #pragma once
 
 #include <cmath>
@@ -12,15 +13,16 @@ namespace fltea {
 
 class RateWatch {
   public:
-    // Limits for the difference between stated and measured rate: the proportion kTolerance of the time, plus
-    // kPeriods periods. Sensor clocks are accurate to 1 %, cheap ones to 5 %. A burst of samples can shift
-    // the times at both ends of the measured time by one period.
+    // At the stated rate, a number of samples takes a certain time. The rate counts as different if the
+    // measured time differs from that time by more than the proportion kTolerance of it plus kPeriods
+    // sampling periods. Sensor clocks are accurate to 1 %, cheap ones to 5 %. A burst of samples can shift
+    // each end of the measured time by one period.
     static constexpr double kTolerance = 0.05, kPeriods = 2;
-    // kLeastPairs: number of pairs of consecutive samples, all with similar rates, that are needed for a
-    // verdict. kWindow: number of sampling instants after which the check restarts, so that only recent
+    // kLeastPairs: A verdict needs this number of consecutive pairs of neighbouring samples whose rates are
+    // similar. kWindow: After this number of sampling instants, the check restarts, so that only recent
     // samples count.
     static constexpr std::int64_t kLeastPairs = 20, kWindow = 200;
-    // Steps of the sample number that are larger than this are not used, because the number may have wrapped.
+    // A step of the sample number that is larger than this is not used, because the number may have wrapped.
     static constexpr std::int64_t kLargestStep = 64;
 
     enum Verdict { kUnknown, kAgrees, kDiffers };
@@ -34,7 +36,7 @@ class RateWatch {
         has_last_ = true;
         const bool is_usable = step >= 1 && step <= kLargestStep && step_us > 0;
         const bool is_alike = pairs_ == 0 || std::llabs(step_us * steps_ - us_ * step) * 2 <= us_ * step;
-        // after a restart or a stall of the device, or if its time stamps come in bursts
+        // this happens after a restart or a stall of the device, or if its time stamps come in bursts
         if (is_first || !is_usable || !is_alike) {
             pairs_ = steps_ = us_ = 0;
             return kUnknown;
@@ -52,7 +54,8 @@ class RateWatch {
         return differs ? kDiffers : is_full ? kAgrees : kUnknown;
     }
 
-    // Rate of the samples by the device's clock, measured when it last differed from the stated rate.
+    // Rate of the samples by the device's clock, as it was measured when it last differed from the stated
+    // rate.
     double rate_hz() const { return rate_hz_; }
 
   private:

@@ -38,8 +38,8 @@ class RealTables {
     Number even_[kHalf], odd_[kHalf], cosine_[kHalf], sine_[kHalf];
 };
 
-// The types for spectra that are computed in Number, which is float or double. 20 levels (kMostLevels) cover
-// half a year of samples at 100 Hz.
+// The number types for spectra that are computed in Number, which is float or double. 20 levels (kMostLevels)
+// cover half a year of samples at 100 Hz.
 template <typename Number, int kMostLevels = 20, int kMostKept = 3072>
 struct RealSpectrum {
     typedef double Input;  // samples, which have to be finite and within ±1e100
@@ -138,9 +138,9 @@ struct RealSpectrum {
         Number mean_;
     };
 
-    // Records the logarithm of the power of the blocks of an octave over time. The first octave has the
-    // shortest blocks, so it shows changes at all time scales. Lower octaves are recorded, too, for changes
-    // that the first octave does not show, but only at their shortest time scales.
+    // Records how the logarithm of the power of an octave's blocks changes over time. The first octave has
+    // the shortest blocks, so it shows changes at all time scales. Lower octaves show changes that the first
+    // octave does not show. They are recorded only at their shortest time scales.
     template <int kLines>
     class Cells : public TimeCells {
       public:
@@ -171,8 +171,8 @@ struct RealSpectrum {
         }
 
       private:
-        // Returns the number of blocks in each part if a time of two memory lengths is divided into `parts`
-        // parts; 0 if nothing is forgotten.
+        // Divides a time of two memory lengths into `parts` parts, and returns the number of blocks in each
+        // part. Returns 0 if nothing is forgotten.
         static std::uint32_t span(FadingMemory memory, std::uint64_t hop, int parts) {
             if (!memory.fades()) return 0;
             const double span = std::ceil(2 * memory.samples() / (double(hop) * parts));
@@ -186,8 +186,8 @@ struct RealSpectrum {
 template <typename Number, int kMostLevels, int kMostKept>
 constexpr double RealSpectrum<Number, kMostLevels, kMostKept>::kLargest;
 
-// Returns the gain of the half-band filter at a frequency, given as an angle per sample. It is computed from
-// the taps in double, whatever type the filter itself uses.
+// Returns the gain of the half-band filter at a frequency, which is given as an angle per sample. The gain is
+// computed from the taps in double, whatever type the filter itself uses.
 inline double half_band_gain(double angle) {
     typedef engine::HalfBand<RealSpectrum<double>> Filter;
     double sum = Filter::middle();

@@ -17,14 +17,17 @@ namespace track {
 namespace refilter {
 
 // A state counts as fast if its relaxation time is shorter than 1 / kSlow of the time over which a mean is
-// taken. In the means, a fast state is white noise.
+// taken. In the means, a fast state contributes white noise.
 constexpr double kSlow = 6;
-// Relative rounding error of the elements of a covariance. Relatively smaller elements count as 0.
+// Relative rounding error of the elements of a covariance. Elements that are relatively smaller than this
+// count as 0.
 constexpr double kRounding = 1e-9;
 
-// The slow part of a system, in which one step is the time of m samples, and what is measured is their mean.
-// `of`: indexes of the n slow states in the whole system. The mean differs from the states at the end of its
-// m samples. This difference is the last state of the slow part, and has no memory from step to step.
+// The slow part of a system. One of its steps takes the time of m samples, and its measurement is the mean of
+// these samples.
+// `of`: indexes of the n slow states in the whole system. The mean differs from what the states at the end of
+// the m samples give. This difference is the last state of the slow part, and has no memory from step to
+// step.
 struct Coarse {
     System<kMost> system;
     int n, of[kMost];
@@ -34,8 +37,8 @@ inline bool is_slow(const System<kMost>& s, int i, double m) {
     return i >= 2 * s.pairs && s.c[i] != 0 && s.a[i] > 0 && (1 - s.a[i]) * m < kSlow;
 }
 
-// Describes the sum of m samples, and is computed by doubling m: how each state before the first sample
-// contributes to the sum, and which covariances the noise adds to the states and to the sum.
+// Describes the sum of m samples: how each state before the first sample contributes to the sum, and which
+// covariances the noise adds to the states and to the sum. It is computed by doubling m.
 struct Sums {
     explicit Sums(const System<kMost>& s) : step(s) {
         const int n = s.n;
@@ -71,7 +74,7 @@ struct Sums {
         samples *= 2;
     }
 
-    // The system for a step of `samples` samples, of which only the matrices A and Q are used.
+    // The system for a step of `samples` samples. Only the matrices A and Q of this system are used.
     System<kMost> step;
     double samples = 1, row[kMost], both[kMost], variance;
 
@@ -150,8 +153,8 @@ inline void coarsen(const System<kMost>& s, double m, Coarse& to) {
     }
 }
 
-// Determines the usual power of the innovations at rest, and that of their mean. As these are medians over
-// chunks, undetected motion hardly changes them.
+// Determines the usual power of the innovations at rest, and the usual power of their mean. Both are medians
+// over chunks, so undetected motion hardly changes them.
 class Innovations {
   public:
     // `z`: innovation divided by its standard deviation, or NaN where a sample is missing.
@@ -204,8 +207,8 @@ class Likelihood {
     HeldLog log_S_;
 };
 
-// The newest steps of the bias. `at`: number of the first sample after the step. `variance`: variance of what
-// the size of the step may be.
+// The newest steps of the bias. `at`: number of the first sample after the step. `variance`: variance that is
+// assumed for the size of the step.
 class Steps {
   public:
     enum { kMostSteps = 16 };
@@ -287,7 +290,7 @@ inline bool is_covariance(const double* P, int n) {
 
 // Filters means of m samples each with the slow part of the system. x and P are the estimate and covariance
 // of the whole system's state before the means, and are replaced by those after them. `first`: number of the
-// first sample in the means. A mean that contains a step of the bias is ignored.
+// first sample in the means. A mean whose samples contain a step of the bias is ignored.
 template <int size>
 void through(const System<kMost>& s, const Newest<size>& means, std::int64_t m, std::int64_t first,
              const Steps& steps, double* x, double* P, Likelihood& fits) {
@@ -321,8 +324,8 @@ void through(const System<kMost>& s, const Newest<size>& means, std::int64_t m, 
         x_then[part.of[k]] = filter.x[k];
         for (int l = 0; l < n; ++l) P_then[part.of[k] * s.n + part.of[l]] = filter.P[k * all + l];
     }
-    // A pair of poles counts as fast even if it is slow, and then precision may be lost. In that case, these
-    // means are ignored.
+    // A pair of poles always counts as fast. If it is slow in fact, precision may be lost. In that case,
+    // these means are ignored.
     if (!is_finite(x_then, s.n) || !is_covariance(P_then, s.n)) return;
     std::memcpy(x, x_then, sizeof x_then);
     std::memcpy(P, P_then, sizeof(double) * std::size_t(s.n * s.n));

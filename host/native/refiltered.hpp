@@ -1,6 +1,6 @@
 // The filters of a new noise model after they have processed all remembered samples of an axis. This work may
 // be done in any thread, on a copy of the remembered samples. It is assumed that `to_come` more samples will
-// have come when the tracker begins to use the model, so that the tracker has to filter only these. The
+// have come when the tracker begins to use the model. The tracker then has to filter only these samples. The
 // results are bit-identical to those of filtering everything in the tracker.
 #pragma once
 
@@ -17,8 +17,8 @@ namespace track {
 
 class Refiltered {
   public:
-    // Largest number of samples that may come while the work is done. So many samples do not yet push the
-    // newest of the copied ones out of the part of the memory that keeps samples singly.
+    // Largest number of samples that may come while the work is done. This number of samples does not yet
+    // push the newest of the copied samples out of the part of the memory that keeps samples singly.
     enum { kMostToCome = Past::kSingle / 2 };
 
     // `steps`: a step test with the statistics of the innovations so far. `to_come`: number of samples that
@@ -37,8 +37,8 @@ class Refiltered {
     }
 
     const std::shared_ptr<TrackerModel>& model() const { return model_; }
-    // Whether the tracker's `memory` is as this work has assumed, apart from the values of the samples that
-    // came meanwhile.
+    // Whether the tracker's `memory` is as this work has assumed. The values of the samples that came
+    // meanwhile do not matter.
     bool expects(const Remembered& memory) const { return then_.is(memory, to_come_); }
     // Filters the samples that came while the work was done.
     void go_on(const Remembered& memory) { take(memory, memory.singles() - to_come_, memory.singles()); }

@@ -4,12 +4,13 @@
 //
 // A chunk is a knock, which means motion, in any of three cases: the power of its innovations, without the
 // largest one, exceeds sixteen times that of the noise; one innovation exceeds a hundred standard deviations;
-// or their mean exceeds eight standard deviations of such a mean. It is no knock if its samples scatter no
-// more than usual about their mean, and if that mean is no farther from the bias than a bias can step.
+// or their mean exceeds eight standard deviations of such a mean. In spite of these cases, a chunk is no
+// knock if its samples scatter no more than usual about their mean, and if that mean is no farther from the
+// bias than a bias can step.
 //
 // Spectral lines and other effects that are not motion remain in the filter's innovations, and samples of
-// coloured noise scatter widely about their mean. Each chunk is therefore compared with what is usual at
-// rest.
+// coloured noise scatter widely about their mean. Each chunk is therefore compared with what is usual for
+// chunks at rest.
 #pragma once
 
 #include <cmath>
@@ -17,18 +18,19 @@
 namespace fltea {
 namespace track {
 
-// Usual power of a chunk's innovations, and usual square of their mean, as ratios to the values that follow
-// from the filter's noise model. They are never less than 1.
+// Usual power of a chunk's innovations, and usual square of their mean. Both are ratios to the values that
+// follow from the filter's noise model, and are never less than 1.
 struct Usual {
     double power = 1, mean = 1;
 };
 
-// What the gate says of a chunk of one axis.
+// The gate's verdict on a chunk of one axis.
 struct ChunkVerdict {
     bool knock;
-    // whether the chunk scatters no more than usual, and its mean is about that of the previous chunk
+    // whether the samples of the chunk scatter no more than usual, and their mean is about that of the
+    // previous chunk
     bool same_place;
-    double place;  // mean of the chunk's samples, or NaN if it has fewer than two
+    double place;  // mean of the chunk's samples, or NaN if it has fewer than two samples
 };
 
 class RestGate {

@@ -16,14 +16,14 @@
 
 namespace fltea {
 
-// A port for which the caller has to do something, and what that is.
+// A port for which the caller has to do something. `stop` says what the caller has to do.
 struct Happened {
     int port;
     PortStop stop;
 };
 
-// A part of a text, which has the printed records of one device: how many records these are, and the arrival
-// time of the newest bytes that were processed.
+// Describes the part of a text that has the printed records of one device. `records`: number of these
+// records. `arrived_ns`: arrival time of the newest bytes that were processed.
 struct PrintedPart {
     std::int64_t arrived_ns;
     std::size_t records;
@@ -52,15 +52,15 @@ class Round {
         ports_.push_back({std::move(stream), printers, latency_ns, stamp_now().host_ns + tick_ns_});
     }
 
-    // Call this when the port was opened or failed. The time until the port's next tick is counted from now
-    // on.
+    // Call this when the port was opened or failed. The time until the port's next tick is counted from
+    // `now_ns`.
     void touch(std::size_t port, std::int64_t now_ns) { ports_[port].tick_ns = now_ns + tick_ns_; }
     // Call this when the port is not needed any more.
     void end(std::size_t port) { ports_[port].has_ended = true; }
 
-    // First continues with the ports for which the caller has just done something. If nothing comes of that,
-    // waits for bytes, a tick, rows that are due, a wake-up or the timeout, and processes what has come.
-    // Writes to `happened` for which ports the caller has to do something, with one entry for each.
+    // First continues with the ports for which the caller has just done something. If this gives the caller
+    // nothing new, waits for bytes, a tick, rows that are due, a wake-up or the timeout, and processes what
+    // has come. Writes to `happened` one entry for each port for which the caller has to do something.
     void run(double timeout_s, std::vector<Happened>& happened) {
         std::int64_t now_ns = stamp_now().host_ns;
         for (std::size_t port = 0; port < ports_.size(); ++port) {
@@ -98,7 +98,7 @@ class Round {
         std::int64_t latency_ns, tick_ns;  // `tick_ns`: time at which the port gets a tick if it stays silent
         bool has_ended = false;
         std::string fault = {};
-        // the caller was asked to do something for the port, and bytes may still wait after that
+        // whether the caller was asked to do something for the port, after which bytes may still wait
         bool is_left = false;
     };
 

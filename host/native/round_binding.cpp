@@ -1,5 +1,5 @@
-// Makes the C++ class Round, which processes all devices on serial ports without Python's GIL, available in
-// Python as fltea._native.Round (host/fltea/service/port_loop.py).
+// Makes the C++ class Round available in Python as fltea._native.Round (host/fltea/service/port_loop.py). The
+// class processes all devices on serial ports, without Python's GIL.
 #include <nanobind/nanobind.h>
 
 #include <cstring>
@@ -20,7 +20,7 @@ using fltea::PortStop;
 using fltea::PortStream;
 using fltea::RunRows;
 
-// Converts the columns of the rows of samples that wait for Python to arrays, in the order of RunRows.
+// Converts the rows of samples that wait for Python to arrays, one for each column, in the order of RunRows.
 class Columns {
   public:
     explicit Columns(const RunRows& rows) : rows_(rows), table_(bytes_of(rows)) {}
@@ -47,8 +47,8 @@ class Columns {
     std::size_t next_ = 0;
 };
 
-// Returns the fields of the Python class Rows: arrival times; columns of samples; and for each sensor the
-// columns of its tracker and of its bank, or None.
+// Returns the fields of the Python class Rows: the arrival times; the columns of samples; and for each sensor
+// the columns of its tracker and those of its bank, or None.
 nb::tuple as_tuple(const RunRows& rows) {
     const fltea::RunShape& shape = rows.shape();
     Columns columns(rows);
@@ -110,8 +110,8 @@ class Round {
     std::int64_t now_ns(std::size_t port) { return at(port).now_ns(); }
     std::int64_t overflow_bytes(std::size_t port) { return at(port).overflow_bytes; }
 
-    // Runs a round. Returns the printed texts (each with its bytes, and for each device the arrival time and
-    // the number of its records) and the events (each with port, kind and details).
+    // Runs a round. Returns the printed texts and the events. Each text has its bytes, and for each device
+    // the arrival time and the number of its records. Each event has its port, its kind and its details.
     nb::tuple run(double timeout_s) {
         happened_.clear();
         {
@@ -193,7 +193,7 @@ class Round {
 
     fltea::Round round_;
     std::vector<fltea::Happened> happened_;
-    nb::list kept_;  // keeps the Python objects alive to which the ports point
+    nb::list kept_;  // keeps those Python objects alive to which the ports point
 };
 
 }  // namespace

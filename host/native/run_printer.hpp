@@ -38,8 +38,8 @@ class RunPrinter {
         return missed_ == 0 && shape_of(device, Absent::kLeftOut) == shape_;
     }
 
-    // Prints rows of the newest run. If they have other columns than `shape` says, these rows and all later
-    // ones until clear() are only counted.
+    // Prints rows of the newest run. If these rows have other columns than `shape` says, they and all later
+    // rows until clear() are not printed but only counted.
     void append(const Device& device, std::size_t begin, std::size_t end) {
         if (begin >= end) return;
         if (missed_ > 0 || shape_of(device, Absent::kLeftOut) != shape_) {
@@ -61,7 +61,7 @@ class RunPrinter {
     const char* data() const { return data_.data(); }
     std::size_t size() const { return used_; }
     std::size_t records() const { return records_; }
-    // Number of rows that were not printed.
+    // Number of rows that could not be printed since the last call of clear().
     std::size_t missed() const { return missed_; }
 
     // Removes the printed text. Call this after the text was fetched.
@@ -75,8 +75,8 @@ class RunPrinter {
     // kNumbers: number of columns with numbers that a bank prints before its flags. kBias: index of the bias
     // among a tracker's columns.
     enum : std::size_t { kNumbers = kLaneInnovationStd, kBias = 2 };
-    // Memory for text that exceeds this is released if only a little of it is used. There may be many
-    // devices, and after a wait much text of one device may come at once.
+    // If the memory for text is larger than this and only a little of it is used, it is released. There may
+    // be many devices, and after a wait much text of one device may come at once.
     static constexpr std::size_t kKept = 1 << 16;
 
     static bool has_samples(const SensorColumns& one) { return one.tracked != nullptr; }

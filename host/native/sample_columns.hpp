@@ -9,7 +9,7 @@ namespace fltea {
 // A column of n rows, which are raw counts from the wire or numbers from a file.
 class NumberColumn {
   public:
-    enum Type { kNone, kCounts, kWhole, kReal };  // types of the numbers: none; int16; int64; double
+    enum Type { kNone, kCounts, kWhole, kReal };  // types of the numbers: no column; int16; int64; double
 
     NumberColumn() = default;
     NumberColumn(const void* data, Type type, std::size_t width) : data_(data), type_(type), width_(width) {}
@@ -18,7 +18,8 @@ class NumberColumn {
     std::size_t width() const { return width_; }
     // The raw counts. Call this only for columns of the type kCounts.
     const std::int16_t* counts() const { return static_cast<const std::int16_t*>(data_); }
-    // Returns the number at index `i`, where the numbers of all rows are counted one after another.
+    // Returns the number at index `i` of the column. The index counts the numbers of all rows one after
+    // another.
     double operator[](std::size_t i) const {
         if (type_ == kCounts) return static_cast<const std::int16_t*>(data_)[i];
         if (type_ == kReal) return static_cast<const double*>(data_)[i];

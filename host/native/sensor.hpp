@@ -56,7 +56,7 @@ struct Sensor {
     SumsPart* sums = nullptr;  // null if no noise is fitted
     std::uint64_t longest_motion = 0;
     BankPart* bank = nullptr;  // null if no filters run
-    // for each axis: whether its fit is not accepted yet, so that its innovations do not count as white
+    // for each axis, whether its fit is not accepted yet; until then its innovations do not count as white
     std::vector<bool> waits;
     std::size_t window_left = 0;  // number of rows until the bank's start-up window is full
 
@@ -96,7 +96,7 @@ struct Sensor {
 
   private:
     // Adds the samples at rest to the sums. The sample at which a step of the bias was noticed is omitted.
-    // This makes a break in the stream, so that no spectrum extends over the step.
+    // The omitted sample makes a break in the stream, so that no block of a spectrum extends over the step.
     void add_at_rest(const std::vector<double>& y, std::size_t n, const SensorColumns& from,
                      const std::vector<track::TrackerEvent>& events) {
         const std::size_t axes = places.size();

@@ -15,12 +15,13 @@ struct TrackerEvent {
     enum Kind { kStep, kMoves, kRests };
     Kind kind;
     std::size_t row;
-    // The axis that has stepped or that showed the motion. Motion may also have been shown by the
-    // accelerometer (kByAccel) or announced by the caller (kByCaller).
+    // The axis whose bias has stepped or which has shown the motion. If the accelerometer has shown the
+    // motion, the value is kByAccel. If the caller has announced it, the value is kByCaller.
     int axis;
-    std::int64_t ago;  // number of samples since the step or the motion began, including the newest one
-    // size of a step with its standard deviation; at the end of a motion, `size` is the largest distance of a
-    // sample from the bias
+    // number of samples since the step or since the beginning of the motion, including the newest sample
+    std::int64_t ago;
+    // size of the step, and its standard deviation; at the end of a motion, `size` is the largest distance of
+    // a sample from the bias
     double size, size_std;
     std::int64_t samples;  // at the end of a motion: how long it lasted [samples]
     enum { kByAccel = -1, kByCaller = -2 };
@@ -112,8 +113,8 @@ class SensorTracker {
         }
     }
 
-    // Handles a motion that began some samples ago: undoes the effect of these samples on the trackers of all
-    // axes.
+    // Handles a motion that began some samples ago. Undoes what these samples have changed in the trackers of
+    // all axes.
     void go_back(int by, std::size_t row, std::vector<TrackerEvent>& events) {
         std::int64_t undone = 0;
         for (AxisTracker& one : axes_) {

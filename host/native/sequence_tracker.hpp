@@ -3,8 +3,8 @@
 // The field `sequence` of SAMPLE numbers the sampling instants. Within a boot, the numbers of delivered and
 // of lost samples therefore add up to the number of sampling instants, even where the sensor was set up
 // again. If sequence and device time disagree, the device was restarted or exchanged, and samples are ignored
-// until its next HELLO. If they go on disagreeing in the same way, the device contradicts the rate in its
-// HELLO, and samples are ignored until its times agree with that rate.
+// until its next HELLO. If sequence and device time go on disagreeing in the same way, the device contradicts
+// the rate in its HELLO, and samples are ignored until their times agree with that rate.
 #pragma once
 
 #include <cmath>
@@ -31,7 +31,7 @@ struct Newest {
     std::int64_t sequence, device_us, host_ns, seq, epoch_us;
 };
 
-// How a sample continues the previous one.
+// Says how a sample continues the stream after the previous sample.
 struct Judged {
     enum Kind { kTaken, kDuplicate, kUnusable };
     Kind kind;
@@ -46,12 +46,12 @@ class SequenceTracker {
     // After half an hour without a sample, it is unknown how often the device time has wrapped; it wraps
     // every 71.6 minutes.
     static constexpr std::int64_t kMaxSilenceNs = std::int64_t(30) * 60 * 1'000'000'000;
-    // Largest difference between the lengths of a gap by device time and by host time. After a reset of the
-    // device, sequence and device time can look like a gap of up to 71 minutes. The host's clock shows that
-    // it was none, even if samples arrive late.
+    // A gap is accepted only if its lengths by device time and by host time differ by at most this. After a
+    // reset of the device, sequence and device time can look as if there was a gap of up to 71 minutes. The
+    // host's clock shows that there was no such gap, even if samples arrive late.
     static constexpr std::int64_t kMaxHostDisagreementUs = std::int64_t(5) * 60 * 1'000'000;
     // Over a gap, the time that follows from the sequence numbers may differ from the device time by twice
-    // the tolerance of the sensor's own clock, which is accurate to 1 %, plus one period.
+    // the tolerance of the sensor's own clock plus one period. That clock is accurate to 1 %.
     static constexpr double kClockTolerance = 0.02;
     static constexpr std::int64_t kSequenceWrap = 1 << 16, kTimeWrapUs = std::int64_t(1) << 32;
 
@@ -158,8 +158,8 @@ class SequenceTracker {
         counts_.lost += count;
         counts_.gaps += count > 0;
     }
-    // Rejects a sample for which a HELLO is missing. If it is missing because number and time of a sample
-    // disagreed, checks whether those of later samples disagree in the same way.
+    // Rejects a sample for which a HELLO is missing. If the HELLO is needed because number and time of an
+    // earlier sample disagreed, checks whether number and time of later samples disagree in the same way.
     void note_before_hello(std::int64_t sequence, std::int64_t device_us) {
         ++counts_.before_hello;
         if (disagreed_) watch(sequence, device_us);
@@ -203,8 +203,9 @@ class SequenceTracker {
         watch(sequence, device_us);
     }
 
-    // Compares the numbers and times of all samples since a HELLO, accepted or not. While a HELLO is missing,
-    // the device is not accused of contradicting it, because the samples may come from another device.
+    // Compares the numbers and times of all samples since a HELLO, whether they were accepted or not. While a
+    // HELLO is missing, the device is not said to contradict its HELLO, because the samples may come from
+    // another device.
     RateWatch::Verdict watch(std::int64_t sequence, std::int64_t device_us) {
         if (!seen_.any) watch_.begin();
         const std::int64_t step = (sequence - seen_.sequence) & (kSequenceWrap - 1);
@@ -216,8 +217,8 @@ class SequenceTracker {
         return found;
     }
 
-    // Accepts samples again. The samples that were rejected are counted separately, not as lost, so a new
-    // epoch begins.
+    // Accepts samples again. A new epoch begins, because the samples that were rejected are counted
+    // separately and not as lost.
     void accept_again() {
         if (rate_differs_ && pending_ == EpochReason::kNone) pending_ = EpochReason::kDiscontinuity;
         rate_differs_ = has_news_ = false;
@@ -226,7 +227,7 @@ class SequenceTracker {
     struct Seen {
         bool any;
         std::int64_t sequence, device_us;
-        RateWatch::Verdict verdict;  // last verdict of the check of the rate
+        RateWatch::Verdict verdict;  // last verdict of the check of the rate (RateWatch)
     };
 
     Newest newest_ = {};

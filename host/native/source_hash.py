@@ -1,6 +1,6 @@
 """Compute a hash of the sources of the native module, which is built into the module.
 
-  python source_hash.py FILE      writes a C++ source with the hash, unless FILE has this hash already
+    python source_hash.py FILE    writes a C++ source with the hash to FILE, unless FILE has it already
 
 Every build calls this script, so the module has the hash of the sources from which it was compiled. A test
 run refuses a module whose hash differs from that of the present sources.
@@ -39,9 +39,10 @@ def source_hash(root: Path = ROOT) -> str:
 
 
 def write(path: Path, root: Path = ROOT) -> None:
-    """Write the hash as a C++ source.
+    """Write a C++ source that contains the hash.
 
-    A file that has this hash already is left alone: if its time changed, the module would be built again.
+    A file that has this hash already is not written again, because the module would be rebuilt if the file's
+    time changed.
     """
     text = TEXT.format(digest=source_hash(root))
     if not path.exists() or path.read_text(encoding="utf-8") != text:

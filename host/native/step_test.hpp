@@ -1,8 +1,8 @@
 // Tests whether the bias of an axis has stepped, by a generalised likelihood ratio of its filter's
 // innovations over windows of 16 to 16,384 samples (Basseville & Nikiforov, Detection of Abrupt Changes,
 // 1993, section 2.4). The innovations of a correct filter are white, so a step by δ standard deviations
-// raises log L by n δ² / 2 after n samples. If one false alarm a week is allowed, no test can detect such a
-// step with fewer than about 30 / δ² samples (Lorden, Ann. Math. Statist. 42, 1971).
+// raises log L by n δ² / 2 after n samples. A test that gives at most one false alarm a week needs at least
+// about 30 / δ² samples to detect such a step (Lorden, Ann. Math. Statist. 42, 1971).
 //
 // Filters are never exactly correct. The sum of the innovations in a window is therefore compared with the
 // usual size of such sums in windows of the same length.
@@ -17,7 +17,8 @@ struct StepSeen {
     enum Kind { kNothing, kStep, kDrift };
     Kind kind;
     int ago;  // number of samples since the change of the mean, including the newest one
-    // change of the mean of the innovations, in standard deviations; for a drift, the change so far
+    // change of the mean of the innovations, in standard deviations of an innovation; for a drift, the change
+    // so far
     double size;
 };
 
@@ -29,16 +30,16 @@ struct StepSuspected {
 
 class StepTest {
   public:
-    // kSure: if a step raises log L by this, it is reported. This gives less than one false report a week.
-    // kEven: if a step raises log L by this, it has the probability 1/2. Without a step, this happens once in
-    // some hours.
+    // kSure: A step that raises log L by this is reported. There is then less than one false report a week.
+    // kEven: A step that raises log L by this has the probability 1/2. Without a step, such a rise happens
+    // once in some hours.
     static constexpr double kSure = 18, kEven = 13;
 
     // The likeliest step among those that are not certain enough to be reported.
     const StepSuspected& suspected() const { return suspected_; }
 
     // Adds an innovation that was divided by its standard deviation. Returns the step or drift that is
-    // detected with this sample, or kNothing. If something is detected, call clear() next.
+    // detected at this sample, or kNothing. If something is detected, call clear() next.
     StepSeen add(double z) {
         const double used = louder(z);
         total_ += used;
@@ -63,7 +64,7 @@ class StepTest {
     }
 
     // Adds an innovation to the statistics of usual sums, without testing for steps. A new filter calls this
-    // for the remembered samples. The sums go on from one call to the next.
+    // for the remembered samples. The sums of innovations continue from one call to the next.
     void take(double z) {
         const double used = louder(z);
         total_ += used;
@@ -103,12 +104,12 @@ class StepTest {
     // step.
     static constexpr double kClip = 4;
     static constexpr double kPower = 1 / 64.0;
-    // The square of a sum counts at most as this multiple of the usual square.
+    // In the statistics, the square of a sum counts as at most this many times the usual square.
     static constexpr double kOutlier = 9, kAnything = 100;
 
-    // Statistics of the sums of innovations in windows of one length. `usual`: mean square of such sums, as a
-    // ratio to that of white innovations. It is computed from differences between neighbouring windows, so
-    // steps and drifts do not raise it.
+    // Statistics of the sums of innovations in windows of one length. `usual`: ratio of the mean square of
+    // such sums to that for white innovations. It is computed from differences between neighbouring windows,
+    // so steps and drifts do not raise it.
     struct Window {
         double usual;
         int count, since;
@@ -127,7 +128,7 @@ class StepTest {
         int at = 0, count = 0;
         Window windows[kWindows];
         Suspect suspect = {0, 0, 1};
-        // usual square of the sums in these windows or in shorter ones, whichever is larger
+        // usual square of the sums in these windows or that in shorter windows, whichever is larger
         double absolute = 0;
 
         Level() {
@@ -172,12 +173,13 @@ class StepTest {
         }
     };
 
-    // Divides an innovation by the present size of the noise if the noise has grown, and clips it. The size
-    // is computed from differences of neighbouring innovations, in which a step hardly shows.
+    // If the noise has grown, divides an innovation by the present size of the noise. Then clips the
+    // innovation. The size is computed from differences of neighbouring innovations, in which a step hardly
+    // shows.
     double louder(double z) {
         const double apart = z - last_, square = apart * apart / 2;
         last_ = z;
-        // a step causes one large difference, which is limited to this
+        // limit for a squared difference, because a step causes a single large difference
         const double most = kOutlier * (power_ > 1 ? power_ : 1);
         power_ += kPower * ((square < most ? square : most) - power_);
         const double used = power_ > 1 ? z / std::sqrt(power_) : z;
@@ -204,11 +206,12 @@ class StepTest {
     StepSeen judge(int l, int size) {
         Level& level = levels_[l];
         level.suspect = Suspect{0, 0, 1};
-        // The usual sum in a longer window is taken to be at least that in a shorter window: a spectral line
-        // cancels in windows that are as long as its period, but not in shorter ones.
+        // The usual sum in a longer window is taken to be at least as large as that in a shorter window. The
+        // reason is that a spectral line cancels in windows that are as long as its period, but not in
+        // shorter ones.
         double absolute = l == 0 ? 0 : levels_[l - 1].absolute;
-        // Windows that were already tested as blocks of the level below, which has shorter blocks, are
-        // skipped.
+        // A window is skipped if it was already tested as blocks of the level below, which has shorter
+        // blocks.
         for (int w = l == 0 ? 0 : 1; w < kWindows; ++w) {
             const int blocks = blocks_of(w);
             if (blocks > level.count || blocks * size > kLongest) break;
@@ -229,7 +232,8 @@ class StepTest {
         return nothing();
     }
 
-    // Updates the usual sum in windows of one length. Only windows that do not overlap are used.
+    // Updates the usual mean square of the sums in windows of one length. Only windows that do not overlap
+    // are used.
     static void learn(Window& window, int blocks, int size, double sum, double outlier) {
         if (++window.since < blocks) return;
         window.since = 0;
@@ -244,8 +248,9 @@ class StepTest {
         window.usual += (used - window.usual) / (window.count + kWeight);
     }
 
-    // Returns the usual mean square of the sums in windows of one length, as a ratio to that of white
-    // innovations. If few such windows were seen, it is at least the largest ratio of all shorter windows.
+    // Returns the ratio of the usual mean square of the sums in windows of one length to that for white
+    // innovations. If there were only few such windows, the result is at least the largest ratio of all
+    // shorter windows.
     double usual(int l, int w) const {
         const Window& own = levels_[l].windows[w];
         double most = std::fmax(own.usual, 1);
@@ -305,8 +310,8 @@ class StepTest {
         return best;
     }
 
-    // kSuspected: shortest window in which a step is suspected. A step in a shorter window is either reported
-    // soon, or was chance.
+    // kSuspected: number of innovations in the shortest window in which a step is suspected. A step in a
+    // shorter window either is reported soon or was chance.
     enum { kLongest = 16384, kShortestDrift = 1024, kSuspected = 64 };
 
     StepSuspected suspected_ = StepSuspected{0, 0, 0};

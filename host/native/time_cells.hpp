@@ -8,7 +8,7 @@
 namespace fltea {
 
 struct TimeCell {
-    std::uint64_t first;  // number of the sample with which the cell begins
+    std::uint64_t first;  // number of the first sample of the cell
     std::uint32_t count;
     float mean, squares;  // mean of the values, and sum of their squared deviations from the mean
 };
@@ -17,8 +17,8 @@ class TimeCells {
   public:
     enum { kMost = 16 };
 
-    // `span`: fixed number of values in a cell; when all cells are full, the oldest one is dropped. 0: when
-    // all cells are full, neighbouring cells are joined instead, so that cells become wider.
+    // `span`: fixed number of values in a cell. When all cells are full, the oldest cell is dropped. If
+    // `span` is 0, neighbouring cells are joined instead, so that cells become wider.
     explicit TimeCells(std::uint32_t span = 0) : each_(span > 0 ? span : 1), forgets_(span > 0), size_(0) {}
 
     int size() const { return size_; }
@@ -60,8 +60,8 @@ class TimeCells {
         }
     }
 
-    // Saves or loads each number by calling io.number or io.real(value, low, high). The result is valid if
-    // io.sound() is true.
+    // Saves or loads each number by calling io.number(value, low, high) or io.real(value, low, high). If
+    // io.sound() is true afterwards, the numbers are valid.
     template <typename Io>
     void visit(Io& io) {
         io.number(size_, 0, kMost);

@@ -9,13 +9,13 @@ namespace fltea {
 // At scale s, the means of two neighbouring groups of 2^s values are compared; the pairs of groups do not
 // overlap. A pair contributes 2^s d²/2, where d is the difference of the two means. For independent values,
 // the mean of these contributions is the variance of the values at every scale (Percival and Walden, Wavelet
-// Methods for Time Series Analysis, 2000). With more values, the precision grows at every scale, whereas the
-// cells of time_cells.hpp become wider.
+// Methods for Time Series Analysis, 2000). As values are added, the precision grows at every scale, whereas
+// the cells of time_cells.hpp become wider.
 template <int kScales>
 class TimeScales {
   public:
-    // `span`: number of values after which the pairs so far become old ones. After as many values again, the
-    // old pairs are forgotten. 0: nothing is forgotten.
+    // `span`: After this number of values, all pairs so far become old pairs. After another `span` values,
+    // the old pairs are forgotten. If `span` is 0, nothing is forgotten.
     explicit TimeScales(std::uint32_t span = 0) : span_(span), waiting_(0) { clear(); }
 
     static int size() { return kScales; }
@@ -47,8 +47,8 @@ class TimeScales {
             old_sum_[s] += other.old_sum_[s];
             old_pairs_[s] += other.old_pairs_[s];
         }
-        // Where the first mean of a pair waits for the second one, it is added here. The longest group of
-        // values comes first, because it is the earliest.
+        // Where the first mean of a pair still waits for the second one, the waiting mean is added to these
+        // sums. The mean of the longest group of values comes first, because that group is the earliest.
         for (int s = kScales - 1; s >= 0; --s) {
             if (other.waits(s)) add(s, other.first_[s]);
         }
@@ -97,10 +97,10 @@ class TimeScales {
     double sum_[kScales];   // sum of the contributions of the pairs
     float first_[kScales];  // first mean of a pair whose second mean is not complete yet
     std::uint32_t pairs_[kScales];
-    float old_sum_[kScales];  // these sums over the `span` values before the present ones
+    float old_sum_[kScales];  // sums as in sum_, over the `span` values before the present ones
     std::uint32_t old_pairs_[kScales];
     std::uint32_t span_;
-    std::uint32_t waiting_;  // one bit per scale: whether first_ waits for a second mean
+    std::uint32_t waiting_;  // one bit for each scale: whether first_ waits for a second mean
 };
 
 }  // namespace fltea

@@ -34,7 +34,7 @@ class Timebase {
         if (!any_ || delay_s < earliest_.delay) earliest_ = {device_s, delay_s};
         any_ = true;
         // In the first second there is no fit of the clocks yet. Each arrival with a shorter delay than all
-        // before shifts the times that follow.
+        // earlier arrivals shifts the times of the samples after it.
         const double estimate_s =
             seconds_.empty() ? device_s + earliest_.delay
                              : device_s + fit_.centre.delay + fit_.slope * (device_s - fit_.centre.device);
@@ -64,8 +64,8 @@ class Timebase {
     static constexpr std::int64_t kSecondUs = 1'000'000;
     static constexpr std::size_t kSecondsKept = 600, kSecondsForPpm = 10;
     static constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
-    // Standard deviations, assumed before any measurement, of a delay and of the ratio of the two clocks'
-    // rates. A sensor's own oscillator is accurate to 1 %.
+    // Standard deviations that are assumed before any measurement: of a delay, and of the ratio of the two
+    // clocks' rates. A sensor's own oscillator is accurate to 1 %.
     static constexpr double kDelayStdS = 1e-3, kClockStd = 1e-2;
 
     void begin(std::int64_t seq, std::int64_t device_us, std::int64_t host_ns) {
@@ -88,7 +88,7 @@ class Timebase {
     std::int64_t origin_us_ = 0, origin_ns_ = 0, second_end_us_ = 0;
     std::int64_t last_ns_ = std::numeric_limits<std::int64_t>::min();
     std::deque<Arrival> seconds_;  // earliest arrival of each finished second
-    Arrival earliest_ = {};        // the earliest arrival of the second in progress; times in s
+    Arrival earliest_ = {};        // earliest arrival of the second in progress; its times are in s
     ClockFit fit_;
     bool begun_ = false, any_ = false;
 };

@@ -25,8 +25,8 @@ namespace {
 using Lane = fltea::track::AxisTracker;
 using Event = fltea::track::TrackerEvent;
 
-// The fields of TrackerEvent, in order: kind, row, axis, number of samples since the event began, size and
-// its standard deviation, duration of the motion.
+// The fields of TrackerEvent, in order: kind, row, axis, number of samples since the event began, size,
+// standard deviation of the size, duration of the motion.
 using EventTuple = std::tuple<int, size_t, int, std::int64_t, double, double, std::int64_t>;
 
 class Tracker : public fltea::TrackerPart {
@@ -118,11 +118,12 @@ class Tracker : public fltea::TrackerPart {
         return {one.origin(), std::move(found)};
     }
 
-    // Figures of each lane (axis), in order. Numbers of samples in motion, of restarts and of steps. Of the
-    // innovations: the correlation of neighbours, NIS, the Ljung-Box statistic, and the number of innovations
-    // from which it is computed. For each length over which the bias is checked: the number of checks, and
-    // the root mean square of the errors divided by their expected standard deviations. The bias and its
-    // standard deviation after the newest sample, which are NaN before the first sample.
+    // Figures of each lane (axis), in this order. First, the numbers of samples in motion, of restarts and of
+    // steps. Second, four figures of the innovations: the correlation of neighbours, NIS, the Ljung-Box
+    // statistic, and the number of innovations from which that statistic is computed. Third, for each length
+    // over which the bias is checked, the number of checks, and the root mean square of the ratios of errors
+    // to their expected standard deviations. Fourth, the bias and its standard deviation after the newest
+    // sample, which are NaN before the first sample.
     using Check = std::tuple<uint64_t, double>;
     using Stats = std::tuple<uint64_t, uint64_t, uint64_t, double, double, double, int, std::vector<Check>,
                              double, double>;

@@ -15,9 +15,9 @@
 namespace fltea {
 namespace track {
 
-// Numbers of samples over which the bias is meant and checked. `ahead`: the bias is the expected mean over
-// this number of future samples; 0: it is the bias of the newest sample. `checked`: lengths over which the
-// bias is checked (bias_check.hpp); 0: no check.
+// Numbers of samples over which the bias is defined and checked. `ahead`: The bias is the expected mean over
+// this number of future samples. If `ahead` is 0, it is the bias of the newest sample. `checked`: lengths
+// over which the bias is checked (bias_check.hpp). If a length is 0, there is no check.
 struct BiasLengths {
     enum { kChecks = 3 };
     std::int64_t ahead = 0;
@@ -30,7 +30,7 @@ class TrackerModel {
     enum { kRivals = 2 };
 
     struct Rival {
-        Noise system = Noise();  // its bias is the forecast over `ahead` samples
+        Noise system = Noise();  // in this system, the bias is the forecast over `ahead` samples
         double now[kMost] = {};  // weight of each state in the bias of the newest sample
         RiccatiMap<kMost> map;
         // negative logarithm of the system's probability
@@ -39,8 +39,8 @@ class TrackerModel {
         MeanAhead<kMost> checked[BiasLengths::kChecks] = {};
     };
 
-    // `absolute`: whether the published state includes the origin of the samples, as it has to if the state
-    // of this model has no mean of its own.
+    // `absolute`: whether the published state includes the origin of the samples. It has to if the state of
+    // this model has no mean of its own.
     explicit TrackerModel(bool absolute = false) : absolute_(absolute) {}
 
     // Makes the model from `systems`, which must have the same number of states. Returns null if no filter
@@ -61,8 +61,8 @@ class TrackerModel {
     std::size_t count() const { return rivals_.size(); }
     const Rival& rival(std::size_t i) const { return rivals_[i]; }
     const BiasLengths& lengths() const { return lengths_; }
-    // Spectral density at frequency 0 of the noise in the samples that does not belong to the bias. Divided
-    // by a number of samples, it is the variance of this noise in their mean.
+    // Spectral density at frequency 0 of the noise in the samples that does not belong to the bias. This
+    // density divided by a number of samples is the variance of this noise in the mean of these samples.
     double density() const { return density_; }
     std::size_t likeliest() const {
         std::size_t best = 0;
@@ -74,8 +74,9 @@ class TrackerModel {
 
     static double unlikely(double weight) { return -std::log(std::fmax(weight, kLeast)); }
 
-    // Loads or saves what precedes the systems of the model. visit_rival() does the same for one system. The
-    // forecasts for the bias checks are saved elsewhere, together with the results of these checks.
+    // Loads or saves the numbers of the model that come before those of its systems. visit_rival() does the
+    // same for one system. The forecasts for the bias checks are saved elsewhere, together with the results
+    // of these checks.
     template <typename Io>
     void visit_beginning(Io& io) {
         std::size_t count = rivals_.size();

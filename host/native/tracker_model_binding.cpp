@@ -39,8 +39,8 @@ void copy(const Matrix& from, double* to, size_t n) {
     for (size_t i = 0; i < n * n; ++i) to[i] = from.data()[i];
 }
 
-// Raises ValueError if `s` has numbers with which no filter can work. These are the numbers that would be
-// rejected in a snapshot, too.
+// Raises ValueError if `s` has numbers with which no filter can work. The same numbers would be rejected in a
+// snapshot.
 void check(Noise& s) {
     std::vector<double> numbers;
     fltea::NumberSaver saver(numbers);

@@ -15,8 +15,8 @@ class WalkBank {
   public:
     enum { kFewest = 16 };
 
-    // `ahead`: the bias is the expected mean over this number of future samples; 0: it is the bias of the
-    // newest sample.
+    // `ahead`: The bias is the expected mean over this number of future samples. If `ahead` is 0, it is the
+    // bias of the newest sample.
     explicit WalkBank(std::int64_t ahead) : all_(&BankMembers::of(ahead)) {
         for (int i = 0; i < all_->count(); ++i) {
             members_.emplace_back(i);
@@ -52,8 +52,8 @@ class WalkBank {
         weigh();
     }
 
-    // Returns the weighted estimates of all filters, in the unit of the samples. The bank does not
-    // distinguish state and bias, so it returns the bias for both.
+    // Returns the weighted mean of the estimates of all filters, in the unit of the samples. The bank does
+    // not distinguish state and bias, so it returns the bias for both.
     Known known() const {
         Known all = Known{0, 0, 0, 0, innovation(), variance()};
         double weights = 0, squares = 0;
@@ -110,11 +110,12 @@ class WalkBank {
     struct Member {
         explicit Member(int which = 0) : index(which) {}
         int index;
-        // sums over the innovations: of log S, and of the squares divided by S, where S is the predicted
-        // variance
+        // two sums over the innovations: the sum of log S, and the sum of the squared innovations divided by
+        // S, where S is the predicted variance
         double logs = 0, squares = 0;
-        double e = 0, unlikely = 0;  // innovation of the newest sample; `unlikely`: -log L of all samples
-        double weight = 1;           // likelihood relative to that of the best filter
+        // `e`: innovation of the newest sample; `unlikely`: -log L of all samples
+        double e = 0, unlikely = 0;
+        double weight = 1;  // likelihood relative to that of the best filter
         HeldLog log_S;
         Kalman<BankMembers::kMost> filter;
 

@@ -40,10 +40,10 @@ class Whiteness {
     }
 
     // Whether the innovations were white when the last block of a hundred innovations was complete. The
-    // result does not depend on how often this is called.
+    // result does not depend on how often this function is called.
     bool is_white() const { return white_; }
 
-    // Call this if an innovation is missing, so that the next one has no neighbour.
+    // Call this if an innovation is missing. The next innovation then has no neighbour before it.
     void skip() { before_ = 0; }
 
     // Correlation of neighbouring innovations. For n white innovations it has the mean 0 and the standard
@@ -53,8 +53,8 @@ class Whiteness {
         return all.n >= kFewest && all.squares > 0 ? all.products[0] / all.squares : __builtin_nan("");
     }
 
-    // Mean of the squared innovations divided by their predicted variance (NIS). It is 1 if that variance is
-    // right.
+    // Mean of the ratio of each squared innovation to its predicted variance (NIS). It is about 1 if the
+    // predicted variance is right.
     double nis() const {
         const Sums all = sum();
         return all.n >= kFewest ? all.normalised / all.n : __builtin_nan("");
@@ -108,7 +108,8 @@ class Whiteness {
     };
     static const int kBlock = 100, kBlocks = 9, kFewest = 200;
     // Limit of the Ljung-Box statistic for white innovations, which exceed it once in a thousand cases. The
-    // second limit of innovation_whiteness.py is not needed here, because 1,000 innovations cannot reach it.
+    // second limit that innovation_whiteness.py has is not needed here, because 1,000 innovations cannot
+    // reach it.
     static constexpr double kColoured = 45.314746618125859;
 
     Sums sum() const {
