@@ -1,5 +1,5 @@
-// Limits some work to a proportion of the processor time. Passing time adds kPercent of itself to an
-// allowance, and the work uses the allowance up.
+// Limits some work to a proportion of the processor time. kPercent of the time that passes is added to an
+// allowance. The time that the work takes is subtracted from it.
 #pragma once
 
 #include <stdint.h>
@@ -15,7 +15,7 @@ class Allowance {
         earned_ = 0;
     }
 
-    // Adds the time until now_us. Call this at least once in ten minutes.
+    // Adds to the allowance for the time until now_us. Call this at least once in ten minutes.
     void pass(uint32_t now_us) {
         const uint32_t passed_us = now_us - at_us_;
         at_us_ = now_us;

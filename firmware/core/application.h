@@ -48,7 +48,7 @@ class Application {
         const uint32_t now_us = clock_.now_us();
         sampler_.begin(now_us);
         // HELLO and STATUS are sent in the middle between two sampling instants. On a board that does not
-        // sleep, a sampling instant might otherwise have to wait until they are written.
+        // sleep, a sampling instant might otherwise have to wait until these frames are written.
         const uint32_t mid_us = now_us - now_us % kPeriodUs - kPeriodUs / 2;
         hello_.begin(mid_us);
         status_.begin(mid_us + kSecondUs / 2 / kPeriodUs * kPeriodUs);
@@ -90,8 +90,8 @@ class Application {
     void on_data_ready(uint32_t now_us) { sampler_.on_data_ready(now_us); }
 
   private:
-    // At compile time it is checked that the serial port can take all bytes of a second, among them HELLO,
-    // ESTIMATOR, STATUS, one FAULT and one FIT, and still has a tenth of its capacity free.
+    // The compiler checks that the serial port can take all bytes of a second with a tenth of its capacity
+    // still free. These bytes include HELLO, ESTIMATOR, STATUS, one FAULT and one FIT.
     static constexpr uint32_t kPeriodUs = settings::kSamplePeriodUs;
     static constexpr size_t kSamplesPerS = kSecondUs / settings::kSamplePeriodUs;
     // Largest number of SPECTRUM messages per second. Each of three axes is fitted every kFitEvery samples,
@@ -109,12 +109,13 @@ class Application {
         kBytesPerS < settings::kLineBaud / 10 * 9 / 10,
         "the line has to take all that is to be said: another FLTEA_RATE_HZ, FLTEA_BAUD or kEstimateEvery");
     // Time on the I2C bus for reading a sample and the registers that show whether the sensor is still set
-    // up. A byte takes nine clocks, and each transfer also sends addresses and a register number.
+    // up. A byte takes nine clock cycles of the bus, and each transfer also sends addresses and a register
+    // number.
     static constexpr uint32_t kReadUs =
         (Mpu9250::kBurstBytes + Mpu9250::kGuardBytes + 6) * 9 * 1000000 / settings::kI2cHz;
     static_assert(kReadUs < settings::kSamplePeriodUs * 3 / 4, "the bus has to take all samples");
-    // The estimates of three axes take 1.1 ms of processor time. In the middle between two samples, even a
-    // ring buffer as small as Arduino's needs room for ESTIMATOR (Link::send).
+    // The estimates of three axes take 1.1 ms of processor time. Even a ring buffer as small as Arduino's
+    // must have room for ESTIMATOR in the middle between two samples (Link::send).
     static_assert(!settings::kEstimate || settings::kSamplePeriodUs >= 2000, "too fast for estimates");
 
     static constexpr uint32_t kLateUs = settings::kSamplePeriodUs / 10;
@@ -136,22 +137,22 @@ class Application {
         if (settings::kEstimate && estimation_.add(reading.sample, sampler_.instant())) forget_estimates();
     }
 
-    // Drops the messages with results of the estimators that wait to be sent: they belong to an earlier
-    // start-up window.
+    // Drops the messages with results of the estimators that wait to be sent, because these results belong to
+    // an earlier start-up window.
     void forget_estimates() { estimate_due_ = fit_due_ = spectrum_due_ = false; }
 
-    // Whether there is time to estimate one axis. There is none while the previous estimate waits to be sent,
-    // or if the next sampling instant would have to wait. As the time that an estimate takes, the longest one
-    // so far is used, but at most half a sampling period.
+    // Whether there is time to estimate one axis. There is no time while the previous estimate waits to be
+    // sent, or if the next sampling instant would have to wait. An estimate is assumed to take as long as the
+    // longest one so far, but at most half a sampling period.
     bool may_estimate(uint32_t now_us) const {
         const uint32_t most_us = settings::kSamplePeriodUs / 2;
         return estimation_.busy() && !estimate_due_ && !estimator_due_ &&
                sampler_.until_next_us(now_us) > (longest_axis_us_ < most_us ? longest_axis_us_ : most_us);
     }
 
-    // Whether there is time for a slice of a fit, which is a small part of its computation. All estimates
-    // come first, the fits have a limited proportion of the processor time, and the next sampling instant
-    // must not have to wait.
+    // Whether there is time for a slice of a fit, which is a small part of its computation. There is time
+    // only if no estimate is due, if the fits have not used up their proportion of the processor time, and if
+    // the next sampling instant does not have to wait.
     bool may_fit(uint32_t now_us) const {
         const uint32_t most_us = settings::kSamplePeriodUs / 2;
         return settings::kFit && estimation_.noise().busy() && !estimation_.busy() && !fit_due_ &&
@@ -159,7 +160,7 @@ class Application {
                sampler_.until_next_us(now_us) > (longest_slice_us_ < most_us ? longest_slice_us_ : most_us);
     }
 
-    // Advances the estimator of one axis by one sample, if there is time. Returns whether it did.
+    // Advances the estimator of one axis by one sample, if there is time. Returns whether there was time.
     bool estimate(uint32_t now_us) {
         if (!settings::kEstimate || !may_estimate(now_us)) return false;
         const bool started = estimation_.started();
@@ -170,7 +171,7 @@ class Application {
         return true;
     }
 
-    // Does a slice of a fit, if there is time. Returns whether it did.
+    // Does a slice of a fit, if there is time. Returns whether there was time.
     bool fit(uint32_t now_us) {
         if (!settings::kFit) return false;
         fits_share_.pass(now_us);

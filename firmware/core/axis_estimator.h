@@ -1,6 +1,6 @@
 // The estimator of one gyroscope axis: start-up window, filter and supervisor. The filter is the same C++
-// template as on the host (engine/lane.hpp), here in float and with a memory in integers. It is compiled
-// once, in axis_estimator.cpp.
+// template as on the host (engine/lane.hpp). Here it works in float, and its memory in integers. The template
+// is compiled once, in axis_estimator.cpp.
 #pragma once
 
 #include <stddef.h>
@@ -28,18 +28,18 @@ class AxisEstimator {
     // Ends the full start-up window and starts the filter.
     void start();
 
-    // Sets the variances Q and R of the filters, which keep their memory. Before start() has made a filter,
-    // this does nothing.
+    // Sets the variances Q and R of the filters. The filters keep their memory. Before start() has made a
+    // filter, this function does nothing.
     void retune(float Q_dps2, float R_dps2);
 
-    // Processes one sample after the start-up window. Null means that the sample is lost; the filter then
-    // only predicts it.
+    // Processes one sample after the start-up window. A null pointer means that the sample is lost. The
+    // filter then only predicts the sample.
     void step(const int16_t* count);
 
     // Writes all fields of an ESTIMATE except axis, sample and age.
     void report(Estimate& message) const;
 
-    // The bias and the variance R of the white noise. Both are 0 until the start-up window is full; R is also
+    // The bias and the variance R of the white noise. Both are 0 until the start-up window is full. R is also
     // 0 for an axis whose samples were all equal. retune() changes R.
     float bias_dps() const;
     float r_dps2() const;
@@ -61,7 +61,7 @@ class AxisEstimator {
 
     engine::Baseline<int16_t> baseline_;
     engine::Supervisor<float> supervisor_;
-    // null until the start-up window is full, and for an axis whose samples were all equal
+    // null until the start-up window is full; also null for an axis whose samples were all equal
     Filter* filter_ = nullptr;
     uint16_t restarts_ = 0;
     bool valid_ = false;

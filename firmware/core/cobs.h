@@ -10,8 +10,8 @@ namespace fltea {
 // Largest number of bytes after encoding n bytes.
 constexpr size_t cobs_max_encoded(size_t n) { return n == 0 ? 1 : n + (n + 253) / 254; }
 
-// Encodes the bytes that are passed to put(), one by one, and writes them to `out`, which must have room for
-// cobs_max_encoded(n) bytes for n of them.
+// Encodes the bytes that are passed to put() one by one, and writes the result to `out`. For n bytes, `out`
+// must have room for cobs_max_encoded(n) bytes.
 class CobsEncoder {
   public:
     explicit CobsEncoder(uint8_t* out) : out_(out) {}
@@ -48,7 +48,8 @@ class CobsEncoder {
     // index in `out` of the code byte of the block in progress, which is written when the block ends
     size_t block_ = 0;
     size_t end_ = 1;
-    uint8_t code_ = 1;  // value of the code byte: distance from it to the 0x00 that is left out
+    // value of the code byte: distance from the code byte to the 0x00 that the encoding leaves out
+    uint8_t code_ = 1;
 };
 
 inline size_t cobs_encode(const uint8_t* data, size_t n, uint8_t* out) {

@@ -9,7 +9,7 @@ namespace fltea {
 class Crc32 {
   public:
     void add(uint8_t byte) {
-        // Processes half a byte per step, with a table of 64 bytes in place of the usual 1,024 bytes. That is
+        // Processes half a byte per step, with a table of 64 bytes in place of the usual 1,024 bytes. This is
         // fast enough for the 28 bytes of a SAMPLE at 100 Hz.
         static const uint32_t table[16] = {
             0x00000000, 0x1DB71064, 0x3B6E20C8, 0x26D930AC, 0x76DC4190, 0x6B6B51F4, 0x4DB26158, 0x5005713C,

@@ -1,5 +1,5 @@
-// Passes number and time of the edges on the sensor's data-ready pin from the interrupt handler to the main
-// loop.
+// Passes the number of edges on the sensor's data-ready pin, and the time of the last edge, from the
+// interrupt handler to the main loop.
 #pragma once
 
 #include <stdint.h>

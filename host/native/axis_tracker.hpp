@@ -152,8 +152,8 @@ class AxisTracker {
 
     // The kind of change of the bias that the step test has detected at the newest sample.
     StepSeen::Kind seen() const { return seen_.kind; }
-    // Whether the detected step is too large for a step of the bias. This is so if it would move the bias
-    // away from its settled value (settled_bias()) by more than largest_step().
+    // Whether the detected step is too large for the bias: it would move the bias by more than largest_step()
+    // away from its settled value (settled_bias()).
     bool is_too_far() const { return !(std::fabs(bias() + step_size() - settled_bias()) <= largest_step()); }
 
     // Accepts the detected step: from now on, the bias is computed from the samples after the step. Returns

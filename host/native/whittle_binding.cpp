@@ -1,5 +1,5 @@
-// Fits of noise models for Python (host/fltea/spectrum/candidate_models.py). The bins of a spectrum are given
-// once, and then any number of models can be fitted to them.
+// Makes fits of noise models available in Python (host/fltea/spectrum/candidate_models.py). Python passes the
+// bins of a spectrum once, and can then fit any number of models to them.
 #include "whittle_binding.hpp"
 
 #include <nanobind/ndarray.h>
@@ -58,8 +58,8 @@ Terms terms_of(const std::vector<int>& codes) {
     return terms;
 }
 
-// A noise model for Python: the numbers of its parts, the values of their parameters, and -log L. An empty
-// list of parts means that there is no model.
+// A noise model for Python: the numbers of the model's noise parts, the values of their parameters, and -log
+// L. An empty list of parts means that there is no model.
 using Raw = std::tuple<std::vector<int>, std::vector<double>, double>;
 
 Raw raw_of(const FittedModel& s) {
@@ -118,8 +118,8 @@ class Fitted {
         return {std::move(eta), nll};
     }
 
-    // Returns the models white, null, plain, rich, pure, ordered and missing (Frontier). `last`: these models
-    // from an earlier search, which are only fitted again to the present bins; empty for a new search.
+    // Returns the models white, null, plain, rich, pure, ordered and missing (Frontier). `last`: the seven
+    // models from an earlier search, which are only fitted again to the present bins; empty for a new search.
     std::vector<Raw> search(const std::vector<Raw>& last) {
         std::vector<FittedModel> before;
         for (const Raw& one : last) {
@@ -141,9 +141,9 @@ class Fitted {
                 raw_of(f.pure),  raw_of(f.ordered), raw_of(f.missing)};
     }
 
-    // The null test compares white noise with an order and with a high-pass. Returns for both by how much
-    // their 2 log L exceeds that of white noise, and then the free parameters of both. `last`: these free
-    // parameters from an earlier test, or empty.
+    // The null test compares white noise with an order and with a high-pass. Returns by how much the 2 log L
+    // of each of these two exceeds that of white noise, and then the free parameters of both. `last`: the
+    // free parameters of both from an earlier test, or empty.
     std::tuple<double, double, std::vector<double>> null_test(const std::vector<double>& last) {
         if (!last.empty() && last.size() != NullFits::kOrderFree + 3)
             refuse("a null test has seven coordinates, of an order and of a high-pass in white noise");
@@ -156,9 +156,9 @@ class Fitted {
         return {2 * (found.white.nll - found.order.nll), 2 * (found.white.nll - found.missing.nll), eta};
     }
 
-    // Returns the end of a parameter's interval as interval_end() finds it, or NaN if there is none. Also
-    // returns the differences between all parameters at that end and the best parameters. `last`: these
-    // differences from an earlier fit, or empty.
+    // Returns the end of a parameter's interval as interval_end() finds it, or NaN if the interval has no
+    // end. Also returns the differences between all parameters at that end and the best parameters. `last`:
+    // the differences from an earlier fit, or empty.
     std::pair<double, std::vector<double>> end(const std::vector<int>& codes, const std::vector<double>& eta,
                                                double nll, int index, int side, double limit, double step,
                                                double usual, double at_bound, std::vector<double> last) {
@@ -195,7 +195,7 @@ class Fitted {
     }
 
   private:
-    // ratio of the longest correlation time that is tried to the longest one that the spectrum can show
+    // Correlation times are tried up to this many times the longest one that the spectrum can show.
     static constexpr double kSlowest = 300;
 
     void set_orders(double lowest, double highest) {
@@ -205,9 +205,10 @@ class Fitted {
     Bins bins_;
 };
 
-// Returns the table of noise parts for Python, in the order of the parts' numbers. A row has the part's name;
-// its free parameters, each with kind of value, lowest and highest value; its traits; the question of the
-// verdict that the part answers; and the number of further parameters of which a search tries many values.
+// Returns the table of noise parts for Python, in the order of the parts' numbers. A row has five columns:
+// the part's name; its free parameters, each with kind of value, lowest and highest value; its traits; the
+// question of the verdict that the part answers; and the number of further parameters of which a search tries
+// many values.
 using RawCoordinate = std::tuple<std::string, double, double>;
 using RawRow =
     std::tuple<std::string, std::vector<RawCoordinate>, std::vector<std::string>, std::string, int>;

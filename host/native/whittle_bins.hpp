@@ -17,7 +17,7 @@ namespace noise_models {
 
 // Allocates memory that begins at a cache line. A pack of numbers that extends over two cache lines takes
 // twice as long to write. C++11 cannot allocate memory with such an alignment. A larger piece is therefore
-// allocated, and its address is stored in front of the memory that is used.
+// allocated, and the address of this piece is stored in front of the memory that is used.
 template <class T>
 struct OnLines {
     typedef T value_type;
@@ -39,8 +39,8 @@ struct OnLines {
 };
 typedef std::vector<double, OnLines<double>> Numbers;
 
-// Distance between the beginnings of consecutive rows that have `size` numbers each, counted in numbers. It
-// is a whole number of cache lines.
+// For rows of `size` numbers each, returns the distance between the beginnings of consecutive rows, counted
+// in numbers. The distance is a whole number of cache lines.
 inline std::size_t stride_of(std::size_t size) {
     constexpr std::size_t kStep = OnLines<double>::kLine / sizeof(double);
     return (size + kStep - 1) / kStep * kStep;
@@ -54,8 +54,8 @@ struct Bins {
 
     Bins() = default;
     // `frequencies` are above 0 and rise up to π. `walks`: spectrum of a random walk whose steps have unit
-    // variance. `windows`: for each bin, the mean square of the frequency distance over which the window of
-    // the spectrum averages [rad²].
+    // variance. `windows`: for each bin, the mean square distance of the frequencies over which the window of
+    // the spectrum averages from the bin's frequency [rad²].
     Bins(const Kernel& used, Numbers frequencies, Numbers ordinates_of, Numbers powers, Numbers walks,
          const Numbers& windows, double h)
         : kernel(&used),
@@ -73,8 +73,8 @@ struct Bins {
         if (size()) lowest = lam[0];
         mean /= ordinates;
     }
-    // Bins at any frequencies, without data, for computing the spectrum of noise parts. `read` selects the
-    // columns that these parts read.
+    // Makes bins without data at any frequencies, for computing the spectrum of noise parts. `read` selects
+    // the columns that these parts read.
     Bins(const Kernel& used, Numbers frequencies, unsigned read, double h)
         : kernel(&used),
           counts(frequencies.size()),

@@ -22,7 +22,8 @@ inline int free_of(const Terms& terms) {
     return count;
 }
 
-// Returns the noise parts that have one of `traits` (if it is 0, all parts) and none of `without`.
+// Returns the noise parts that have at least one of `traits` and none of `without`. If `traits` is 0, parts
+// with any traits are returned, except those of `without`.
 inline std::vector<Part> parts_with(unsigned traits, unsigned without = 0) {
     std::vector<Part> found;
     for (const Row& row : kTable)
@@ -31,7 +32,7 @@ inline std::vector<Part> parts_with(unsigned traits, unsigned without = 0) {
 }
 
 // Writes the lowest and highest values of the parameters of a noise part to `low` and `high`. `slowest`:
-// factor by which correlation times may exceed the longest one that the spectrum can show.
+// correlation times may be up to this many times the longest one that the spectrum can show.
 inline void bounds_of(const Term& term, const Bins& bins, double slowest, double* low, double* high) {
     const double power = std::log(bins.mean), least = power - kSmallest, most = power + kLargest;
     const double slow = std::log(bins.lowest / slowest), top = std::log(kPi);
@@ -132,7 +133,8 @@ class Spectrum {
         return row(i);
     }
 
-    // Writes the first derivatives of -log L by the parameters, and its expected second derivatives.
+    // Writes the first derivatives of -log L by the parameters, and the expected second derivatives of -log
+    // L.
     void derivatives(int free, double* gradient, double (*information)[kMostFree]) {
         const double* rows[kMostFree];
         for (int i = 0; i < free; ++i) rows[i] = slope(i);
@@ -144,7 +146,7 @@ class Spectrum {
     double* row(int i) { return rows_.data() + static_cast<std::size_t>(i) * stride_; }
 
     // Converts the derivatives of single parts and gains into those of the logarithm of the whole spectrum.
-    // This is done when such a derivative is first needed.
+    // This function is called when such a derivative is first needed.
     void scale() {
         for (int k = 0; k < free_ && !scaled_; ++k) bins_->kernel->times(size_, row(k), by_[k], row(k));
         scaled_ = true;
@@ -176,8 +178,8 @@ inline bool factor(int n, double (*a)[kMostFree]) {
     return true;
 }
 
-// Solves L x = b, where L is the Cholesky factor in `a`, and writes x to `b`. With `both`, solves L L' x = b
-// instead.
+// Solves L x = b, where L is the Cholesky factor in `a`, and writes x to `b`. If `both` is true, solves L L'
+// x = b instead.
 inline void substitute(int n, const double (*a)[kMostFree], double* b, bool both) {
     for (int i = 0; i < n; ++i) {
         for (int k = 0; k < i; ++k) b[i] -= a[i][k] * b[k];
@@ -189,16 +191,16 @@ inline void substitute(int n, const double (*a)[kMostFree], double* b, bool both
     }
 }
 
-constexpr double kLongest = 3;  // largest change of a parameter in one step of a fit
+constexpr double kLongest = 3;  // in one step of a fit, no parameter changes by more than this
 
 struct Patience {
     int steps = 60;
     double converged = 1e-5;  // a step that lowers -log L by less than this counts as small
-    // factor by which correlation times may exceed the longest one that the spectrum can show
+    // correlation times may be up to this many times the longest one that the spectrum can show
     double slowest = 1;
-    // A parameter about which the data say less than this (Fisher information) is ignored when the length of
-    // a step is limited, because its own change would be endless. A model search does not use this rule: with
-    // it, a relaxation would hastily turn into a filter of one pole.
+    // If the Fisher information on a parameter is less than this, the parameter is ignored when the length of
+    // a step is limited, because its own change would be endless. A model search does not use this rule,
+    // because a relaxation would then turn into a filter of one pole too soon.
     double nothing = 0;
 
     Patience() = default;
@@ -215,8 +217,9 @@ struct Room {
     explicit Room(const Bins& of) : bins(of), here(of), there(of) {}
 };
 
-// Fits a model: searches for the best parameters, starting from `eta`, writes them to `eta`, and returns
-// their -log L. The parameter with index `held` keeps its value; if `held` is -1, all parameters are free.
+// Fits a model. Searches for the best parameters, starting from those in `eta`, writes the best ones to
+// `eta`, and returns their -log L. The parameter with index `held` keeps its value. If `held` is -1, all
+// parameters are free.
 inline double score(Room& room, const Terms& terms, double* eta, int held, const Patience& patience) {
     const int free = free_of(terms);
     double low[kMostFree], high[kMostFree], gradient[kMostFree];
@@ -253,7 +256,7 @@ inline double score(Room& room, const Terms& terms, double* eta, int held, const
             if (!factor(count, damped)) continue;
             substitute(count, damped, move, true);
             // The step is shortened so that no parameter changes by more than 3. Parameters are logarithms
-            // and the like, and beyond such a change the derivatives say nothing.
+            // and the like, and after a larger change the derivatives say nothing.
             double longest = kLongest;
             for (int a = 0; a < count; ++a)
                 if (information[index[a]][index[a]] > patience.nothing)
@@ -276,7 +279,7 @@ inline double score(Room& room, const Terms& terms, double* eta, int held, const
         nll = found;
         std::swap(here, there);
         damping = std::fmax(damping / 6, 1e-9);
-        // While the damping is strong, a single small step does not end the fit.
+        // A single small step does not end the fit while the damping is strong.
         small = gained < patience.converged ? small + 1 : 0;
         if (small > 2 || (small && damping < 1e-2)) break;
     }

@@ -1,5 +1,5 @@
-// The parts that a search may add to a noise model, and how much the likelihood would gain by each (Rao's
-// score).
+// The noise parts that a search may add to a noise model, and how much each of them would raise the
+// likelihood (Rao's score).
 #pragma once
 
 #include <algorithm>
@@ -15,8 +15,8 @@
 namespace fltea {
 namespace noise_models {
 
-// A part that may be added to a model. `shape` is its spectrum for the parameters `eta` or, for a filter, the
-// logarithm of its gain.
+// A part that may be added to a model. `shape` is the spectrum of the part for the parameters `eta`. For a
+// filter, `shape` is the logarithm of the filter's gain.
 struct Candidate {
     Term term;
     double eta[3];
@@ -38,7 +38,8 @@ inline Candidate candidate(const Bins& bins, const Term& term, double a, double 
 }
 
 // Returns the candidate for the same filter with white noise added behind it, so that some power remains
-// where the filter blocks. A random walk in white noise has such a spectrum if it passes this filter.
+// where the filter blocks. For example, a random walk in white noise has such a spectrum after it has passed
+// the filter.
 inline Candidate leaking(const Bins& bins, Candidate filter) {
     constexpr double kLeak = 0.2;
     for (std::size_t i = 0; i < bins.size(); ++i) {
@@ -50,8 +51,8 @@ inline Candidate leaking(const Bins& bins, Candidate filter) {
     return filter;
 }
 
-// How much adding a candidate to a model raises 2 log L, by Rao's score with all parameters of the model
-// free.
+// By how much adding a candidate to a model raises 2 log L. This follows from Rao's score with all parameters
+// of the model free.
 // `log_power`: logarithm of the ratio of the added part's best power to the candidate's power. For a filter,
 // two figures are computed, and the larger one counts: the gain by the complete filter, and Rao's score for a
 // small exponent of the filter's gain.
@@ -78,8 +79,8 @@ class Gains {
         sound_ = factor(free_, information);
         if (!sound_) return;
         substitute(free_, information, slope_, false);
-        // The derivatives of the logarithm of the spectrum by the model's parameters, made orthogonal to each
-        // other and multiplied by the numbers of ordinates.
+        // The derivatives of the logarithm of the spectrum by the model's parameters. They are made
+        // orthogonal to each other, and then multiplied by the numbers of ordinates.
         normal_.resize(static_cast<std::size_t>(free_) * stride_);
         for (std::size_t i = 0; i < size_; ++i) {
             double column[kMostFree];
@@ -124,8 +125,8 @@ class Gains {
 
   private:
     static constexpr double kLocal =
-        // upper limit of Rao's score for a filter, which is inaccurate because adding a filter is a large
-        // change
+        // Upper limit of Rao's score for a filter. The score is inaccurate, because adding a filter is a
+        // large change.
         30;
 
     // Returns how much 2 log L rises if the complete filter is added and the whole spectrum is scaled to fit
@@ -149,10 +150,11 @@ class Gains {
     double slope_[kMostFree];
 };
 
-// value of the free parameter for the number of poles that gives a filter with little more than one pole
+// With this value of the free parameter that stands for the number of poles, a filter has little more than
+// one pole.
 constexpr double kNearlyOnePole = -4.0;
 
-// The candidates for noise parts; each has the power 1.
+// The candidates for noise parts. Each of them has the power 1.
 typedef std::vector<Candidate> Candidates;
 
 // Makes all candidates for one noise part, at the parameters that its row of the table states (Starts).
@@ -257,8 +259,9 @@ inline Candidates orders_to_add(const Bins& of) {
 }
 
 // Returns the candidates that the function `make` makes for these bins. Candidates depend on the frequencies
-// of the bins, not on the power in them, so the axes of a sensor share them. The newest two sets are kept,
-// because fits of the whole spectrum alternate with fits of the spectrum without its disturbed bins.
+// of the bins, not on the power in the bins, so the axes of a sensor share them. The newest two sets of
+// candidates are kept, because fits of the whole spectrum alternate with fits of the spectrum without its
+// disturbed bins.
 template <Candidates (*make)(const Bins&)>
 std::shared_ptr<const Candidates> shared(const Bins& bins) {
     struct Made {

@@ -11,7 +11,8 @@
 namespace fltea {
 namespace noise_models {
 
-constexpr double kNoWhite = 0.01;  // white noise is negligible if removing it raises -log L by less than this
+// white noise is negligible if -log L rises by less than this when it is removed
+constexpr double kNoWhite = 0.01;
 
 // Returns -log L of the same model with its white noise removed.
 inline double without_white(Room& room, const Terms& terms, std::vector<double> eta) {
@@ -19,20 +20,20 @@ inline double without_white(Room& room, const Terms& terms, std::vector<double> 
     return room.here.at(terms, eta.data());
 }
 
-// The interval of a parameter ends where 2 log L of the best fit with this value of the parameter is lower by
-// `usual` than that of the best fit of all. If the fit at the end has no white noise, the loss there is
-// `at_bound`.
+// At a value of a parameter, the loss is how much lower 2 log L of the best fit with this value is than that
+// of the best fit of all. The interval of the parameter ends where the loss is `usual`. If the fit at the end
+// has no white noise, the interval ends where the loss is `at_bound`.
 struct Critical {
-    double usual, at_bound;  // if both are equal, it does not matter whether there is white noise
+    double usual, at_bound;  // if both are equal, it does not matter whether the fit has white noise
 };
 
 // A value of the parameter that was tried, and all parameters of the best fit with this value.
 struct Tried {
-    double value, excess;  // `excess`: by how much 2 log L is lower than that of the best fit of all
+    double value, excess;  // `excess`: by how much 2 log L is lower than 2 log L of the best fit of all
     std::vector<double> eta;
 };
 
-// Returns the standard deviation of parameter i, as it would be if log L were a parabola. Writes to `by` how
+// Returns the standard deviation that parameter i would have if log L were a parabola. Writes to `by` how
 // much the best values of the other parameters change when parameter i changes by 1.
 inline double direction(const Bins& bins, const Terms& terms, const std::vector<double>& best, int i,
                         std::vector<double>& by) {
@@ -50,19 +51,20 @@ inline double direction(const Bins& bins, const Terms& terms, const std::vector<
     return std::sqrt(row[i]);
 }
 
-constexpr double kNear = 3e-3;  // accuracy of an end, as a fraction of its distance from the best value
+// accuracy of an end of an interval, as a fraction of its distance from the best value
+constexpr double kNear = 3e-3;
 
-// A fit begins with white noise that is smaller than the power at the highest frequencies. This is the
-// logarithm of the ratio.
+// A fit begins with white noise that is weaker than the power at the highest frequencies. This is the
+// logarithm of the ratio of that power to the white noise.
 constexpr double kLittle = 4;
 
 // Limits a change of a parameter to the range in which the derivatives are about right.
 inline double near(double step) { return std::fmin(std::fmax(step, -1.0), 1.0); }
 
-// Returns the end of the interval of parameter i on the side `side`, which is -1 or 1, or NaN if the profile
-// likelihood does not fall far enough before the value `limit`. `end`: differences between all parameters at
-// the end that an earlier call has found and the best parameters, or empty. If there is an end, the new
-// differences are written to `end`.
+// Returns the end of the interval of parameter i on the side `side`, which is -1 for the lower and 1 for the
+// upper side. Returns NaN if the profile likelihood does not fall far enough before the value `limit`. `end`:
+// differences between all parameters at the end that an earlier call has found and the best parameters, or
+// empty. If there is an end, the new differences are written to `end`.
 inline double interval_end(const Bins& bins, const Terms& terms, const std::vector<double>& best, double nll,
                            int i, int side, double limit, double step, const Critical& critical,
                            const Patience& patience, std::vector<double>& end) {
@@ -83,9 +85,9 @@ inline double interval_end(const Bins& bins, const Terms& terms, const std::vect
         for (std::size_t k = 0; k < eta.size(); ++k) eta[k] += near(by[k] * (trial - middle));
     }
     end.clear();
-    // Each fit begins with a small amount of white noise. If its variance R were negligible, the likelihood
-    // would have no slope in log R, so the fit could not find out that another value of the parameter needs
-    // white noise.
+    // Each fit begins with a small amount of white noise. If the variance R of the white noise were
+    // negligible, the likelihood would have no slope in log R. The fit could then not find out that another
+    // value of the parameter needs white noise.
     const double some_white = std::log(std::fmax(end_power(bins, true), 1e-9 * bins.mean)) - kLittle;
     for (int look = 0; look < 40; ++look) {
         if (i != 0) eta[0] = std::fmax(eta[0], some_white);

@@ -1,7 +1,7 @@
 // Computes the spectra of all noise parts and the sums over bins, for one instruction set
 // (whittle_kernel.hpp). CMakeLists.txt compiles this file once for each instruction set. It calls no inline
-// function of the standard library, because the linker would keep only one of its compiled copies for all
-// instruction sets.
+// function of the standard library, because of all compiled copies of such a function the linker would keep
+// only one, for all instruction sets.
 #include "whittle_kernel.hpp"
 
 #include <math.h>
@@ -35,9 +35,10 @@ void to(double* at, T value) {
     __builtin_memcpy(at, &value, sizeof value);
 }
 
-// Calls op(T(), i) for all bins. T is first a pack, with which one call handles as many bins from i on as the
-// pack has numbers, and then double, for the remaining single bins. The result for a bin does not depend on T
-// (pack_math.hpp). Packs are used explicitly, because compilers do not vectorise exp automatically.
+// Calls op(T(), i) for all bins. At first T is a pack, and each call handles the bins from i on, as many as
+// the pack has numbers. For the remaining bins T is double, and each call handles one bin. The result for a
+// bin does not depend on T (pack_math.hpp). Packs are used explicitly, because compilers do not vectorise exp
+// automatically.
 template <class Op>
 __attribute__((always_inline)) inline void each(std::size_t size, Op op) {
     std::size_t i = 0;
@@ -45,8 +46,8 @@ __attribute__((always_inline)) inline void each(std::size_t size, Op op) {
     for (; i < size; ++i) op(double(), i);
 }
 
-// Computes kSums sums over all bins, whose terms for a bin come from `term`. Eight partial sums are used,
-// whatever the width of a pack, so that the result is always the same.
+// Computes kSums sums over all bins. `term` computes the terms for a bin. Each sum consists of eight partial
+// sums, whatever the width of a pack, so that the result is always the same.
 template <int kSums, class Term>
 __attribute__((always_inline)) inline void sums_of(std::size_t size, Term term, double* found) {
     constexpr std::size_t kPacks = 8 / engine::kWidth;
@@ -92,7 +93,8 @@ void relaxation(const Columns& b, bool mirrored, const double* eta, double* part
     });
 }
 
-// The figures α and g of a part with an order, and their derivatives by the part's first two free parameters.
+// The figures α and g of a part with an order, and the derivatives of α and g by the part's first two free
+// parameters.
 struct Order {
     double alpha, g, by[2][2];
 };
@@ -174,8 +176,8 @@ void resonance(const Columns& b, const double* eta, double* part, double* const*
     });
 }
 
-// Writes the power gain of a low-pass: the sum of its analog gains at a frequency and at the two nearest ones
-// that aliasing folds onto it.
+// Writes the power gain of a low-pass. It is the sum of three analog gains: at the frequency itself, and at
+// the two nearest frequencies that aliasing folds onto it.
 void low_pass(const Columns& b, const double* eta, double* gain, double* const* slope) {
     const double share = share_of(eta[1]), n = 1 + (kMostPoles - 1) * share;
     const double by_n = (kMostPoles - 1) * share * (1 - share);
@@ -195,8 +197,8 @@ void low_pass(const Columns& b, const double* eta, double* gain, double* const* 
     });
 }
 
-// Writes the power gain of a high-pass. With one pole it is that of the digital filter (1 - z) / (1 - a z),
-// where z is the delay by one sample: a filter that subtracts an exponentially weighted mean from the
+// Writes the power gain of a high-pass. With one pole it is the gain of the digital filter (1 - z) / (1 - a
+// z), where z is the delay by one sample. This filter subtracts an exponentially weighted mean from the
 // samples.
 void high_pass(const Columns& b, const double* eta, double* gain, double* const* slope) {
     const double share = share_of(eta[1]), n = 1 + (kMostPoles - 1) * share;
@@ -212,8 +214,8 @@ void high_pass(const Columns& b, const double* eta, double* gain, double* const*
     });
 }
 
-// Writes the power gain of a notch: that of the bilinear transform of an analog notch, averaged over each
-// bin.
+// Writes the power gain of a notch. It is the gain of the bilinear transform of an analog notch, averaged
+// over each bin.
 void notch(const Columns& b, const double* eta, double* gain, double* const* slope) {
     const double at = exp(eta[0]), centre = ::tan(at / 2), square = centre * centre;
     const double width = centre * exp(eta[1]);
@@ -221,8 +223,9 @@ void notch(const Columns& b, const double* eta, double* gain, double* const* slo
         typedef decltype(one) T;
         const T sine = from<T>(b.square + i) / T(4.0), cosine = T(1.0) - sine, step = from<T>(b.spread + i);
         const T away = sine - T(square) * cosine, flat = sine * cosine;
-        // At a single frequency, the gain is A / (A + K). It is averaged over the frequencies of the bin:
-        // their mean square distance from the bin's centre increases the mean of A by B.
+        // At a single frequency, the gain is A / (A + K). This gain is averaged over the frequencies of the
+        // bin. The mean square distance of these frequencies from the bin's centre increases the mean of A by
+        // B.
         const T A = away * away, B = flat * T(1 + square) * T(1 + square) * step;
         const T K = T(width * width) * flat, W = A + B + K;
         const T both = T(4.0) * A * B * K / (W * W * W), value = (A + B) / W - both, more = T(3.0) * both / W;
@@ -238,8 +241,9 @@ void notch(const Columns& b, const double* eta, double* gain, double* const* slo
     });
 }
 
-// Returns the power gain of a mean of m samples at the frequency `lam`. It is averaged over a bin of the mean
-// square width `step`, so that it is not 0 at the zeros of this filter.
+// Returns the power gain of a mean of m samples at the frequency `lam`. The gain is averaged over a bin, so
+// that it is not 0 at the zeros of this filter. `step`: mean square distance of the bin's frequencies from
+// its centre.
 double mean_gain(double lam, double step, int m) {
     const double sine = ::sin(lam / 2), cosine = ::cos(lam / 2);
     const double above = ::sin(m * lam / 2), ratio = above / (m * sine);

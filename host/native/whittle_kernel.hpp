@@ -1,6 +1,6 @@
-// The functions with which noise models are fitted: one table of functions for each instruction set, which
-// use plain data only. whittle_kernel.cpp is compiled once for each instruction set, for the reasons in
-// engine.hpp. This file has declarations only. The caller owns all memory.
+// The functions with which noise models are fitted. There is one table of these functions for each
+// instruction set. They use plain data only. whittle_kernel.cpp is compiled once for each instruction set,
+// for the reasons in engine.hpp. This file has declarations only. The caller owns all memory.
 //
 // A noise model is a list of noise parts ("terms"). Its spectrum is S(λ) = L(λ) (Σ of parts) + floor, where L
 // is the gain of a chain of filters, and floor is white noise behind these filters. The parameters are
@@ -19,12 +19,13 @@ constexpr double kPi = 3.14159265358979323846;
 
 constexpr int kMostFree = 24;
 constexpr double kMostPoles = 24;
-// limits of a part's power, as logarithms: it may be smaller or larger than the mean power of the data by
-// these
+// Limits for the power of a part. The logarithm of the power may be smaller by kSmallest or larger by
+// kLargest than the logarithm of the mean power of the data.
 constexpr double kSmallest = 30, kLargest = 30;
-constexpr double kNoPole = 2.5;  // highest logarithm of the rate of ARFIMA's φ = e^-rate, at which φ is 5e-6
+constexpr double kNoPole = 2.5;  // largest logarithm of the rate in ARFIMA's φ = e^-rate; φ is then 5e-6
 
-// One part of a noise model. `size` is only used for the part kMean, the mean of m samples: it is m.
+// One part of a noise model. `size` is only used for the part kMean, which is the mean of m samples. There it
+// is m.
 struct Term {
     Part part;
     int size;
@@ -33,7 +34,7 @@ struct Term {
 // The columns of the bins, with a number for each bin. They do not depend on the parameters of a model.
 struct Columns {
     std::size_t size;
-    const double* counts;  // number of ordinates
+    const double* counts;  // number of periodogram ordinates in the bin
     const double* power;
     const double* lam;
     const double* square;  // |1 - e^{-iλ}|²

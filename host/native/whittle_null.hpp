@@ -1,6 +1,6 @@
-// The null test asks whether white noise describes the samples as well as two other models: an order in white
-// noise, and white noise that has passed a high-pass of one pole and so lacks power at low frequencies.
-// tools/gen_null_constants.py simulates the distribution of the likelihood ratios.
+// The null test asks whether white noise describes the samples as well as two other models. The first is an
+// order in white noise. The second is white noise that has passed a high-pass of one pole, and so lacks power
+// at low frequencies. tools/gen_null_constants.py simulates the distribution of the likelihood ratios.
 #pragma once
 
 #include <algorithm>
@@ -34,8 +34,8 @@ class NullFits {
         return {w, best_order(w, gains, orders), best_high_pass(w, gains, filters)};
     }
 
-    // Repeats an earlier test, starting from its parameters `last`: those of the model with an order,
-    // followed by those of the model with a high-pass.
+    // Repeats an earlier test, starting from the parameters `last` that it found. These are the parameters of
+    // the model with an order, followed by those of the model with a high-pass.
     NullTest again(const std::vector<double>& last) {
         const auto second = last.begin() + kOrderFree;
         return {white(), order({last.begin(), second}), missing({second, last.end()})};
@@ -87,8 +87,8 @@ class NullFits {
         return found;
     }
 
-    // Fits white noise that has passed a high-pass, from the best starting point only. As a function of the
-    // corner frequency, the likelihood has a single maximum, apart from chance.
+    // Fits white noise that has passed a high-pass, from the best starting point only. This is enough,
+    // because the likelihood as a function of the corner frequency has a single maximum, apart from chance.
     FittedModel best_high_pass(const FittedModel& white, Gains& gains, const Candidates& filters) {
         double corner = lowest_, gained = 0;
         for (const Candidate& one : filters) {

@@ -14,10 +14,11 @@ constexpr double kLn2 = 0.69314718055994530942;
 constexpr double kHighestOrder = 1.999;
 constexpr double kLogitEnd = 16;
 constexpr double kHighestHighPass =
-    // logarithm of the squared frequency (rad per sample) of a corner at a tenth of the sample rate; a
-    // high-pass with a higher corner looks like the noise part kRise
+    // Logarithm of the squared frequency (rad per sample) of a corner at a tenth of the sampling rate. A
+    // high-pass with a higher corner looks like the noise part kRise.
     -0.96;
-// largest logarithm of the ratio of a resonance's width to its frequency; a wider one has no visible maximum
+// largest logarithm of the ratio of a resonance's width to its frequency; a wider resonance has no visible
+// maximum
 constexpr double kWidestPeak = -1.0;
 
 // The noise parts. The comments name the free parameters of each part, in the order in which a fit has them;
@@ -25,10 +26,12 @@ constexpr double kWidestPeak = -1.0;
 // search prefers the part that stands first here.
 enum Part : int {
     kWhite,  // white noise: log of its variance R
-    // relaxation: log of its variance σ², log of the ratio of h to its correlation time τ
+    // relaxation (first-order Gauss-Markov process): log of its variance σ², log of the ratio of h to its
+    // correlation time τ
     kRelaxation,
     kWalk,  // random walk: log of the variance of a step
-    // fractional state of the order α, with g = h^α f: α, logit(-g / 2^α), log of the variance s2 of a step
+    // fractional state D^α x = f x + ω of the order α, with g = h^α f: α, logit(-g / 2^α), log of the
+    // variance s2 of a step
     kOrder,
     // resonance: log of the height of its peak, log of its frequency [rad per sample], log of the ratio of
     // its width to its frequency
@@ -73,11 +76,11 @@ enum Value : int {
     kRate,       // log of h / correlation time τ
     kPole,       // log of the rate of an ARFIMA, whose φ is e^-rate
     kAlpha,      // an order; its bounds are those of the fit
-    kNumber,     // the parameter itself, not transformed
-    kShape,      // a logit or a logarithm of a number; beyond the bounds the spectrum hardly changes
+    kNumber,     // a parameter that is used as it is, without a transformation
+    kShape,      // a logit or a logarithm of a number, beyond whose bounds the spectrum hardly changes
     kFrequency,  // log of a frequency λ, at most log π + `high`
     kCorner,     // log of the square of a frequency λ, from the lowest frequency of the data to `high`
-    kMinusF,     // log of -f of an order (kOrderByf)
+    kMinusF,     // log(-f) for the f of an order (kOrderByf)
     kNoise,      // log of the variance Q of an order (kOrderByQ)
 };
 constexpr const char* kValueNames[] = {"level", "power",     "rate",   "pole",    "alpha", "number",
@@ -105,14 +108,14 @@ enum Read : unsigned { kNoColumn = 0, kSquare = 1, kTurn = 2, kLogSize = 4, kBra
 enum Trait : unsigned {
     kFilter = 1,  // a filter, which multiplies the spectrum of the parts before it
     kBehind = 2,  // noise that is added behind all filters
-    // noise with a memory: in the tracker's filter it is a state, and it does not count for the white noise N
+    // noise with a memory, which is a state in the tracker's filter, and does not count for the white noise N
     kSlow = 4,
     kOrdered = 8,    // noise with an order: in a model it takes the place of all other slow noise
     kEndless = 16,   // a random walk, whose power grows without limit towards low frequencies
     kRising = 32,    // noise whose power may rise with the frequency
     kFastOnly = 64,  // noise without power at low frequencies
-    // files for navigation programs have an entry of their own for this part; other parts are listed with
-    // their parameters
+    // In files for navigation programs, this part has an entry of its own. Other parts are listed with their
+    // parameters.
     kEntry = 128,
     kOther = 256,  // the same noise as another part, but with other free parameters; no search adds it
 };
@@ -127,8 +130,8 @@ constexpr const char* kSaysNames[] = {"nothing",   "relaxations", "drift", "orde
 // At which values of its parameters a search tries a noise part (whittle_gains.hpp).
 enum Start : int {
     kNever,
-    kOnce,  // once, because the power is the only parameter of the part
-    // at a list of values: of the parameter that follows the power, or of the first parameter of a filter
+    kOnce,  // at a single point, because the power is the only parameter of the part
+    // at a list of values of one parameter: the one that follows the power, or the first one of a filter
     kListed,
     kCorners,
     kPeaks,
@@ -157,8 +160,8 @@ struct Row {
     Says says;
     unsigned columns;
     int most;  // largest number of such parts in a model
-    // number of further parameters of which a search tries many values, such as m of a mean; the criterion
-    // BIC counts them as free parameters, too
+    // Number of further parameters of which a search tries many values, such as m of a mean. The criterion
+    // BIC counts them as free parameters, too.
     int sought;
     Coordinates coordinates;
     Starts starts;
@@ -185,6 +188,7 @@ constexpr Coordinate kOfD{kAlpha, 0, 1};
 
 // clang-format off
 constexpr Row kTable[] = {
+    // The columns of a row, in the order in which they stand on its two lines:
     // part, name, traits,
     //     says, columns, most, sought, coordinates, starts
     {kWhite, "white", kEntry,

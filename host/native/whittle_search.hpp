@@ -1,9 +1,9 @@
 // Searches for the noise models that describe a spectrum best. Noise parts are added to a model as long as
 // they raise 2 log L by more than the price of their parameters. After that, parts that no longer raise it as
-// much are removed. Three models are searched for in the same way: the best one without an order at the price
-// of the criterion BIC; the best one without an order at a lower price, which is what a parameter gains by
-// chance; and the best one with an order. Which of these models is believed is decided elsewhere
-// (host/fltea/spectrum/verdict.py).
+// much are removed. Three models are searched for in the same way. The first is the best model without an
+// order at the price of the criterion BIC. The second is the best model without an order at a lower price,
+// which is what a parameter gains by chance. The third is the best model with an order. Which of these models
+// is believed is decided elsewhere (host/fltea/spectrum/verdict.py).
 #pragma once
 
 #include <algorithm>
@@ -43,8 +43,8 @@ class Search {
         find_orders(f);
         if (f.ordered.known()) {
             // A model without an order may be better if it has the other parts of the model with an order,
-            // and another part in place of the order. Just removing the order would not find it: a filter
-            // among the other parts could move to where the order was.
+            // and another part in place of the order. Just removing the order would not find such a model,
+            // because a filter among the other parts could move to where the order was.
             const FittedModel rest = removed(f.ordered, orders());
             Gains gains(bins_, rest.terms, rest.eta.data());
             FittedModel other;
@@ -85,16 +85,16 @@ class Search {
     }
 
   private:
-    static constexpr double kByChance = 3.0;  // how much a parameter raises 2 log L by chance
+    static constexpr double kByChance = 3.0;  // a parameter raises 2 log L by this much by chance
     static constexpr double kRough = 1e-3;    // a rough fit ends when a step lowers -log L by less than this
     // the same for a trial fit, whose -log L is only compared with those of others
     static constexpr double kTrial = 0.1;
     static constexpr int kSteps = 60, kTrialSteps = 12;
     static constexpr int kMostParameters = 20, kRelaxations = 6, kResonances = 2;
-    // ARFIMA is chosen only if its 2 log L is higher than that of the fractional state by more than this
+    // ARFIMA is chosen only if its 2 log L exceeds that of the fractional state by more than this
     static constexpr double kAhead = 6;
-    // a part that is so significant that it gains more than this multiple of its price stays in the model; no
-    // trial fit without it is made
+    // If a part is so significant that it gains more than this many times its price, it stays in the model,
+    // and no trial fit without it is made.
     static constexpr double kSure = 4;
     // logarithm of the ratio of the mean power to the power of negligible white noise
     static constexpr double kNothing = 12;
@@ -112,7 +112,8 @@ class Search {
     bool fits_in(const FittedModel& s, const Term& term, const Allowed& allowed) const {
         const Row& row = row_of(term.part);
         if (s.count(term.part) >= row.most || (row.is(kSlow) && !allowed.slow)) return false;
-        // A random walk that passes a high-pass has the same spectrum as white noise that does not.
+        // A random walk that has passed a high-pass has the same spectrum as white noise that has not passed
+        // it.
         if (row.is(kEndless) && s.has(kHighPass)) return false;
         if (row.is(kBehind) && !s.filtered()) return false;
         return term.part != kLowPass || !s.has(kMean);
@@ -186,8 +187,8 @@ class Search {
         return taken_away(s, price, {});
     }
 
-    // Keeps the better of two models with an order. ARFIMA, which has no f, has to be better than the
-    // fractional state D^α x = f x + ω by kAhead.
+    // Keeps the better of two models with an order. ARFIMA, which has no f, counts as better than the
+    // fractional state D^α x = f x + ω only if it is better by kAhead.
     void keep_order(const FittedModel& one, FittedModel& into) const {
         const auto behind = [&](const FittedModel& s) {
             return cost(s, bic_) + (s.has(kArfima) ? kAhead : 0);
@@ -200,7 +201,7 @@ class Search {
     }
 
     // Returns the model `s` without the parts that raise 2 log L by less than their price. `only`: the parts
-    // that may be removed; if it is empty, all parts except orders may be removed.
+    // that may be removed. If `only` is empty, all parts except orders may be removed.
     FittedModel taken_away(FittedModel s, double price, const std::vector<Part>& only) {
         for (;;) {
             FittedModel next;
@@ -218,9 +219,9 @@ class Search {
         }
     }
 
-    // Returns for each part the squared ratio of its first parameter's unit to that parameter's standard
-    // deviation, which follows from the expected curvature of log L. For a part whose first parameter is the
-    // log of its power, this is the squared ratio of the power to the standard deviation of the power.
+    // Returns for each part 1 / variance of its first parameter. The variance follows from the expected
+    // curvature of log L. If the first parameter is the log of the part's power, 1 / variance is the squared
+    // ratio of the power to the standard deviation of the power.
     std::vector<double> certainty(const FittedModel& s) const {
         std::vector<double> found(s.terms.size(), 0.0);
         const int free = free_of(s.terms);

@@ -1,4 +1,4 @@
-// Samples from a serial port as columns. The memory of the columns is used again for the next samples.
+// Samples from a serial port as columns. The columns of the next samples use the same memory again.
 #pragma once
 
 #include <algorithm>
@@ -15,7 +15,8 @@ namespace fltea {
 class WireSamples {
   public:
     // Converts samples to columns. `reads`: the reads of the port with which the samples came. `base`: number
-    // of bytes before those that were passed to the decoder; the ends of the reads include them.
+    // of bytes before those that were passed to the decoder. The ends of the reads are counted with these
+    // bytes.
     void lay_out(const std::vector<SampleRow>& samples, const PortRead* reads, std::int64_t base) {
         const std::size_t n = samples.size();
         for (std::vector<std::int64_t>* column : {&sequence_, &device_us_, &host_ns_, &flags_})
@@ -37,8 +38,9 @@ class WireSamples {
         }
     }
 
-    // Returns the index, at most `stop`, at which a series of samples ends whose sequence numbers follow each
-    // other without a gap. The series begins at index `from`.
+    // Returns the end of a series of samples whose sequence numbers follow each other without a gap. The
+    // series begins at index `from`. The result is the index after the last sample of the series, and is at
+    // most `stop`.
     std::size_t end_of_sequence(std::size_t from, std::size_t stop) const {
         std::size_t end = from + 1;
         while (end < stop && sequence_[end] - sequence_[end - 1] == 1) ++end;

@@ -1,5 +1,5 @@
-// Reads once in setup() what identifies the board and its boot. The registers are described in the SAM3X data
-// sheet (11057): TRNG; EEFC, "Unique Identifier"; RSTC_SR.
+// setup() calls these functions once. They read what identifies the board and its boot. The registers are
+// described in the SAM3X data sheet (11057): TRNG; EEFC, "Unique Identifier"; RSTC_SR.
 #pragma once
 
 #include <Arduino.h>
@@ -8,8 +8,8 @@
 
 namespace fltea {
 
-// Largest number of passes of a loop that waits for the chip. It is more than enough: the random word is
-// ready after 84 clock cycles, the identifier after some microseconds.
+// Largest number of passes of a loop that waits for the chip. This number is more than enough, because the
+// random word is ready after 84 clock cycles, and the identifier after some microseconds.
 constexpr uint32_t kIdentityTries = 100000;
 
 // Returns a random number, which differs from boot to boot, or 0 if the chip's random generator does not
@@ -38,9 +38,9 @@ __attribute__((section(".ramfunc"), noinline)) static bool flash_ready_is(bool w
     return false;
 }
 
-// Reads the chip's identifier of 128 bits; `id` stays unchanged if the flash controller does not answer. This
-// function runs from RAM and with interrupts disabled: meanwhile, the first flash bank shows the identifier
-// in place of the program.
+// Reads the chip's identifier of 128 bits. `id` stays unchanged if the flash controller does not answer. This
+// function runs from RAM and with interrupts disabled, because the first flash bank shows the identifier in
+// place of the program meanwhile.
 __attribute__((section(".ramfunc"), noinline)) static void read_unique_identifier(uint32_t (&id)[4]) {
     constexpr uint32_t kKey = 0x5A000000, kStart = 0x0E, kStop = 0x0F;
     const uint32_t mode = EFC0->EEFC_FMR;

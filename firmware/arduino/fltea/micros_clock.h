@@ -1,4 +1,4 @@
-// The clock of the Arduino libraries, as the interface Clock of fltea's own core.
+// Makes the clock of the Arduino libraries available through the interface Clock of fltea's own core.
 #pragma once
 
 #include <Arduino.h>
@@ -7,8 +7,8 @@
 namespace fltea {
 
 // micros() uses the milliseconds that the interrupt handler of SysTick counts. If interrupts are masked for
-// longer than a millisecond, it stops and loses time. In this sketch only identity.h masks interrupts, for
-// microseconds and before the first sample.
+// longer than a millisecond, micros() stops and loses time. In this sketch only identity.h masks interrupts,
+// for microseconds and before the first sample.
 class MicrosClock final : public Clock {
   public:
     uint32_t now_us() override { return micros(); }

@@ -1,7 +1,7 @@
 // The sensor's I2C bus, which is driven by Arduino's library Wire. This class makes up for four weaknesses of
-// Wire: it never frees a held bus, its time-outs last tens of milliseconds, it does not distinguish a
-// time-out from a NACK, and if a byte is left in the I2C controller, Wire takes that byte for the first byte
-// of the next read.
+// that library. Wire never frees a held bus. Its time-outs last tens of milliseconds. It does not distinguish
+// a time-out from a NACK. If a byte is left in the I2C controller, Wire takes that byte for the first byte of
+// the next read.
 #pragma once
 
 #include <Arduino.h>

@@ -1,13 +1,13 @@
-// Decides whether the newest chunk of an axis's innovations shows noise alone or motion of the sensor. The
-// rules are those of the host's tracker (host/native/rest_gate.hpp), but computed in float and without a
-// division per sample.
+// Decides whether the newest chunk of an axis's innovations shows only noise, or motion of the sensor. The
+// rules are those of the host's tracker (host/native/rest_gate.hpp). Here they are computed in float, and
+// without a division per sample.
 //
 // An innovation is a sample minus its prediction. A chunk of 32 innovations is a knock in any of three cases:
 // their power, without the largest one, exceeds sixteen times that of the noise; one innovation exceeds a
 // hundred standard deviations; or their mean exceeds eight standard deviations of such a mean. Spectral lines
-// and other effects that the filter does not follow make the innovations larger than the filter predicts.
-// Where the usual power and mean at rest are larger than predicted, the innovations are therefore compared
-// with these usual values.
+// and other effects that the filter does not follow make the innovations larger than the filter predicts. If
+// the usual power and mean at rest are larger than predicted, the innovations are therefore compared with
+// these usual values.
 #ifndef FLTEA_AXIS_MOTION_HPP
 #define FLTEA_AXIS_MOTION_HPP
 
@@ -25,18 +25,19 @@ class AxisMotion {
     static constexpr float kKnock = 16, kSpike = 100, kMean = 8;
 
     struct Verdict {
-        bool knock;      // whether the chunk is more than noise around the predictions
+        bool knock;      // whether the chunk shows more than noise around the predictions
         float mean;      // mean of the chunk's innovations
-        float variance;  // variance that this mean has at rest
-        // number of consecutive knocks, including this chunk, that had little power about their own mean and
-        // about the same mean as the chunk before
+        float variance;  // variance of this mean at rest
+        // number of consecutive knocks, including this chunk, for which two things are true: they had little
+        // power about their own mean, and their mean was about that of the previous chunk
         std::uint16_t stood;
     };
 
-    // Begins without a filter, with samples in place of innovations. Their usual power is learned from the
-    // first chunks, in squared counts.
+    // Begins without a filter. Samples then take the place of innovations, and their usual power, in squared
+    // counts, is learned from the first chunks.
     AxisMotion() { begin(kOfRounding, 0); }
-    // Begins with a filter. The variance S of its innovations is the least variance that judge() assumes.
+    // Begins with a filter. judge() then assumes at least the variance S that the filter predicts for its
+    // innovations.
     void begin_with_filter() { begin(1, kLearned); }
 
     // Adds an innovation, which must not have been clipped.
@@ -51,8 +52,8 @@ class AxisMotion {
     float mean() const { return last_mean_; }
 
     // Judges the chunk of the last kChunk innovations. `S`: variance of the innovations as the filter
-    // predicts it, or 1 without a filter. `grown`: by how much the variance of the predictions exceeds its
-    // normal value in this chunk, because samples before it were left out.
+    // predicts it, or 1 without a filter. `grown`: by how much the variance of the predictions in this chunk
+    // exceeds its normal value, because samples before the chunk were left out.
     Verdict judge(float S, float grown, bool moving) {
         const float n = static_cast<float>(+kChunk), square = sum_ * sum_ / n;
         const float variance = S * math::fmax(usual_mean_, least_), apart = kGrown * n * grown;
@@ -73,7 +74,7 @@ class AxisMotion {
     }
 
   private:
-    // The error of a prediction may be three standard deviations. This is the square of three.
+    // The error of a prediction may be as large as three standard deviations. This is the square of three.
     static constexpr float kGrown = 9;
     enum { kLearned = 8, kRemembered = 64 };
     static constexpr float kOfRounding = 1.0f / 12;

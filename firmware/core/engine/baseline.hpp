@@ -1,8 +1,9 @@
-// The start-up window of one axis: mean and variance of its samples, which the filters need before their
-// first sample. The algorithm assumes noise of zero mean and of known variance R, and is sensitive to errors
-// of both. The algorithm of the paper diverges if white noise of variance 0.0235 (deg/s)^2 has an offset of 1
-// deg/s, or if R is four times too small. A real MPU-9250 has offsets of up to ±5 deg/s. The board computes
-// mean and variance from counts, and the host from doubles, with the same template.
+// The start-up window of one axis: computes the mean and the variance of the first samples, which the filters
+// need before they begin. The algorithm assumes noise with the mean zero and a known variance R, and is
+// sensitive to errors of both. The algorithm of the paper diverges if white noise of variance 0.0235
+// (deg/s)^2 has an offset of 1 deg/s, or if R is four times too small. A real MPU-9250 has offsets of up to
+// ±5 deg/s. The board computes mean and variance from counts, and the host from doubles, with the same
+// template.
 #pragma once
 
 #include <stdint.h>
@@ -28,8 +29,8 @@ struct Sums<int16_t> {
 };
 
 // Doubles are summed as differences from the first sample. The mean of these differences is about as large as
-// the noise. The variance, which is computed from the sum of their squares, therefore loses at most a factor
-// n of precision for n samples.
+// the noise. The variance is computed from the sum of their squares. For n samples, it therefore loses at
+// most a factor n of precision.
 template <>
 struct Sums<double> {
     typedef double Real, Sum, Pairs, Squares;

@@ -1,5 +1,5 @@
-// Computes the squared magnitude of the Fourier transform of a block of 256 real numbers, multiplied by
-// Hann's window. This is done by one complex transform of 128 numbers.
+// Multiplies a block of 256 real numbers by Hann's window, and computes the squared magnitude of its Fourier
+// transform. One complex transform of 128 numbers is enough for this.
 #pragma once
 
 #include "instruction_set.hpp"
@@ -33,8 +33,8 @@ class BlockFft {
 
     // powers() computes power[i], the power of the spectral line with index low + i, for i < lines. low is at
     // least 1, and low + lines at most 128. The mean of the block is subtracted first to avoid rounding
-    // errors; behind the window, it could only reach lines 0 and 1. If `places` is n, the powers are in units
-    // of 2^-2n of the squared unit of x.
+    // errors. After the multiplication by the window, the mean would affect only lines 0 and 1. If `places`
+    // is n, the powers are in units of 2^-2n of the squared unit of x.
     struct Powers {
         const Power* power;  // points into `work`
         int places;
