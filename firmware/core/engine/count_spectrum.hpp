@@ -3,10 +3,11 @@
 // of samples, and each further level is the stream of the level before at half the rate (octave_ladder.hpp).
 //
 // Values are computed in 1,024ths of a count, so their rounding adds far less noise than the rounding of the
-// counts themselves. From level to level the noise becomes smaller, so three of the first five steps down
-// halve this unit. A level stores 16 bits of each value, relative to a base that follows the stream. Where
-// the values of a stream spread too far for 16 bits, they are stored in a larger unit. In a bin of white
-// noise that is averaged over at least eight blocks, the power agrees to 0.1 % with a computation in double.
+// counts themselves. From level to level the noise becomes smaller. Three of the first five steps from one
+// level to the next therefore halve this unit. A level stores the difference of each value from a base in 16
+// bits; the base follows the stream. Where the values of a stream spread too far for 16 bits, they are stored
+// in a larger unit. In a bin of white noise that is averaged over at least eight blocks, the power agrees to
+// 0.1 % with a computation in double.
 #ifndef FLTEA_COUNT_SPECTRUM_HPP
 #define FLTEA_COUNT_SPECTRUM_HPP
 
@@ -24,7 +25,7 @@ namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
 // The number types of the running spectrum in integers. 12 levels (kMostLevels) with a capacity of 496
-// samples each cover nearly three hours at 100 Hz. In a longer record, the last level drops its oldest
+// samples each cover nearly three hours at 100 Hz. If the record is longer, the last level drops its oldest
 // samples, while the sums of the other levels still contain all samples.
 template <int kMostLevels = 12, int kMostKept = 496>
 struct CountSpectrum {
@@ -41,7 +42,7 @@ struct CountSpectrum {
     using Sums = CountSums<kLines>;
     enum { kLevels = kMostLevels, kCapacity = kMostKept, kMostMadeUp = 16, kOne = 30, kMostHalvings = 3 };
 
-    // Rounds a value in counts to a whole count.
+    // Rounds a value in counts to a whole count that fits into 16 bits.
     static Input input(float y) {
         const std::int32_t count = static_cast<std::int32_t>(y < 0 ? y - 0.5f : y + 0.5f);
         return static_cast<Input>(count > 32767 ? 32767 : count < -32768 ? -32768 : count);
@@ -54,14 +55,14 @@ struct CountSpectrum {
     static Value products(Value x, Coefficient c, Value y, Coefficient d) {
         return rounded(Sum(x) * c + Sum(y) * d, kOne);
     }
-    // Converts an output of the half-band filter, computed from values of `level`, to the unit of the next
-    // level.
+    // Converts an output of the half-band filter to the unit of the next level. The filter has computed the
+    // output from values of `level`.
     static Value filtered(Sum sum, int level) { return rounded(sum, kOne - finer(level)); }
     static Tables tables() { return Tables(); }
 
     // Returns 1 if the unit of level + 1 is half the unit of `level`, and 0 if both units are equal.
     static constexpr int finer(int level) { return level % 2 == 0 && level < 2 * kMostHalvings ? 1 : 0; }
-    // Returns n, where the unit of `level` is 2^-n times the unit of level 0.
+    // Returns the number n: the unit of `level` is 2^-n times the unit of level 0.
     static constexpr int halvings(int level) {
         return (level + 1) / 2 < kMostHalvings ? (level + 1) / 2 : int(kMostHalvings);
     }
@@ -108,7 +109,7 @@ struct CountSpectrum {
         return static_cast<float>(least);
     }
 
-    // How fast old samples are forgotten: never, so all samples count the same.
+    // Says how fast old samples are forgotten. Here they never are, so all samples count the same.
     struct Memory {
         static constexpr bool fades() { return false; }
         static constexpr int generation(std::uint64_t) { return 0; }
@@ -121,9 +122,9 @@ struct CountSpectrum {
     enum { kPlaces = 10 };
     static Value value(Input y, Input origin) { return (Value(y) - Value(origin)) * (1 << kPlaces); }
 
-    // Base and unit of the values that a level stores in 16 bits; the unit is 2^shift times the level's unit.
-    // Both are chosen anew from all stored values when a new value would not fit, and when a smaller unit is
-    // possible again.
+    // Base and unit of the values that a level stores in 16 bits. The unit is 2^shift times the level's unit.
+    // Base and unit are chosen anew from all stored values when a new value would not fit into 16 bits, and
+    // when a smaller unit is possible again.
     class Base {
       public:
         Base() : base_(0), shift_(0) {}
@@ -141,7 +142,7 @@ struct CountSpectrum {
             for (int i = 0; i < n; ++i) out[i] = out[i] * (1 << shift_) + base;
         }
         int shift() const { return shift_; }
-        // Call this when stored values were dropped: a smaller unit may be possible now.
+        // Call this when stored values were dropped, because a smaller unit may be possible now.
         void renew(Stored* x, int fill) {
             if (shift_ > 0) choose(value(x[0]), x, fill, shift_ - 1);
         }
@@ -177,9 +178,9 @@ struct CountSpectrum {
         int shift_;
     };
 
-    // A block of values, from each of which the mean of the block is subtracted, in units of 2^-places. These
-    // units are chosen so that the largest value has about 22 bits: the Fourier transform makes values up to
-    // 128 times as large, and they have to fit into 32 bits.
+    // A block of values minus the mean of the block, in units of 2^-places. The unit is chosen so that the
+    // largest value has about 22 bits. The Fourier transform makes values up to 128 times as large, and these
+    // have to fit into 32 bits.
     template <typename From>
     class Centred {
       public:
@@ -235,8 +236,8 @@ class CountOctaves {
         while (!pass(passage)) {
         }
     }
-    // Begins to add a count. Before anything else, call pass(), which handles one level, until it returns
-    // true. Several axes may use the same `passage`, one after the other.
+    // Begins to add a count. After that, call pass() until it returns true, before anything else is called.
+    // Each call of pass() handles one level. Several axes may use the same `passage`, one after the other.
     void add(std::int16_t count, Passage& passage) {
         Entrance entrance = {ladder_, passage};
         gate_.add(&count, 1, 1, entrance);
@@ -251,7 +252,7 @@ class CountOctaves {
     // is not complete.
     std::uint64_t now() const { return gate_.number(); }
     const Ladder& ladder() const { return ladder_; }
-    // Returns e, where the powers of `level` are in units of 2^e squared counts.
+    // Returns the exponent e: the powers of `level` are in units of 2^e squared counts.
     int exponent(int level) const { return -2 * (int(Kind::kPlaces) + Kind::halvings(level)); }
 
   private:

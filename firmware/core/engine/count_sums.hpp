@@ -1,5 +1,5 @@
-// Sums of the powers of Welch blocks in one octave, in integers. The sums cannot overflow: when one of them
-// comes near its limit, all sums change to a unit twice as large.
+// Sums of the powers of Welch blocks in one octave, in integers. The sums cannot overflow. When one of them
+// comes near its limit, the unit of all sums is made twice as large.
 #ifndef FLTEA_COUNT_SUMS_HPP
 #define FLTEA_COUNT_SUMS_HPP
 
@@ -55,7 +55,7 @@ class CountSums {
   private:
     enum { kFirst = 30 };  // number of bits for the largest power of the first block
 
-    // Makes the unit of the sums larger, by the factor 2^places. This unit is 2^coarse_ times the squared
+    // Makes the unit of the sums 2^places times as large. The unit of the sums is 2^coarse_ times the squared
     // unit of the level's values.
     void coarsen(int places) {
         coarse_ += places;
@@ -70,8 +70,8 @@ class CountSums {
         return places > 63 ? 0 : (x >> places) + (places > 0 ? 1 : 0);
     }
 
-    // Returns x 2^-places, rounded at random: it is rounded up with a probability equal to its fraction, of
-    // which 24 bits are used.
+    // Returns x 2^-places, rounded up or down at random. The probability of rounding up is equal to the
+    // fractional part, of which 24 bits are used.
     std::uint64_t dithered(std::uint64_t x, int places) {
         if (places == 0) return x;
         if (places > 63) return 0;

@@ -7,8 +7,8 @@
 // T is float, double, or a pack of several lanes; a lane is one axis. All lanes run through the same
 // operations without branches, so one lane cannot influence another. The order of operations is that of
 // host/fltea/lab/reference/filters.py, so that results agree to rounding. Compile with -ffp-contract=off.
-// Otherwise a multiplication and an addition may be fused in one place and not in another, and the filters
-// with a guard and without it would differ in their last digits.
+// Otherwise the compiler may fuse a multiplication and an addition in one place and not in another, and
+// results with a guard and without a guard would differ in their last digits.
 #pragma once
 
 #include "guard.hpp"
@@ -38,19 +38,19 @@ struct Tuning {
     // settings of KFw; the joint filter has beta0 = h^alpha0 f0 in place of f0, and the variances of beta
     T f0, parameter_P0, parameter_Q0;
     T parameter_R, parameter_delta;
-    T gate;  // innovations larger than this are limited by the guard [standard deviations]
+    T gate;  // the guard limits innovations that are larger than this [standard deviations]
 };
 
 // The estimate of the state x, its variance P, and V, the weighted sum of past variances, all at the last
-// sample. `reach` is used to limit predictions: it is the largest |y| so far, plus the inputs during gaps and
-// the uncertainty of x at the start.
+// sample. `reach` limits predictions. It is the largest |y| so far, plus the inputs during gaps and the
+// uncertainty of x at the start.
 template <class T>
 struct StateBelief {
     T x, P, V, reach;
 };
 
-// An order or a parameter, which is taken to do a random walk: its estimate, the variance of this estimate,
-// and the variance of one step of the walk.
+// An order or a parameter. The filters assume that it does a random walk. The members are its estimate, the
+// variance of this estimate, and the variance of one step of the walk.
 template <class T>
 struct Walk {
     T mean, P, Q;
@@ -61,19 +61,19 @@ struct Estimate {
     T alpha, alpha_variance, f, f_variance, x, P, innovation, innovation_variance;
 };
 
-// The change of an order's or a parameter's estimate by one measurement, and the variance after it (sections
-// 5.1 and 5.3). The arguments of unscented_update(): `Y`: outputs that the model predicts at the sigma
-// points; `R`: variance of the measurement noise; `gate`: limit of the guard for the innovation; `cause`: the
-// cause that the guard counts if this limit weakens the update.
+// How one measurement changes the estimate of an order or of a parameter, and the variance of the estimate
+// after that (sections 5.1 and 5.3). unscented_update() computes it. `Y`: outputs that the model predicts at
+// the sigma points. `R`: variance of the measurement noise. `gate`: limit of the guard for the innovation.
+// `cause`: the cause that the guard counts if this limit weakens the update.
 template <class T>
 struct Update {
     T correction;  // gain K times innovation e
     T P;
 };
 
-// Returns point - mean for a sigma point that was computed as mean + step and perhaps clipped. If it was not
-// clipped, `step` is returned: a subtraction would contain the rounding error of the sum, and the variances
-// would drift, in float by a third within a million samples.
+// Returns point - mean for a sigma point that was computed as mean + step and perhaps clipped. If the point
+// was not clipped, `step` is returned. A subtraction would contain the rounding error of the sum, and the
+// variances would drift: in float, by a third within a million samples.
 template <class T>
 T deviation(T point, T mean, T step) {
     return select(point == mean + step, step, point - mean);
@@ -118,9 +118,9 @@ T adapted(T Q, T delta, T correction) {
     return (T(1) - delta) * Q + delta * (correction * correction);
 }
 
-// Whether a memory computes every order that the filters ask for. Most memories do: they support all orders,
-// or all orders within the guard's bounds (memory_fixed.hpp). memory_compressed.hpp replaces orders beyond
-// its range, which is counted.
+// Whether a memory computes every order that the filters ask for. Most memories do, because they support all
+// orders, or all orders within the guard's bounds (memory_fixed.hpp). memory_compressed.hpp replaces orders
+// beyond its range, and such a replacement is counted.
 template <class T>
 class CompressedMemory;
 template <class Memory>
@@ -132,7 +132,7 @@ struct AnyOrder<CompressedMemory<T>> {
     static constexpr bool value = false;
 };
 
-// Counts the lanes in which the memory replaces `order` because it is out of the memory's range. `lowest`:
+// Counts the lanes in which the memory replaces `order` because it is beyond the memory's range. `lowest`:
 // lowest order for which the requested sum can be computed.
 template <class Memory, class T>
 void note_order(T order, T lowest, Guards<T>& guards) {
@@ -141,8 +141,8 @@ void note_order(T order, T lowest, Guards<T>& guards) {
     guards.note(kMemoryOrder, (order < lowest) | (order > T(R(kHighestOrder))));
 }
 
-// Result of the time update of KFx, which predicts the state at the next sample (section 5.2): estimate and
-// variance.
+// Result of the time update of KFx, which predicts the state at the next sample (section 5.2). x is the
+// predicted state, and P its variance.
 template <class T>
 struct Prediction {
     T x, P;
@@ -157,9 +157,9 @@ Prediction<T> predict_state(const StateBelief<T>& state, T alpha, T beta, T rate
     return prediction;
 }
 
-// Measurement update of KFx (section 5.2). It also writes the results to `out`. If the sample is missing, the
-// new state is the prediction. `drive`: the input h^alpha u, by which predictions in a gap may exceed the
-// measured values.
+// Measurement update of KFx (section 5.2). The update also writes the results to `out`. If the sample is
+// missing, the new state is the prediction. `drive`: the input h^alpha u. Predictions in a gap may exceed the
+// measured values by this input.
 template <class T>
 void update_state(StateBelief<T>& state, Prediction<T> at, T V, T drive, const Sample<T>& sample,
                   const Tuning<T>& p, Guards<T>& guards, Estimate<T>& out) {
@@ -204,8 +204,8 @@ struct Triple {
         guards.consider(!missing);
         const T order_P = guards.order_variance(order.P + order.Q);
         const Walk<T> moved = order_filter(memory, sample, p, guards, order_P);
-        // The variance Q is that of the order's change from one measurement to the next, so a missing sample
-        // changes neither the order's estimate nor its variances.
+        // Q is the variance of the order's change from one measurement to the next. A missing sample
+        // therefore changes neither the order's estimate nor its variances.
         order.mean = select(missing, order.mean, moved.mean);
         order.P = select(missing, order.P, moved.P);
         order.Q = select(missing, order.Q, moved.Q);
@@ -223,8 +223,8 @@ struct Triple {
         const T rate = gain * (f * state.x + sample.u);
         const Prediction<T> at = predict_state(state, alpha, gain * f, rate, past, V, p.Q);
 
-        // KFw (section 5.3) estimates the parameter f, from the outputs of the same model at the new order
-        // with f at its sigma points.
+        // KFw (section 5.3) estimates the parameter f. It uses the outputs of the same model at the new
+        // order, with f at each of its sigma points.
         const T P = guards.parameter_variance(parameter.P + parameter.Q, alpha, scale.down);
         guards.consider(!missing);
         T points[3], Y[3];
@@ -248,7 +248,7 @@ struct Triple {
     }
 
   private:
-    // KFo (section 5.1): estimates the order from the model's outputs at three sigma points of the order.
+    // KFo (section 5.1) estimates the order from the model's outputs at three sigma points of the order.
     template <class Memory>
     Walk<T> order_filter(const Memory& memory, const Sample<T>& sample, const Tuning<T>& p, Guards<T>& guards,
                          T P) const {
@@ -281,7 +281,7 @@ struct Triple {
         return moved;
     }
 
-    // Returns the correction that remained after the guard's bounds, to which Q is adapted.
+    // Returns the correction that remained after the guard had limited it. Q is adapted to this correction.
     static T learnt(T correction, T proposed, T made, T before) {
         return select(made == proposed, correction, made - before);
     }

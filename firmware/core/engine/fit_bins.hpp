@@ -1,6 +1,6 @@
-// Makes bins from the board's running spectrum (count_spectrum.hpp), to which the device fits noise models. A
-// bin is an average of neighbouring spectral lines. Bins are made in small steps, so that sampling never has
-// to wait.
+// Makes bins from the board's running spectrum (count_spectrum.hpp). The device fits noise models to these
+// bins. A bin is an average of neighbouring spectral lines. Bins are made in small steps, so that sampling
+// never has to wait.
 #ifndef FLTEA_FIT_BINS_HPP
 #define FLTEA_FIT_BINS_HPP
 
@@ -49,10 +49,10 @@ class FitBins {
         open_ = Open();
     }
 
-    // Does a small part of the work. Returns true when all bins are complete. The first steps process one
-    // octave of Welch sums each, from the highest frequencies down. After these, a step prepares one of the
-    // stretches whose samples are kept singly, or computes one ordinate of such a stretch. If there are more
-    // bins than the array can hold, the last ones are omitted.
+    // Does a small part of the work. Returns true when all bins are complete. Each of the first steps
+    // processes one octave of Welch sums, from the highest frequencies down. Each further step prepares one
+    // of the stretches whose samples are kept singly, or computes one ordinate of such a stretch. If there
+    // are more bins than the array can hold, the last bins are omitted.
     bool step(const Spectrum& spectrum) {
         const Ladder& ladder = spectrum.ladder();
         const int depth = ladder.depth();
@@ -115,7 +115,7 @@ class FitBins {
             return;
         }
         const float step = kTurn / static_cast<float>(n) * two_to(-depth);
-        // here, a bin may consist of a single ordinate
+        // in a stretch of singly kept samples, a bin may consist of a single ordinate
         add(step * static_cast<float>(line_), 1.0f,
             lines_.power(line_) * two_to(spectrum.exponent(depth) + depth), 1);
         ++line_;
@@ -125,8 +125,9 @@ class FitBins {
         float power[Ladder::kTopLines], blocks = 0, effective = 0;
         spectrum.ladder().sums(level, 0, power, &blocks, &effective);
         if (!(blocks > 0)) return;
-        // Each line counts as `weight` independent ordinates. These are fewer than the blocks, because
-        // neighbouring lines under Hann's window are correlated, and so are blocks that overlap by half.
+        // Each line counts as `weight` independent ordinates. This number is smaller than the number of
+        // blocks, because neighbouring lines under Hann's window are correlated, and so are blocks that
+        // overlap by half.
         const float weight = blocks / (1.0f + 17.0f / 18.0f + 2.0f / 12.0f * (1.0f - 1.0f / blocks));
         const float scale = two_to(spectrum.exponent(level) + level) / (96.0f * blocks);
         const float step = kTurn / static_cast<float>(kBlock) * two_to(-level);
@@ -168,7 +169,8 @@ class FitBins {
     int size_, left_out_ = 0;
     float ordinates_, sum_ = 0;
     Stage stage_;
-    // `stretch_`: index of the octave, and after all octaves that of the stretch of kept samples
+    // `stretch_`: index of the present octave; after all octaves, index of the present stretch of kept
+    // samples
     int stretch_, line_;
     Open open_;
     WholeLines<kCapacity> lines_;

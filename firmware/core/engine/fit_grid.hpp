@@ -1,5 +1,5 @@
-// Starting points for a fit on the device that has no previous result. They are a grid of values of the
-// models' free parameters (whittle_models.hpp).
+// Starting points for a fit on the device if there is no previous result to start from. They form a grid of
+// values of the models' free parameters (whittle_models.hpp).
 #ifndef FLTEA_FIT_GRID_HPP
 #define FLTEA_FIT_GRID_HPP
 
@@ -21,7 +21,7 @@ class FitGrid {
     };
 
     static void relaxation(int place, float* theta) {
-        // logits of the poles
+        // logits of the poles of the relaxation (first-order Gauss-Markov process)
         static const float poles[kPoles] = {-2.2f, -0.5f, 0.5f, 1.4f, 2.6f, 3.7f, 5.0f, 7.6f};
         theta[0] = poles[place / kWeights];
         theta[1] = weight(place);

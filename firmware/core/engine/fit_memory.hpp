@@ -12,8 +12,8 @@ inline namespace FLTEA_INSTRUCTION_SET {
 enum class Verdict : int {
     none,   // no fit yet, or nothing to fit
     white,  // white noise is not rejected
-    // white noise is rejected, and 2 log L of a relaxation, AR(1), is lower than that of the fractional model
-    // by more than 6
+    // white noise is rejected, and 2 log L of the fractional model exceeds that of a relaxation, AR(1), by
+    // more than 6
     fractional,
     // white noise is rejected, and AR(1) describes the noise about as well as the fractional model
     relaxation,
@@ -24,12 +24,13 @@ struct FitFigures {
     // The figures of a fit. For white noise all figures are 0, except R and those of the relaxation. α ± 1.96
     // alpha_std contains the 95 % interval of the likelihood; alpha_std is 0 if the interval is not known.
     float alpha, alpha_std;
-    float g;            // h^α f
-    float s2, R;        // variances of a step and of the white noise, in the unit of the bins' powers
-    float ratio_white;  // 2 log L of the best order up to 1, minus that of white noise
+    float g;  // h^α f
+    // variance of a step of the state, and variance of the white noise, in the unit of the bins' powers
+    float s2, R;
+    float ratio_white;  // 2 log L of the best model with an order up to 1, minus that of white noise
     float ratio_ar1;    // 2 log L of the fractional model, minus that of AR(1)
-    // The best relaxation in white noise: 1 - φ, the variance of the relaxation, and the variance of the
-    // white noise.
+    // The best relaxation, AR(1) with the coefficient φ, in white noise: 1 - φ, the variance of the
+    // relaxation, and the variance of the white noise.
     float relaxation_fall, relaxation_variance, relaxation_R;
     float ordinates;
     bool alpha_defined;  // whether the interval of α is clearly shorter than the range of all orders
@@ -38,12 +39,12 @@ struct FitFigures {
 template <class Bins>
 class SlicedFit;
 
-// What is kept of an axis from one fit to the next: the last results, from which the next fit starts, and the
-// progress of the grid searches that are repeated from time to time.
+// What is kept of an axis from one fit to the next. This is the last results, from which the next fit starts,
+// and the progress of the grid searches, which are repeated from time to time.
 class FitMemory {
   public:
-    // `turn`: every twelfth fit of an axis repeats the grid search; axes with different `turn` do so in
-    // different rounds of fits.
+    // `turn`: Every twelfth fit of an axis repeats the grid search. Axes with different values of `turn`
+    // repeat it in different rounds of fits.
     explicit FitMemory(int turn = 0) : figures_(), fitted_ordinates_(0), turn_(turn) {
         for (Answer& one : answers_) {
             one.known = false;
@@ -68,8 +69,8 @@ class FitMemory {
     void note_relaxation(float unit) {
         const Answer& answer = answers_[kRelaxation];
         if (!answer.known) return;
-        // theta has logits of numbers between 0 and 1. The negated logit gives 1 minus such a number. This is
-        // precise even where the number is close to 1.
+        // theta has logits of numbers between 0 and 1. The negated logit gives 1 minus such a number, and
+        // does so precisely even where the number is close to 1.
         const float fall = 2.0f * Share<float>(-answer.theta[0]).value, power = answer.scale * unit;
         figures_.relaxation_fall = fall;
         figures_.relaxation_variance = Share<float>(answer.theta[1]).value * power / (fall * (2.0f - fall));

@@ -1,6 +1,6 @@
 // Fixed-point arithmetic for a processor without floating point that multiplies 32 by 32 bits in one
-// instruction. Numbers are counts of a unit such as 2^-30. Shifts of negative numbers are arithmetic (gcc,
-// clang).
+// instruction. A number is an integer count of a unit such as 2^-30. Shifts of negative numbers are
+// arithmetic (gcc, clang).
 #ifndef FLTEA_FIXED_MATH_HPP
 #define FLTEA_FIXED_MATH_HPP
 
@@ -11,7 +11,7 @@ namespace fltea {
 namespace engine {
 namespace fixed {
 
-// Returns the product a b. Its unit is 2^30 times the product of the units of a and b.
+// Returns the product a b, in a unit that is 2^30 times the product of the units of a and b.
 inline std::int32_t product30(std::int32_t a, std::int32_t b) {
     return static_cast<std::int32_t>((static_cast<std::int64_t>(a) * b) >> 30);
 }
@@ -24,7 +24,7 @@ inline std::int64_t product30(std::int64_t a, std::int32_t b) {
     return above * 4 + (below >> 30);
 }
 
-// Largest count that from_float() returns.
+// Largest magnitude of a count that from_float() returns.
 constexpr std::int32_t kLargest = (1 << 29) - 1;
 
 // Converts x to a number of units of 2^exponent. The number is rounded to the nearest integer, and is at most
@@ -54,7 +54,7 @@ inline float to_float(std::int64_t count, int exponent) {
     m <<= places;
     const int biased = exponent + 63 - places + 127;
     if (biased < 1 || biased > 253) return 0;
-    // The count is rounded to 24 bits. If the rounding carries into a further bit, this increments the
+    // The count is rounded to 24 bits. If the rounding carries into a further bit, the carry increments the
     // exponent.
     const std::uint32_t top = static_cast<std::uint32_t>(m >> 32);
     std::uint32_t bits =

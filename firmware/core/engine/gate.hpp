@@ -1,20 +1,20 @@
-// Decides which samples of an axis show its noise, and where their stream has breaks. The "running level" in
-// the following is the running mean of the variance of accepted chunks.
+// Decides which samples of an axis show its noise, and where the stream of samples has breaks. In the
+// following, the "running level" is the running mean of the variance of accepted chunks.
 //
 // Samples are judged in consecutive chunks of 128.
 //
 // A chunk is called a knock and left out in two cases: its power about its own mean, without the largest
 // sample, exceeds sixteen times the running level; or its largest sample is more than a hundred standard
-// deviations away from that mean. Noise alone rarely exceeds these limits: noise with Student's t
-// distribution of four degrees of freedom does so in one sample of 10^8, and a random walk in one chunk of
-// 10^6. After eight consecutive knocks, the variance of these chunks becomes the running level.
+// deviations away from that mean. Noise alone rarely exceeds these limits. Noise with Student's t
+// distribution of four degrees of freedom exceeds them in one of 10^8 samples, and a random walk in one of
+// 10^6 chunks. After eight consecutive knocks, the variance of these chunks becomes the running level.
 //
 // Single samples of an accepted chunk are limited to the chunk's mean ± twelve standard deviations of the
 // running level. Otherwise a few large samples close together would dominate the whole spectrum with their
 // own shape.
 //
-// A chunk is also left out if its mean differs from that of the previous chunk much more than usual, which is
-// a step of the offset. The whole chunk is left out, because the step may lie within it.
+// A chunk is also left out if its mean differs from that of the previous chunk much more than usual. Such a
+// difference is a step of the offset. The whole chunk is left out, because the step may lie within it.
 //
 // Gaps of up to eight lost samples are filled by a straight line, as long as at most one sample in a thousand
 // is filled in. At other gaps the stream has a break.
@@ -50,8 +50,9 @@ class Gate {
 
   public:
     enum { kChunk = 128, kLongestBridge = 8, kKnocksToChange = 8, kRunning = 256, kFewestJumps = 16 };
-    // Limits as multiples of the running level. kKnock: for the power of a chunk. kSpike: for the square of a
-    // sample. kLimit: square at which a sample is clipped.
+    // Limits as multiples of the running level. kKnock: limit for the power of a chunk. kSpike: limit for the
+    // squared distance of a sample from its chunk's mean. kLimit: squared distance at which a sample is
+    // clipped.
     enum { kKnock = 16, kSpike = 10000, kLimit = 144 };
 
     Gate()
@@ -84,7 +85,7 @@ class Gate {
     bool constant() const { return counts_.taken > 0 && !changed_; }
 
     // Adds the n samples y[i * stride], which must be finite and within ±1e100. When a chunk is accepted,
-    // calls sink.accept(values, n, number of the first value, made_up[n]); at a break of the stream, calls
+    // calls sink.accept(values, n, number of the first value, made_up[n]). At a break of the stream, calls
     // sink.cut().
     template <typename Sink>
     void add(const Input* y, std::size_t n, std::size_t stride, Sink& sink) {
@@ -204,8 +205,8 @@ class Gate {
 
     static std::uint64_t* fields(GateCounts& counts) { return &counts.taken; }
     static int least(int a, int b) { return a < b ? a : b; }
-    // This function does not use <limits>: the Arduino libraries define macros min and max, which break the
-    // names in that header.
+    // This function does not use <limits>, because the Arduino libraries define macros min and max, which
+    // break the names in that header.
     static Real infinity() { return Real(__builtin_inff()); }
 
     void note_change(const Input* y, int n) {
@@ -240,7 +241,7 @@ class Gate {
             ++bridged_;
             ++counts_.bridged;
             if (fill_ == kChunk) hand_on(sink);
-            if (!has_last_) {  // the chunk in which the gap begins was left out
+            if (!has_last_) {  // in this case, the chunk in which the gap begins was left out
                 number_ += missing - i;
                 return;
             }
@@ -323,9 +324,9 @@ class Gate {
     }
 
     // Whether the mean has stepped from one chunk to the next. `jump`, the difference of the two means, is
-    // compared with the running mean of the squares of earlier jumps. While few jumps are known, a jump has
-    // to be larger to be a step. A step enters this running mean as the largest jump that would not be a
-    // step, so that the mean can follow noise that grows.
+    // compared with the running mean of the squares of earlier jumps. While only few jumps are known, a jump
+    // has to be larger to count as a step. A step enters the running mean as the largest jump that would not
+    // be a step, so that the running mean can follow noise that grows.
     bool is_step(Real jump, Real rounding) {
         const Real level = jumps_level_ > rounding ? jumps_level_ : rounding;
         const Real deviations = jumps_ > 0 ? Real(5.5) * (1 + Real(8) / Real(jumps_)) : Real(0);
@@ -341,20 +342,21 @@ class Gate {
     Input chunk_[kChunk];
     unsigned char made_up_[kChunk];
     int fill_;
-    // `number_`: sample number of chunk_[0]; `missing_`: number of lost samples before the next one, not yet
-    // filled in or made a break
+    // `number_`: sample number of chunk_[0]. `missing_`: number of lost samples before the next one, for
+    // which the gate has neither filled the gap nor made a break yet.
     std::uint64_t number_, missing_;
     int bridged_, has_last_, has_mean_, credit_;
     Input last_;
-    Real mean_;   // last_: newest sample since the last break; mean_: mean of the newest chunk since then
+    // last_: newest sample since the last break; mean_: mean of the newest chunk since that break
+    Real mean_;
     Real level_;  // the running level: mean of the variances of `chunks_` chunks
     int chunks_;
-    int knocks_;  // number of consecutive knocks so far; knocks_level_: the mean of their variances
+    int knocks_;  // number of consecutive knocks so far; knocks_level_: mean variance of these knocks
     Real knocks_level_;
     int jumps_;
     Real jumps_level_;
     Real resolution_;  // smallest nonzero change from one sample to the next
-    Input value_;      // the very first sample, for constant()
+    Input value_;      // the very first sample, with which constant() compares all others
     int changed_;
     GateCounts counts_;
 };

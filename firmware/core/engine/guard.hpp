@@ -19,18 +19,18 @@ enum class Guard : int {
     consistent = 2  // as `faithful`, but KFo and KFw also count the variance of the state as noise
 };
 
-// Causes for which an estimate differs from that of the paper's algorithm. A cause is counted at most once
-// per sample and lane (axis).
+// Causes for which an estimate differs from that of the paper's algorithm. In each lane (axis), a cause is
+// counted at most once per sample.
 enum Cause : int {
     kOrderBox = 0,           // the order left [0, 2]
     kOrderSigma = 1,         // a sigma point of the order left [-1/2, 5/2]
     kOrderVariance = 2,      // the order's predicted variance exceeded 1/3
     kOrderGate = 3,          // the innovation of the order's filter exceeded its limit
-    kParameterBox = 4,       // beta left its bounds at the order at which f was stored or used
+    kParameterBox = 4,       // beta, at the order at which f was stored or used, left its bounds
     kParameterVariance = 5,  // the variance of beta exceeded a third of the square of its range
     kParameterGate = 6,      // the innovation of the parameter's filter exceeded its limit
-    // the state's innovation exceeded four standard deviations, or a prediction in a gap exceeded ten times
-    // the largest sample
+    // the innovation of the state's filter exceeded four standard deviations, or a prediction in a gap
+    // exceeded ten times the largest sample
     kStateBound = 7,
     // the compressed memory was asked for an order beyond its range; this is counted even if the guard is off
     kMemoryOrder = 8,
@@ -60,7 +60,7 @@ class Guards {
 
     void note(Cause cause, Mask mask) { hit_[cause] = hit_[cause] | (mask & considered_); }
 
-    // Adds the interventions of this step to the counters `count`, of which each lane has one for each of the
+    // Adds the interventions of this step to the counters `count`. Each lane has a counter for each of the
     // kCauses causes.
     void finish(T* count) const {
         for (int i = 0; i < kCauses; ++i) count[i] = count[i] + select(hit_[i], T(1), T(0));
@@ -68,12 +68,12 @@ class Guards {
 
     T order(T alpha) { return active() ? clip(alpha, T(0), T(2), kOrderBox) : alpha; }
 
-    // Limits a sigma point of the order to half an order beyond the order's own bounds. Clipping sigma points
-    // at these bounds themselves would pull their mean inwards.
+    // Limits a sigma point of the order to half an order beyond the order's own bounds. If sigma points were
+    // clipped at the order's own bounds, their mean would move inwards.
     T order_point(T alpha) { return active() ? clip(alpha, T(-0.5), T(2.5), kOrderSigma) : alpha; }
 
-    // Limits the variance of the order to 1/3, with which the sigma points lie at a distance of 1 from the
-    // mean.
+    // Limits the variance of the order to 1/3. With this variance, the sigma points lie at a distance of 1
+    // from the mean.
     T order_variance(T P) { return active() ? limit(P, T(1.0 / 3.0), kOrderVariance) : P; }
 
     // Limits f so that beta = h^alpha f stays within its bounds at the order `alpha`. `scale`: h^alpha and
@@ -94,8 +94,8 @@ class Guards {
         return clip(beta, lowest_beta(alpha), T(1), kParameterBox);
     }
 
-    // Limits the variance P of f = beta * unit, so that the distance of the sigma points of beta from their
-    // mean is at most the whole range of beta.
+    // Limits the variance P of f = beta * unit. The sigma points of beta then lie no farther from their mean
+    // than the length of beta's whole range.
     T parameter_variance(T P, T alpha, T unit) {
         if (!active()) return P;
         if (Lanes<T>::count == 1 && all((alpha >= T(0)) & (P <= T(3) * (unit * unit)))) return P;
@@ -103,8 +103,8 @@ class Guards {
         return limit(P, range * range * T(1.0 / 3.0), kParameterVariance);
     }
 
-    // Increases the measurement variance R of KFo or KFw so far that the innovation e is at most `gate` times
-    // its standard deviation. `Pyy`: variance of the innovation, which includes R.
+    // If the innovation e exceeds `gate` times its standard deviation, increases the measurement variance R
+    // of KFo or KFw until it does not. `Pyy`: variance of the innovation, which includes R.
     T gated_noise(T R, T Pyy, T e, T gate, Cause cause) {
         if (!active()) return R;
         const T e2 = e * e, gate2 = gate * gate;
@@ -113,8 +113,8 @@ class Guards {
         return select(beyond, R + (e2 / gate2 - Pyy), R);
     }
 
-    // Raises the predicted variance P of the state so far that the innovation e is at most four standard
-    // deviations. After the update, |y - x| <= 4 sqrt(R) then holds, whatever alpha and f are.
+    // If the innovation e exceeds four standard deviations, raises the predicted variance P of the state
+    // until it does not. After the update, |y - x| <= 4 sqrt(R) then holds, whatever alpha and f are.
     T state_variance(T P, T R, T e) {
         if (!active()) return P;
         const T e2 = e * e;
@@ -124,7 +124,7 @@ class Guards {
     }
 
     // Limits a prediction in a gap to ten times `reach`, which is about the largest sample before the gap.
-    // Nothing else bounds it while no measurements come.
+    // Nothing else limits a prediction while no measurements come.
     void prediction(T& x, T& P, T reach) {
         if (!active()) return;
         const T most = T(10) * reach;
@@ -133,8 +133,9 @@ class Guards {
     }
 
   private:
-    // Whether beta is within its bounds without computing the exponential of lowest_beta(): from order 0 on,
-    // the lowest beta is at most -2. This is only used for plain numbers, not for packs.
+    // Whether beta is certainly within its bounds. The exponential of lowest_beta() need not be computed for
+    // this, because from order 0 on, the lowest beta is at most -2. This function is only used for plain
+    // numbers, not for packs.
     static bool plainly_within(T beta, T alpha) {
         return Lanes<T>::count == 1 && all((alpha >= T(0)) & (beta >= T(-2)) & (beta <= T(1)));
     }

@@ -1,5 +1,5 @@
-// Halves the rate of a stream: a half-band low-pass filter of 31 taps (Kaiser window, β = 8), followed by the
-// removal of every second sample.
+// Halves the rate of a stream. A half-band low-pass filter of 31 taps (Kaiser window, β = 8) is applied, and
+// then every second sample is removed.
 //
 // Here and in the other files of the running spectrum, the template parameter Kind has the number types of
 // the computation: integers (count_spectrum.hpp) or floating point (host/native/real_spectrum.hpp).
@@ -13,16 +13,16 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// The filter. After every second sample was removed, frequencies below 0.35 of the original Nyquist frequency
-// contain less than 5e-6 of aliased power.
+// The filter. After the removal of every second sample, the proportion of aliased power at frequencies below
+// 0.35 of the original Nyquist frequency is less than 5e-6.
 template <typename Kind>
 struct HalfBand {
     typedef typename Kind::Value Value;
     typedef typename Kind::Sum Sum;
     typedef typename Kind::Coefficient Coefficient;
 
-    // An output of the filter is computed from a sample and the kReach samples before it. It stands for the
-    // sample in the middle of these.
+    // An output of the filter is computed from a sample and the kReach samples before it. The output stands
+    // for the sample in the middle of these samples.
     enum { kReach = 30, kDelay = 15, kMost = 128, kTaps = 8 };
 
     // The middle tap of the filter, and the taps at the distances 15, 13, ... 1 from it. All other taps are
@@ -37,11 +37,11 @@ struct HalfBand {
         return taps[k];
     }
 
-    // Computes the outputs whose newest sample has an even index from `from` to before `to` in x, and returns
-    // their number. x begins at the first sample after a break of the stream, or an even number of samples
-    // later; to - from is at most kMost. The newest sample of the first output has the index
-    // first_place(from). `level`: level of the running spectrum to which x belongs, which determines the
-    // units of x and of the outputs.
+    // Computes the outputs whose newest sample has an even index in x, from `from` to before `to`. Returns
+    // the number of these outputs. x begins at the first sample after a break of the stream, or an even
+    // number of samples later. to - from is at most kMost. The newest sample of the first output has the
+    // index first_place(from). `level`: level of the running spectrum to which x belongs, which determines
+    // the units of x and of the outputs.
     template <typename Stored>
     static int run(const Stored* x, int from, int to, int level, Value* out) {
         const int first = first_place(from), outputs = to > first ? (to - first + 1) / 2 : 0;

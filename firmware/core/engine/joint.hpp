@@ -1,10 +1,10 @@
 // The variant "joint" of the algorithm: one unscented filter estimates the order alpha and beta = h^alpha f
 // together. It replaces the filters KFo and KFw of the paper.
 //
-// Two separate filters ignore the correlation of alpha and f, so they stop before they reach the true values.
-// And f, which is proportional to h^-alpha, diverges when alpha moves. A filter for alpha and beta together
-// has neither problem. Its measurement variance is by default the variance of the state's step plus that of
-// the measurement (Q + R).
+// Two separate filters have two problems. They ignore the correlation of alpha and f, so their estimates stop
+// changing before they reach the true values. And f, which is proportional to h^-alpha, diverges when alpha
+// changes. One filter for alpha and beta together has neither problem. Its measurement variance is by default
+// the variance of the state's step plus that of the measurement (Q + R).
 #pragma once
 
 #include "filters.hpp"
@@ -59,7 +59,7 @@ struct Joint {
   private:
     static const int kPoints = 5;
 
-    // Limits the variances of alpha and beta, and keeps their correlation.
+    // Limits the variances of alpha and beta. Their correlation stays the same.
     Covariance<T> limited(const Covariance<T>& wide, Guards<T>& guards) const {
         if (!guards.active()) return wide;
         const T aa = guards.order_variance(wide.aa);
@@ -70,8 +70,8 @@ struct Joint {
         return narrow;
     }
 
-    // Measurement update of alpha and beta, from the model's outputs at five sigma points: the mean, and the
-    // mean plus and minus each column of sqrt(3 P).
+    // Makes the measurement update of alpha and beta. It uses the model's outputs at five sigma points, which
+    // are the mean, and the mean plus and minus each column of sqrt(3 P).
     template <class Memory>
     void measure(const Memory& memory, const Sample<T>& sample, const Tuning<T>& p, Guards<T>& guards,
                  const Covariance<T>& at) {

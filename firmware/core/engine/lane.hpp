@@ -10,8 +10,8 @@ namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
 // Variant is Triple<T> or Joint<T>. Memory is the class of the memory of past states, for example that of
-// memory_direct.hpp or memory_compressed.hpp. A Lane allocates nothing: the memory uses the storage that was
-// passed to its constructor.
+// memory_direct.hpp or memory_compressed.hpp. A Lane allocates nothing, because its memory of past states
+// uses the storage that was passed to the memory's constructor.
 template <class T, class Variant, class Memory>
 class Lane {
   public:
@@ -23,7 +23,7 @@ class Lane {
         Variant filters;
         T counts[kCauses];
     };
-    // size of State in numbers of type T; it has no other members
+    // size of State, counted in numbers of type T; State has no other members
     static const std::size_t kStateSize = sizeof(State) / sizeof(T);
 
     Lane(const Memory& memory, const Tuning<T>& tuning, Guard guard)
@@ -38,12 +38,13 @@ class Lane {
         restart(mask);
     }
 
-    // Applies other settings from the next sample on, and at later restarts. The memory keeps its samples.
+    // Applies other settings from the next sample on, and at later restarts. The memory keeps its past
+    // states.
     void retune(const Tuning<T>& tuning) { tuning_ = tuning; }
 
     void step(const Sample<T>& sample, Estimate<T>& out) {
-        // The estimate for the previous sample enters the memory only now, so that one lane can restart
-        // between two steps while others continue.
+        // The estimate for the previous sample is added to the memory only now, so that one lane can restart
+        // between two steps while other lanes continue.
         memory_.push(state_.filters.state.x, state_.filters.state.P);
         Guards<T> guards(guard_);
         state_.filters.step(memory_, sample, tuning_, guards, out);

@@ -1,6 +1,6 @@
-// A memory of past states whose cost does not grow with the number of samples. The weights of the newest 15
-// samples come from their recurrence (host/native/nest.hpp). All older samples are represented by a few dozen
-// exponentially decaying sums, called modes, which serve all orders (memory_nodes.hpp).
+// A memory of past states whose computing time does not grow with the number of samples. The weights of the
+// newest 15 samples come from their recurrence (host/native/nest.hpp). All older samples are represented by a
+// few dozen exponentially decaying sums, called modes, which serve all orders (memory_nodes.hpp).
 #ifndef FLTEA_MEMORY_COMPRESSED_HPP
 #define FLTEA_MEMORY_COMPRESSED_HPP
 
@@ -12,11 +12,11 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// T: float, double or Pack. Orders in [-0.9, 3] are computed with the configured accuracy; orders down to
-// -1.95 (variance sum: -1.3) and up to 4 with lower accuracy. An order outside of these limits is replaced by
-// the nearest limit, so every finite order has a finite sum. At integer orders from 0 on, the modes
-// contribute nothing and the result is exact. A caller who does not want such a replacement has to clip the
-// order beforehand. An empty memory is equivalent to a past of zeros.
+// T: float, double or Pack. For orders in [-0.9, 3], the sums have the configured accuracy. For orders down
+// to -1.95 (variance sum: -1.3) and up to 4, their accuracy is lower. An order outside of these limits is
+// replaced by the nearest limit, so every finite order has a finite sum. At integer orders from 0 on, the
+// modes contribute nothing and the result is exact. A caller who does not want such a replacement has to clip
+// the order beforehand. An empty memory is equivalent to a past of zeros.
 //
 // Below order -1 the weights grow with age and the integrals over the modes diverge. The sums are then
 // defined by analytic continuation, which the closed form in slow_end() gives automatically.
@@ -30,7 +30,7 @@ class CompressedMemory {
         const Nodes nodes(config);
         return history_size(nodes) + (table_size(nodes) + Lanes<T>::count - 1) / Lanes<T>::count;
     }
-    // Number of elements that hold past samples. These come first; the other elements are tables.
+    // Number of elements that hold past samples. They come first, and the other elements are tables.
     static std::size_t history(const CompressedConfig& config) { return history_size(Nodes(config)); }
 
     // `storage` holds storage(config) elements, aligned for T. The caller owns it.
@@ -115,7 +115,7 @@ class CompressedMemory {
         V = variance(orders[0]);
     }
 
-    // What has to be saved and restored in addition to the storage.
+    // What a snapshot has to contain in addition to the storage.
     struct Position {
         std::uint64_t pushed;
     };
@@ -131,23 +131,23 @@ class CompressedMemory {
     const Nodes& nodes() const { return nodes_; }
 
   private:
-    // Number of calls of push() for which memory is prefetched. Beyond the end of the ring, prefetching has
-    // no effect.
+    // Memory is prefetched for the call of push() that comes this number of calls later. Beyond the end of
+    // the ring, prefetching has no effect.
     static constexpr std::size_t kPrefetch = 16;
 
-    // Values that the sums of one order need in addition to the modes.
+    // Values that the sums for one order need in addition to the modes.
     struct Order {
         T order;
         T b, sine;         // b = a + 1 and sin(pi a), where a is the order in the sums over the modes
         Powers<T> powers;  // e^{±a step}
     };
 
-    // Returns these values for an order, which is limited to the memory's range. `lowest`: kLowestOrder or
-    // kLowestVarianceOrder.
+    // Returns the values of Order for an order, which is first limited to the memory's range. `lowest`:
+    // kLowestOrder or kLowestVarianceOrder.
     Order at(T order, double lowest) const {
         order = min(max(order, T(R(lowest))), T(R(kHighestOrder)));
-        // At a = -1 the sums over the modes are 0 times infinity. Near it, their error is the rounding error
-        // divided by the distance from -1.
+        // At a = -1 the sums over the modes are 0 times infinity. Near a = -1, the error of the sums is the
+        // rounding error divided by the distance of a from -1.
         const T distance = T(sizeof(R) == 8 ? R(1e-8) : R(1e-4));
         const T a = select(abs(order + T(R(1))) < distance, distance - T(R(1)), order);
         return Order{order, a + T(R(1)), sin_pi(a), exp_both(a * T(R(nodes_.step)))};
@@ -179,8 +179,8 @@ class CompressedMemory {
     }
 
     // Advances all modes z: z <- z - om z + K in - KW out, where om = 1 - e^{-s} is the decay. Computing z
-    // e^{-s} would lose the small om of the slow modes by rounding. The first `forgotten` modes contain
-    // nothing any more of a sample that leaves the window. The last element is the plain sum of all samples.
+    // e^{-s} would lose the small om of the slow modes by rounding. Of a sample that leaves the window, the
+    // first `forgotten` modes contain nothing any more. The last element is the plain sum of all samples.
     static void advance(T* z, const R* table, std::size_t forgotten, std::size_t count, T in, T out) {
         constexpr std::size_t G = kGroup;
         T next[G];
@@ -251,8 +251,8 @@ class CompressedMemory {
         }
     }
 
-    // Returns chain[0] + v chain[1] + v^2 chain[2] + v^3 chain[3]. Pairs are added first: the longest chain
-    // of operations is then one product shorter than in nested form.
+    // Returns chain[0] + v chain[1] + v^2 chain[2] + v^3 chain[3]. Pairs are added first, because the longest
+    // chain of operations is then one product shorter than in nested form.
     static T join(const T (&chain)[kGroup], T v) {
         return mul_add(v * v, mul_add(v, chain[3], chain[2]), mul_add(v, chain[1], chain[0]));
     }
@@ -335,7 +335,7 @@ class CompressedMemory {
             const double p = nodes_.node(nodes_.state, i), s = ::log1p(p);
             const double K = -nodes_.step / pi * p * ::exp(-(head + 2) * s);
             fill(state_table_ + 3 * i, p / (1 + p), K, s * length, state_forgotten_);
-            // For a mode that does not decay, z is the plain sum of all samples.
+            // If a mode did not decay, its z would be the plain sum of all samples.
             state_plain_ = -nodes_.step / pi * p * (1 - q_) * (1 - q_ * q_);
         }
         for (std::size_t i = 0; i < nodes_.variance.count; ++i) {
@@ -376,11 +376,11 @@ class CompressedMemory {
 
     Nodes nodes_;
     T* history_;
-    T* x_;  // the newest 15 samples, stored twice so that they are always contiguous, newest first
+    T* x_;  // the newest 15 samples, newest first; they are stored twice so that they are always contiguous
     T* P_;
     T* state_;     // modes of x, then the plain sum of x
     T* variance_;  // modes of P, then the plain sum of P
-    // the samples that are in the modes, as pairs x, P; the one at ring_position_ leaves the window next
+    // the samples that are in the modes, as pairs x, P; the pair at ring_position_ will leave the window next
     T* ring_;
     R* state_table_;  // -om, K, -KW (advance()) of each mode of x
     R* variance_table_;

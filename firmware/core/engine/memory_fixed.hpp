@@ -1,13 +1,14 @@
-// The memory of past states for a processor without floating point: the memory of memory_compressed.hpp,
-// computed in integers and without a limit of its length. x is kept in units of 2^-21 to 2^-20 of the noise's
-// standard deviation sqrt(R). x is clipped at 256 of these standard deviations or more, which only a knock
-// exceeds. P is kept only for the newest samples, whose weights are exact, in float.
+// The memory of past states for a processor without floating point. It is the memory of
+// memory_compressed.hpp, computed in integers and without a limit of its length. x is kept in units of 2^-21
+// to 2^-20 of the noise's standard deviation sqrt(R). x is clipped at 256 of these standard deviations or
+// more, which only a knock exceeds. P is kept in float, and only for the newest 15 samples, whose weights are
+// exact.
 //
-// It differs from memory_compressed.hpp in three ways. Orders outside of [-1/2, 5/2] are replaced by the
-// nearest order in this range, to which the guard limits them anyway. In place of modes slower than the
-// slowest one, the plain sum of the past is used. Variances of samples older than the newest 15 are replaced
-// by the oldest variance that is kept, because the P of a running filter is nearly constant.
-// firmware/README.md states the resulting errors.
+// It differs from memory_compressed.hpp in three ways. First, orders outside of [-1/2, 5/2] are replaced by
+// the nearest order in this range, to which the guard limits them anyway. Second, the plain sum of the past
+// takes the place of modes slower than the slowest one. Third, the oldest variance that is kept takes the
+// place of all older variances, because the P of a running filter is nearly constant. firmware/README.md
+// states the resulting errors.
 #ifndef FLTEA_MEMORY_FIXED_HPP
 #define FLTEA_MEMORY_FIXED_HPP
 
@@ -53,7 +54,7 @@ class FixedMemory {
         }
         x_[0] = fixed::from_float(x, x_unit_);
         P_[0] = P;
-        // Each mode is an exponentially weighted mean of past x, so it is never larger than they are.
+        // Each mode is an exponentially weighted mean of past x, so its magnitude never exceeds theirs.
         for (std::size_t i = 0; i < Nodes::count; ++i) {
             const std::int32_t mean = static_cast<std::int32_t>((z_[i] + (1 << 30)) >> 31);
             z_[i] += static_cast<std::int64_t>(Nodes::forget[i]) * (oldest - mean);
@@ -69,7 +70,7 @@ class FixedMemory {
         states(at, S);
     }
 
-    // Computes the same sum for one order, and V = sum_{j=2}^{k} c_j(order)^2 P_{k-j}.
+    // Computes S = sum_{j=1}^{k} c_j(order) x_{k-j} and V = sum_{j=2}^{k} c_j(order)^2 P_{k-j} for one order.
     void sums(float order, float& S, float& V) const {
         const Order at[1] = {Order(order)};
         float state[1];
@@ -83,7 +84,8 @@ class FixedMemory {
 
     static std::int64_t fine(std::int32_t x) { return static_cast<std::int64_t>(x) * (1 << kFine); }
 
-    // `a`: an order, in units of 2^-28. `v`: e^{-a step}, in units of 2^-30, which is between 0.1 and 1.6.
+    // `a`: an order, in units of 2^-28. `v`: e^{-a step}, in units of 2^-30; its value is between 0.1 and
+    // 1.6.
     struct Order {
         std::int32_t a, v;
 
@@ -124,8 +126,8 @@ class FixedMemory {
         }
     }
 
-    // Computes sum_i v^i K_i z_i over the modes. The sum goes on over the infinite series of slower nodes,
-    // with the plain sum of the past in place of their z.
+    // Computes sum_i v^i K_i z_i over the modes. The sum includes the infinite series of slower nodes, in
+    // which the plain sum of the past takes the place of z.
     template <int N>
     void tails(const Order (&at)[N], std::int64_t (&sum)[N]) const {
         const std::int64_t slower = fixed::product30(plain_, Nodes::plain);

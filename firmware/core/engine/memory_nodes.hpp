@@ -29,7 +29,7 @@ inline namespace FLTEA_INSTRUCTION_SET {
 // Configuration of a compressed memory, which compressed_config() makes from the user's settings.
 struct CompressedConfig {
     std::size_t window;  // length L of the memory in samples; 0: unlimited
-    int digits;          // accuracy of the weights: see compressed_config()
+    int digits;          // number of accurate digits of the weights, as in compressed_config()
 };
 
 constexpr int kDefaultDigits = 6;
@@ -39,8 +39,8 @@ constexpr int kMostDigits = 11;
 // Returns the configuration of a compressed memory. `window`: length L of the memory in samples, or 0 for no
 // limit. `digits`: accuracy, from 3 to 11, or 0 for the default, which is 6. Each weight c_j that the modes
 // approximate has a relative error below about 10^-digits for orders up to 1 (tables in
-// host/docs/theory/filters.md). The first 15 weights and the weights of integer orders are exact. `digits`
-// out of range are replaced by the nearest allowed number.
+// host/docs/theory/filters.md). The first 15 weights and the weights of integer orders are exact. If `digits`
+// is out of range, the nearest allowed number is used.
 inline CompressedConfig compressed_config(std::size_t window, int digits = kDefaultDigits) {
     if (digits == 0) digits = kDefaultDigits;
     if (digits < kLeastDigits) digits = kLeastDigits;
@@ -50,12 +50,14 @@ inline CompressedConfig compressed_config(std::size_t window, int digits = kDefa
 
 // A set of modes with the nodes e^{(top - i) step}, i = 0 .. count-1, from the fastest to the slowest.
 struct Bank {
-    std::size_t top;    // number of steps from node 1 to the fastest node: its logarithm divided by the step
+    // number of steps from the node 1 to the fastest node, which is the fastest node's logarithm divided by
+    // the step
+    std::size_t top;
     std::size_t count;  // number of modes, a multiple of kGroup
 };
 
-// The sum over the modes is computed as this number of independent chains of operations, so modes come in
-// groups of this size.
+// The sum over the modes is computed in this number of independent chains of operations. The number of modes
+// is therefore a multiple of it.
 constexpr std::size_t kGroup = 4;
 
 // The nodes for one configuration. They are computed with ::exp and similar functions of libm, whose last
@@ -70,26 +72,27 @@ struct Nodes {
     std::size_t window;
     double step;
     Bank state, variance;
-    // How many terms of the series of F the groups of the variance's modes need, counted from the fastest
-    // group: groups before the index `four_terms` need four terms, those before `two_terms` need two, and all
-    // others one. At least one group needs only one.
+    // How many terms of the series of F the groups of the variance's modes need. Groups are counted from the
+    // fastest one. Groups before the index `four_terms` need four terms, later groups before `two_terms` need
+    // two, and all others need one. At least one group needs only one term.
     std::size_t four_terms, two_terms;
 
     explicit Nodes(const CompressedConfig& config)
         : window(config.window), step(1), state(), variance(), four_terms(0), two_terms(0) {
-        // a memory this short has no samples for the modes
+        // so short a memory has no samples for the modes
         if (window > 0 && window <= kHead) return;
         const double error = ::pow(10.0, -double(config.digits));
         while (trapezoidal_error(step) > error) step -= 0.005;
-        // The fastest nodes are chosen so that the integrands of the weight c_n, with n = kHead + 1 and b =
-        // 2, are negligible beyond them, relative to the integrals B(2, n-2) and B(4, 2n-3).
+        // The fastest nodes are chosen so that beyond them the integrands of the weight c_n, with n = kHead +
+        // 1 and b = 2, are negligible in comparison with the integrals B(2, n-2) and B(4, 2n-3).
         const double n = kHead + 1.0;
         state.top = top(error, 2, n + 1, n * (n - 1));
         const double m = 2 * n;
         variance.top = top(error, 4, m + 1, m * (m - 1) * (m - 2) * (m - 3) / 6);
         // Modes that would be slower than the slowest node p are approximated by a parabola
-        // (CompressedMemory::slow_end). The error of this is of third order: about (j p)^3/6 of what these
-        // modes contribute to a weight, which is itself at most (j p)^b of the weight.
+        // (CompressedMemory::slow_end). The error of this approximation is of third order. It is about (j
+        // p)^3/6 of what these modes contribute to a weight, and they contribute at most (j p)^b of the
+        // weight.
         const double slowest = ::log(0.8 * ::cbrt(error) / (window > 0 ? double(window) : kHorizon));
         state.count = count(state.top, slowest);
         variance.count = count(variance.top, slowest - 0.7);
@@ -115,8 +118,8 @@ struct Nodes {
         return 2 * ::sqrt((1 + y * y) * 2 * pi * y) * ::exp(-pi * y / 2);
     }
 
-    // Returns the logarithm of the fastest node, in steps. At the next faster node x, scale * x^power
-    // (1+x)^-decay is negligible.
+    // Returns the logarithm of the fastest node, in steps. It is chosen so that at the next faster node x,
+    // scale * x^power (1+x)^-decay is negligible.
     std::size_t top(double error, double power, double decay, double scale) const {
         std::size_t steps = 0;
         while (scale * ::pow(::exp(double(steps + 1) * step), power) *
