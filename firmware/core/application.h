@@ -24,7 +24,7 @@
 
 namespace fltea {
 
-// What the code for one kind of board finds out about the board.
+// What the code for one kind of board has found out about the board on which it runs.
 struct Identity {
     uint32_t boot_id;       // a number that differs from boot to boot
     uint8_t device_id[16];  // unique identifier of the microcontroller
@@ -272,9 +272,9 @@ class Application {
     EverySecond hello_;
     EverySecond status_;
     Estimation estimation_;
-    Estimate estimate_ = {};  // the ESTIMATE that waits to be sent; valid if estimate_due_
-    Fit fit_ = {};            // the FIT that waits to be sent; valid if fit_due_
-    Spectrum spectrum_ = {};  // the SPECTRUM that waits to be sent; valid if spectrum_due_
+    Estimate estimate_ = {};  // the ESTIMATE that waits to be sent, if estimate_due_ is true
+    Fit fit_ = {};            // the FIT that waits to be sent, if fit_due_ is true
+    Spectrum spectrum_ = {};  // the SPECTRUM that waits to be sent, if spectrum_due_ is true
     Allowance<settings::kFitShare> fits_share_;
     Workload workload_;
     uint32_t longest_axis_us_ = 0;

@@ -11,7 +11,7 @@ class ByteSink {
     // Number of bytes that write() accepts now without waiting.
     virtual size_t room() = 0;
 
-    // Sends n bytes, which are at most room(). Never waits.
+    // Sends n bytes without waiting. n must be at most room().
     virtual void write(const uint8_t* data, size_t n) = 0;
 
   protected:

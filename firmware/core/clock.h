@@ -7,7 +7,7 @@ namespace fltea {
 
 class Clock {
   public:
-    // Returns the microseconds since boot, which wrap every 2^32 us.
+    // Returns the time since boot [us], which wraps every 2^32 us.
     virtual uint32_t now_us() = 0;
 
   protected:

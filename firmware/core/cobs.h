@@ -45,7 +45,7 @@ class CobsEncoder {
     }
 
     uint8_t* out_;
-    // index in `out` of the code byte of the block in progress, which is written when the block ends
+    // index in `out` of the code byte of the block in progress; the code byte is written when the block ends
     size_t block_ = 0;
     size_t end_ = 1;
     // value of the code byte: distance from the code byte to the 0x00 that the encoding leaves out

@@ -21,8 +21,9 @@ class Edges {
         count_.store(count_.load(std::memory_order_relaxed) + 1, std::memory_order_release);
     }
 
-    // Reads count and time; the main loop calls this. If an edge comes between these two reads, the count
-    // changes and both are read again, so that count and time belong to the same edge.
+    // Reads the number of edges and the time of the last edge. The main loop calls this. If an edge comes
+    // between these two reads, the count changes and both are read again, so that count and time belong to
+    // the same edge.
     Seen seen() const {
         for (;;) {
             const uint32_t count = count_.load(std::memory_order_acquire);

@@ -1,5 +1,5 @@
-// Makes the C++ class AllanSums, which computes the Allan variance of one axis, available in Python as
-// fltea._native.AllanSums. Samples come as numpy arrays.
+// Makes the C++ class AllanSums available in Python as fltea._native.AllanSums. The class computes the Allan
+// variance of one axis. Samples come as numpy arrays.
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 

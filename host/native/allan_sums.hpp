@@ -62,7 +62,7 @@ class AllanSums {
         }
     }
 
-    // Number of samples that were added.
+    // Number of all samples that were added.
     double samples() const { return samples_; }
     // Number of recent samples that the results describe; older samples are forgotten.
     double span() const {
@@ -137,8 +137,9 @@ class AllanSums {
         return result;
     }
 
-    // Returns the state as a list of numbers: sample count, current time, time since the last break, origin;
-    // then the values of all levels; then four numbers per octave.
+    // Returns the state as a list of numbers. The first four are the sample count, the current time, the time
+    // since the last break, and the origin. The values of all levels follow, and then four numbers for each
+    // octave.
     std::vector<double> save() const {
         const double length = begun_ ? now_ - stretch_begin_ : 0;
         std::vector<double> numbers = {samples_, now_, length, begun_ ? origin_ : 0};
@@ -208,8 +209,8 @@ class AllanSums {
         const double step = std::ldexp(1.0, static_cast<int>(i)), taken = levels_[i].taken;
         if (memory_ > 0) {
             const double decay = step_decay_[i], decay2 = decay * decay;
-            // The first of these terms may come long after the octave's last one, if a break lies between
-            // them.
+            // If a break lies between them, the first of these terms may come long after the last term of the
+            // octave.
             fade(octave, stretch_begin_ + (taken + static_cast<double>(first + 1)) * step - octave.last);
             double squares = octave.squares, weight = octave.weight, both = octave.weight_squared;
             for (std::size_t k = first; k < n; ++k) {
@@ -254,7 +255,7 @@ class AllanSums {
         octave.squares *= decay;
         octave.weight *= decay;
         octave.weight_squared *= decay * decay;
-        // The octave is reset before its weights become so small that their squares underflow.
+        // The octave is reset before its weights become so small that the squares of the weights underflow.
         if (octave.weight < 1e-100) octave = allan::Octave();
     }
 

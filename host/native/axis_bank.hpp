@@ -1,6 +1,6 @@
-// The estimates of all axes of one sensor: the start-up window, the filters of the algorithm with their
-// supervisor, and the test whether the innovations are white. One call processes any number of rows; a row
-// has a value of each axis.
+// Computes the estimates of all axes of one sensor. It has the start-up window, the filters of the algorithm
+// with their supervisors, and the test whether the innovations are white. One call processes any number of
+// rows. A row has one value for each axis.
 #pragma once
 
 #include <algorithm>
@@ -175,7 +175,8 @@ class AxisBank {
         }
     }
 
-    // Clears the outputs of axes that are not live. Their lanes have written to these outputs, too.
+    // Clears the outputs of axes that are not live, because the lanes of these axes have written to the
+    // outputs, too.
     void forget(std::size_t axis, std::size_t rows, const BankBlock& out) {
         for (std::size_t i = axis; i < rows * axes_; i += axes_) {
             for (double* column : out.columns) column[i] = __builtin_nan("");

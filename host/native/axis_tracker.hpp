@@ -35,9 +35,8 @@ struct TrackerRules : BiasLengths {
     // counts as motion.
     double largest_step = std::numeric_limits<double>::infinity();
     // When the samples stay at another mean, the tracker accepts that mean as the new offset after this
-    // number of samples without motion. `still` applies if the new mean is nearer to 0 than the old one, if
-    // the caller reports rest, or if `settles` is set. Otherwise the sensor may be rotating, and `patience`
-    // applies.
+    // number of samples without motion. `still` applies if the new mean is nearer to 0, if the caller reports
+    // rest, or if `settles` is set. Otherwise the sensor may be rotating, and `patience` applies.
     std::int64_t still = 1024, patience = 60000;
     // Whether the tracker accepts a mean farther from 0 as the new offset as quickly as a mean nearer to 0,
     // although the former may come from a rotation.
@@ -432,7 +431,8 @@ class AxisTracker {
         return known > 0 ? sum / known - bias() : seen_.size * deviation_;
     }
     double bias_variance() const { return known().bias_variance; }
-    // Bias before those steps that may be the beginning of motion, or the present bias if there are none.
+    // Bias before those steps that may be the beginning of motion, or the present bias if there are no such
+    // steps.
     double settled_bias() const { return before_ != nullptr ? before_->bias : bias(); }
 
     void note_before() {

@@ -1,5 +1,5 @@
-// Makes the C++ class AxisBank, which filters all axes of a sensor, available in Python as fltea._native.Bank
-// (host/fltea/estimator/bank.py). Samples and results are numpy arrays.
+// Makes the C++ class AxisBank available in Python as fltea._native.Bank (host/fltea/estimator/bank.py). The
+// class filters all axes of a sensor. Samples and results are numpy arrays.
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>

@@ -16,7 +16,8 @@ namespace track {
 
 class BankMembers {
   public:
-    enum { kMost = 4, kRoom = 320 };  // largest number of states; largest number of models
+    // kMost: largest number of states of a model. kRoom: largest number of models.
+    enum { kMost = 4, kRoom = 320 };
     typedef Kalman<kMost> Filter;
 
     // Returns the noise models of the bank. In them, the bias is the expected mean over the next `ahead`
@@ -80,7 +81,7 @@ class BankMembers {
                 for (double power : {0.03, 0.1, 0.3, 1.0, 3.0}) add(Noise{corner, 0, 1, {time}, {power}});
             }
         }
-        // The gains of all models for one sample lie next to each other in memory, because each sample is
+        // In memory, the gains of all models for one sample lie next to each other, because each sample is
         // filtered with all models.
         const std::size_t stride = std::size_t(count_);
         of_samples_.reset(new Filter::Gain[stride * Filter::kExact]);

@@ -45,7 +45,7 @@ class BiasCheck {
         sum_ = 0;
     }
 
-    // Adds a sample at rest that the filters have already processed.
+    // Adds a sample that was measured at rest. The filters must have processed it already.
     void add(const NoiseModel& model, double y) {
         sum_ += y;
         if (++count_ >= due_) end_pieces(model);

@@ -70,7 +70,7 @@ class ChunkWriter {
         index.emplace_back(log_ns, at);
     }
 
-    // The records of the chunk in progress, and the number of its messages.
+    // The records of the chunk in progress, and the number of messages among them.
     const std::string& records() const { return records_.text(); }
     std::size_t messages() const { return messages_; }
 
@@ -80,7 +80,8 @@ class ChunkWriter {
         const std::uint64_t plain = records_.text().size();
         RecordText out;
         out.begin(0x06, chunk_bytes(size) - kHead).put(start_ns_).put(end_ns_).put(plain);
-        // a CRC of 0 means that the chunk has none: the compressed format has its own checksum
+        // A CRC of 0 means that the chunk has no CRC. It needs none, because the compressed format has its
+        // own checksum.
         out.put(std::uint32_t{0}).put_text(compression_);
         out.put(static_cast<std::uint64_t>(size)).put(packed, size);
         note(at - next_at_);

@@ -11,8 +11,8 @@ namespace {
 
 constexpr std::size_t kHeader = 7;
 constexpr std::size_t kCrc = 4;
-// Total size of the fields with which the HELLO of every protocol version begins: major, minor and schema
-// hash.
+// Total size of the fields with which the HELLO of every protocol version begins. These are the major
+// version, the minor version and the schema hash.
 constexpr std::size_t kVersion = 6;
 constexpr std::size_t kSampleBlock = kHeader + Sample::size() + kCrc + 1;
 

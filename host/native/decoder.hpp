@@ -81,7 +81,8 @@ class Decoder {
     std::uint8_t block_[kMaxBlock] = {};
     std::size_t pending_ = 0;
     bool discarding_ = false;  // whether the rest of an oversize block is being skipped
-    bool attaching_ = true;    // whether no 0x00 has come since the port was opened
+    // whether no 0x00 has come since the port was opened, so that the first block may be incomplete
+    bool attaching_ = true;
 };
 
 }  // namespace fltea

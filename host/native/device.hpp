@@ -22,7 +22,7 @@ namespace fltea {
 enum class Stop : int {
     kEnd,       // all samples are consumed
     kMore,      // nothing has happened that the caller must handle, but more samples wait
-    kStatsDue,  // before a sample: it arrived at or after the time at which statistics are due
+    kStatsDue,  // before a sample: this sample arrived at or after the time at which statistics are due
     // before a sample: samples just before it are missing, and the sensors have predicted them
     kGap,
     kEpoch,        // before a sample: an epoch begins with this sample, and the caller has to call begin()
@@ -39,8 +39,8 @@ constexpr bool stands_before_sample(Stop stop) {
     return stop == Stop::kStatsDue || stop == Stop::kGap || stop == Stop::kEpoch;
 }
 
-// What happened at a sample. If `is_lost` is true, an axis became invalid, and `lost` says which and why.
-// Otherwise `event` says what the tracker noticed.
+// Something that happened at a sample. If `is_lost` is true, an axis became invalid, and `lost` says which
+// and why. Otherwise `event` says what the tracker noticed.
 struct Happening {
     std::size_t row;  // index of that sample in the run of samples
     std::size_t sensor;
@@ -363,7 +363,7 @@ class Device {
     std::int64_t judged_ns_ = kNever;
     bool is_judged_ = false;  // whether the next sample is judged, but not processed yet
     bool is_ready_ = false;   // whether all work that has to precede the next sample is done
-    bool is_new_ = false;     // whether no sample of this epoch was processed yet
+    bool is_new_ = false;     // whether no sample of the present epoch was processed yet
     bool window_is_full_ = false;
 };
 

@@ -21,7 +21,7 @@
 
 namespace nb = nanobind;
 
-extern const char kSourceHash[];  // made by source_hash.py
+extern const char kSourceHash[];  // source_hash.py generates the definition
 
 namespace {
 

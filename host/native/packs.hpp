@@ -1,6 +1,6 @@
 // Runs packs of lanes one after another, for one instruction set. A pack is one vector register of lanes, and
 // a lane is one axis. engine.cpp fills its table with these functions. They call no inline function of the
-// standard library, because of all compiled copies of such a function the linker would keep only one, for all
+// standard library: the linker would keep only one of its compiled copies, and use this copy for all
 // instruction sets.
 #pragma once
 
@@ -145,8 +145,8 @@ class Packs {
         }
     }
 
-    // A snapshot contains for each pack the bytes of its State, of the memory's Position, and of the memory's
-    // storage including the tables.
+    // For each pack, a snapshot contains the bytes of the pack's State, of the memory's Position, and of the
+    // memory's storage including the tables.
     std::size_t snapshot() const {
         return packs(shape_) * (sizeof(typename PackOfLanes::State) + sizeof(Position) +
                                 Kind::storage(shape_) * sizeof(Number));

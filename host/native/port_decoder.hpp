@@ -364,7 +364,7 @@ class PortDecoder {
     std::int64_t before_ns_ = 0;  // time at which this program had last processed all input
     std::int64_t last_ns_ = 0;    // time of the last event or tick
     std::int64_t ticks_left_ = 0, next_tick_ns_ = 0;
-    bool check_is_due_ = false;  // whether a check for troubles is due at last_ns_
+    bool check_is_due_ = false;  // whether the port has to be checked for troubles, as of the time last_ns_
 
     // The input. Reads before the index `at_` are being processed or are processed already. The present group
     // consists of reads that came close to each other. It ends before the index `group_end_`.

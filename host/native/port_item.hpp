@@ -1,5 +1,5 @@
 // The items into which port_decoder.hpp decodes what comes from a serial port, such as samples, other frames
-// and troubles of the port, and the counts of them.
+// and troubles of the port. Also the counts of what came from the port.
 #pragma once
 
 #include <cstddef>
@@ -21,7 +21,7 @@ struct PortItem {
         kFrame,           // a valid frame of another type
         kSameHello,       // a HELLO identical, byte for byte, to the HELLO that was accepted last
         kRefusedVersion,  // a HELLO of another protocol version: nothing after it may be interpreted
-        kBad,             // a block that is not a valid frame
+        kBad,             // a block of bytes that is not a valid frame
         kTick,            // no bytes came from the port for a while
         kTrouble,         // a trouble of the port: it is silent, unreadable or without a HELLO
     };

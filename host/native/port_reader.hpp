@@ -1,5 +1,5 @@
-// Reads many serial ports in a separate thread. Each read gets its time stamp on arrival, whatever the rest
-// of the program does.
+// Reads many serial ports in a separate thread. Each read gets a time stamp when its bytes arrive, whatever
+// the rest of the program does.
 //
 // Received bytes wait in the reader until take() fetches them. take() returns when the oldest waiting byte of
 // a port has waited for the latency that was set for that port. Waiting does not affect the time stamps.
@@ -57,10 +57,11 @@ class PortReader {
     // writes everything that has arrived by then to `news`. A lost port is no longer read.
     std::int64_t take(double timeout_s, std::vector<PortNews>& news);
 
-    // Ends the call of take() that is waiting. If none is waiting, the next call returns at once.
+    // Ends the wait in the present call of take(). If no call of take() is waiting, the next one returns at
+    // once.
     void wake();
 
-    // Stops reading. After this, nothing arrives any more.
+    // Stops reading all ports. After this call, take() returns nothing new.
     void close();
 
   private:

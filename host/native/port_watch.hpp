@@ -12,9 +12,10 @@ constexpr std::int64_t kSecondNs = 1'000'000'000;
 
 // Times after which a trouble is reported [ns].
 struct PortTimes {
-    std::int64_t silence_ns;  // how long a device may send nothing, or nothing readable, or no HELLO
-    std::int64_t tick_ns;     // silence of a port after which it gets a tick (an item kTick)
-    std::int64_t repeat_ns;   // time until the same trouble is reported again
+    // there is a trouble if a device has sent nothing, or nothing readable, or no HELLO for this time
+    std::int64_t silence_ns;
+    std::int64_t tick_ns;    // after a silence of this length, a port gets a tick (an item kTick)
+    std::int64_t repeat_ns;  // after this time, the same trouble is reported again
 };
 
 // Trouble of an open port. trouble_name() gives the names.
@@ -129,7 +130,7 @@ class PortWatch {
 
     PortTimes times_;
     bool is_connected_ = false, is_refused_ = false, heard_hello_ = false;
-    bool has_unread_ = false;  // whether bytes have come that are not part of a readable frame so far
+    bool has_unread_ = false;  // whether bytes have come that are not part of any readable frame so far
     std::int64_t opened_ns_ = 0, byte_ns_ = 0, unread_since_ns_ = 0, unread_bytes_ = 0;
     // kind of the last reported trouble; if it is empty, the next trouble of any kind is reported
     std::string reported_;

@@ -18,9 +18,9 @@ class Timebase {
     // epoch, so that a step of the system's clock causes no jump in the time stamps.
     explicit Timebase(std::int64_t offset_ns = 0) : offset_ns_(offset_ns) {}
 
-    // Adds the arrival of a sample, and returns the sample's Unix time [ns]. This time never runs backwards:
-    // where the newest fit of the clocks would give a time before that of the previous sample, it advances by
-    // one nanosecond.
+    // Adds the arrival of a sample, and returns the sample's Unix time [ns]. The returned times never run
+    // backwards. If the newest fit of the clocks gives a time before that of the previous sample, the
+    // returned time is one nanosecond after that of the previous sample.
     std::int64_t add(std::int64_t seq, std::int64_t device_us, std::int64_t host_ns) {
         if (!begun_) begin(seq, device_us, host_ns);
         if (device_us >= second_end_us_) {

@@ -54,8 +54,8 @@ struct Bins {
 
     Bins() = default;
     // `frequencies` are above 0 and rise up to π. `walks`: spectrum of a random walk whose steps have unit
-    // variance. `windows`: for each bin, the mean square distance of the frequencies over which the window of
-    // the spectrum averages from the bin's frequency [rad²].
+    // variance. `windows`: The window of the spectrum averages over frequencies around each bin. For each
+    // bin, this is the mean square distance of these frequencies from the bin's own frequency [rad²].
     Bins(const Kernel& used, Numbers frequencies, Numbers ordinates_of, Numbers powers, Numbers walks,
          const Numbers& windows, double h)
         : kernel(&used),
@@ -96,7 +96,7 @@ struct Bins {
     void fill(unsigned read) {
         for (std::size_t i = 0; i < size(); ++i) {
             quarter.push_back((kPi - lam[i]) / 2);
-            // Each bin is assumed to extend half of the way to its neighbours.
+            // It is assumed that each bin extends half of the way to its neighbours.
             const double reach = (lam[i + 1 < size() ? i + 1 : i] - lam[i ? i - 1 : 0]) / 4;
             spread.push_back(reach * reach / 3);
         }

@@ -1,7 +1,7 @@
 // Computes the spectra of all noise parts and the sums over bins, for one instruction set
 // (whittle_kernel.hpp). CMakeLists.txt compiles this file once for each instruction set. It calls no inline
-// function of the standard library, because of all compiled copies of such a function the linker would keep
-// only one, for all instruction sets.
+// function of the standard library: the linker would keep only one of its compiled copies, and use this copy
+// for all instruction sets.
 #include "whittle_kernel.hpp"
 
 #include <math.h>
@@ -35,10 +35,9 @@ void to(double* at, T value) {
     __builtin_memcpy(at, &value, sizeof value);
 }
 
-// Calls op(T(), i) for all bins. At first T is a pack, and each call handles the bins from i on, as many as
-// the pack has numbers. For the remaining bins T is double, and each call handles one bin. The result for a
-// bin does not depend on T (pack_math.hpp). Packs are used explicitly, because compilers do not vectorise exp
-// automatically.
+// Calls op(T(), i) for all bins. At first T is a pack, and a call handles as many bins from i on as the pack
+// has numbers. For the last few bins T is double, and a call handles one bin. The result for a bin does not
+// depend on T (pack_math.hpp). Packs are used explicitly, because compilers do not vectorise exp.
 template <class Op>
 __attribute__((always_inline)) inline void each(std::size_t size, Op op) {
     std::size_t i = 0;
@@ -93,8 +92,7 @@ void relaxation(const Columns& b, bool mirrored, const double* eta, double* part
     });
 }
 
-// The figures α and g of a part with an order, and the derivatives of α and g by the part's first two free
-// parameters.
+// α and g of a part with an order, and the derivatives of α and g by the part's first two free parameters.
 struct Order {
     double alpha, g, by[2][2];
 };
@@ -223,9 +221,8 @@ void notch(const Columns& b, const double* eta, double* gain, double* const* slo
         typedef decltype(one) T;
         const T sine = from<T>(b.square + i) / T(4.0), cosine = T(1.0) - sine, step = from<T>(b.spread + i);
         const T away = sine - T(square) * cosine, flat = sine * cosine;
-        // At a single frequency, the gain is A / (A + K). This gain is averaged over the frequencies of the
-        // bin. The mean square distance of these frequencies from the bin's centre increases the mean of A by
-        // B.
+        // At a single frequency, the gain is A / (A + K). It is averaged over the bin's frequencies. Their
+        // mean square distance from the bin's centre increases the mean of A by B.
         const T A = away * away, B = flat * T(1 + square) * T(1 + square) * step;
         const T K = T(width * width) * flat, W = A + B + K;
         const T both = T(4.0) * A * B * K / (W * W * W), value = (A + B) / W - both, more = T(3.0) * both / W;
@@ -241,9 +238,8 @@ void notch(const Columns& b, const double* eta, double* gain, double* const* slo
     });
 }
 
-// Returns the power gain of a mean of m samples at the frequency `lam`. The gain is averaged over a bin, so
-// that it is not 0 at the zeros of this filter. `step`: mean square distance of the bin's frequencies from
-// its centre.
+// Returns the power gain of a mean of m samples at the frequency `lam`. It is averaged over a bin, so that it
+// is not 0 at the filter's zeros. `step`: mean square distance of the bin's frequencies from its centre.
 double mean_gain(double lam, double step, int m) {
     const double sine = ::sin(lam / 2), cosine = ::cos(lam / 2);
     const double above = ::sin(m * lam / 2), ratio = above / (m * sine);

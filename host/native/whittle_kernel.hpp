@@ -37,14 +37,14 @@ struct Columns {
     const double* counts;  // number of periodogram ordinates in the bin
     const double* power;
     const double* lam;
-    const double* square;  // |1 - e^{-iλ}|²
-    const double* cos1;    // cos λ, sin λ
+    const double* square;  // |1 - e^{-iλ}|², where λ is the frequency
+    const double* cos1;    // cosine and sine of the frequency λ
     const double* sin1;
-    const double* ln_size;  // log |1 - e^{-iλ}|
-    const double* quarter;  // (π - λ) / 2
+    const double* ln_size;  // log |1 - e^{-iλ}|, where λ is the frequency
+    const double* quarter;  // (π - λ) / 2, where λ is the frequency
     const double* walk;     // spectrum of a random walk with steps of variance 1, including leakage
     const double* spread;   // mean square distance of the frequencies in a bin from its centre
-    const double* branch;   // three rows: log λ², log (2π - λ)², log (2π + λ)²
+    const double* branch;   // three rows: log λ², log (2π - λ)² and log (2π + λ)², where λ is the frequency
     double log_h, lowest_order, highest_order;
 };
 
@@ -66,9 +66,9 @@ struct Kernel {
     // kMostFree). `slopes`: derivatives of log S by the parameters. `over`: work space of shape (size,).
     void (*derivatives)(const Columns& bins, const double* total, int free, const double* const* slopes,
                         double* over, double* gradient, double* information);
-    // Writes the sum of products Σ a b over all bins for each of the `count` rows b.
+    // For each of the `count` rows b, writes the sum of the products Σ a b over all bins.
     void (*dots)(std::size_t size, const double* a, int count, const double* const* rows, double* found);
-    // Writes the products a b to `into`, which may be a or b.
+    // Writes the products a b to `into`, which may be the same array as a or b.
     void (*times)(std::size_t size, const double* a, const double* b, double* into);
     // Adds the numbers a to those in `into`.
     void (*plus)(std::size_t size, const double* a, double* into);

@@ -75,7 +75,7 @@ enum Value : int {
     kPower,      // log of the power of a part
     kRate,       // log of h / correlation time τ
     kPole,       // log of the rate of an ARFIMA, whose φ is e^-rate
-    kAlpha,      // an order; its bounds are those of the fit
+    kAlpha,      // an order, whose bounds are those of the fit
     kNumber,     // a parameter that is used as it is, without a transformation
     kShape,      // a logit or a logarithm of a number, beyond whose bounds the spectrum hardly changes
     kFrequency,  // log of a frequency λ, at most log π + `high`
@@ -155,11 +155,11 @@ struct Starts {
 
 struct Row {
     Part part;
-    const char* name;  // name of the part in Python and in files
+    const char* name;  // name of this part in Python and in files
     unsigned traits;
     Says says;
     unsigned columns;
-    int most;  // largest number of such parts in a model
+    int most;  // largest number of parts of this kind in a model
     // Number of further parameters of which a search tries many values, such as m of a mean. The criterion
     // BIC counts them as free parameters, too.
     int sought;

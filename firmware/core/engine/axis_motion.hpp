@@ -96,7 +96,7 @@ class AxisMotion {
         usual_mean_ += (mean - usual_mean_) / n;
     }
 
-    float least_, usual_power_, usual_mean_;  // powers of the innovations, as ratios to S
+    float least_, usual_power_, usual_mean_;  // powers of the innovations and of their means, as ratios to S
     float sum_, powers_, largest_, last_mean_;
     std::uint16_t chunks_, stood_;
 };

@@ -54,7 +54,7 @@ class Baseline {
 
     Size samples() const { return n_; }
 
-    // Whether all samples are equal, so that the variance R of the noise is not known.
+    // Whether all samples are equal. The variance R of the noise is then not known.
     bool constant() const { return spread() == 0; }
 
     // Mean, in the unit of the samples.

@@ -18,8 +18,8 @@ class BlockFft {
     typedef typename Kind::Power Power;
     enum { kBlock = 256, kHalf = kBlock / 2 };
 
-    // Sum of the squares of the window. For white noise of variance R, the mean power of every spectral line
-    // is R times this sum.
+    // Sum of the squared values of the window. For white noise of variance R, the mean power of every
+    // spectral line is R times this sum.
     static constexpr double scale() { return 0.375 * double(kBlock); }
 
     // Working memory of the transform. At the end it has the powers of the spectral lines.
@@ -72,7 +72,7 @@ class BlockFft {
         for (int stride = 1; stride < kHalf; stride *= 2, from = 1 - from) {
             const int pairs = kHalf / 2 / stride;
             for (int p = 0; p < pairs; ++p) {
-                // the factor e^{-2 pi i p / (2 pairs)}
+                // c and s give the factor e^{-2 pi i p / (2 pairs)} of pair p
                 const Coefficient c = tables.cosine(2 * p * stride), s = tables.sine(2 * p * stride);
                 const Value* const ar = work.half_[from].part[0] + stride * p;
                 const Value* const ai = work.half_[from].part[1] + stride * p;

@@ -200,7 +200,7 @@ struct CountSpectrum {
         int places() const { return kFine + lift_; }
 
       private:
-        enum { kFine = 8 };  // in units of 2^-8, the mean of 256 values is exact
+        enum { kFine = 8 };  // in units of 2^-8, the mean of 256 integer values is exact
 
         Value fine(int i) const { return Value(x_[i]) * (1 << kFine) - sum_; }
 
@@ -243,7 +243,7 @@ class CountOctaves {
         gate_.add(&count, 1, 1, entrance);
     }
     bool pass(Passage& passage) { return ladder_.advance(passage); }
-    // Notes that `lost` samples are missing before the next one.
+    // Notes that `lost` samples are missing before the next sample.
     void skip(std::uint64_t lost) { gate_.skip(lost); }
 
     const GateCounts& counts() const { return gate_.counts(); }

@@ -44,7 +44,7 @@ class CountSums {
         ++blocks_;
     }
 
-    // Writes the sums in the squared unit of the level's values. All blocks have the same weight.
+    // Writes the sums, in the squared unit of the level's values. All blocks have the same weight.
     void read(int, float* power, float* blocks, float* effective) const {
         for (int i = 0; i < kLines; ++i) {
             power[i] = fixed::to_float(static_cast<std::int64_t>(power_[i]), coarse_);
@@ -53,7 +53,8 @@ class CountSums {
     }
 
   private:
-    enum { kFirst = 30 };  // number of bits for the largest power of the first block
+    // the first unit is chosen so that the largest power of the first block has this number of bits
+    enum { kFirst = 30 };
 
     // Makes the unit of the sums 2^places times as large. The unit of the sums is 2^coarse_ times the squared
     // unit of the level's values.
@@ -84,7 +85,7 @@ class CountSums {
     }
 
     std::uint32_t power_[kLines] = {};
-    std::uint32_t most_ = 0;  // largest sum in power_
+    std::uint32_t most_ = 0;  // largest of the sums in power_
     std::uint32_t blocks_ = 0;
     std::uint32_t chance_ = 1;
     std::int32_t coarse_ = 0;

@@ -77,7 +77,7 @@ class FitBins {
   private:
     enum Stage { kWhole, kWelch, kDone };
 
-    // The bin to which spectral lines are being added.
+    // The bin in progress, to which spectral lines are added.
     struct Open {
         float begin, lam, weight, power;
         int lines;
@@ -105,8 +105,9 @@ class FitBins {
             line_ = kLowest;
             return;
         }
-        // Index of the highest ordinate to compute. It lies just below the lowest frequency of the octave
-        // above or, without such an octave, below the Nyquist frequency.
+        // Index of the highest ordinate to compute. The frequency of this ordinate lies just below the lowest
+        // frequency of the octave above. If there is no such octave, it lies just below the Nyquist
+        // frequency.
         const int last = depth == 0 ? (n - 1) / 2 : ((2 * kFirst - 1) * n - 1) / kBlock;
         if (line_ > last) {
             close();

@@ -39,8 +39,8 @@ struct FitFigures {
 template <class Bins>
 class SlicedFit;
 
-// What is kept of an axis from one fit to the next. This is the last results, from which the next fit starts,
-// and the progress of the grid searches, which are repeated from time to time.
+// What is kept of an axis from one fit to the next. These are the last results, from which the next fit
+// starts, and the progress of the grid searches, which are repeated from time to time.
 class FitMemory {
   public:
     // `turn`: Every twelfth fit of an axis repeats the grid search. Axes with different values of `turn`
@@ -64,7 +64,7 @@ class FitMemory {
         float theta[3];
         float nll, scale;
         bool known;
-        unsigned char look;  // index of the next grid point to test
+        unsigned char look;  // index of the grid point that will be tested next
     };
     void note_relaxation(float unit) {
         const Answer& answer = answers_[kRelaxation];

@@ -46,7 +46,7 @@ inline std::int32_t from_float(float x, int exponent) {
     return bits >> 31 ? -count : count;
 }
 
-// Returns `count` times 2^exponent as a float, or 0 if a float cannot hold it.
+// Returns `count` times 2^exponent as a float, or 0 if a float cannot represent this number.
 inline float to_float(std::int64_t count, int exponent) {
     if (count == 0) return 0;
     std::uint64_t m = static_cast<std::uint64_t>(count < 0 ? -count : count);
@@ -88,7 +88,7 @@ inline Power power_of_two(std::int32_t y) {
 // result is exactly 0.
 inline std::int32_t sin_pi(std::int32_t a) {
     static const std::int32_t series[] = {
-        // coefficients of the series of the sine, in units of 2^-28
+        // coefficients of the power series of the sine, in units of 2^-28
         125172, -1978485, 22050869, -160863847, 684554447, -1387197337, 843314857};
     const std::int32_t whole = (a + (1 << 27)) >> 28;
     const std::int32_t r = (a - whole * (1 << 28)) * 4;

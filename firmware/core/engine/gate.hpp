@@ -35,9 +35,9 @@ struct GateCounts {
     std::uint64_t used;     // samples that were accepted
     std::uint64_t bridged;  // lost samples that were filled in
     std::uint64_t lost;     // all lost samples
-    std::uint64_t gaps;     // breaks of the stream because of lost samples
+    std::uint64_t gaps;     // breaks of the stream that lost samples have caused
     std::uint64_t knocks;   // chunks that were left out as knocks
-    std::uint64_t knocked;  // samples left out because of knocks and steps
+    std::uint64_t knocked;  // samples that were left out because of knocks and steps
     std::uint64_t steps;
     std::uint64_t changes;  // number of times that the variance of knocks became the running level
     std::uint64_t limited;  // samples that were clipped because they were far from the mean of their chunk
@@ -105,7 +105,7 @@ class Gate {
         }
     }
 
-    // Notes that `count` samples are missing before the next one.
+    // Notes that `count` samples are missing before the next sample.
     void skip(std::uint64_t count) {
         missing_ += count;
         counts_.lost += count;
@@ -355,7 +355,7 @@ class Gate {
     Real knocks_level_;
     int jumps_;
     Real jumps_level_;
-    Real resolution_;  // smallest nonzero change from one sample to the next
+    Real resolution_;  // smallest nonzero change from one sample to the next one so far
     Input value_;      // the very first sample, with which constant() compares all others
     int changed_;
     GateCounts counts_;

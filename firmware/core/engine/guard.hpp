@@ -54,7 +54,7 @@ class Guards {
     bool active() const { return mode_ != Guard::off; }
     bool consistent() const { return mode_ == Guard::consistent; }
 
-    // From this call on, interventions are counted only for the lanes in `mask`, because the results of the
+    // From this call on, interventions are counted only for the lanes in `mask`, because the results of all
     // other lanes are not used.
     void consider(Mask mask) { considered_ = mask; }
 
@@ -88,7 +88,7 @@ class Guards {
         return select(below, lowest * scale.down, select(above, scale.down, f));
     }
 
-    // Limits beta itself, for filters that estimate beta instead of f.
+    // Limits beta, for filters that estimate beta instead of f.
     T beta(T beta, T alpha) {
         if (!active() || plainly_within(beta, alpha)) return beta;
         return clip(beta, lowest_beta(alpha), T(1), kParameterBox);

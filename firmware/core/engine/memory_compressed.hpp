@@ -267,7 +267,7 @@ class CompressedMemory {
     T variance_tail(const Order& at) const {
         constexpr std::size_t G = kGroup;
         const T b = at.b;
-        // 4^b B(b,b) (1, t1, t2, t3) over common denominators, where t_n are the coefficients of F.
+        // 4^b B(b,b) times (1, t1, t2, t3), with a common denominator; the t_n are the coefficients of F.
         const T b1 = b + T(R(1)), b2 = b + T(R(2)), b3 = b + T(R(3));
         const T h1 = b + T(R(0.5)), h3 = b + T(R(1.5)), h5 = b + T(R(2.5));
         const T t0 = h1 * h3 * h5, t1 = T(R(0.5)) * b * (h3 * h5), t2 = T(R(0.375)) * (b * b1) * h5,
@@ -378,8 +378,8 @@ class CompressedMemory {
     T* history_;
     T* x_;  // the newest 15 samples, newest first; they are stored twice so that they are always contiguous
     T* P_;
-    T* state_;     // modes of x, then the plain sum of x
-    T* variance_;  // modes of P, then the plain sum of P
+    T* state_;     // the modes of the states x, then the plain sum of all x
+    T* variance_;  // the modes of the variances P, then the plain sum of all P
     // the samples that are in the modes, as pairs x, P; the pair at ring_position_ will leave the window next
     T* ring_;
     R* state_table_;  // -om, K, -KW (advance()) of each mode of x

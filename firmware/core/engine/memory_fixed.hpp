@@ -164,9 +164,9 @@ class FixedMemory {
 
     std::int32_t x_[Nodes::head];  // the newest samples, newest first
     float P_[Nodes::head];
-    // modes as means, in units of 2^-31 of the unit of x, from the fastest to the slowest
+    // the modes from the fastest to the slowest, as means in units of 2^-31 of the unit of x
     std::int64_t z_[Nodes::count];
-    std::int64_t plain_;  // sum of all x that have left x_
+    std::int64_t plain_;  // sum of all x that are no longer in x_
     int x_unit_;          // the unit of x is 2^x_unit_
 };
 
