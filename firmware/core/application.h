@@ -94,8 +94,8 @@ class Application {
     // still free. These bytes include HELLO, ESTIMATOR, STATUS, one FAULT and one FIT.
     static constexpr uint32_t kPeriodUs = settings::kSamplePeriodUs;
     static constexpr size_t kSamplesPerS = kSecondUs / settings::kSamplePeriodUs;
-    // Largest number of SPECTRUM messages per second. Each of three axes is fitted every kFitEvery samples,
-    // and one in kSpectrumEvery of these fits sends up to 176 bins, five in a message.
+    // Largest number of SPECTRUM messages per second. Each of three axes is fitted every kFitEvery samples.
+    // One in kSpectrumEvery of these fits sends up to 176 bins, and each message has five of them.
     static constexpr size_t kMostSpectraPerS =
         kSamplesPerS * 3 * 176 / 5 / settings::kFitEvery / settings::kSpectrumEvery + 1;
     static constexpr size_t kBytesPerS =
@@ -252,7 +252,7 @@ class Application {
         return status;
     }
 
-    // Writes the text "VERSION PORT BUILD" for HELLO, as many characters as fit.
+    // Writes the text "VERSION PORT BUILD" for HELLO. Characters that do not fit are omitted.
     template <size_t N>
     void write_version(char (&text)[N]) const {
         size_t n = 0;

@@ -43,7 +43,7 @@ class AxisEstimator {
     // 0 for an axis whose samples were all equal. retune() changes R.
     float bias_dps() const;
     float r_dps2() const;
-    // Variance of the samples in the start-up window, in squared counts, or 0 without a filter.
+    // Variance of the samples in the start-up window, in squared counts, or 0 if there is no filter yet.
     float variance() const { return filter_ == nullptr ? 0.0f : baseline_.variance(); }
 
     // Number of times that the supervisor has restarted the filter since the start-up window.

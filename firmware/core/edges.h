@@ -11,7 +11,7 @@ namespace fltea {
 class Edges {
   public:
     struct Seen {
-        uint32_t count;    // number of edges since boot; it wraps
+        uint32_t count;    // number of edges since boot; the number wraps
         uint32_t last_us;  // time of the last edge
     };
 

@@ -1,4 +1,5 @@
-// Allan variance of one axis in constant memory: overlapping estimates at τ = 2^j samples, from running sums.
+// Computes the Allan variance of one axis in constant memory. The estimates are overlapping ones at τ = 2^j
+// samples, and are computed from running sums.
 //
 // Let B_k be the sum of the m = 2^j samples that end at sample k. Then σ²(m) is the mean of (B_k - B_{k-m})²
 // / (2 m²). For m up to 8, every k is used. For larger m, every (m/8)-th k is used; this loses almost no
@@ -31,7 +32,7 @@ constexpr double kLargestValue = 1e100, kLargestCount = 1e15;
 // forgotten, older terms have smaller weights.
 struct Octave {
     double squares = 0, weight = 0, weight_squared = 0;
-    // Time of the last term that was added, in samples since the beginning of the series.
+    // Time at which the last term was added, in samples since the beginning of the series.
     double last = 0;
 };
 

@@ -50,7 +50,7 @@ class AxisBank {
     std::size_t axes() const { return axes_; }
     bool started() const { return lanes_ != nullptr; }
 
-    // Returns mean and variance of an axis over the rows of its start-up window, which are those before
+    // Returns mean and variance of an axis over its start-up window, which consists of all rows before
     // start().
     const engine::Baseline<double>& window(std::size_t axis) const { return window_[axis]; }
 

@@ -53,7 +53,7 @@ class AxisTracker {
   public:
     // The tracker restarts if more consecutive samples than this are missing.
     enum { kLongestGap = 100000 };
-    // A number that no value of a sensor reaches in magnitude.
+    // The magnitude of a sensor's value never reaches this.
     static constexpr double kLargest = 1e100;
 
     // `offset`: the known offset of the sensor, or null if it is to be tracked.
@@ -336,8 +336,8 @@ class AxisTracker {
         return model_ == nullptr && banks_->bank.knows() && !(banks_->bank.variance() > kNothing);
     }
 
-    // Handles the first sample that differs from all before it. The equal samples before it say nothing about
-    // the noise, so they are forgotten.
+    // Handles the first sample that differs from all earlier samples. The equal samples before it say nothing
+    // about the noise, so they are forgotten.
     void wake(double y) {
         banks_.reset(new Banks(rules_.ahead));
         memory_.past.clear();
@@ -431,8 +431,7 @@ class AxisTracker {
         return known > 0 ? sum / known - bias() : seen_.size * deviation_;
     }
     double bias_variance() const { return known().bias_variance; }
-    // Bias before those steps that may be the beginning of motion, or the present bias if there are no such
-    // steps.
+    // Bias before those steps that may be the beginning of motion; without such steps, the present bias.
     double settled_bias() const { return before_ != nullptr ? before_->bias : bias(); }
 
     void note_before() {
@@ -558,7 +557,7 @@ class AxisTracker {
     Whiteness white_;
     std::unique_ptr<NoiseModel> model_;
     std::unique_ptr<Before> before_;
-    std::unique_ptr<Banks> banks_;  // used until there is a noise model
+    std::unique_ptr<Banks> banks_;  // null as soon as there is a noise model
 };
 
 }  // namespace track

@@ -79,8 +79,8 @@ class BiasCheck {
 
   private:
     struct Piece {
-        // `ends`: number of the sample with which the piece of samples in progress ends; 0: none is in
-        // progress
+        // `ends`: number of the sample with which the piece of samples in progress ends, or 0 if no piece is
+        // in progress
         std::int64_t length = 0, ends = 0;
         double bias = 0, variance = 1, sum_before = 0, squares = 0;
         std::uint64_t pieces = 0;

@@ -48,7 +48,7 @@ class RecordText {
 // Writes the chunks of one file. The index of a chunk is sorted by channel number.
 class ChunkWriter {
   public:
-    // `compression`: the name that MCAP gives to the format in which end() receives the compressed records.
+    // `compression`: MCAP's name of the compression format in which end() receives the records.
     explicit ChunkWriter(const std::string& compression) : compression_(compression) {}
 
     // Appends a record that is not a message, unchanged.

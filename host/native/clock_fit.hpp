@@ -1,4 +1,4 @@
-// Fits a device's clock to the host's: a straight line through the earliest arrivals.
+// Fits a device's clock to the host's clock by a straight line through the earliest arrivals.
 //
 // The delay between sampling and arrival is never negative, but it is often large and comes in bursts,
 // because of USB bridges and schedulers. Therefore each caller passes only the earliest arrival of each

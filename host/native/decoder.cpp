@@ -20,7 +20,7 @@ std::uint16_t load_u16(const std::uint8_t* bytes) {
     return static_cast<std::uint16_t>(bytes[0] | bytes[1] << 8);
 }
 
-// A visitor for the fields of a SAMPLE (messages.h), which reads each of them from the payload.
+// A visitor for the fields of a SAMPLE (messages.h). It reads each field from the payload.
 class FieldReader {
   public:
     explicit FieldReader(const std::uint8_t* payload) : next_(payload) {}

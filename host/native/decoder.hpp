@@ -23,14 +23,14 @@ struct SampleRow {
     Sample sample;
 };
 
-// Why a block of bytes is not a valid frame. The checks are made in this order, and the first that fails is
-// reported. reason_name() gives the names of the reasons.
+// Why a block of bytes is not a valid frame. The checks are made in this order, and the first check that
+// fails is reported. reason_name() gives the names of the reasons.
 enum class Reason : std::uint8_t { none, partial, oversize, cobs, short_, crc, unknown_type, length };
 
 // The name of a reason in fltea.wire.messages.REASONS, or nullptr for Reason::none.
 const char* reason_name(Reason reason);
 
-// A frame of another type, or a block that is not a valid frame.
+// A frame of another type than SAMPLE, or a block that is not a valid frame.
 struct OtherRow {
     std::size_t row;  // number of samples of the same call that came before this item
     // number of fed bytes up to and including the closing 0x00; for an oversize block, up to and including

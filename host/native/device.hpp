@@ -20,7 +20,7 @@ namespace fltea {
 
 // Why `advance` returned. The caller handles the reason, then calls `advance` again.
 enum class Stop : int {
-    kEnd,       // all samples are consumed
+    kEnd,       // all samples have been processed
     kMore,      // nothing has happened that the caller must handle, but more samples wait
     kStatsDue,  // before a sample: this sample arrived at or after the time at which statistics are due
     // before a sample: samples just before it are missing, and the sensors have predicted them
@@ -42,7 +42,7 @@ constexpr bool stands_before_sample(Stop stop) {
 // Something that happened at a sample. If `is_lost` is true, an axis became invalid, and `lost` says which
 // and why. Otherwise `event` says what the tracker noticed.
 struct Happening {
-    std::size_t row;  // index of that sample in the run of samples
+    std::size_t row;  // index of the sample in the run of samples
     std::size_t sensor;
     bool is_lost;
     Lost lost;
@@ -85,7 +85,7 @@ class Device {
     // fit takes effect. Each number causes one stop, and then has to be set again.
     std::int64_t fit_due = kNever, fit_counts = kNever;
 
-    // Begins an epoch with the sample at which `advance` stopped.
+    // Begins an epoch with the sample at which `advance` has stopped.
     void begin(std::int64_t offset_ns, std::vector<Sensor> of_epoch) {
         timebase = Timebase(offset_ns);
         sensors = std::move(of_epoch);

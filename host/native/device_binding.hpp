@@ -1,4 +1,4 @@
-// The class behind fltea._native.Device, shared by device_binding.cpp and round_binding.cpp.
+// The C++ class behind Python's fltea._native.Device. device_binding.cpp and round_binding.cpp share it.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -272,7 +272,7 @@ class Device {
     }
 
     fltea::Device device_;
-    std::optional<NumpyTable> table_;  // owns the memory for the columns of a run of samples
+    std::optional<NumpyTable> table_;  // this array owns the memory for the columns of a run of samples
     nb::object kept_;                  // keeps those Python objects alive to which the sensors point
     std::vector<fltea::RunPrinter*> printers_;
     nb::object kept_printers_;

@@ -1,5 +1,5 @@
-// Interface between the estimator engine and the code that uses it: plain data, and one table of functions
-// per instruction set.
+// Interface between the estimator engine and the code that uses it. It consists of plain data, and of one
+// table of functions for each instruction set.
 //
 // engine.cpp is compiled once per instruction set, and each compilation fills one table. This file contains
 // no functions: the linker might use a function that was compiled for one instruction set in the code for
@@ -24,9 +24,10 @@ struct EngineShape {
     std::int32_t joint;       // 0: triple (three filters), 1: joint (filters.hpp, joint.hpp)
     std::int32_t guard;       // which guard limits the estimates: a value of enum Guard (guard.hpp)
     std::int32_t compressed;  // 0: direct memory (memory_direct.hpp), 1: compressed memory
-    // accuracy of the compressed memory: the argument `digits` of compressed_config(); 0: its default
+    // accuracy of the compressed memory, as the argument `digits` of compressed_config(); 0 stands for the
+    // default
     std::int32_t accuracy;
-    // length L of the memory in samples; 0 (only with the compressed memory): unlimited
+    // length L of the memory in samples; 0 means unlimited, which only the compressed memory allows
     std::size_t window;
 };
 
@@ -75,7 +76,8 @@ struct Block {
 // supervisors writes standard deviations into the block's columns instead of variances, and does not write
 // the column kP. All columns are NaN where a lane is not valid.
 struct Watch {
-    // Backend::supervisor bytes for each lane; if all are zero, the supervisor is new
+    // state of the supervisors, Backend::supervisor bytes for each lane; all bytes of a new supervisor are
+    // zero
     unsigned char* supervisors;
     std::uint8_t* verdicts;  // the supervisors' verdicts: VerdictBits, of shape (samples, lanes)
 };
@@ -96,7 +98,7 @@ struct Backend {
     // Applies other settings from the next sample on. `settings` has one entry per lane. The lanes keep their
     // state and memory.
     void (*retune)(void* storage, const EngineShape& shape, const LaneSettings* settings);
-    // Replaces the estimated order and parameter of one lane, which keeps its state and memory.
+    // Replaces the estimated order and parameter of one lane. The lane keeps its state and memory.
     void (*set_filter_model)(void* storage, const EngineShape& shape, std::size_t lane,
                              const FilterModel& filter_model);
     void (*run)(void* storage, const EngineShape& shape, const Block& block);

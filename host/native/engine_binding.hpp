@@ -34,7 +34,7 @@ class LockGivenAway {
 // set, raises ValueError with the list of usable instruction sets.
 const fltea::engine::Backend& find_backend(const std::string& instruction_set);
 
-// Builds the shape of an engine (EngineShape) from the arguments with which the constructors of all these
+// Builds the shape of an engine (EngineShape) from those arguments with which the constructors of all these
 // classes begin. Raises ValueError for arguments that would break memory safety.
 fltea::engine::EngineShape shape_of(bool joint, int guard, bool compressed, int accuracy, size_t window,
                                     const Rows& settings);
@@ -51,7 +51,7 @@ void check_numbers(const char* name, const double* values, size_t rows, size_t l
 // Raises ValueError unless the array has the shape (lanes, causes).
 void check_counts(const Counts& out, const fltea::OwnedEngine& engine);
 
-// Convert bytes to a Python bytes object and back.
+// These two functions convert bytes to a Python bytes object and back.
 nanobind::bytes as_bytes(const std::vector<unsigned char>& bytes);
 const unsigned char* data_of(const nanobind::bytes& bytes);
 

@@ -7,8 +7,8 @@
 namespace fltea {
 namespace track {
 
-// Estimates after a sample, relative to the origin that is subtracted from all samples. S: variance of the
-// innovation.
+// Estimates after a sample. They are relative to the origin, which is subtracted from all samples. S:
+// variance of the innovation.
 struct Known {
     double state, state_variance, bias, bias_variance, innovation, S;
 };
@@ -120,8 +120,8 @@ class Kalman {
         return found > 0 ? found : own > 0 ? own : 0;
     }
 
-    // Sets new addresses of the system and of the map of its covariance. Call this after both have been moved
-    // in memory.
+    // Sets new addresses of the system and of the map of its covariance. Call this after the two objects have
+    // been moved in memory.
     void point_to(const System<N>* system, const RiccatiMap<N>* map) {
         system_ = system;
         map_ = map;

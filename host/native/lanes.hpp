@@ -48,10 +48,10 @@ class LaneRunner {
         engine_.set_filter_model(lane, filter_model);
     }
 
-    // Runs rows of all lanes. `y`, `missing` (or null) and `valid` have the shape (rows, lanes). `y` is
-    // finite where it is not missing; `valid` is set to 0 or 1. Appends each lane that becomes invalid to
-    // `lost`, in the order of the rows. The rows in `lost` are counted so that the first row of this block
-    // has the number `first`.
+    // Processes rows with samples of all lanes. `y`, `missing` (or null) and `valid` have the shape (rows,
+    // lanes). `y` is finite where it is not missing; `valid` is set to 0 or 1. Appends each lane that becomes
+    // invalid to `lost`, in the order of the rows. The rows in `lost` are counted so that the first row of
+    // this block has the number `first`.
     void run(const double* y, const std::uint8_t* missing, std::size_t rows,
              double* const (&columns)[kLaneColumns], std::uint8_t* valid, std::vector<Lost>& lost,
              std::size_t first = 0) {
@@ -86,8 +86,8 @@ class LaneRunner {
     const std::vector<std::uint64_t>& restarts() const { return restarts_; }
     void set_restarts(const std::vector<std::uint64_t>& restarts) { restarts_ = restarts; }
 
-    // Writes how often the guard intervened since the last start of each lane, as an array of shape (lanes,
-    // causes).
+    // Writes how often the guard has intervened in each lane since the lane's last start, as an array of
+    // shape (lanes, causes).
     void counts(std::int32_t* out) const { engine_.counts(out); }
 
     std::vector<unsigned char> save() const { return engine_.save(); }

@@ -1,5 +1,5 @@
-// Makes the C++ class LaneRunner, which runs lanes of the engine under supervisors, available in Python as
-// fltea._native.Lanes (host/fltea/estimator/lanes.py). Samples and estimates are numpy arrays.
+// Makes the C++ class LaneRunner available in Python as fltea._native.Lanes (host/fltea/estimator/lanes.py).
+// The class runs lanes of the engine under supervisors. Samples and estimates are numpy arrays.
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
@@ -25,7 +25,7 @@ class Lanes {
                  shape_of(joint, guard, compressed, accuracy, window, settings),
                  reinterpret_cast<const LaneSettings*>(settings.data())) {}
 
-    // Runs rows. `out` has the shape (columns, rows, lanes), and `valid` has the shape (rows, lanes).
+    // Processes rows. `out` has the shape (columns, rows, lanes), and `valid` has the shape (rows, lanes).
     nb::list run(Rows y, std::optional<Flags> missing, Results out,
                  nb::ndarray<uint8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu> valid) {
         const size_t rows = y.shape(0), lanes = lanes_.lanes();

@@ -10,7 +10,7 @@
 namespace fltea {
 namespace track {
 
-enum { kMost = 24 };  // largest number of states
+enum { kMost = 24 };  // largest number of states of a system
 // Elements of a covariance that are smaller than this in magnitude are set to 0, because calculating with
 // denormal numbers takes a processor a hundred times as long.
 constexpr double kNothing = 1e-200;
@@ -47,7 +47,8 @@ struct System {
         io.real(bias_more, 0, 1e200);
     }
 
-    // Index of the state that is the offset, which may step, or -1 if there is none.
+    // Index of the state that is the offset, or -1 if there is no such state. The offset is the state that
+    // may step.
     int offset() const {
         for (int i = n - 1; i >= 2 * pairs; --i) {
             if (a[i] == 1 && c[i] != 0) return i;

@@ -1,5 +1,5 @@
-// For Python: the class fltea._native.McapChunks, which writes messages into MCAP chunks
-// (host/fltea/recording/part.py), and a function that finds the records in a chunk
+// Makes two things available in Python: the class fltea._native.McapChunks, which writes messages into MCAP
+// chunks (host/fltea/recording/part.py), and a function that finds the records in a chunk
 // (host/fltea/recording/scan.py).
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
@@ -37,7 +37,7 @@ class McapChunks {
         writer_.add_message(channel, sequence, log_ns, publish_ns, text_of(data), data.size());
     }
 
-    // Adds messages with bytes from a serial port, one for each read of the port.
+    // Adds messages with bytes from a serial port, one message for each read of the port.
     void add_reads(uint16_t channel, uint32_t sequence, nb::bytes data, const Times& end, const Times& log_ns,
                    const Times& publish_ns) {
         const size_t n = end.shape(0);

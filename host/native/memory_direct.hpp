@@ -1,6 +1,6 @@
 // The exact memory of past states: the last `window` estimates, weighted by the Grünwald–Letnikov recurrence
-// (nest.hpp). A step takes a time proportional to `window`. It follows the paper's algorithm exactly, and is
-// the reference for testing the compressed memory.
+// (nest.hpp). A step takes a time proportional to `window`. This memory follows the paper's algorithm
+// exactly. Tests compare the compressed memory with it.
 #ifndef FLTEA_MEMORY_DIRECT_HPP
 #define FLTEA_MEMORY_DIRECT_HPP
 
@@ -81,7 +81,7 @@ class DirectMemory {
         return nest.variance;
     }
 
-    // Computes S and V of one order together, which is cheaper than one after the other.
+    // Computes S and V for one order together, which takes less time than computing one after the other.
     void sums(T order, T& S, T& V) const {
         const T orders[1] = {order};
         Nest<T, 1, 1> nest(orders);

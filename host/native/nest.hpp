@@ -39,7 +39,7 @@ class Nest {
     // x[j-1] and P[j-1] are the samples, newest first. reciprocal[j] has to be 1/j for j up to n + 1.
     void run(const T* x, const T* P, const R* reciprocal, std::size_t n) {
         std::size_t j = n;
-        // Each iteration processes two samples, so that the next one has to wait for the result of one
+        // Each iteration processes two samples, so that the next iteration has to wait for the result of one
         // operation instead of two.
         for (; j > kHead; j -= 2) {
             two(x[j - 2], P[j - 2], T(reciprocal[j]), x[j - 1], P[j - 1], T(reciprocal[j + 1]));

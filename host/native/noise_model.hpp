@@ -26,7 +26,8 @@ class NoiseModel {
         std::vector<double> unlikely;
     };
 
-    // An object that is constructed without a model can be used only after a saved model was loaded into it.
+    // If the object is constructed without a model, it can be used only after a saved model was loaded into
+    // it.
     explicit NoiseModel(const std::shared_ptr<TrackerModel>& of = nullptr) : of_(of) {
         if (of == nullptr) return;
         rivals_.resize(of->count());
@@ -46,7 +47,7 @@ class NoiseModel {
         for (std::size_t i = 0; i < rivals_.size(); ++i) rivals_[i].filter = filtered.filter(i);
         predict();
     }
-    // Filters all remembered samples again with each system, and keeps the weights of the systems.
+    // Filters all remembered samples again with each system. The weights of the systems stay the same.
     void filter_again(const Remembered& memory) {
         for (std::size_t i = 0; i < rivals_.size(); ++i) {
             memory.filter_again(of_->rival(i).system, of_->rival(i).map, rivals_[i].filter);
@@ -106,7 +107,7 @@ class NoiseModel {
         predict();
     }
 
-    // Returns the weighted estimates of all systems. `e`: their weighted innovation.
+    // Returns the weighted mean of the estimates of all systems. `e`: the weighted mean of their innovations.
     Known known(double e) const {
         if (rivals_.size() == 1) return rivals_.front().filter.known(e);
         Known all = Known{0, 0, 0, 0, e, variance_};
@@ -157,7 +158,7 @@ class NoiseModel {
         return true;
     }
 
-    // Stores the present filters. The filters that were stored before become those of one chunk earlier.
+    // Stores a copy of the present filters. The copy that was stored by the previous call is kept, too.
     void keep() {
         for (Rival& one : rivals_) {
             one.before[0] = one.before[1];

@@ -1,5 +1,5 @@
-// Functions for the linear system of one noise model: they append a state, and compute how well the states
-// and the sums of future samples are known (host/fltea/noise/system.py, heading.py).
+// Functions for the linear system of one noise model. They append a state to the system, and compute how well
+// its states and the sums of future samples are known (host/fltea/noise/system.py, heading.py).
 #pragma once
 
 #include <cstdint>
@@ -40,7 +40,7 @@ inline void append(System<kMost>& s, const Coordinate& one) {
     s.P0[(n - 1) * all + n] = s.P0[n * all + n - 1] = -one.shared;
 }
 
-// Writes the transition matrix A of a system, in rows of n.
+// Writes the transition matrix A of a system, row by row, with n numbers in a row.
 template <int N>
 void transition(const System<N>& s, double* A) {
     const int n = s.n;

@@ -37,7 +37,7 @@ constexpr std::size_t kEndWidths[] = {1, 2};
 // and `far`, and the noise level is extrapolated as near²/far. If both parts have equally many ordinates, the
 // variance of this level is kContinued times the variance of `near`.
 constexpr double kContinued = 5;
-// largest number of averaged lines in a stretch; these are a fifth of an octave
+// largest number of averaged lines in a stretch; so many lines are a fifth of an octave
 constexpr std::size_t kWidest = 8;
 // If the noise level were known, a peak would have to raise the log likelihood by a certain gain. A stretch
 // is tested only if its gain is at least this fraction of that gain.
@@ -64,8 +64,8 @@ inline double f_deviate(double ratio, double a, double b) {
 }
 
 // Returns the standard normal deviate that is exceeded with the probability `probability`, which is below
-// 0.5. Newton's method is applied to the logarithm of the probability, which is a concave function of the
-// deviate, and begins above the solution.
+// 0.5. Newton's method solves for the logarithm of the probability, which is a concave function of the
+// deviate. It begins above the solution.
 inline double critical(double probability) {
     double z = std::sqrt(-2 * std::log(2 * probability));
     for (int step = 0; step < 50; ++step) {
@@ -251,8 +251,8 @@ class Search {
             if (!(ratio > 1)) continue;
             const double gain = gain_of(own, ratio);
             if (!(gain > std::fmax(hopeless(deviate), best.gain))) continue;
-            // The stretch has to pass the test with each flank alone, because a short flank is often low by
-            // chance.
+            // The stretch has to pass the test with each of the two flanks alone, because a short flank is
+            // often low by chance.
             const auto passes = [&](double around, double ordinates) {
                 return f_deviate(mean(one.own) / around, 2 * own, 2 * ordinates) > deviate;
             };

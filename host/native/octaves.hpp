@@ -103,8 +103,8 @@ class Octaves {
         accepted_.age(now());
     }
 
-    // Returns a copy of this instance on which finish() was called, from which results can be read. This
-    // instance is not changed.
+    // Returns a copy of this instance, on which finish() was called, so that results can be read from the
+    // copy. This instance itself is not changed.
     Octaves finished() const {
         Octaves copy(*this);
         copy.finish();
@@ -150,8 +150,8 @@ class Octaves {
     engine::Gate<RealSpectrum<Number>> gate_;
     AcceptedStream<Number> accepted_;
     MotionCounts motion_ = MotionCounts();
-    std::uint64_t lasts_ = 0;  // samples since the present motion began
-    std::uint64_t rest_ = 0;   // during a motion: number of the newest samples that were at rest
+    std::uint64_t lasts_ = 0;  // number of samples since the present motion began
+    std::uint64_t rest_ = 0;   // during a motion: how many of the newest samples in a row were at rest
 };
 
 }  // namespace fltea

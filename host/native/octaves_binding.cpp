@@ -108,9 +108,9 @@ class Octaves : public fltea::SumsPart {
         return found;
     }
 
-    // Returns three things: a list with the sums of |FFT|^2, the number of blocks and the effective number of
-    // blocks for each level that has Welch sums; the samples that the lowest level still keeps singly
-    // (float32); and the lengths of the stretches of these samples (int32).
+    // Returns three things. First, a list with an entry for each level that has Welch sums: the sums of
+    // |FFT|^2, the number of blocks, and the effective number of blocks. Second, the samples that the lowest
+    // level still keeps singly (float32). Third, the lengths of the stretches of these samples (int32).
     nb::tuple spectrum(size_t lane) const {
         const Lane finished = finished_lane(lane);
         const Ladder& ladder = finished.ladder();
@@ -129,9 +129,9 @@ class Octaves : public fltea::SumsPart {
                               bytes_of(lengths.data(), lengths.size()));
     }
 
-    // Returns the number of the next sample, and for each level: four columns of its time cells (first sample
-    // number, count, mean and sum of squared deviations of each cell), then the numbers of pairs and the
-    // variances of its time scales.
+    // Returns the number of the next sample, and six columns for each level. Four columns describe the
+    // level's time cells: first sample number, count, mean and sum of squared deviations of each cell. Two
+    // columns describe the level's time scales: the number of pairs and the variance at each scale.
     nb::tuple cells(size_t lane) const {
         Lane finished = finished_lane(lane);
         finished.deepen();

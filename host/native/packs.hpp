@@ -30,7 +30,8 @@ inline std::size_t packs(const EngineShape& shape) { return (shape.lanes + kLane
 // would wrap only far beyond this number.
 const std::uint64_t kMostPushed = std::uint64_t(1) << 52;
 
-// The two kinds of memory: each struct says how much storage its memory needs, and creates the memory.
+// The two kinds of memory of past states. Each of the two structs says how much storage its memory needs, and
+// creates the memory.
 struct Direct {
     typedef DirectMemory<Number> Memory;
     static std::size_t storage(const EngineShape& shape) { return Memory::storage(shape.window); }
@@ -161,8 +162,8 @@ class Packs {
         }
     }
 
-    // Loads a snapshot of the right size. Returns false if it cannot come from this engine, which then has to
-    // be discarded.
+    // Loads a snapshot of the right size. Returns false if the snapshot cannot come from this engine. The
+    // engine then has to be discarded.
     bool load(const unsigned char* in) {
         const std::size_t history = Kind::history(shape_), all = Kind::storage(shape_);
         for (std::size_t i = 0; i < packs(shape_); ++i) {
@@ -317,7 +318,7 @@ class Packs {
         return calm;
     }
 
-    // Whether the state that was loaded into a pack is possible. Its unused lanes do not matter.
+    // Whether the state that was loaded into a pack is possible. The unused lanes of the pack do not matter.
     bool sound_pack(std::size_t i) const {
         const typename PackOfLanes::State& state = lane(i).state();
         const Number* const numbers = static_cast<const Number*>(static_cast<const void*>(&state));

@@ -27,7 +27,8 @@ void visit_known(Io& io, float& value) {
     value = one > most ? __builtin_nanf("") : float(one);
 }
 
-// A queue of the newest `size` numbers at most; `size` is a multiple of kGroup. Unknown numbers are NaN.
+// A queue of the newest numbers, of which there are at most `size`. `size` is a multiple of kGroup. Unknown
+// numbers are NaN.
 template <int size>
 class Newest {
   public:
@@ -39,8 +40,8 @@ class Newest {
         values_[(first_ + count_) % size] = value;
         ++count_;
     }
-    // Removes the oldest `group` numbers. Returns the mean of the known ones among them, or NaN if less than
-    // half of them are known.
+    // Removes the oldest `group` numbers. Returns the mean of those that are known, or NaN if less than half
+    // of the removed numbers are known.
     float pop(int group) {
         double sum = 0;
         int known = 0;

@@ -27,8 +27,8 @@ struct RowForm {
 
 class PlainRows {
   public:
-    // `decimal`: the decimal mark in the numbers of earlier lines, '.' or ',', or 0 if none of them had one.
-    // A comma is a decimal mark only if it does not separate fields.
+    // `decimal`: the decimal mark that numbers in earlier lines had, '.' or ',', or 0 if no number had one. A
+    // comma is a decimal mark only if it does not separate fields.
     PlainRows(RowForm form, char decimal) : form_(std::move(form)), decimal_(decimal) {
         for (std::size_t k = 0; k < form_.places.size(); ++k) {
             const std::size_t place = form_.places[k];
@@ -122,8 +122,8 @@ class PlainRows {
     // Returns whether a line is plain. If it is, writes its numbers.
     bool row(std::string_view line, double* out) {
         fields_.clear();
-        // a line may not begin with another control character or a character beyond ASCII: Python counts some
-        // of these as blanks
+        // a plain line may not begin with another control character or a character beyond ASCII, because
+        // Python counts some of these characters as blanks
         bool plain = line.front() == '\t' || is_ascii(line.front());
         for (std::size_t begin = 0, end = 0; begin < line.size(); begin = form_.separator ? end + 1 : end) {
             if (form_.separator) {

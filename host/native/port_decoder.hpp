@@ -55,8 +55,8 @@ class PortDecoder {
         return watch_.is_news(kind, at.host_ns);
     }
 
-    // Input: the bytes of `n` consecutive reads; the last read ends where the bytes end. For silences between
-    // the reads, there are ticks among the items.
+    // Input: the bytes of `n` consecutive reads. The last read ends where the bytes end. If there was a
+    // silence between reads, there are ticks for it among the items.
     void feed(const std::uint8_t* data, const PortRead* reads, std::size_t n, std::int64_t now_ns) {
         begin(data, reads, n, now_ns);
         tells_time_ = true;
@@ -87,14 +87,15 @@ class PortDecoder {
         begin_ticks_before(until_ns);
     }
 
-    // Restarts all times after which a trouble is reported. Call this if the program could not read the port
-    // until now.
+    // Begins again to measure the times after which a trouble is reported. Call this if the program could not
+    // read the port until now.
     void forgive(std::int64_t now_ns) {
         watch_.forgive(now_ns);
         has_last_ = false;
     }
 
-    // Notes when the program continued, so that its own stall is not taken for a silence of the port.
+    // Notes when this program continued, so that a stall of the program is not taken for a silence of the
+    // port.
     void resume(std::int64_t now_ns) {
         has_before_ = true;
         before_ns_ = now_ns;
@@ -284,7 +285,8 @@ class PortDecoder {
         if (row_ == stop) hand_run(stop);
     }
 
-    // Notes that the caller has received all samples between the last other frame and the index `stop`.
+    // Notes that the caller has received all samples from the last frame that was no SAMPLE to before the
+    // index `stop`.
     void hand_run(std::size_t stop) {
         const std::size_t begin = other_ == 0 ? 0 : found_.others[other_ - 1].row;
         handed_ = {true, found_.samples[stop - 1].end, static_cast<std::int64_t>(stop - begin), Reason::none};

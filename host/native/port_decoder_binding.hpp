@@ -1,4 +1,5 @@
-// The class behind fltea._native.PortDecoder, shared by port_decoder_binding.cpp and round_binding.cpp.
+// The C++ class behind Python's fltea._native.PortDecoder. port_decoder_binding.cpp and round_binding.cpp
+// share it.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -105,8 +106,8 @@ class PortDecoder {
 
     nb::object next() { return as_tuple(line_.next()); }
 
-    // Returns the numbers of bytes, frames, refused frames and openings of the port, and the number of bad
-    // blocks for each reason.
+    // Returns five counts: the numbers of bytes, of frames, of refused frames and of openings of the port,
+    // and the number of bad blocks for each reason.
     nb::tuple counts() const {
         const fltea::PortCounts& counts = line_.counts();
         nb::dict bad;

@@ -13,12 +13,12 @@
 namespace fltea {
 
 // One item. Its pointers and columns stay valid until the next call of a non-const method of the object that
-// returned it.
+// has returned the item.
 struct PortItem {
     enum Kind : std::uint8_t {
         kDone,            // the given bytes contain no more items
         kSamples,         // consecutive samples, with no other item between them
-        kFrame,           // a valid frame of another type
+        kFrame,           // a valid frame of another type than SAMPLE
         kSameHello,       // a HELLO identical, byte for byte, to the HELLO that was accepted last
         kRefusedVersion,  // a HELLO of another protocol version: nothing after it may be interpreted
         kBad,             // a block of bytes that is not a valid frame

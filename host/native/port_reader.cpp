@@ -42,7 +42,7 @@ std::int64_t now_ns(clockid_t clock) {
 std::system_error system_error(const char* what) { return {errno, std::generic_category(), what}; }
 
 // Blocks all signals in this thread as long as the object exists. A thread that is started meanwhile inherits
-// this, so that Python's own threads handle the signals.
+// the block, so that Python's own threads handle all signals.
 class SignalsBlocked {
   public:
     SignalsBlocked() {

@@ -69,7 +69,7 @@ class PortReader {
         int descriptor = -1;
         bool closes = false;
         std::int64_t latency_ns = 0;
-        bool changed = false;  // whether `news` is not empty
+        bool changed = false;  // whether there is anything in `news`
         PortNews news;
     };
 

@@ -88,7 +88,7 @@ class PortStream {
         }
     }
 
-    // Call this if no bytes came from the port for a while.
+    // Call this if no bytes have come from the port for a while.
     void tick(std::int64_t now_ns) {
         is_busy_ = true;
         taken_ns_ = now_ns;
@@ -205,7 +205,7 @@ class PortStream {
     SampleColumns samples_ = {};
     Advanced advanced_ = {};
     std::size_t at_ = 0;
-    std::vector<char> room_;  // memory for the columns of a run
+    std::vector<char> room_;  // memory for the columns of a run of samples
     RunRows rows_;
     std::int64_t now_ns_ = 0, taken_ns_ = 0;
     bool worked_ = false, has_worked_ = false;

@@ -60,7 +60,7 @@ class PortWatch {
     }
     void on_failed() { is_connected_ = false; }
 
-    // Restarts all times after which a trouble is reported.
+    // Begins again to measure the times after which a trouble is reported.
     void forgive(std::int64_t now_ns) {
         opened_ns_ = byte_ns_ = now_ns;
         has_unread_ = false;

@@ -29,8 +29,9 @@ class RateWatch {
 
     void begin() { has_last_ = false; }
 
-    // Adds a sample. `step` and `step_us`: differences of its number and of its device time [us] from the
-    // previous sample, with wraps removed. `period_us`: sampling period by HELLO [us].
+    // Adds a sample. `step`: its number minus that of the previous sample. `step_us`: its device time minus
+    // that of the previous sample [us]. Wraps are removed from both. `period_us`: sampling period that HELLO
+    // states [us].
     Verdict add(std::int64_t step, std::int64_t step_us, double period_us) {
         const bool is_first = !has_last_;
         has_last_ = true;

@@ -68,8 +68,8 @@ struct RealSpectrum {
         return one;
     }
 
-    // Three figures of n samples: their mean, the sum of their squared distances from it, and the largest of
-    // these squared distances.
+    // Three figures of n samples: their mean, the sum of their squared distances from the mean, and the
+    // largest of these squared distances.
     class Moments {
       public:
         Moments(const double* x, int n) {
@@ -119,7 +119,7 @@ struct RealSpectrum {
         void renew(float*, int) {}
     };
 
-    // A block of values, from each of which the mean of the block is subtracted.
+    // A block of values minus the mean of the block.
     template <typename Stored>
     class Centred {
       public:

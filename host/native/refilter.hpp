@@ -110,7 +110,8 @@ inline void coarsen(const System<kMost>& s, double m, Coarse& to) {
     System<kMost>& q = to.system;
     Sums sums(s);
     while (sums.samples < m) sums.twice();
-    double fast[kMost];  // how the mean depends on the fast states before its samples
+    // how the mean depends on the fast states, as they were before the samples of the mean
+    double fast[kMost];
     int n = 0;
     for (int i = 0; i < s.n; ++i) {
         fast[i] = is_slow(s, i, m) ? 0 : sums.row[i] / m;
@@ -175,7 +176,7 @@ class Innovations {
         known_ = true;
         sum_ = powers_ = largest_ = 0;
     }
-    // Returns the usual powers, or `before` if there were too few chunks.
+    // Returns the usual powers, or `before` if there were too few chunks to determine them.
     Usual usual(const Usual& before) {
         if (count_ < kFewestChunks) return before;
         Usual found;
@@ -271,8 +272,8 @@ inline bool is_finite(const double* x, int n) {
     return true;
 }
 
-// Whether a symmetric matrix can be a covariance: it has no negative eigenvalue, apart from rounding. This is
-// tested by elimination.
+// Whether a symmetric matrix can be a covariance. It can if it has no negative eigenvalue, apart from
+// rounding. Elimination shows this.
 inline bool is_covariance(const double* P, int n) {
     double left[kMost * kMost];
     std::memcpy(left, P, sizeof(double) * std::size_t(n * n));

@@ -66,7 +66,7 @@ struct Remembered {
     // Number of samples that are kept singly: those in `past` and the recent ones.
     int singles() const { return past.single().count() + kept; }
 
-    // Adds a sample; NaN stands for an unknown one. If the sample ends a chunk, call roll() next.
+    // Adds a sample; NaN stands for an unknown sample. If the sample ends a chunk, call roll() next.
     void add(float y) {
         recent[kept++] = y;
         ++total;
@@ -78,7 +78,7 @@ struct Remembered {
         std::memcpy(recent, recent + RestGate::kChunk, sizeof(float) * RestGate::kChunk);
         kept = RestGate::kChunk;
     }
-    // Adds a future sample, whose value is not known yet.
+    // Adds a future sample. Its value is not known yet.
     void foresee() {
         add(__builtin_nanf(""));
         if (kept == kRecent) roll();
@@ -126,8 +126,8 @@ struct Remembered {
         for (int i = 0; i < kept && io.sound(); ++i) visit_known(io, recent[i]);
     }
 
-    // Returns 2 log L of the remembered samples according to a system, up to a constant, or NaN if no filter
-    // can work with the system.
+    // Returns 2 log L of the remembered samples if a system describes them, up to a constant. Returns NaN if
+    // no filter can work with the system.
     double likelihood(const System<kMost>& s) const {
         RiccatiMap<kMost> map;
         if (!map.set(s)) return __builtin_nan("");

@@ -71,7 +71,7 @@ class RestGate {
         has_place_ = false;
     }
 
-    // Ends and judges a chunk. `bias`: the bias so far. `largest_step`: largest possible step of the bias.
+    // Ends a chunk and judges it. `bias`: the bias so far. `largest_step`: largest possible step of the bias.
     ChunkVerdict end_chunk(double deviation, double bias, double largest_step, bool moving) {
         const int n = known_;
         ChunkVerdict found = {false, false, __builtin_nan("")};
@@ -136,8 +136,7 @@ class RestGate {
     int known_ = 0;
     bool has_place_ = false;
     double sum_ = 0, powers_ = 0, largest_ = 0, first_ = 0, place_ = 0;
-    // statistics of the samples of the present chunk, relative to the first one, in standard deviations of
-    // the noise
+    // statistics of the present chunk's samples minus its first sample, in standard deviations of the noise
     double own_ = 0, own_powers_ = 0, low_ = 0, high_ = 0;
     double usual_own_ = 1, usual_step_ = 2.0 / kChunk;
 };

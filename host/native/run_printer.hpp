@@ -81,7 +81,7 @@ class RunPrinter {
 
     static bool has_samples(const SensorColumns& one) { return one.tracked != nullptr; }
 
-    // Returns for each column the number of values in a row, which is 0 if the column does not exist.
+    // Returns the number of values in a row of each column, or 0 for a column that does not exist.
     static std::vector<std::size_t> widths_of(const RunShape& shape) {
         std::vector<std::size_t> widths = {1, 1, 1, shape[0], shape[1], shape[2], shape[3], 0};
         for (std::size_t i = kOfSensors; i < shape.size(); i += kOfSensor) {
@@ -122,7 +122,8 @@ class RunPrinter {
         }
     }
 
-    // Computes the rates of the gyroscope's tracked axes minus their biases.
+    // Computes the corrected rates of the gyroscope, which are the rates of its tracked axes minus the biases
+    // of these axes.
     void correct(const Device& device, std::size_t first, std::size_t end, std::size_t every) {
         const RunColumns& run = device.run();
         std::size_t k = 0;
@@ -154,7 +155,8 @@ class RunPrinter {
     std::size_t weight_;
     RunShape shape_;
     bool is_corrected_ = false;
-    std::vector<char> data_;  // the first `used_` bytes are printed text; the rest is not cleared each time
+    // the first `used_` bytes are printed text; what follows is left over from earlier texts
+    std::vector<char> data_;
     std::size_t used_ = 0, records_ = 0, missed_ = 0;
     std::vector<Cells> columns_;
     std::vector<double> corrected_dps_;

@@ -16,8 +16,8 @@ namespace fltea {
 constexpr double kLargestSample = kLargestInput / 2;
 enum { kTrackedColumns = 5 };
 
-// Interfaces of the three parts of a sensor: tracker, sums and filters. Each processes samples y of shape
-// (rows, axes).
+// Interfaces of the three parts of a sensor, which are the tracker, the sums and the filters. Each part
+// processes samples y of shape (rows, axes).
 struct TrackerPart {
     virtual ~TrackerPart() = default;
     // `accel` has the shape (rows, accel_axes) or is null; `out` has the shape (kTrackedColumns, rows, axes),
@@ -42,7 +42,7 @@ struct BankPart {
 
 // Results for a block of rows. Each column has the shape (rows, axes).
 struct SensorColumns {
-    // kTrackedColumns columns of the tracker, or null if the sensor has no samples
+    // the columns of the tracker, which are kTrackedColumns in number, or null if the sensor has no samples
     double* tracked = nullptr;
     std::uint8_t* moving = nullptr;
     BankBlock bank = {};
@@ -51,7 +51,7 @@ struct SensorColumns {
 
 struct Sensor {
     bool is_accel = false;
-    std::vector<std::size_t> places;  // indexes of the sensor's axes in the sample columns
+    std::vector<std::size_t> places;  // indexes of the sensor's axes in the columns of samples
     TrackerPart* tracker = nullptr;
     SumsPart* sums = nullptr;  // null if no noise is fitted
     std::uint64_t longest_motion = 0;

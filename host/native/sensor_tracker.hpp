@@ -1,5 +1,5 @@
-// Tracks the biases of all axes of one sensor. Motion concerns the whole sensor: if one axis or the
-// accelerometer shows motion, all axes only predict.
+// Tracks the biases of all axes of one sensor. Motion concerns the whole sensor. If one axis or the
+// accelerometer shows motion, the trackers of all axes only predict.
 #pragma once
 
 #include <vector>

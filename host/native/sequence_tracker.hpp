@@ -36,7 +36,8 @@ struct Judged {
     enum Kind { kTaken, kDuplicate, kUnusable };
     Kind kind;
     EpochReason reason;  // why an epoch begins with this sample, or kNone
-    // number of samples that are missing just before this one; they have the numbers seq - missing to seq - 1
+    // number of samples that are missing just before this sample; the missing ones have the numbers seq -
+    // missing to seq - 1
     std::int64_t missing;
     std::int64_t seq, epoch_us;
 };
@@ -86,7 +87,7 @@ class SequenceTracker {
         if (pending_ == EpochReason::kNone || pending_ == EpochReason::kSensorRestart) pending_ = reason;
     }
 
-    // Whether a sample directly follows the newest one, as its number, the device's clock and the host's
+    // Whether a sample directly follows the newest sample, as its number, the device's clock and the host's
     // clock say. Most samples do.
     bool follows(std::int64_t sequence, std::int64_t device_us, std::int64_t host_ns) const {
         const std::int64_t step_us = time_step_us(device_us), step_ns = host_ns - newest_.host_ns;
@@ -172,8 +173,9 @@ class SequenceTracker {
         ++counts_.rate_differs;
         if (watch(sequence, device_us) == RateWatch::kAgrees) accept_again();
     }
-    // Whether the last sample has shown that the device's clock contradicts its HELLO, and the caller does
-    // not know that yet. stated_hz() is the rate in HELLO, and measured_hz() the rate by the device's clock.
+    // Whether samples have shown that the device's clock contradicts its HELLO, and the caller was not
+    // notified of it yet. stated_hz() is the rate in HELLO, and measured_hz() is the rate by the device's
+    // clock.
     bool has_news() const { return has_news_; }
     void told_news() { has_news_ = false; }
     double stated_hz() const { return 1e6 / period_us_; }

@@ -78,8 +78,8 @@ class StepTest {
         }
     }
 
-    // Reduces the weight that earlier windows have in the statistics of usual sums. Call this when the filter
-    // has changed.
+    // Reduces the weight of earlier windows in the statistics of usual sums. Call this when the filter has
+    // changed.
     void relearn() {
         for (Level& level : levels_) {
             for (Window& one : level.windows) {
@@ -114,7 +114,7 @@ class StepTest {
         double usual;
         int count, since;
         bool has_last;
-        double last;  // sum of the innovations in the window that last updated `usual`
+        double last;  // sum of the innovations in that window with which `usual` was updated last
     };
 
     struct Suspect {
@@ -219,7 +219,7 @@ class StepTest {
             const double length = double(blocks) * size, sum = level.newest(blocks);
             const double square = sum * sum, beside = std::fmax(usual(l, w) * length, absolute);
             if (window.count >= kWeight) absolute = std::fmax(absolute, window.usual * length);
-            if (square > kEven * beside) {  // the gain in log L is above kEven / 2
+            if (square > kEven * beside) {  // in this case, a step raises log L by more than kEven / 2
                 const double gain = square / (2 * beside);
                 if (gain > kSure) return found(level, size, blocks);
                 if (gain > level.suspect.gain && length >= kSuspected) {
@@ -290,10 +290,11 @@ class StepTest {
         return best;
     }
 
-    // The likeliest drift: a mean that has grown linearly from 0 to `size`. It raises log L by size² ago / 6.
+    // Returns the likeliest drift. In a drift, the mean has grown linearly from 0 to `size`, which raises log
+    // L by size² ago / 6.
     StepSeen likeliest_drift(const Level& level, int size) const {
         StepSeen best = {StepSeen::kDrift, 0, 0};
-        // `later`: sum of the innovations in the blocks after this one
+        // `later`: sum of the innovations in all blocks after the present block
         double most = 0, moment = 0, later = 0;
         for (int k = 1; k <= level.count; ++k) {
             const double all = level.newest(k);

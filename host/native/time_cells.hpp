@@ -1,5 +1,5 @@
-// Records how a value changes over time, in at most 16 cells, however long the time is. A cell has the mean
-// of consecutive values.
+// Records in at most 16 cells how a value changes over time, however long the time is. A cell has the mean of
+// consecutive values.
 #pragma once
 
 #include <cmath>

@@ -1,5 +1,5 @@
-// Computes in constant memory how much the mean of 1, 2, 4 … consecutive values differs from that of as many
-// values before: the Haar wavelet variances.
+// Computes the Haar wavelet variances in constant memory. They say how much the mean of 1, 2, 4 … consecutive
+// values differs from the mean of equally many values before.
 #pragma once
 
 #include <cstdint>
@@ -54,7 +54,7 @@ class TimeScales {
         }
     }
 
-    // Saves or loads all numbers, as TimeCells::visit does.
+    // Saves or loads all numbers in the same way as TimeCells::visit.
     template <typename Io>
     void visit(Io& io) {
         io.number(waiting_, 0, (1u << kScales) - 1);

@@ -1,5 +1,5 @@
-// Relates the device's clock to the host's clock within one epoch: the clock fit of the last ten minutes
-// (clock_fit.hpp) gives the host time of any sample, free of jitter.
+// Relates the device's clock to the host's clock within one epoch. The fit of the clocks over the last ten
+// minutes (clock_fit.hpp) gives the host time of any sample without jitter.
 #pragma once
 
 #include <cmath>

@@ -33,9 +33,9 @@ class TrackerModel {
         Noise system = Noise();  // in this system, the bias is the forecast over `ahead` samples
         double now[kMost] = {};  // weight of each state in the bias of the newest sample
         RiccatiMap<kMost> map;
-        // negative logarithm of the system's probability
+        // negative logarithm of the probability of the system
         double unlikely = 0;
-        // forecasts of the means with which the bias is checked
+        // forecasts of those means of samples with which the bias is checked
         MeanAhead<kMost> checked[BiasLengths::kChecks] = {};
     };
 

@@ -1,4 +1,4 @@
-// For Python: the classes fltea._native.TrackerModel and fltea._native.Remembered
+// Makes available in Python: the classes fltea._native.TrackerModel and fltea._native.Remembered
 // (host/fltea/estimator/tracker.py), and functions for the linear system of one noise model
 // (host/fltea/noise/heading.py).
 #include "tracker_model_binding.hpp"
@@ -101,7 +101,7 @@ void make(LaneModel* self, std::int64_t ahead, const std::vector<std::int64_t>& 
     new (self) LaneModel(std::move(made));
 }
 
-// A state to append to a system: the fields of Coordinate (noise_system.hpp), in order.
+// A state that is appended to a system, as a tuple of the fields of Coordinate (noise_system.hpp), in order.
 using Row = std::tuple<double, double, double, double, double>;
 
 Noise grown(Noise s, const std::vector<Row>& rows) {

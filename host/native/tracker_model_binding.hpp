@@ -17,8 +17,8 @@ class RememberedLane {
 
     const fltea::track::Remembered& memory() const { return memory_; }
     const fltea::track::StepTest& steps() const { return steps_; }
-    // 2 log L of the samples according to the tracker's bank of filters (walk_bank.hpp), or NaN without a
-    // bank.
+    // 2 log L of the samples if the models of the tracker's bank of filters (walk_bank.hpp) describe them, or
+    // NaN if there is no bank.
     double of_walks() const { return of_walks_; }
 
   private:
@@ -27,8 +27,8 @@ class RememberedLane {
     double of_walks_;
 };
 
-// A noise model, and filters that have already processed the remembered samples with it, for the tracker that
-// will use the model.
+// A noise model for the tracker that will use it, and filters that have already processed the remembered
+// samples with this model.
 class LaneModel {
   public:
     explicit LaneModel(std::shared_ptr<fltea::track::TrackerModel> model) : model_(std::move(model)) {}

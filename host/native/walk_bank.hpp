@@ -32,7 +32,7 @@ class WalkBank {
     void predict(double y) {
         for (Member& one : members_) one.e = one.filter.innovation(y);
     }
-    // Innovation of the filter with the likeliest model, and its variance.
+    // Innovation of the filter with the likeliest model, and variance of this innovation.
     double innovation() const { return members_[best_].e; }
     double variance() const { return members_[best_].filter.S * members_[best_].scale(count_); }
 
@@ -75,7 +75,7 @@ class WalkBank {
         return all;
     }
 
-    // 2 log L of the samples according to the likeliest model, up to a constant.
+    // 2 log L of the samples if the likeliest model describes them, up to a constant.
     double likelihood() const { return -2 * members_[best_].unlikely - count_; }
 
     template <typename Io>
@@ -115,7 +115,7 @@ class WalkBank {
         double logs = 0, squares = 0;
         // `e`: innovation of the newest sample; `unlikely`: -log L of all samples
         double e = 0, unlikely = 0;
-        double weight = 1;  // likelihood relative to that of the best filter
+        double weight = 1;  // likelihood as a fraction of that of the best filter
         HeldLog log_S;
         Kalman<BankMembers::kMost> filter;
 

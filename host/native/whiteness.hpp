@@ -15,7 +15,7 @@ namespace fltea {
 class Whiteness {
   public:
     void add(double innovation, double std) {
-        const double* const last = window_ + at_;  // the newest innovations, in reverse order of time
+        const double* const last = window_ + at_;  // the newest innovations, the latest one first
         if (before_ == kLags) {
             for (int lag = 0; lag < kLags; ++lag) now_.products[lag] += innovation * last[lag];
         } else {
@@ -125,7 +125,8 @@ class Whiteness {
         to.normalised += from.normalised;
     }
 
-    Sums blocks_[kBlocks];  // sums over complete blocks of a hundred innovations, oldest first
+    // sums over complete blocks of a hundred innovations; the oldest block comes first
+    Sums blocks_[kBlocks];
     Sums now_;
     int kept_ = 0;
     bool white_ = false;

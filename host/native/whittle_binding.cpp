@@ -176,8 +176,8 @@ class Fitted {
         return {found, std::move(last)};
     }
 
-    // Writes the spectrum of a model to `total`, and the derivatives of its logarithm by the parameters to
-    // `rows`, one row per parameter.
+    // Writes the spectrum of a model to `total`. Writes the derivatives of the spectrum's logarithm by the
+    // parameters to `rows`, one row for each parameter.
     void slopes(const std::vector<int>& codes, const std::vector<double>& eta, OutColumn total,
                 OutRows rows) {
         const Terms terms = terms_of(codes);

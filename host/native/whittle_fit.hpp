@@ -1,6 +1,6 @@
 // Finds the parameters of a noise model that maximise Whittle's likelihood (whittle_kernel.hpp) within
-// bounds, by Fisher scoring with Levenberg's damping. For profile likelihoods, one parameter may be held
-// fixed.
+// bounds, by Fisher scoring with Levenberg's damping. One parameter may be held fixed, as profile likelihoods
+// need it.
 #pragma once
 
 #include <algorithm>

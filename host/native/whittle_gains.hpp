@@ -20,7 +20,7 @@ namespace noise_models {
 struct Candidate {
     Term term;
     double eta[3];
-    Numbers shape, inverse;  // inverse: 1 / gain of a filter, empty for other parts
+    Numbers shape, inverse;  // `inverse`: 1 / gain of a filter; empty for parts that are no filters
     bool leaks;              // whether white noise is added behind the filter
 };
 
@@ -54,8 +54,8 @@ inline Candidate leaking(const Bins& bins, Candidate filter) {
 // By how much adding a candidate to a model raises 2 log L. This follows from Rao's score with all parameters
 // of the model free.
 // `log_power`: logarithm of the ratio of the added part's best power to the candidate's power. For a filter,
-// two figures are computed, and the larger one counts: the gain by the complete filter, and Rao's score for a
-// small exponent of the filter's gain.
+// the larger one of two figures counts. These are the rise of 2 log L by the complete filter, and Rao's score
+// for a small exponent of the filter's gain.
 struct Gain {
     double gain, log_power;
 };

@@ -2,10 +2,10 @@
 // instruction set. They use plain data only. whittle_kernel.cpp is compiled once for each instruction set,
 // for the reasons in engine.hpp. This file has declarations only. The caller owns all memory.
 //
-// A noise model is a list of noise parts ("terms"). Its spectrum is S(λ) = L(λ) (Σ of parts) + floor, where L
-// is the gain of a chain of filters, and floor is white noise behind these filters. The parameters are
-// logarithms of powers and rates, so that a random walk of 1e-8 of the white noise has the same weight in a
-// search as the white noise itself.
+// A noise model is a list of noise parts ("terms"). Its spectrum at the frequency λ is S(λ) = L(λ) (Σ of
+// parts) + floor, where L is the gain of a chain of filters, and floor is white noise behind these filters.
+// The parameters are logarithms of powers and rates, so that a random walk of 1e-8 of the white noise has the
+// same weight in a search as the white noise itself.
 #pragma once
 
 #include <cstddef>

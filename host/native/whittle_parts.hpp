@@ -39,13 +39,13 @@ enum Part : int {
     kQuantised,  // differences of white noise, as from rounding: log of the variance of that white noise
     // noise whose power rises as |1 - e^{-iλ}|^2δ with the frequency λ: log of the power at λ = π, δ
     kRise,
-    // low-pass with n poles and the gain 1 / (1 + (λ² / c)^n), sampled: log c, n as a logit between its
+    // sampled low-pass with n poles and the analog gain 1 / (1 + (λ² / c)^n): log c, n as a logit between its
     // limits
     kLowPass,
     // high-pass with n poles and the gain 1 / (1 + (c / |1 - e^{-iλ}|²)^n): log c, n as a logit between its
     // limits
     kHighPass,
-    kSharp,  // filter with the taps -s, 1 + 2 s, -s, which sharpens, or smooths if s < 0: s
+    kSharp,  // filter with the taps -s, 1 + 2 s, -s, which sharpens if s > 0 and smooths if s < 0: s
     // notch: log of the frequency that it removes, log of the ratio of its width to this frequency
     kNotch,
     kMean,  // filter that takes the mean of m samples, with a fixed m: no parameter
@@ -68,12 +68,12 @@ enum Part : int {
 };
 constexpr int kParts = kArfimaByStep + 1;
 
-// Kinds of free parameters, which determine the bounds of a parameter (bounds_of). Where a comment does not
-// say otherwise, the bounds follow from the data or are `low` and `high` in the part's row of the table.
+// Kinds of free parameters. The kind determines the bounds of a parameter (bounds_of). Where a comment does
+// not say otherwise, the bounds follow from the data or are `low` and `high` in the part's row of the table.
 enum Value : int {
     kLevel,      // log of the variance of white noise
     kPower,      // log of the power of a part
-    kRate,       // log of h / correlation time τ
+    kRate,       // log of h / τ, where h is the sampling period and τ the correlation time
     kPole,       // log of the rate of an ARFIMA, whose φ is e^-rate
     kAlpha,      // an order, whose bounds are those of the fit
     kNumber,     // a parameter that is used as it is, without a transformation
@@ -110,7 +110,7 @@ enum Trait : unsigned {
     kBehind = 2,  // noise that is added behind all filters
     // noise with a memory, which is a state in the tracker's filter, and does not count for the white noise N
     kSlow = 4,
-    kOrdered = 8,    // noise with an order: in a model it takes the place of all other slow noise
+    kOrdered = 8,    // noise with an order, which in a model takes the place of all other slow noise
     kEndless = 16,   // a random walk, whose power grows without limit towards low frequencies
     kRising = 32,    // noise whose power may rise with the frequency
     kFastOnly = 64,  // noise without power at low frequencies
@@ -166,7 +166,7 @@ struct Row {
     Coordinates coordinates;
     Starts starts;
 
-    // Rows are made by a constructor, so that the compiler rejects a row in which a column is missing.
+    // Rows are made with a constructor, so that the compiler rejects a row in which a column is missing.
     constexpr Row(Part number, const char* called, unsigned is, Says tells, unsigned read, int at_most,
                   int tried, Coordinates free, Starts from)
         : part(number),

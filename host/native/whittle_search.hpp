@@ -18,9 +18,9 @@ namespace noise_models {
 
 struct Frontier {
     FittedModel white, null, plain, rich, pure,
-        ordered;  // null: an order up to 1 in white noise, which is one alternative of the null test
+        ordered;  // null: an order up to 1 in white noise, which is the first alternative of the null test
     FittedModel
-        // white noise that has passed a high-pass of one pole, which is the other alternative of the null
+        // white noise that has passed a high-pass of one pole, which is the second alternative of the null
         // test
         missing;
 };
@@ -87,7 +87,7 @@ class Search {
   private:
     static constexpr double kByChance = 3.0;  // a parameter raises 2 log L by this much by chance
     static constexpr double kRough = 1e-3;    // a rough fit ends when a step lowers -log L by less than this
-    // the same for a trial fit, whose -log L is only compared with those of others
+    // the same limit for a trial fit, whose -log L is only compared with that of other trial fits
     static constexpr double kTrial = 0.1;
     static constexpr int kSteps = 60, kTrialSteps = 12;
     static constexpr int kMostParameters = 20, kRelaxations = 6, kResonances = 2;
@@ -164,8 +164,8 @@ class Search {
         if (power >= 0) eta[first + static_cast<std::size_t>(power)] = one.gain.log_power;
         const bool low = candidate.term.part == kLowPass, high = candidate.term.part == kHighPass;
         if ((low || high) && !s.has(kFloor)) {
-            // White noise, for example from rounding, is added behind the filter. Without it, a steep filter
-            // leaves no power at some frequencies and fits badly.
+            // White noise, for example from rounding, is added behind the filter. Without this noise, a steep
+            // filter leaves no power at some frequencies, and the model fits badly.
             terms.push_back(Term{kFloor, 0});
             eta.push_back(std::log(std::fmax(end_power(bins_, low), 1e-9 * bins_.mean) / 2));
             return taken_away(fitted(terms, eta, true), bic_, {kFloor});

@@ -22,8 +22,8 @@ class WireBus final : public I2cBus {
         // take that byte for the first byte of this read, so it is read and dropped here.
         const uint32_t stale = WIRE_INTERFACE->TWI_RHR;
         static_cast<void>(stale);
-        // A repeated start has to follow the register number. Of the overloads of requestFrom(), only the one
-        // with an internal address sends it.
+        // A repeated start has to follow the register number. Only the overload of requestFrom() with an
+        // internal address sends a repeated start.
         const size_t got = wire_.requestFrom(address, static_cast<uint8_t>(n), static_cast<uint32_t>(reg),
                                              static_cast<uint8_t>(1), static_cast<uint8_t>(true));
         for (size_t i = 0; i < got && i < n; ++i) data[i] = static_cast<uint8_t>(wire_.read());
@@ -73,8 +73,8 @@ class WireBus final : public I2cBus {
     static constexpr int kRecoveryClocks = 9;
     static constexpr uint32_t kHalfClockUs = 5;
 
-    // Resets the I2C controller. Otherwise a byte of a refused write would stay in it and be sent with the
-    // next write.
+    // Resets the I2C controller. Otherwise a byte of a refused write would stay in the controller and be sent
+    // with the next write.
     void start() {
         wire_.begin();
         wire_.setClock(settings::kI2cHz);

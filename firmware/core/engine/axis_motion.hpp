@@ -40,7 +40,7 @@ class AxisMotion {
     // innovations.
     void begin_with_filter() { begin(1, kLearned); }
 
-    // Adds an innovation, which must not have been clipped.
+    // Adds an innovation. It must not have been clipped before.
     void add(float e) {
         const float power = e * e;
         sum_ += e;

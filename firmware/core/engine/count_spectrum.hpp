@@ -67,8 +67,8 @@ struct CountSpectrum {
         return (level + 1) / 2 < kMostHalvings ? (level + 1) / 2 : int(kMostHalvings);
     }
 
-    // Three figures of n samples: their mean, the sum of their squared distances from it, and the largest of
-    // these squared distances.
+    // Three figures of n samples: their mean, the sum of their squared distances from the mean, and the
+    // largest of these squared distances.
     class Moments {
       public:
         Moments(const Input* x, int n) {
@@ -157,8 +157,8 @@ struct CountSpectrum {
         }
         Value value(Stored x) const { return Value(x) * (1 << shift_) + base_; }
 
-        // Chooses base and unit for all stored values and the newest one. Keeps the old base and unit if the
-        // new unit would exceed 2^most.
+        // Chooses base and unit for all stored values and the newest value. Keeps the old base and unit if
+        // the new unit would be larger than 2^most times the level's unit.
         void choose(Value newest, Stored* x, int fill, int most) {
             Value low = newest, high = newest;
             for (int i = 0; i < fill; ++i) {
@@ -209,7 +209,7 @@ struct CountSpectrum {
         int lift_;
     };
 
-    // The board keeps no spectrum over time, so this does nothing.
+    // Does nothing, because the board keeps no record of the spectrum over time.
     template <int kLines>
     struct Cells {
         Cells(Memory, std::uint64_t) {}
@@ -248,8 +248,8 @@ class CountOctaves {
 
     const GateCounts& counts() const { return gate_.counts(); }
     bool constant() const { return gate_.constant(); }
-    // Number of the next sample. Up to 127 samples before it are not yet in the spectrum, because their chunk
-    // is not complete.
+    // Number of the next sample. Up to 127 samples before that one are not yet in the spectrum, because their
+    // chunk is not complete.
     std::uint64_t now() const { return gate_.number(); }
     const Ladder& ladder() const { return ladder_; }
     // Returns the exponent e: the powers of `level` are in units of 2^e squared counts.

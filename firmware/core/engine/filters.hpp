@@ -218,7 +218,7 @@ struct Triple {
         T past, V;
         memory.sums(alpha, past, V);
         V = max(V, T(0));  // rounding can make the sum of a compressed memory slightly negative
-        // KFx uses the estimate of the parameter f from before this sample.
+        // KFx uses the estimate of the parameter f as it was before this sample.
         const T f = guards.parameter(parameter.mean, alpha, scale);
         const T rate = gain * (f * state.x + sample.u);
         const Prediction<T> at = predict_state(state, alpha, gain * f, rate, past, V, p.Q);
@@ -264,8 +264,8 @@ struct Triple {
             const T f = guards.parameter(parameter.mean, points[i], scale);
             Y[i] = gain * (f * state.x + sample.u) - past[i];
             if (i == 0 && guards.consistent()) {
-                // The measurement variance also includes what the paper's filter treats as exact: the
-                // previous state, the noise of its step and its past.
+                // The measurement variance also includes the uncertainty of what the paper's filter treats as
+                // exact: the previous state, the noise of its step, and its past.
                 const T F = gain * f + order.mean;
                 R = R + (F * state.P * F + p.Q + state.V);
             }

@@ -10,7 +10,7 @@ inline namespace FLTEA_INSTRUCTION_SET {
 
 // What a fit on the device says about the kind of an axis's noise.
 enum class Verdict : int {
-    none,   // no fit yet, or nothing to fit
+    none,   // there was no fit yet, or there is nothing to fit
     white,  // white noise is not rejected
     // white noise is rejected, and 2 log L of the fractional model exceeds that of a relaxation, AR(1), by
     // more than 6
@@ -24,16 +24,16 @@ struct FitFigures {
     // The figures of a fit. For white noise all figures are 0, except R and those of the relaxation. α ± 1.96
     // alpha_std contains the 95 % interval of the likelihood; alpha_std is 0 if the interval is not known.
     float alpha, alpha_std;
-    float g;  // h^α f
+    float g;  // g = h^α f, where h is the sampling period
     // variance of a step of the state, and variance of the white noise, in the unit of the bins' powers
     float s2, R;
     float ratio_white;  // 2 log L of the best model with an order up to 1, minus that of white noise
-    float ratio_ar1;    // 2 log L of the fractional model, minus that of AR(1)
+    float ratio_ar1;    // 2 log L of the fractional model, minus that of a relaxation, AR(1)
     // The best relaxation, AR(1) with the coefficient φ, in white noise: 1 - φ, the variance of the
     // relaxation, and the variance of the white noise.
     float relaxation_fall, relaxation_variance, relaxation_R;
     float ordinates;
-    bool alpha_defined;  // whether the interval of α is clearly shorter than the range of all orders
+    bool alpha_defined;  // whether the 95 % interval of α is clearly shorter than the range of all orders
 };
 
 template <class Bins>

@@ -27,8 +27,8 @@ inline std::int64_t product30(std::int64_t a, std::int32_t b) {
 // Largest magnitude of a count that from_float() returns.
 constexpr std::int32_t kLargest = (1 << 29) - 1;
 
-// Converts x to a number of units of 2^exponent. The number is rounded to the nearest integer, and is at most
-// kLargest in magnitude.
+// Converts x to a count of units of 2^exponent. The count is rounded to the nearest integer, and its
+// magnitude is limited to kLargest.
 inline std::int32_t from_float(float x, int exponent) {
     std::uint32_t bits = 0;
     std::memcpy(&bits, &x, sizeof bits);
@@ -67,7 +67,7 @@ inline float to_float(std::int64_t count, int exponent) {
 
 // A positive number, represented as m 2^n.
 struct Power {
-    std::int32_t m;  // in units of 2^-30, between 0.7 and 1.42
+    std::int32_t m;  // in units of 2^-30; its value is between 0.7 and 1.42
     int n;
 };
 

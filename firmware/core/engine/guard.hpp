@@ -32,7 +32,8 @@ enum Cause : int {
     // the innovation of the state's filter exceeded four standard deviations, or a prediction in a gap
     // exceeded ten times the largest sample
     kStateBound = 7,
-    // the compressed memory was asked for an order beyond its range; this is counted even if the guard is off
+    // an order beyond the range of the compressed memory was requested; this is counted even if the guard is
+    // off
     kMemoryOrder = 8,
     kCauses = 9
 };

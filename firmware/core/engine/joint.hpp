@@ -111,7 +111,7 @@ struct Joint {
         T R = p.parameter_R;
         if (guards.consistent()) {
             const T F = beta + alpha;
-            R = R + (F * state.P * F + state.V);  // parameter_R includes Q
+            R = R + (F * state.P * F + state.V);  // parameter_R already includes Q
         }
         const T e = sample.y - y_mean;
         R = guards.gated_noise(R, spread + R, e, p.gate, kOrderGate);
@@ -141,7 +141,8 @@ struct Joint {
         beta = select(missing, beta, made_b);
     }
 
-    // Computes f = beta h^-alpha and its variance, to first order: df = h^-alpha (dbeta - beta ln(h) dalpha).
+    // Computes f = beta h^-alpha and the variance of f. The variance is a first-order approximation: df =
+    // h^-alpha (dbeta - beta ln(h) dalpha).
     void report(T unit, T log_h, Estimate<T>& out) const {
         const T slope = beta * log_h;
         const T variance = P.bb - T(2) * slope * P.ab + slope * slope * P.aa;

@@ -104,8 +104,8 @@ class CompressedMemory {
     // Computes V = sum_{j=2}^{L(k)} c_j(order)^2 P_{k-j}, which is not negative if no P is negative.
     T variance_sum(T order) const { return variance(at(order, kLowestVarianceOrder)); }
 
-    // Computes S and V of one order together, which is cheaper than one after the other. The range of orders
-    // is that of variance_sum().
+    // Computes S and V for one order together, in less time than one after the other. The range of orders is
+    // that of variance_sum().
     void sums(T order, T& S, T& V) const {
         const Order orders[1] = {at(order, kLowestVarianceOrder)};
         T state[1];
@@ -139,7 +139,7 @@ class CompressedMemory {
     struct Order {
         T order;
         T b, sine;         // b = a + 1 and sin(pi a), where a is the order in the sums over the modes
-        Powers<T> powers;  // e^{±a step}
+        Powers<T> powers;  // e^{±a step}, where a is the same order
     };
 
     // Returns the values of Order for an order, which is first limited to the memory's range. `lowest`:
