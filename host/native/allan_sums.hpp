@@ -37,8 +37,8 @@ struct Octave {
 };
 
 struct Level {
-    // First the last kHistory values of earlier chunks since the last break, or 0 where there are fewer. Then
-    // the values that wait until their chunk is complete.
+    // The array begins with the last kHistory values of earlier chunks since the last break, or 0 where there
+    // are fewer values. The values that wait until their chunk is complete follow.
     double values[kHistory + kChunk] = {};
     std::size_t waiting = 0;
     // Number of values since the last break that were already processed. Waiting values are not included.

@@ -151,8 +151,8 @@ class AxisTracker {
 
     // The kind of change of the bias that the step test has detected at the newest sample.
     StepSeen::Kind seen() const { return seen_.kind; }
-    // Whether the detected step is too large for the bias: it would move the bias by more than largest_step()
-    // away from its settled value (settled_bias()).
+    // Whether the detected step is too large for the bias, because it would move the bias by more than
+    // largest_step() away from the settled value (settled_bias()).
     bool is_too_far() const { return !(std::fabs(bias() + step_size() - settled_bias()) <= largest_step()); }
 
     // Accepts the detected step: from now on, the bias is computed from the samples after the step. Returns
@@ -557,7 +557,7 @@ class AxisTracker {
     Whiteness white_;
     std::unique_ptr<NoiseModel> model_;
     std::unique_ptr<Before> before_;
-    std::unique_ptr<Banks> banks_;  // null as soon as there is a noise model
+    std::unique_ptr<Banks> banks_;  // the bank of filters; null as soon as there is a noise model
 };
 
 }  // namespace track

@@ -72,7 +72,8 @@ class Baseline {
         return found < rounding ? rounding : found;
     }
 
-    // Returns a count minus the mean of the samples. Only the final division is not computed in integers.
+    // Returns a count minus the mean of the samples. Everything but the final division is computed in
+    // integers.
     Real centred(T value) const {
         static_assert(!Sums<T>::kFromFirst, "sums must be those of the samples themselves");
         return static_cast<Real>(static_cast<Sum>(value) * n_ - sum_) / static_cast<Real>(n_);

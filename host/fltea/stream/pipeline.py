@@ -153,11 +153,11 @@ class Pipeline:
         self._now_ns = max(self._now_ns, now_ns)
 
     def _on_stats_due(self, details: None) -> Iterator[Output]:
-        """Publish the statistics, which are due because the next sample is the first of a new second."""
+        """Publish the statistics. They are due because the next sample is the first of a new second."""
         return self._on_time(self._now_ns)
 
     def _on_gap(self, details: Any) -> Iterator[Output]:
-        """Report that samples are missing before the next one, and which axes the gap made invalid."""
+        """Report that samples are missing before the next sample, and which axes became invalid meanwhile."""
         missing, seq, unix_ns, lost = details
         yield Gap(seq - missing, missing, self._decoder.epoch, unix_ns, device=self._config.name)
         for number, losses in enumerate(lost):

@@ -25,8 +25,9 @@ ENOUGH = 3000
 the tracker begins. A fit of fewer samples shows too little of slow noise.
 """
 FEWEST, LIKELIER = 300, 30.0
-"""A fit of fewer samples than `ENOUGH`, but at least `FEWEST`, replaces the bank of random walks if 2 log L
-of the samples is higher by more than `LIKELIER` with its noise model than with the bank.
+"""If a fit has fewer samples than `ENOUGH`, but at least `FEWEST`, its noise model has to be far likelier
+than the bank of random walks to replace it: 2 log L of the samples must exceed that with the bank by more
+than `LIKELIER`.
 """
 AHEAD_S = 1, 10, 60, 600, 3600
 GROWTH, APART = 1.5, 0.5
@@ -51,7 +52,7 @@ class TrackedModel(NamedTuple):
     model: str
     """Names of the noise model's parts."""
     tracker_model: TrackerModel
-    """The model that the tracker uses."""
+    """The noise model in the form that the tracker uses."""
     system: System
     """State-space system of the noise model. The drift of its offset is the weighted mean of all drifts that
     the samples allow.

@@ -49,7 +49,7 @@ def rules_of(live: LiveConfig, h: float, unit: str) -> TrackerRules:
 class SensorTracks:
     """Tracks the biases of one sensor.
 
-    `axes`: for each axis's name, its column in the samples. `h`: sampling period [s].
+    `axes`: for the name of each axis, the index of its column in the samples. `h`: sampling period [s].
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class SensorTracks:
         return self.tracker.events
 
     def columns(self, found: Sequence[Array | Mask]) -> TrackedColumns:
-        """Return the tracker's results for a block of samples as named columns.
+        """Return the results of the native tracker for a block of samples as named columns.
 
         `found`: the arrays that the native tracker has written.
         """
