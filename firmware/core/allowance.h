@@ -15,7 +15,7 @@ class Allowance {
         earned_ = 0;
     }
 
-    // Adds to the allowance for the time until now_us. Call this at least once in ten minutes.
+    // Adds to the allowance what the time until now_us has earned. Call this at least once in ten minutes.
     void pass(uint32_t now_us) {
         const uint32_t passed_us = now_us - at_us_;
         at_us_ = now_us;

@@ -544,8 +544,8 @@ class AxisTracker {
     TrackerRules rules_;
     bool fixed_, has_origin_ = false, has_last_ = false;
     double origin_ = 0, last_ = 0, rounding_ = 0;
-    // Of the newest sample: its value relative to the origin, its innovation, and the standard deviation of
-    // the innovation.
+    // Three figures of the newest sample: its value relative to the origin, its innovation, and the standard
+    // deviation of the innovation.
     double apart_ = 0, e_ = 0, deviation_ = kLargest, for_steps_ = 0;
     StepSeen seen_ = StepSeen{StepSeen::kNothing, 0, 0};
     LastStep last_step_ = LastStep{0, 0};

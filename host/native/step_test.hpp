@@ -121,8 +121,8 @@ class StepTest {
         double gain, size, length;
     };
 
-    // A ring buffer with the sum of all innovations so far, as it was at the end of each of the newest
-    // blocks.
+    // A ring buffer that has, for each of the newest blocks, the sum of all innovations up to the end of the
+    // block.
     struct Level {
         double ends[kKept + 1] = {};
         int at = 0, count = 0;

@@ -111,8 +111,8 @@ T sigma_points(T mean, T P, T (&points)[3]) {
     return root;
 }
 
-// Returns the variance Q of a random walk's steps, adapted to the correction that was just made
-// (Robbins-Monro). `delta`: forgetting factor.
+// Adapts the variance Q of a random walk's steps to the newest correction, and returns the new Q
+// (Robbins-Monro). `delta`: weight of the newest correction; old corrections are forgotten.
 template <class T>
 T adapted(T Q, T delta, T correction) {
     return (T(1) - delta) * Q + delta * (correction * correction);
