@@ -1,7 +1,7 @@
 """Writes the committed files that a program generates, or checks that they are up to date.
 
   python -m tools.generated                    all files; `make gen`
-  python -m tools.generated gen_protocol the files of the named writers
+  python -m tools.generated gen_protocol       the files of the named writers
   python -m tools.generated --check            writes nothing; names the files that differ, exit code 1
 
 A writer is a module with the constant SOURCE and the function `outputs`. SOURCE names the source of the
