@@ -6,6 +6,6 @@ namespace fltea {
 
 constexpr char kVersion[] = "0.1.0";
 // Beginning of the SHA-256 over names and contents of all sources.
-constexpr char kBuildId[] = "f003c6cb";
+constexpr char kBuildId[] = "12f47641";
 
 }  // namespace fltea
