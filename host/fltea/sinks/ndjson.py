@@ -25,7 +25,8 @@ class NdjsonSink(Sink):
     name = "stdout"
     lossless = True
     capacity = 50_000
-    # the pause between two writes can be short, since the records of many devices arrive together as one text
+    # the pause between two writes can be short: even with many devices, their records arrive together as one
+    # text
     rest_s = 0.0003
     prints: Wanted
 
@@ -51,7 +52,8 @@ class NdjsonSink(Sink):
         try:
             while self._pending:
                 written = self._stream.write(self._pending)
-                # this happens if the stream has no room and another process has made it non-blocking
+                # `write` returns None if the stream has no room and another process has made the stream
+                # non-blocking
                 if written is None:
                     time.sleep(FULL_S)
                 del self._pending[: written or 0]

@@ -10,11 +10,12 @@ from fltea.settings.config import Config
 class Opening(NamedTuple):
     """What `open_output` receives about the program.
 
-    `configs`: settings of all devices; the first one also has the program's settings. `device`: name of the
-    device whose records the output gets; "" for an output of all devices. `apart`: names of the sources that
-    have a single device each. `shared`: names of the sources that have many devices each. `report`: sends an
-    `error` record to all outputs. `sink_queues`: returns all outputs, each with the name of its device, or
-    with None if all devices share it. `recorder`: begins and ends recordings. `say`: writes to the terminal.
+    `configs`: the settings of each device; those of the first device also contain the program's settings.
+    `device`: name of the device whose records the output gets; "" for an output of all devices. `apart`:
+    names of the sources that have a single device each. `shared`: names of the sources that have many devices
+    each. `report`: sends an `error` record to all outputs. `sink_queues`: returns all outputs, each with the
+    name of its device, or with None if all devices share it. `recorder`: begins and ends recordings. `say`:
+    writes to the terminal.
     """
 
     configs: Sequence[Config]

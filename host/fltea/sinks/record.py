@@ -24,16 +24,16 @@ from fltea.sources.as_wire import as_stated
 FLUSH_NS = 750_000_000
 """Shortest time between two writes of buffered data to the file [ns].
 
-If the program is killed, the recording lacks at most the data of this time and of the pause between two calls
-of `flush`.
+If the program is killed, at most the data of this time and of the pause between two calls of `flush` are
+missing from the recording.
 """
 
 RETRY_NS = 5 * 10**9
 """Time between two attempts to begin a new file after the disk failed [ns]."""
 
 REFUSED = ("version", "bad_hello")
-"""Kinds of `error` records about a HELLO that cannot be used. The device's samples are not used until its
-next good HELLO.
+"""Kinds of `error` records about a HELLO that cannot be used. After such a HELLO, the device's samples are
+not used until its next good HELLO.
 """
 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
@@ -51,8 +51,8 @@ OF_BLOCKS = {
     "estimate": Wanted(estimates=True, nulls=False),
     "corrected": Wanted(corrected=True, nulls=False),
 }
-"""For each channel with one message per sample, by the channel's name: which of a block's records are written
-to the channel.
+"""The channels that have one message per sample. For the name of each channel: which of a block's records are
+written to it.
 """
 
 
@@ -105,7 +105,7 @@ class RecordSink(Sink):
 
     @property
     def size_bytes(self) -> int:
-        """Number of bytes written to all files so far; may be read in any thread."""
+        """Number of bytes written to all files so far. Any thread may read this number."""
         part = self._part
         return self._finished_bytes + (part.writer.size_bytes if part is not None else 0)
 
@@ -222,7 +222,7 @@ class RecordSink(Sink):
         return self._now_ns + (self._offset_ns or 0)
 
     def _lose(self, items: int = 1, size_bytes: int = 0, chunks: int = 0) -> None:
-        """Count items that are lost, since they are written to no file."""
+        """Count items as lost, since they are written to no file."""
         self.lost += items
         if self._gap is not None:
             self._gap = longer(self._gap, items, size_bytes, chunks)

@@ -1,4 +1,4 @@
-"""Find which items are lost when another program deletes, moves or truncates a file being written."""
+"""Find which items are lost when another program deletes, moves or truncates an unfinished file."""
 
 import contextlib
 from pathlib import Path
@@ -26,8 +26,8 @@ class Held(NamedTuple):
 def lost_of(part: OpenPart, error: Meddled) -> Held:
     """Return counts of what a file has lost.
 
-    A deleted file has lost all of its content, a truncated file what stood behind its new end, and a moved
-    file nothing.
+    A deleted file has lost all of its content. A truncated file has lost what stood after its new end. A
+    moved file has lost nothing.
     """
     written = summed(part.flushed, part.unflushed)
     if error.what == "moved":

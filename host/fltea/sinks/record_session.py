@@ -24,7 +24,7 @@ index of the metadata stays in memory. The recorded bytes contain all HELLO mess
 """
 
 NOTHING = LinkMessage("gap")
-"""The message about a gap in the recording, with all counts of lost data 0."""
+"""A message about a gap in the recording, in which all counts of lost data are 0."""
 
 
 NO_DISK = "the folder is gone, and what is left of its path is on another disk"
@@ -48,8 +48,9 @@ class OpenPart:
     `began_ns`: time of the file's beginning, on the source's clock. `flushed_ns`: time of the last flush, on
     the host's clock. `unflushed`: counts of the items that are still in the buffer, and are lost if writing
     fails now.
-    `flushed`: counts of the items that are in the file, and are lost as well if the file is deleted. `gaps`:
-    counts of the items that the file's own messages report as lost.
+    `flushed`: counts of the items that are already in the file, and are lost only if another program deletes
+    or truncates the file.
+    `gaps`: counts of the items that the file's own messages report as lost.
     """
 
     def __init__(self, writer: PartWriter, hello: Hello | None, began_ns: int, now_ns: int) -> None:
@@ -72,7 +73,7 @@ class OpenPart:
         self.gaps = summed(self.gaps, gap)
 
     def add_reads(self, reads: Reads, offset_ns: int, sequence: int) -> None:
-        """Write bytes that arrived over the wire. The arguments are those of `PartWriter.add_reads`."""
+        """Write bytes that arrived over the wire, with the arguments of `PartWriter.add_reads`."""
         self.writer.add_reads(reads, offset_ns, sequence)
         count = len(reads.end)
         self.unflushed = longer(self.unflushed, count, len(reads.data), chunks=count)

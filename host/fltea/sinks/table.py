@@ -46,8 +46,8 @@ REFRESH_S = 0.2
 TREND_WIDTH = 24
 TREND_STEP_NS = 10**9
 WIDE_COLUMNS = 135
-"""Width of the terminal [columns] from which the small diagrams of α and f stand next to the numbers. In a
-narrower terminal they stand below the numbers.
+"""If the terminal is at least this wide [columns], the small diagrams of α and f stand next to the numbers.
+In a narrower terminal they stand below the numbers.
 """
 
 BARS = "▁▂▃▄▅▆▇█"
@@ -60,7 +60,7 @@ ADVICE = "; use the fit above, or for a recording fltea identify."
 
 
 def sparkline(values: Sequence[float]) -> str:
-    """Return a small diagram of numbers, as a row of characters that look like bars of different heights."""
+    """Return a small diagram of numbers: a row of characters that look like bars of different heights."""
     if not values:
         return ""
     low, high = min(values), max(values)
@@ -70,7 +70,7 @@ def sparkline(values: Sequence[float]) -> str:
 
 
 class PipedConsole(Console):
-    """A console that raises an error when the program that reads its output has ended.
+    """A console that raises `SinkClosed` when the program that reads the console's output has ended.
 
     The console of the library rich would exit with code 1.
     """
@@ -152,7 +152,7 @@ class DeviceView:
     def _estimate(self) -> Estimate | None:
         """The newest estimate.
 
-        If it comes from a block, the record of the estimate is made only now that the table needs it.
+        If the estimate comes from a block, its record is made only here, when the table needs it.
         """
         if isinstance(self._newest, Block):
             self._newest = self._newest.last_estimate()
@@ -225,7 +225,7 @@ class DeviceView:
         return [Text("\n".join(self._events), style="yellow")] if self._events else []
 
     def note(self) -> str:
-        """Return the text on how far the estimates can be trusted."""
+        """Return a text that says how far the estimates can be trusted."""
         info = self._epoch and (self._epoch.estimator or self._epoch.accel_estimator)
         marked = any(map(self._mark, self._stats.axes)) if self._stats else False
         return (NOT_DESCRIBED if marked else "") + WHITE_NOTES[info.variant if info else "joint"] + ADVICE
@@ -246,7 +246,7 @@ class DeviceView:
             remaining = self._stats.startup_remaining if self._stats else 0
             return Text(f"start-up window: {remaining} samples to go" if remaining else "no estimate yet")
         unit = f"[{', '.join(dict.fromkeys(map(unit_of, self._estimate.axes)))}]"
-        # The titles are `Text` objects, since the library rich would take "[deg/s]" in a plain string for
+        # The titles are `Text` objects, since the library rich would treat "[deg/s]" in a plain string as
         # markup.
         titles = map(Text, ("FLTEA: α", "f [s^-α]", f"state {unit}", f"innov. {unit}", ""))
         table = grid("", *titles, *(("α, last seconds", "f, last seconds") if wide else ()))
@@ -279,7 +279,7 @@ class DeviceView:
         return rows
 
     def _headings(self) -> list[RenderableType]:
-        """Return a table with the error of the heading about each axis, for several times after a rest."""
+        """Return a table of the heading's error about each axis, for several times after a rest."""
         axes = self._stats.axes if self._stats else {}
         of = {
             name: stds for name, axis in axes.items() if axis.tracker and (stds := axis.tracker.heading_std)

@@ -32,7 +32,7 @@ def estimates(record: DeviceEstimates) -> list[RenderableType]:
 def _orders(record: DeviceEstimates) -> Table:
     """Return a table with the device's α and f, and their differences from this computer's α and f.
 
-    Both are the estimates after the same sample.
+    The compared estimates are those after the same sample.
     """
     rows = grid("", "device's α", "minus the host's", "device's f", "minus the host's")
     for name, axis in record.axes.items():
@@ -56,7 +56,10 @@ def _biases(record: DeviceEstimates) -> list[RenderableType]:
 
 
 def fits(by_axis: Mapping[str, DeviceAxisFit]) -> Table:
-    """Return a table with the device's own fits, and the difference of α from this computer's fits."""
+    """Return a table with the device's own fits.
+
+    It also has the difference of their α from that of this computer's fits.
+    """
     rows = grid("", "device's fit", "α, 95 %", "minus the host's", "in half-widths")
     for name, fit in by_axis.items():
         order = figure_of(fit.alpha)

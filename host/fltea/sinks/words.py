@@ -31,7 +31,7 @@ def signed(value: float) -> str:
 
 
 def apart(value: float) -> str:
-    """Return a small difference as text, with its sign and a power of ten."""
+    """Return a small difference as text, with its sign and written with a power of ten."""
     if not value:
         return "0"
     mantissa, _, exponent = f"{value:+.1e}".partition("e")
@@ -44,14 +44,17 @@ def in_deviations(value: float | None, std: float | None) -> str:
 
 
 def guard_words(interventions: Mapping[str, int]) -> list[list[str]]:
-    """Return the reasons for which the guard of an axis's filters intervened, each with its count."""
+    """Return the reasons for which the guard of an axis's filters intervened.
+
+    Each reason has the number of interventions.
+    """
     return [[CAUSE_WORDS.get(cause, cause), str(count)] for cause, count in interventions.items()]
 
 
 def counted(label: str, count: int, remark: str = "") -> list[str]:
     """Return a row of the page for a count of unwanted events.
 
-    It has a label, the value, and the level "bad" if there were any events.
+    The row has a label, the value, and the level "bad" if there were any such events.
     """
     value = f"{count:,}" + (f" ({remark})" if remark else "")
     return [label, value, "bad" if count else "plain"]

@@ -1,10 +1,10 @@
 """Publish the records of many devices over one connection (host/docs/guide/ingest.md).
 
-Each device has an `MqttSink`, but all of them share one thread and one connection. So topics, states, retries
-and counts are the same as for a single device. A device's topics contain the name under which the broker let
-the device publish, never the identifier in its HELLO. The program publishes a status of itself in the topic
-`<prefix>/<program>/ingest`. If the program vanishes, the connection's last will publishes there that it is
-offline.
+Each device has an `MqttSink`, but all these sinks share one thread and one connection. So topics, states,
+retries and counts of a device are the same as if it had a connection of its own. A device's topics contain
+the name under which the broker let the device publish, never the identifier in its HELLO. The program
+publishes a status of itself in the topic `<prefix>/<program>/ingest`. If the program vanishes, the
+connection's last will publishes there that it is offline.
 """
 
 import secrets
@@ -36,16 +36,16 @@ IDLE_NS = 3600 * 10**9
 """Time after which a device without records is forgotten [ns]."""
 
 EVERY = 1000
-"""Estimates are published for at most one in `EVERY` samples: every ten seconds for a board that samples at
-100 Hz.
+"""For at most one in `EVERY` samples, estimates are published. A board that samples at 100 Hz thus publishes
+estimates every ten seconds.
 """
 
 
 class ManyMqttSink(Sink):
     """Publishes the records of all devices that reach this program through MQTT brokers.
 
-    `program`: name of this program in its status. `apart`: names of devices that have outputs of their own,
-    and whose records are ignored here.
+    `program`: name of this program in its status. `apart`: names of the devices that have outputs of their
+    own. Their records are ignored here.
 
     Raises:
         UsageError: settings or secrets cannot be used.
@@ -97,8 +97,8 @@ class ManyMqttSink(Sink):
     def depart(self, departed: Departed) -> None:
         """Forget a device, and publish that it is offline.
 
-        If the device has moved to another program, publish nothing, since the other program publishes its
-        status.
+        If the device has moved to another program, publish nothing, since the other program publishes the
+        device's status.
         """
         if departed.device in self._sinks:
             self._forget(departed.device, end=not departed.moved)
@@ -164,7 +164,10 @@ class ManyMqttSink(Sink):
         self._gone_lost += sink.lost
 
     def _report_once(self, kind: str, message: str) -> None:
-        """Report a trouble that all devices share, such as an absent broker, only once."""
+        """Report a trouble.
+
+        If all devices have the same trouble, such as an absent broker, report it only once.
+        """
         if self._once_a_minute.is_due(kind, host_ns()):
             self._report(kind, message)
 

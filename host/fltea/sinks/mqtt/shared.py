@@ -1,8 +1,8 @@
 """Share one connection to a broker among many devices, as if each device had its own connection.
 
-With a connection for each of hundreds of devices, the program would need hundreds of threads. But a
-connection has only one last will, so devices that share a connection have no last wills. Instead, the last
-will of the shared connection is a status of the program.
+If each of hundreds of devices had its own connection, the program would need hundreds of threads. But a
+connection has only one last will, so devices that share a connection have no last wills of their own.
+Instead, the last will of the shared connection is a status of the program.
 """
 
 from collections import deque
@@ -29,11 +29,12 @@ class View:
 
 
 class SharedConnection:
-    """Opens one connection when the first device asks for it.
+    """Opens the one shared connection when the first device asks for a connection.
 
-    If the connection was lost, opens it again when the next device asks for it.
+    If the connection was lost, opens it again when a device next asks for a connection.
 
-    One thread calls all methods. `will`: topic and payload that the broker publishes if the program vanishes.
+    One thread calls all methods. `will`: topic and payload of the message that the broker publishes if the
+    program vanishes.
     """
 
     def __init__(self, broker: Broker, client_id: str, will: tuple[str, bytes]) -> None:
@@ -80,7 +81,7 @@ class SharedConnection:
                     view.events.append(event)
 
     def publish(self, view: View, topic: str, payload: bytes, qos: int, retain: bool) -> int | None:
-        """Publish a message for the device that has the view `view`."""
+        """Publish a message for the device to which the view `view` belongs."""
         if self._connection is None:
             return None
         mid = self._connection.publish(topic, payload, qos, retain)

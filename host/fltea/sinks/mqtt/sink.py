@@ -35,8 +35,8 @@ KINDS = {
     "estimate": Wanted(estimates=True),
     "corrected": Wanted(corrected=True),
 }
-"""Kinds of records of which a block has one for each sample. The value of a kind says that only this kind of
-a block's records is encoded as JSON.
+"""The kinds of records of which a block has one for each sample. Each kind has a `Wanted`, with which only
+the block's records of this kind are encoded as JSON.
 """
 
 
@@ -95,11 +95,14 @@ class MqttSink(Sink):
 
     @property
     def lost(self) -> int:  # type: ignore[override]
-        """Number of records that no broker accepted, or whose arrival is uncertain."""
+        """Number of records that no broker accepted, or of which it is uncertain whether they arrived."""
         return self._delivery.lost
 
     def write(self, item: Item) -> None:
-        """Publish a record, or keep it until its device is known and the broker is connected."""
+        """Publish a record.
+
+        If its device is not known yet or the broker is not connected, keep the record until then.
+        """
         self._delivery.poll()
         if isinstance(item, Block):
             self._on_block(item)
@@ -145,9 +148,11 @@ class MqttSink(Sink):
                 self._stream(kind, line[:-1], self._settings.stream_qos)
 
     def _is_due(self, kind: str, seq: int, every: int) -> bool:
-        """Return whether to publish the record of sample number `seq`: one of every `every` sample numbers.
+        """Return whether to publish the record of the sample with number `seq`.
 
-        If the sample with the number that is due is missing, the next sample is published.
+        Of every `every` successive numbers, one is published.
+
+        If the sample with that number is missing, the next sample is published instead.
         """
         before, self._seen[kind] = self._seen.get(kind, seq), seq
         return seq % every == 0 or seq // every > before // every
@@ -231,9 +236,9 @@ class MqttSink(Sink):
         self._published = None
 
     def _turn_away(self, hello: Hello) -> None:
-        """Refuse to publish for a device whose port has reported too many device IDs.
+        """Refuse to publish for a device if its port has reported too many different device IDs.
 
-        Records count as lost until an acceptable device comes.
+        All records count as lost until the port reports a device that is accepted.
         """
         self._retire()
         self._turned_away = True
@@ -285,7 +290,7 @@ class MqttSink(Sink):
         level = published.level
         found = discovery(f"{self._settings.prefix}/{level}", level, published.hello, stats.axes)
         message = Message(discovery_topic(root, level), record_json(found), retain=True)
-        # the configuration stays the same if the new HELLO differs only in its times
+        # if the new HELLO differs from the last one only in its times, the configuration stays the same
         if message != published.discovery:
             published.discovery = message
             self._delivery.state(message)

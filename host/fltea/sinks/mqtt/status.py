@@ -11,8 +11,8 @@ STALLED_NS = 2 * 10**9
 """Time without a sample after which a device is `stalled` [ns]."""
 
 REPEAT_NS = 30 * 10**9
-"""Time after which the status is published again [ns]. The last will of an older connection may have replaced
-it.
+"""Time after which the status is published again [ns], since the last will of an older connection may have
+replaced it at the broker.
 """
 
 Level = Literal["online", "stalled", "offline"]
@@ -50,7 +50,7 @@ class DeviceStatus:
         self.change("stalled", hello, now_ns)
 
     def change(self, level: Level, hello: Hello, now_ns: int) -> None:
-        """Change the status; the new one holds from `now_ns` on."""
+        """Change the status; the new status begins at `now_ns`."""
         reason: Reason | None = "ended" if level == "offline" else None
         self.current = status_of(level, hello, self._device, now_ns, reason)
 

@@ -43,8 +43,8 @@ LEFT_OUT = {
     "bridged": "bridged",
     "limited": "limited to twelve deviations",
 }
-"""For each cause for which samples are left out of the fit, the words that follow the number of these
-samples.
+"""For each cause for which samples are left out of the fit: the words that follow the number of these samples
+in a sentence.
 """
 
 BREAKS = {
@@ -57,7 +57,7 @@ change, and for several.
 
 
 NARROW = 1.25
-"""The interval of α counts as narrow enough if it is at most this factor wider than its target width."""
+"""The interval of α counts as narrow enough if it is at most this many times as wide as its target width."""
 
 
 class Figure(NamedTuple):
@@ -72,7 +72,7 @@ class Figure(NamedTuple):
 
     @property
     def text(self) -> str:
-        """The value with its interval, or the interval alone if it is too wide to show the value."""
+        """The value with its interval. If the interval is too wide to show the value, the interval alone."""
         low, high = self.interval
         return f"{self.value} ({low} … {high})" if self.large else f"{low} … {high}"
 
@@ -102,8 +102,8 @@ class Answer(NamedTuple):
 def answer(fit: AxisFit | None, left_s: float | None = None, *, off: bool = False) -> Answer:
     """Describe a fit in words.
 
-    `left_s`: time until the order is known [s]; None unless the last fits agree on this time. `off`: whether
-    fits are switched off.
+    `left_s`: time until the order will be known [s]; None unless the last fits agree on this time. `off`:
+    whether fits are switched off.
     """
     if fit is None:
         return Answer("", "No fit" if off else "No fit yet", OFF if off else NO_FIT, None, None, "", "", "")
@@ -123,7 +123,7 @@ def answer(fit: AxisFit | None, left_s: float | None = None, *, off: bool = Fals
 
 
 def _condition(fit: AxisFit) -> str:
-    """Return the text about the condition under which the noise has the fitted order, and its odds.
+    """Return a text: the condition under which the noise has the fitted order, and the odds of an order.
 
     The text is empty if the verdict does not depend on a condition.
     """
@@ -156,7 +156,8 @@ def sentence(found: Answer, level: str, bias: str) -> tuple[str, str]:
 def order(fit: AxisFit) -> tuple[Interval | None, Interval | None]:
     """Return α and f.
 
-    Each of them is None unless the verdict is stable and allows an order, and the data define this parameter.
+    A parameter is None unless three things are true: the verdict is stable, it allows an order, and the data
+    define the parameter.
     """
     if fit.verdict not in WITH_ORDER or not fit.stable:
         return None, None
@@ -216,7 +217,7 @@ def _until(fit: AxisFit, left_s: float | None) -> str:
 
 
 def _left_out(fit: AxisFit) -> str:
-    """Return the text for the samples and frequencies that the fit leaves out."""
+    """Return a text that lists the samples and frequencies that the fit leaves out."""
     bands = [f"{low:.3g} to {high:.3g} Hz" for low, high in fit.rate_left_out]
     counts = [
         f"{count:,} {'sample' if count == 1 else 'samples'} {LEFT_OUT.get(cause, cause)}"

@@ -1,4 +1,4 @@
-"""Keep the past of a device, from which the page draws diagrams over time.
+"""Keep the past values of a device, from which the page draws diagrams over time.
 
 There is one row of numbers for each sample, with the values of all axes. To save memory, the rows of
 neighbouring samples are merged.
@@ -28,8 +28,8 @@ ESTIMATED: dict[str, Kind] = {
     "apart_high": "max",
     "f_apart": "max",
 }
-"""Names of the columns with estimates of an axis, each with the way in which its values are merged when rows
-are. `apart`: α by the device minus α by this computer.
+"""Names of the columns with estimates of an axis. Each name is followed by the way in which the column's
+values are merged when rows are merged. `apart`: α by the device minus α by this computer.
 `f_apart`: absolute difference between f by the device and f by this computer.
 """
 
@@ -40,8 +40,8 @@ OF_AXIS: dict[str, Kind] = {
     **dict.fromkeys(FIT, "mean"),
     **ESTIMATED,
 }
-"""Names of all columns of an axis, each with the way in which its values are merged when rows are. `y`: the
-sample minus an offset. `state`: the bias minus the same offset.
+"""Names of all columns of an axis. Each name is followed by the way in which the column's values are merged
+when rows are merged. `y`: the sample minus an offset. `state`: the bias minus the same offset.
 """
 
 DRAWN = ("y_low", "y", "y_high", "state", "state_std")
@@ -85,7 +85,10 @@ class Course:
         return {"time": 0} | places
 
     def know(self, axis: str, host_ns: int, values: Mapping[str, float | None]) -> None:
-        """Set values of an axis for all rows from now on. Each value is given by the name of its column."""
+        """Set values of an axis that all rows have from now on.
+
+        Each value is given by the name of its column.
+        """
         places = self._places.get(axis)
         if places is None:
             return
@@ -135,7 +138,7 @@ class Course:
         return self._tiers.read(window, cursor)
 
     def farthest(self, window: int, axis: str) -> tuple[float, float]:
-        """Return the largest differences in α and in f between device and computer within a time window.
+        """Return the largest differences between device and computer in a time window: one in α, one in f.
 
         A difference that is unknown in the whole time window is NaN.
         """

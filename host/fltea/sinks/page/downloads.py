@@ -1,4 +1,4 @@
-"""Make a page's downloads: a report of all data seen so far, and Kalibr's imu.yaml."""
+"""Make the files to download from the live page: a report of all data so far, and Kalibr's imu.yaml."""
 
 import re
 from collections.abc import Iterable, Sequence
@@ -123,7 +123,7 @@ def report_of(found: Seen) -> str:
 
 
 def _figures(fit: AxisFit) -> list[str]:
-    """Return the diagrams of an axis that its fit has the data for: spectrum, Allan deviation."""
+    """Return the diagrams of an axis (spectrum, Allan deviation) for which its fit contains the data."""
     shown = [curves.spectrum(fit.spectrum, fit.unit, fit.rate_left_out)] if fit.spectrum else []
     return [*shown, curves.allan(fit.allan, fit.unit)] if fit.allan else shown
 

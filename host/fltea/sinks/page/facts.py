@@ -34,13 +34,13 @@ STALL_NS = 1_500_000_000
 SHOWN_EVENTS = 12
 SHOWN_STEPS = 3
 FAR_PPM = 20_000
-"""Difference between the rates of the device's and the computer's clocks from which a warning is shown [ppm].
-No crystal is so inaccurate.
+"""The page shows a warning if the rates of the device's clock and of the computer's clock differ by at least
+this [ppm]. No crystal is so inaccurate.
 """
 
 
 def state(history: DeviceHistory, now_ns: int) -> dict[str, str]:
-    """Return the name of a device, its state, and a text that says what is wrong, if anything."""
+    """Return the name of a device, its state, and a text that says what is wrong if something is wrong."""
     with history.lock:
         level, text = status(history, now_ns)
     return {"name": history.name, "level": level, "text": "" if level == "good" else text}
@@ -108,7 +108,7 @@ def slow(stats: Stats | None) -> str:
 def now(history: DeviceHistory, now_ns: int) -> dict[str, Any]:
     """Return the state of a device, and a few words for each part of the page.
 
-    The words are shown while the user has not opened the part.
+    The page shows the words of a part while the user has not opened this part.
     """
     level, text = status(history, now_ns)
     sample, newest = history.sample, list(history.happenings)[-1:]
@@ -167,7 +167,7 @@ def axis(history: DeviceHistory, name: str, window: int) -> dict[str, Any]:
 
 
 def _running(history: DeviceHistory, name: str) -> list[Cells]:
-    """Return rows of text about those filters of an axis that run sample by sample."""
+    """Return rows of text about the filters of an axis that process sample after sample."""
     seen = Seen(history.stats, history.hello, name, history.newest.get(name))
     return [[label, value] for label, value, *_ in rows("axis", seen)]
 
@@ -215,7 +215,7 @@ def spectra(history: DeviceHistory) -> dict[str, str]:
 def curves(history: DeviceHistory, name: str) -> list[str]:
     """Return the diagrams of an axis: spectrum, Allan deviation, error of the heading.
 
-    A diagram whose data are unknown is missing.
+    A diagram is left out if its data are unknown.
     """
     fit, found = history.fits.axes.get(name), history.fits.curves.get(name, Curves())
     board, unit, ahead = history.fits.device_spectra.get(name), unit_of(name), heading(history.stats, name)
@@ -280,7 +280,7 @@ def device(hello: Hello | None, temperature_c: float | None) -> list[list[str]]:
 
 
 def events(history: DeviceHistory) -> list[dict[str, Any]]:
-    """Return the list of the last events, the newest event first."""
+    """Return the last events as a list, with the newest event first."""
     newest = list(history.happenings)[-SHOWN_EVENTS:][::-1]
     return [
         {"time_ms": h.host_ns // 1_000_000, "kind": h.kind, "text": visible_lines(h.text)} for h in newest

@@ -22,7 +22,7 @@ NOTHING_YET = "no estimate of the device yet"
 
 
 def silent(history: DeviceHistory) -> bool:
-    """Return whether only the device makes the gyroscope's estimates, and has sent none in this epoch."""
+    """Return whether only the device estimates the gyroscope's axes, and has not done so in this epoch."""
     expected = [axis for axis in history.axes or AXES if history.estimator(axis) == "device"]
     return bool(expected) and not any(axis in history.newest for axis in expected)
 
@@ -30,14 +30,14 @@ def silent(history: DeviceHistory) -> bool:
 def startup_to_go(history: DeviceHistory) -> int:
     """Return the number of samples that the device's start-up window still needs, as the device says.
 
-    It is 0 unless only the device makes estimates of the gyroscope and has sent none in this epoch.
+    It is 0 unless only the device estimates the gyroscope's axes and has sent no estimate yet in this epoch.
     """
     own = history.stats.device_estimator if history.stats else None
     return own.startup_remaining if own is not None and silent(history) else 0
 
 
 def whose(history: DeviceHistory, estimate_on: str) -> str:
-    """Return words that explain whose estimates are shown.
+    """Return words that say whether the page shows the device's estimates or this computer's.
 
     `estimate_on`: where they are made, which is "device", "host" or "both".
     """
@@ -49,7 +49,7 @@ def whose(history: DeviceHistory, estimate_on: str) -> str:
 def own(history: DeviceHistory) -> list[Cells]:
     """Return rows of text about the device's estimator.
 
-    There are none if the device has stated nothing about its estimator.
+    Return no rows if the device has stated nothing about its estimator.
     """
     stats = history.stats
     if stats is None or stats.device_estimator is None:
@@ -134,7 +134,7 @@ def _apart(newest: float | None, farthest: float) -> str:
     """
     if newest is None:
         return ""
-    largest = max(abs(newest), farthest)  # if `farthest` is NaN, `max` returns the newest
+    largest = max(abs(newest), farthest)  # if `farthest` is NaN, `max` returns the newest difference
     return f"{apart(newest)} now, at most {apart(largest).lstrip('+')}"
 
 

@@ -10,8 +10,8 @@ from fltea.records.records import DeviceFits, Fit
 
 AGREE, GROWTH, APART = 4, 1.1, 1.5
 """Each fit predicts when the order of the axis will be known. The page shows this time if the predictions of
-the last `AGREE` fits differ by at most the factor `APART`. Only fits are compared of which each has at least
-`GROWTH` times as many samples as the one before it.
+`AGREE` fits differ by at most the factor `APART`. The fits that are compared are chosen so that each one has
+at least `GROWTH` times as many samples as the one before.
 """
 
 

@@ -44,7 +44,9 @@ class HeardError(NamedTuple):
 
 
 class DeviceHistory:
-    """Keeps what is known about one device. One thread writes records to it; others read it and hold `lock`.
+    """Keeps what is known about one device.
+
+    One thread writes records to this object; other threads read it, and hold `lock` while they do.
 
     `estimate_on`: where the estimates of the gyroscope's axes are made. `newest`: for each axis, the last
     estimate of this epoch. `compared`: for each axis, the last estimate that the device itself made, with its
@@ -141,14 +143,14 @@ class DeviceHistory:
     def samples_of_epoch(self) -> int:
         """Number of samples of this epoch so far.
 
-        Samples that did not reach the page count, samples lost in gaps do not.
+        Samples that did not reach the page are counted; samples that were lost in gaps are not.
         """
         if self.sample is None or self.epoch is None or self.sample.epoch != self.epoch.epoch:
             return 0
         return self.sample.seq - self.epoch.seq + 1 - self._lost
 
     def offset(self, axis: str) -> float:
-        """Return what is subtracted from an axis's samples in diagrams.
+        """Return the offset that is subtracted from an axis's samples in diagrams.
 
         This offset is the bias, or the mean of the samples as long as the bias is unknown.
         """

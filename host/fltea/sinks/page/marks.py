@@ -7,16 +7,16 @@ from fltea.records.records import Motion, Step
 from fltea.sinks.changes import short_size
 
 KEPT = 240
-"""Largest number of steps that are kept for each axis, and largest number of motions that are kept. With one
-every six minutes, these are the steps or motions of a day.
+"""At most this many steps are kept for each axis, and at most this many motions. If one occurs every six
+minutes, those of a day are kept.
 """
 
 MOST_STEPS = 40
 """Largest number of steps that a diagram shows. If there are more, it shows the largest steps."""
 
 MOST_SPANS = 60
-"""Largest number of motions that a diagram shows. Motions are merged if less than the length of the diagram's
-time window, divided by this number, lies between them.
+"""Largest number of motions that a diagram shows. Two motions are merged if the pause between them is shorter
+than the diagram's time window divided by this number.
 """
 
 

@@ -6,20 +6,20 @@ from fltea.records.ports import RecordingView
 from fltea.records.visible import visible_lines
 
 STEADY_S = 20.0
-"""Duration of a recording from which its size per hour is shown [s]. With a shorter recording, this size
-would be too uncertain.
+"""The page shows a recording's size per hour only if the recording has lasted at least this long [s]. From a
+shorter recording, this size would be too uncertain.
 """
 
 ELSEWHERE = "Recording from this page is off: start fltea with --record or --set dashboard.record=true."
 
 
 def nothing() -> dict[str, Any]:
-    """Return what the page shows if no device can be recorded."""
+    """Return what the page says if no device can be recorded."""
     return {"on": False, "can": False, "level": "plain", "text": ""}
 
 
 def words(view: RecordingView, may_record: bool) -> dict[str, Any]:
-    """Return whether a recording runs, whether the button works, and a text about where the recording is."""
+    """Return whether a recording runs, whether its button works, and a text that says where it is stored."""
     level, text = _said(view)
     why_not = view.why_not or (ELSEWHERE if not may_record and not view.on else "")
     can = may_record and not view.fixed and not view.why_not

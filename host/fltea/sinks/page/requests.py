@@ -1,6 +1,6 @@
 """Answer the requests of the live page.
 
-They ask for the state of devices, for the start or stop of a recording, or for a download.
+A request asks for the state of a device, for the start or stop of a recording, or for a download.
 """
 
 from collections.abc import Callable, Collection, Mapping
@@ -160,7 +160,7 @@ ROUTES: list[tuple[str, type[Handler]]] = [
 
 
 def _pairs(text: str) -> dict[str, str]:
-    """Return the names in a list such as `a:1,b:,c`, each with the text after its colon."""
+    """Return the names in a list such as `a:1,b:,c`. Each name is returned with the text after its colon."""
     found: dict[str, Any] = {}
     for pair in text.split(",")[:MOST_PARTS]:
         name, _, value = pair.partition(":")

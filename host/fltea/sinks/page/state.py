@@ -23,12 +23,12 @@ from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.tiers import MOST_ROWS, WINDOWS, Cursor
 
 FRESH_S = 0.8
-"""Age from which a part is made again when it is requested [s]. Each page asks once a second."""
+"""A requested part is made again if it is at least this old [s]. Each page asks once a second."""
 
 MOST_KEPT = 256
 
 DRAWN_WINDOW = 1
-"""Index in `WINDOWS` of the time window that each axis's small diagram shows, which is 2 min."""
+"""Index in `WINDOWS` of the time window that each axis's small diagram shows. This window is 2 min long."""
 
 
 class View(NamedTuple):
@@ -92,8 +92,8 @@ class State:
     def view(self, device: str, axis: str, window: int) -> View:
         """Return the requested device, axis and window.
 
-        A device that does not exist is replaced by the first one, an axis by "", and a too large index of a
-        window by the last one.
+        A device that does not exist is replaced by the first device, and an axis that does not exist by "".
+        An index that is too large becomes the index of the last window.
         """
         if device not in self._histories:
             device = next(iter(self._histories))

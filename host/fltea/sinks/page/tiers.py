@@ -12,13 +12,13 @@ from fltea.records.arrays import Array
 Kind = Literal["mean", "min", "max"]
 
 MOST_ROWS = 302
-"""Largest number of rows of a time window: one for each point that a diagram can show, and two for the
-diagram's ends.
+"""Largest number of rows of a time window: one row for each point that a diagram can show, and two rows for
+the diagram's ends.
 """
 
 _generations = itertools.count(secrets.randbelow(2**40))
-"""Numbers of generations of rows; a new generation begins when all rows are forgotten. The numbers begin at a
-random one, so that cursors from an earlier run of the program are not valid.
+"""The numbers of the generations of rows; a new generation begins when all rows are forgotten. The first
+number is random, so that cursors from an earlier run of the program are not valid.
 """
 
 
@@ -50,7 +50,7 @@ class Cursor(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """Rows that a page lacks, with shape (n, columns).
+    """The rows that a page lacks, as an array (n, columns).
 
     `fresh`: whether the rows that the page already has are no longer valid.
     """

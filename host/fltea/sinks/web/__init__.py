@@ -1,1 +1,1 @@
-"""Provide what the live page and the fleet's page share: web server, limits, files for the browser."""
+"""Provide what the live page and the page of the fleet share: web server, limits, files for the browser."""

@@ -32,12 +32,12 @@ quarter of the process's file descriptors is used for connections.
 IDLE_S, SWEEP_S = 30.0, 5.0
 """`IDLE_S`: time after which a connection is closed if its browser sends no request or does not read the
 answer [s].
-`SWEEP_S`: time between two searches for connections that have to be closed [s].
+`SWEEP_S`: time between two checks of which connections have to be closed [s].
 """
 
 REST_S = 1.0
-"""Time for which no connection is accepted after one could not be accepted [s], for example for lack of file
-descriptors.
+"""After a connection could not be accepted, for example for lack of file descriptors, no connection is
+accepted for this time [s].
 """
 
 LARGEST_HEADER = 16_384
@@ -66,9 +66,9 @@ def bind(option: str, host: str, port: int) -> list[socket.socket]:
 class Door(HTTPServerConnectionDelegate):
     """Serves a web application on sockets, in the event loop of the thread that creates this object.
 
-    If there is no room for a new connection, the connection that has been idle longest is closed. If one
-    address has half of all allowed connections and opens another, the connection that is closed is one of
-    this address.
+    If there is no room for a new connection, the connection that has been idle longest is closed. If an
+    address that already has half of all allowed connections opens another, the connection of this address
+    that has been idle longest is closed.
     """
 
     def __init__(self, sockets: Sequence[socket.socket], application: Application, report: Report) -> None:
@@ -163,10 +163,9 @@ class Door(HTTPServerConnectionDelegate):
 class LibraryErrors(logging.Handler):
     """Reports errors of the libraries tornado and asyncio, at most one a minute.
 
-    It takes the place of the libraries' own log handlers.
+    This object replaces the libraries' own log handlers.
 
-    The libraries' own log handlers would write to stderr. Messages that are less severe than errors are
-    dropped.
+    The libraries' own handlers would write to stderr. Messages that are less severe than errors are dropped.
     """
 
     def __init__(self, report: Report) -> None:

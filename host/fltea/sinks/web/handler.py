@@ -19,7 +19,9 @@ from fltea.sinks.listening import is_from_here, is_own
 
 TYPES = {"html": "text/html", "css": "text/css", "js": "text/javascript"}
 WRONG_PASSWORD_S = 0.5
-"""Time before a request with a wrong password is answered [s], which slows guessing."""
+"""A request with a wrong password is answered only after this time [s], which slows the guessing of
+passwords.
+"""
 
 BY_SCRIPT = "X-Fltea"
 """A header that only the script of our own page can send. If a page of another site tried to send it, the
@@ -27,7 +29,7 @@ browser would first ask this server for permission, and get none.
 """
 
 BURST = 10
-"""As many requests may come at once as are allowed in this time on average [s]."""
+"""The number of requests that may come at once is the number that is allowed in this time on average [s]."""
 
 TRY_AGAIN_S = 10
 HEADERS = {
@@ -64,7 +66,7 @@ class Site:
 
     `package`: contains the files page.html, page.css and page.js. `names`: host names of the page.
     `password`: USER:PASSWORD, or None. `a_second`: average number of requests per second that are answered.
-    `full`: text of the answer to requests beyond this number.
+    `full`: text of the answer to a request that exceeds this number.
     """
 
     def __init__(
@@ -173,7 +175,7 @@ class Handler(RequestHandler):
         self.write(msgspec.json.encode(found))
 
     def number(self, name: str, usual: int, most: int) -> int:
-        """Return the request's argument `name` as an integer, limited to `most`.
+        """Return the request's argument `name` as an integer. A larger number than `most` becomes `most`.
 
         Return `usual` if the argument is missing.
         """
