@@ -145,14 +145,14 @@ def test_sequences_count_by_type() -> None:
 @pytest.mark.parametrize(
     ("event", "text"),
     [
-        (hello(gyro_lsb_per_dps=None), "its samples are deg/s, not counts"),
+        (hello(gyro_lsb_per_dps=None), "its samples are in deg/s, not in counts"),
         (hello(gyro_lsb_per_dps=16.384), r"gyro_lsb_per_dps 16\.384 can only be stated as 16\.4"),
         (hello(rate_hz=100 / 3), r"rate_hz 33\.3333 can only be stated as 33\.333"),
         (hello(gyro_lsb_per_dps=1e6), "Hello: .*"),
-        (RawSample(0, 0, 0, (1.5, 0.0, 0.0)), r"1\.5 is no count"),
-        (RawSample(0, 0, 0, (1.0,)), "1 axes of rate"),
+        (RawSample(0, 0, 0, (1.5, 0.0, 0.0)), r"1\.5 is not a whole count"),
+        (RawSample(0, 0, 0, (1.0,)), "1 axes of angular rate"),
         (RawSample(0, 0, 0, (40_000, 0, 0)), "RawSample: .*"),
-        (Break("restart", 0), "an epoch that a replay was told to begin"),
+        (Break("restart", 0), "frames cannot state that an epoch begins"),
     ],
 )
 def test_what_a_frame_cannot_state_is_refused(event: Event, text: str) -> None:

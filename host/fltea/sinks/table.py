@@ -52,10 +52,10 @@ In a narrower terminal they stand below the numbers.
 
 BARS = "▁▂▃▄▅▆▇█"
 WHITE_NOTES = {
-    "triple": "Pure white noise gives this variant α ≈ 0.4 and f ≈ -2 (0.15 and -0.3 with guard consistent)",
-    "joint": "Pure white noise gives this variant α ≈ 0.10 after 3,000 samples, 0.01 after 20,000",
+    "triple": "On white noise, this variant gives α ≈ 0.4 and f ≈ -2 (0.15 and -0.3 with guard consistent)",
+    "joint": "On white noise, this variant gives α ≈ 0.10 after 3,000 samples, 0.01 after 20,000",
 }
-NOT_DESCRIBED = "* does not describe the noise: no order, another one, or innovations that are not white. "
+NOT_DESCRIBED = "* does not describe the noise: no order, another order, or innovations that are not white. "
 ADVICE = "; use the fit above, or for a recording fltea identify."
 
 

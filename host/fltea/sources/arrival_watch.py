@@ -10,9 +10,9 @@ from fltea.records.events import Trouble
 class ArrivalWatch:
     """Checks whether samples that are numbered by their order arrive at the stated rate.
 
-    A buffer on the way delays samples, and then many arrive at once. So in each second or so, only the
-    arrival with the smallest delay counts. If the delay becomes larger suddenly and stays larger, samples
-    were lost, or the sender paused.
+    A buffer between sender and program delays samples, and then many arrive at once. So of each second or so,
+    only the arrival with the smallest delay is used. If this delay suddenly becomes larger and stays larger,
+    samples were lost, or the sender paused.
     """
 
     WHILE_S, CHUNKS, LEAST_JUMP_S = 1.0, 3, 0.1
@@ -55,7 +55,7 @@ class ArrivalWatch:
             jump_s = late_s - reference[0] - slope * (host_s - reference[1])
             least_s = max(self.LEAST_JUMP_S, 3 / self._rate_hz, float(np.median(self._pauses_s)))
             if jump_s > least_s and self._doubt is None:
-                # the earliest arrival of the next second shows whether the delay stays as large
+                # whether the delay stays this large is seen from the earliest arrival of the next second
                 self._doubt = late_s, host_s
                 return None
             if jump_s > least_s:
@@ -63,8 +63,8 @@ class ArrivalWatch:
                 text = (
                     f"{self._url}: samples come {jump_s:.3g} s later than before, and stay late: about "
                     f"{jump_s * self._rate_hz:.0f} were lost on the way, or the sender paused. Nobody can "
-                    "tell which ones, so the numbers of the samples go on as if none were missing. Let the "
-                    "sender write its own time (--time-column), and gaps are seen."
+                    "tell which ones, so the numbers of the samples go on as if none were missing. If "
+                    "the sender writes its own time (--time-column), gaps are found."
                 )
                 return Trouble("arrival_jump", text, now_ns, fatal=False)
             self._doubt = None
@@ -73,10 +73,10 @@ class ArrivalWatch:
         return self._rate(now_ns)
 
     def _slope(self) -> float:
-        """Return by how much the delay of the samples grows per second, without jumps.
+        """Return by how much the delay of the samples grows per second. Jumps of the delay are not included.
 
-        The result is a median of differences. A line as in `clock_fit` is not fitted, since its slope would
-        be changed by a jump of the delay that has not been recognised yet.
+        The result is a median of differences. A line as in `clock_fit` is not fitted: a jump of the delay
+        that has not been recognised yet would change the line's slope.
         """
         late, host = np.array(self._whiles).T
         return float(np.median(np.diff(late) / np.diff(host)))
@@ -90,8 +90,8 @@ class ArrivalWatch:
             return None
         self._reported_rate = True
         text = (
-            f"{self._url}: samples come at {self._rate_hz * (1 - slope):.4g} Hz, and --rate says "
-            f"{self._rate_hz:g}: all that is in seconds or Hz is off by as much. Give the true rate, or a "
+            f"{self._url}: samples come at {self._rate_hz * (1 - slope):.4g} Hz, but --rate says "
+            f"{self._rate_hz:g}: all figures in seconds or Hz are wrong by as much. Give the true rate, or a "
             "column of times (--time-column). For a stored file use replay:/dev/stdin."
         )
         return Trouble("rate_differs", text, now_ns, fatal=False)

@@ -32,8 +32,8 @@ from fltea.wire.message_events import hello_event
 from fltea.wire.messages import encode
 
 SCALES = ("rate_hz", "gyro_lsb_per_dps", "accel_lsb_per_g")
-"""HELLO fields on which the estimates depend. A frame must hold their exact values, or the source cannot be
-recorded.
+"""The fields of HELLO on which the estimates depend. If a frame cannot hold their exact values, the source
+cannot be recorded.
 """
 
 U16, U32 = 1 << 16, 1 << 32
@@ -43,8 +43,8 @@ class AsWire:
     """Encodes events as frames of fltea's wire protocol.
 
     A replay of the frames gives the same HELLO, samples in counts, counters of the device, and losses of the
-    connection to the device. A HELLO's field that a frame cannot hold becomes 0. Troubles are not encoded;
-    they are only recorded as `error` records.
+    connection to the device. A field of the HELLO that a frame cannot hold becomes 0. Troubles are not
+    encoded as frames. They are recorded only as `error` records.
 
     `unix_offset_ns`: function that returns the offset [ns] from the source's monotonic clock to Unix time.
     """
@@ -60,8 +60,8 @@ class AsWire:
         """Return the transport events that represent one event of the source.
 
         Raises:
-            UsageError: a frame cannot hold the event, for example because its samples are no counts or its
-                rate is no multiple of 0.001 Hz.
+            UsageError: a frame cannot hold the event, for example because its samples are not whole counts,
+                or its rate is not a multiple of 0.001 Hz.
         """
         self._host_ns = host_ns_of(event) or self._host_ns
         if isinstance(event, LinkDown):
@@ -71,9 +71,9 @@ class AsWire:
         if isinstance(event, Trouble | Tick):
             return found
         if isinstance(event, Break):
-            raise _impossible("an epoch that a replay was told to begin cannot be stated in frames")
+            raise _impossible("frames cannot state that an epoch begins, as this replay does")
         if isinstance(event, DeviceSays):
-            raise _impossible("only a device on a wire estimates by itself")
+            raise _impossible("frames of estimates come only from a device on a wire")
         if not self._open:
             self._open = True
             found.append(Opened(self._host_ns, self._unix_offset_ns()))
@@ -87,7 +87,7 @@ class AsWire:
     def _lost(self, event: Event) -> list[TransportEvent]:
         """Return the transport events that say that the source lost its device.
 
-        If `event`, the event right after the loss, is a trouble, it gives the reason.
+        `event` is the event right after the loss. If it is a trouble, it gives the reason of the loss.
         """
         if self._down is None:
             return []
@@ -157,7 +157,7 @@ def _hello(hello: Hello) -> wire.Hello:
     # check
     message.pack()
     if hello.gyro_lsb_per_dps is None:
-        raise ValueError("its samples are deg/s, not counts")
+        raise ValueError("its samples are in deg/s, not in counts")
     stated = hello_event(message, "", 0)
     for name in SCALES:
         asked, got = getattr(hello, name) or 0.0, getattr(stated, name)
@@ -169,7 +169,7 @@ def _hello(hello: Hello) -> wire.Hello:
 def _device_id(text: str | None) -> bytes:
     """Return sixteen bytes that identify the device.
 
-    They are its ID if that has sixteen bytes, else a digest of its ID.
+    The bytes are the device's ID if this has sixteen bytes, and otherwise a digest of the ID.
     """
     if text is None:
         return bytes(16)
@@ -182,14 +182,14 @@ def _device_id(text: str | None) -> bytes:
 
 def _sample(raw: RawSample) -> wire.Sample:
     if len(raw.gyro) != 3:
-        raise ValueError(f"{len(raw.gyro)} axes of rate; a frame has three")
+        raise ValueError(f"{len(raw.gyro)} axes of angular rate; a frame has three")
     accel = raw.accel or (0, 0, 0)
     return wire.Sample._make(map(_count, (*raw.gyro, *accel, raw.temperature or 0, raw.flags)))
 
 
 def _count(value: float) -> int:
     if value != int(value):
-        raise ValueError(f"{value:g} is no count")
+        raise ValueError(f"{value:g} is not a whole count")
     return int(value)
 
 

@@ -3,8 +3,8 @@
 A straight line over the device's time is fitted to the delays with which samples arrive.
 
 The delay between sampling and arrival is never negative, but for some samples it is much larger than for
-others. So each caller keeps only the arrival with the smallest delay in each second or so. The line is fitted
-by least squares in host/native/clock_fit.hpp, which live samples and recordings use too
+other samples. So of each second or so, a caller passes only the arrival with the smallest delay. The line is
+fitted by least squares in host/native/clock_fit.hpp, which live samples and recordings use too
 (host/native/timebase.hpp).
 """
 
@@ -15,7 +15,7 @@ from fltea import _native
 
 
 class ClockFit(NamedTuple):
-    """The fitted line of the delay over the device's time.
+    """The line that is fitted to the delay over the device's time.
 
     At the device's time `device`, the line has the value `delay`.
 

@@ -12,7 +12,7 @@ from fltea.sources.wire_events import Hints, WireEvents
 
 HINTS = Hints(
     "Is the device running, and does it still reach the broker?",
-    "A message has to hold COBS frames as they come from the device, whole ones, and nothing else.",
+    "A message has to hold whole COBS frames as they come from the device, and nothing else.",
 )
 
 
@@ -21,8 +21,8 @@ class FramesSource:
 
     The object that receives the device's messages passes them to `take`.
 
-    `url`: name of the source in messages. `overflow_bytes`: function that returns the number of the device's
-    bytes that the receiver dropped. `tap`: function that is called with every message before it is decoded.
+    `url`: name of the source in messages. `overflow_bytes`: function that returns how many bytes of the
+    device the receiver has dropped. `tap`: function that is called with every message before it is decoded.
     """
 
     live = prompt = True
@@ -60,8 +60,8 @@ class FramesSource:
             now_ns = host_ns()
         else:
             now_ns = int(item.host_ns[0]) if isinstance(item, Reads) else item.host_ns
-        # the time since the last message counts as a pause of the device and not of the program, since this
-        # source exists only after the device has sent something
+        # the time since the last message counts as a pause of the device, not of the program: this source
+        # exists only once the device has sent something
         self._wire.resume(now_ns)
         yield from self._wire.feed(item, now_ns)
 

@@ -117,7 +117,7 @@ def find_sessions(paths: Sequence[Path]) -> tuple[list[Session], dict[Path, str]
 def _missing(session: Session) -> Iterator[tuple[Path, str]]:
     """Yield the files that are missing between the files of a session, each with a text that says so.
 
-    It cannot be seen here whether first or last files are missing.
+    Whether the first or the last files of the session are missing cannot be seen here.
     """
     unread = {path.name for path in session.unread}
     for before, after in pairwise(part.info.part for part in session.parts):
@@ -161,7 +161,7 @@ def name_of(path: Path) -> Path:
 
 
 class McapRecording:
-    """Yields the events of a recording, or its messages. This is possible only once.
+    """Yields the events of a recording, or the recording's messages. This is possible only once.
 
     `name`: name of the source in each HELLO. All counts below are those of the events that were yielded so
     far. `breaks`: number of gaps in which something was not recorded. `torn`: number of files that end
@@ -188,7 +188,7 @@ class McapRecording:
         self._next_sequence: int | None = None
         self._opened = parts[0].info.part == 0
         self._hello = parts[0].info.hello  # HELLO to yield before the next message, or None
-        self._missing: str | None = None  # reason why data are missing before the next message, or None
+        self._missing: str | None = None  # the reason if data are missing before the next message, else None
         self._no_sensor = False
 
     @property
@@ -210,7 +210,7 @@ class McapRecording:
         )
 
     def link_stats(self) -> LinkStats:
-        """Return the counts of bytes and frames that reached the recorder, and that were lost before."""
+        """Return counts of the bytes and frames that reached the recorder, and of those lost before it."""
         return self._wire.link_stats()
 
     def events(self) -> Iterator[Event]:
@@ -322,12 +322,12 @@ class McapRecording:
     def _feed(self, item: Reads | Opened | Failed) -> Iterator[Event]:
         """Yield the events of an item.
 
-        Events about a gap before it, and about a new connection, come first.
+        If there was a gap or a new connection before the item, events about these come first.
         """
         host_ns, offset_ns = item[-2:] if not isinstance(item, Reads) else next(item.chunks())[1:]
         if self._missing is not None:
             self.breaks += 1
-            # it is unknown what the port did during the gap, so silence in it does not count
+            # it is unknown what the port did during the gap, so no silence of the port is reported for it
             self._wire.forgive(host_ns)
             failed = Failed("recording_gap", f"{self._name}: {self._missing}.", host_ns, offset_ns)
             yield from self._interpret(failed, host_ns)

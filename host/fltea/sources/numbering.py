@@ -1,9 +1,9 @@
 """Numbers live samples that come without numbers, by their times or by their order.
 
-It also gives them device times.
+This module also gives the samples device times.
 
-The rules for samples with times are those of `fltea.recording.sample_times`. Such samples wait until their
-times determine a sampling rate.
+The rules for samples with times are those of `fltea.recording.sample_times`. Samples with times wait until
+their times determine a sampling rate.
 """
 
 from collections.abc import Iterator
@@ -27,14 +27,14 @@ from fltea.recording.timing import Timing, timing
 from fltea.records.errors import UsageError
 
 RATE_S, FEWEST, MOST = 2.0, 8, 20_000
-"""The sampling rate is measured from samples of the duration `RATE_S` [s], which are at least `FEWEST` and at
-most `MOST` samples.
+"""The sampling rate is measured from the samples of the duration `RATE_S` [s], but from at least `FEWEST` and
+at most `MOST` samples.
 """
 
 PATIENCE_NS = 10 * 10**9
-"""Longest time by the host's clock for which samples wait until their rate is known [ns]. After it, the rate
-is measured from the samples so far: if their times are in another unit than expected, `RATE_S` may never be
-reached.
+"""Samples wait for at most this time by the host's clock until their rate is known [ns]. Then the rate is
+measured from the samples so far. Without this limit they might wait forever: if their times are in another
+unit than expected, `RATE_S` may never be reached.
 """
 
 
@@ -43,8 +43,8 @@ class Arrived(NamedTuple):
 
     `values`: measured values, (n, columns), in deg/s, counts or the source's unit.
     `time`: times of the samples, (n,), in the sender's unit; None if there is no column of times.
-    `ordinal`: number of each sample, (n,), counted from 0 over all samples of the source. Samples that were
-    lost, for example in damaged lines, are counted too.
+    `ordinal`: number of each sample, (n,), counted from 0 over all samples of the source. These numbers also
+    count samples that were lost, for example in damaged lines.
     `begins`: whether the sender restarted before the first of these samples.
     """
 
@@ -77,7 +77,7 @@ class ByOrder:
         self._last_ns = 0
 
     def begin(self) -> None:
-        """Let the numbers begin at 0 again with the next sample, since the sender restarted."""
+        """Give the next sample the number 0 again, since the sender restarted."""
         self._base = None
 
     def add(self, rows: Arrived, host_ns: int) -> Iterator[Numbered]:
@@ -99,7 +99,7 @@ class ByOrder:
 class _Waiting(NamedTuple):
     """Samples that wait until their sampling rate is known.
 
-    `marks`: which of the samples are the first ones after a restart of the sender.
+    `marks`: says of each sample whether it is the first one after a restart of the sender.
     """
 
     elapsed: Floats
@@ -117,7 +117,7 @@ class ByTime:
     user gives it. `duplicates`: number of samples that were left out because their time equals that of the
     previous sample. `unrated`: number of samples that were left out because their times give no rate;
     `why_no_rate` says why. `uneven`: warning that the times are uneven, so that samples are numbered by their
-    order; empty if they are not.
+    order; empty if the times are even.
     """
 
     def __init__(self, where: str, column: TimeColumn) -> None:
@@ -145,7 +145,7 @@ class ByTime:
     def add(self, rows: Arrived, host_ns: int) -> Iterator[Numbered]:
         """Number samples that arrived together, and yield them.
 
-        As long as the sampling rate is unknown, they wait instead.
+        As long as the sampling rate is unknown, yield nothing, and let the samples wait.
         """
         assert rows.time is not None
         if self._by_order is not None:

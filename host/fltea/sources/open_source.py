@@ -1,9 +1,9 @@
 """Open a source of samples.
 
-It is given by a URL such as `serial:…` or `replay:…`, or by the path of a port or file.
+The source is named by a URL such as `serial:…` or `replay:…`, or by the path of a port or file.
 
-Modules that are rarely needed are imported only when they are. The start of the program takes a second on a
-Raspberry Pi, and further imports would make it longer.
+Modules that are rarely needed are imported only when they are needed. The start of the program takes a second
+on a Raspberry Pi, and further imports would make it longer.
 """
 
 from collections.abc import Callable, Sequence
@@ -89,7 +89,7 @@ def _open_synthetic(place: str, config: Config) -> Source:
 
 
 class SourceKind(NamedTuple):
-    """A kind of source, which the scheme of its URL names.
+    """A kind of source. The scheme of a source's URL names its kind.
 
     Attributes:
         example: an example of its URL, for messages.
@@ -120,7 +120,7 @@ KINDS_OF_SOURCE = {
     "replay": SourceKind("replay:FILE", _open_replay, described=True),
     "synthetic": SourceKind("synthetic:?KEY=VALUE&…", _open_synthetic, samples_only=True, may_be_bare=True),
 }
-"""Kind of source for each scheme of a URL."""
+"""For each scheme of a URL, the kind of source that it names."""
 
 
 def open_source(config: Config) -> Source:
@@ -158,7 +158,7 @@ def open_source(config: Config) -> Source:
 
 
 def check_shared(configs: Sequence[Config]) -> None:
-    """Refuse outputs and options that make no sense for a source that stands for many devices.
+    """Refuse the outputs and options that make no sense for a source with many devices.
 
     Raises:
         UsageError: a setting works only for sources with a single device.
@@ -180,7 +180,7 @@ def _flag(output: Output) -> str:
 
 
 def check_recordable(config: Config, source: Source) -> None:
-    """Refuse `--record` and `--state` where they do not fit the source.
+    """Refuse `--record` and `--state` if they make no sense for the source.
 
     Raises:
         UsageError: one of the two is given and the source is a recording, or `--state` is given and the
@@ -194,7 +194,7 @@ def check_recordable(config: Config, source: Source) -> None:
     if config.state.file and config.estimator.estimate_on in BY_DEVICE:
         raise UsageError(
             "--state keeps only what this computer estimates, and a device begins again with each boot. "
-            f"Leave --estimate-on {config.estimator.estimate_on} or --state away."
+            f"Leave out --estimate-on {config.estimator.estimate_on}, or --state."
         )
 
 
@@ -208,7 +208,7 @@ def _need_wire(config: Config, url: str) -> None:
 
 
 def _startup(config: EstimatorConfig) -> int:
-    """Return the smallest number of samples that a recording needs.
+    """Return the smallest number of samples that a recording must have.
 
     It is 0 if it cannot be said without the sampling rate.
     """

@@ -42,13 +42,13 @@ AT_ONCE = 8192
 """Largest number of samples that are put into one block."""
 
 MOST_TROUBLES = 3
-"""Largest number of troubles in the file that the message about too few samples lists."""
+"""The message about too few samples lists at most this many of the file's troubles."""
 
 
 class ReplaySource:
     """Yields the events of one recording.
 
-    They have the recorded times, so a second run gives the same output.
+    The events have the recorded times, so a second run gives the same output.
 
     `path`: path of a file. For MCAP recordings it may also be a folder or the name of a session
     (`sources.mcap.find_sessions`). CSV and NDJSON may come through a pipe, which is then read to its end
@@ -109,7 +109,7 @@ class ReplaySource:
             self.topic, self.reading, self.axes = opened.topic, opened.reading, opened.axes
         if samples <= startup and troubles:
             raise UsageError(
-                f"{path}: {samples} samples can be read, of which the start-up window alone takes {startup}. "
+                f"{path}: {samples} samples can be read, but the start-up window alone takes {startup}. "
                 f"What is wrong with it: {' '.join(troubles[:MOST_TROUBLES])}"
             )
         if samples <= startup:
@@ -127,7 +127,7 @@ class ReplaySource:
     def changes(self) -> Changes:
         """Counts of bias steps and motions in the recording.
 
-        For MCAP files, only those in the events yielded so far.
+        For MCAP files, only those in the events that were yielded so far.
         """
         return self._changes if self._mcap is None else self._mcap.changes
 
@@ -152,7 +152,8 @@ class ReplaySource:
     def link_stats(self) -> LinkStats:
         """Return the counts of recorded bytes and frames.
 
-        They are 0 for other recordings than MCAP, which contain no bytes of a wire.
+        These counts are 0 unless the recording is in MCAP files, since other recordings contain no bytes from
+        a wire.
         """
         return LinkStats() if self._mcap is None else self._mcap.link_stats()
 
@@ -168,7 +169,7 @@ take longer than real time.
 
 
 def _paced(event: Event) -> Iterator[Event]:
-    """Yield a block of samples as short blocks, of which each is due at one time.
+    """Yield a block of samples as short blocks. Each short block is due at one time.
 
     Yield any other event unchanged.
     """
@@ -256,14 +257,14 @@ def _from_recording(name: str, recording: Stored, shuffle: int | None) -> Iterat
             host_ns = np.round((block.host_s - first.host_s[0]) * 1e9).astype(np.int64)
         breaks = np.zeros(len(device_us), dtype=np.bool_)
         sequence = block.seq
-        # this happens for an .npz file of another program, with times by a sensor's clock
+        # this happens if another program wrote the .npz file, with times by a sensor's clock
         if sequence is None:
             _, sequence, breaks, _ = numbering.add(block.device_s, breaks)
         if block.epoch is not None:
             breaks |= np.diff(block.epoch, prepend=epoch) != 0
             epoch = int(block.epoch[-1])
         # Accelerations in counts are left out if their scale is unknown. The HELLO would have no scale then,
-        # and that would say that the values are in m/s².
+        # and a HELLO without a scale says that the values are in m/s².
         accel = block.accel if recording.accel_lsb_per_g else block.accel_ms2
         raw = RawBlock(sequence % SEQUENCE_WRAP, device_us % TIME_WRAP_US, host_ns, block.gyro, accel)
         begins = [0, *np.flatnonzero(breaks).tolist()]
@@ -294,7 +295,8 @@ def _from_ndjson(records: list[Kept], cut: str | None) -> Iterator[Event]:
 
     def block() -> Iterator[RawBlock]:
         if waiting:
-            assert hello is not None  # `read_ndjson` refuses a file with samples before the first HELLO
+            # there is a HELLO: `read_ndjson` refuses a file with samples before the first HELLO
+            assert hello is not None
             yield to_counts(waiting, hello)
             waiting.clear()
 
@@ -308,8 +310,8 @@ def _from_ndjson(records: list[Kept], cut: str | None) -> Iterator[Event]:
                 yield from block()
                 hello = record
                 yield record
-            # an epoch that began after a gap is not passed on, since the gap is detected again by the limit
-            # that is set now
+            # the recorded beginning of an epoch after a gap is not passed on, since the gap is detected
+            # again, by the limit that is set now
             case EpochMark(reason=reason) if reason != "gap":
                 yield from block()
                 yield Break(record.reason, record.host_ns)

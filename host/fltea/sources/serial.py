@@ -16,8 +16,8 @@ from fltea.wire.transport import Port
 class SerialSource:
     """Turns frames from a serial port into events. Each failure becomes a `Trouble`, and reading continues.
 
-    Either this object reads the port itself (`events`), or native code reads `port`, and what it read is
-    passed to `take` or decoded by `decoder`.
+    The port is read in one of two ways. Either this object reads it (`events`), or native code reads `port`,
+    and what the native code has read is passed to `take` or decoded by `decoder`.
 
     `latency_s`: longest time for which received bytes wait before they are passed on [s]. `tap`: function
     that is called with everything that comes from the port, before it is decoded; set it before reading
@@ -58,9 +58,9 @@ class SerialSource:
         return self._wire.decoder
 
     def events_of(self, item: tuple[Any, ...]) -> Iterator[Event]:
-        """Yield the events of one item from `decoder`.
+        """Yield the events that belong to one item from `decoder`.
 
-        This must happen before the decoder is asked for the next item.
+        The events must be taken before the decoder is asked for the next item.
         """
         return self._wire.events_of(item)
 
@@ -82,7 +82,7 @@ class SerialSource:
     def close(self) -> None:
         """Stop reading and release the port.
 
-        If native code reads the port, do nothing, since that code closes the port.
+        If native code reads the port, do nothing, since the native code also closes the port.
         """
         if self._reader is not None:
             self._reader.close()

@@ -17,8 +17,8 @@ from fltea.settings.estimator import LONGEST_WINDOW
 from fltea.sources.pacing import sleep_until
 
 PACE_S = 0.01
-"""Samples within this time are yielded together if the source runs in real time [s]. At 100 Hz, each sample
-is yielded alone.
+"""If the source runs in real time, the samples within this time are yielded together [s]. At 100 Hz, each
+sample is yielded alone.
 """
 AT_ONCE = 256
 """Number of samples in a block if the source runs at full speed."""
@@ -30,7 +30,8 @@ class NoiseSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     `alpha`, `f` [s^-α], `Q` [(deg/s)² s^-2α], `R` [(deg/s)²]: parameters of the model in
     `fltea.noise.simulation`.
     `lsb_per_dps`: number of counts in 1 deg/s; 0 means that the samples are not rounded to counts. `window`:
-    number of earlier samples that the simulated noise remembers. `n`: number of samples; 0 means without end.
+    number of earlier samples that the simulated noise remembers. `n`: number of samples; 0 means that they
+    never end.
     """
 
     alpha: float = 0.3
@@ -49,7 +50,7 @@ class NoiseSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class NoiseGenerator:
     """Simulates all axes, each with a random generator of its own.
 
-    The samples are in counts, or in deg/s if they are not rounded.
+    The samples are in counts. If they are not rounded, they are in deg/s.
     """
 
     def __init__(self, settings: NoiseSettings) -> None:
@@ -88,7 +89,7 @@ def parse_noise(query: str) -> NoiseSettings:
             raise ValueError(f"window has to be 1 to {LONGEST_WINDOW} samples, not {settings.window}")
         if settings.n < 0:
             raise ValueError(f"n has to be 0 (no end) or more, not {settings.n}")
-        # making one sample raises an error for wrong settings, since each part of the generator checks the
+        # one sample is made, since wrong settings then raise an error: each part of the generator checks the
         # settings that it uses
         NoiseGenerator(settings).step()
     except msgspec.ValidationError as error:

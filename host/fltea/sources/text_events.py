@@ -34,15 +34,15 @@ from fltea.sources.arrival_watch import ArrivalWatch
 from fltea.sources.numbering import Arrived, ByOrder, ByTime, Numbered
 
 LONGEST_BLOCK_US = TIME_WRAP_US // 4
-"""Longest duration of a block of samples [µs]. At a low sampling rate, one read may contain samples of
-several hours, but within a block the device time must not wrap around.
+"""Longest duration of a block of samples [µs]. Within a block the device time must not wrap around, but at a
+low sampling rate, one read may contain samples of several hours.
 """
 
 PATIENCE_NS = 5 * 10**9
 
 FEW_LINES = 20
-"""Number of lines without a sample or header at the input's beginning after which the user is warned. A
-sender may write a few other lines first.
+"""The user is warned if the input begins with this many lines that are neither a sample nor a header. A
+sender may write a few such lines first.
 """
 
 
@@ -86,7 +86,7 @@ class TextEvents:
             self._numbers.begin()
 
     def lost(self, failed: Failed) -> Iterator[Event]:
-        """Yield the events that say that the input was lost or cannot be opened."""
+        """Yield the events that report that the input was lost or cannot be opened."""
         self._heard_ns = None
         yield LinkDown(failed.host_ns)
         yield from self._report(failed.kind, failed.message, failed.host_ns, fatal=self._fatal)
@@ -126,7 +126,7 @@ class TextEvents:
             yield Trouble(*self.reader.cut, now_ns, fatal=False)
 
     def link_stats(self, overflow_bytes: int = 0) -> LinkStats:
-        """Return the counts of lines with a sample as frames, and of lines without a sample as bad frames."""
+        """Return the counts. Lines with a sample count as frames, and lines without a sample as bad ones."""
         bad = dict(self.reader.bad.counts + self._left_out)
         if self._numbers is not None and self._numbers.duplicates:
             bad["duplicate_time"] = self._numbers.duplicates
@@ -168,7 +168,7 @@ class TextEvents:
     def _set_up(self, chosen: Chosen, now_ns: int) -> Iterator[Event]:
         """Choose how samples are numbered, now that the columns of the text are known."""
         if chosen.time is None:
-            # `choose` refuses columns if neither times nor a rate are given
+            # `choose` has refused the columns if there are neither times nor a rate
             assert chosen.rate_hz is not None
             self._numbers = ByOrder(chosen.rate_hz)
             self._watch = ArrivalWatch(self.url, chosen.rate_hz)
@@ -182,7 +182,7 @@ class TextEvents:
         """Check the first samples. Their values may show that a column or unit is wrong.
 
         Raises:
-            Implausible: no gyroscope gives such numbers.
+            Implausible: no gyroscope gives numbers like those of the samples.
         """
         plausible.add(gyro)
         try:
@@ -193,7 +193,7 @@ class TextEvents:
             self._plausible = None
 
     def _judge_accel(self, samples: Samples, now_ns: int) -> Iterator[Event]:
-        """Leave the accelerometer out from the first sample without acceleration on, and yield a warning."""
+        """Leave the accelerometer out, from the first sample without acceleration on. Yield a warning."""
         assert samples.accel is not None
         if not self._has_accel or is_of_sensor(samples.accel).all():
             return

@@ -1,6 +1,6 @@
 """Reads live samples as lines of text: `stdin:`, `stdin:FIFO` and `serial-text:PORT?baud=115200`.
 
-The text is CSV with or without a header, or JSON objects. It is read by the same rules as files
+The text is CSV with or without a header, or JSON objects. The text is read by the same rules as files
 (`fltea.recording.text_rows`). All samples that have arrived together are passed on as one block.
 """
 
@@ -28,7 +28,7 @@ READ_BYTES = 1 << 16
 
 
 class PipeText:
-    """Reads lines of text from standard input, or from a FIFO or similar file: `stdin:`, `stdin:/tmp/fifo`.
+    """Reads lines of text from standard input (`stdin:`), or from a FIFO or similar file (`stdin:/tmp/fifo`).
 
     The source ends when the input ends.
 
@@ -106,7 +106,7 @@ class SerialText:
     `unix_offset_ns`: offset from the monotonic clock to Unix time at the last event [ns].
 
     Raises:
-        UsageError: the settings are wrong, or the name of the port is.
+        UsageError: the settings or the name of the port are wrong.
     """
 
     live = prompt = True

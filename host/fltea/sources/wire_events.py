@@ -1,9 +1,9 @@
 """Turns the bytes that a device sent into events.
 
-It also watches whether the device falls silent or reports faults.
+This module also watches whether the device falls silent or reports faults.
 
-The bytes may come from a port (`fltea.sources.serial`), from messages, or from a recording. All are treated
-in the same way.
+The bytes may come from a port (`fltea.sources.serial`), from messages of a broker, or from a recording. Bytes
+from each of these are treated in the same way.
 """
 
 from collections.abc import Iterator
@@ -43,7 +43,7 @@ from fltea.wire.ports import TICK_NS
 from fltea.wire.sensors import NO_SENSOR, SENSORS, relative_text, sensor_name
 
 SILENCE_S = 5.0
-"""Time after which a trouble is reported if no bytes, no valid frames or no HELLO came [s]."""
+"""If no bytes, no valid frames or no HELLO came for this time, a trouble is reported [s]."""
 
 LIMIT_NS = int(SILENCE_S * 1e9)
 
@@ -51,7 +51,7 @@ LIMIT_NS = int(SILENCE_S * 1e9)
 class Hints(NamedTuple):
     """Advice for the user.
 
-    `silent`: if a device sends nothing. `unreadable`: if nothing it sends can be read.
+    `silent`: advice if a device sends nothing. `unreadable`: advice if nothing that it sends can be read.
     """
 
     silent: str
@@ -79,7 +79,8 @@ class WireEvents:
         self._hints = hints or OF_A_PORT
         self._source = f"serial:{url}" if hints is None else url
         self.decoder = PortDecoder(LIMIT_NS, TICK_NS, REPEAT_NS)
-        self._said: Hello | None = None  # the last accepted HELLO, which a device repeats
+        # the last accepted HELLO, which is yielded again when the device repeats it
+        self._said: Hello | None = None
         self._sensor: tuple[int, int] | None = None
         self._reported_sensors = {NO_SENSOR}
         self._reported_faults = OnceAMinute()
@@ -98,8 +99,8 @@ class WireEvents:
 
         An `item` of None says that nothing came for a while.
 
-        Many reads that are passed together give the same events as if they were passed one by one, including
-        ticks for the silence between the reads.
+        Many reads may be passed together. They give the same events as if they were passed one by one,
+        including the ticks for the silence between them.
         `now_ns`: present time of the monotonic clock [ns]. For a recording, it is the recorded time of the
         event or of the first read.
         """
@@ -120,7 +121,7 @@ class WireEvents:
         yield from self._items()
 
     def pass_time(self, until_ns: int) -> Iterator[Event]:
-        """Yield the events that become due until `until_ns` if the port was silent up to this time."""
+        """Yield the events that are due up to `until_ns` if the port has been silent until then."""
         self.decoder.pass_time(until_ns)
         yield from self._items()
 

@@ -100,8 +100,8 @@ def slow(stats: Stats | None) -> str:
         return ""
     share = 1 + stats.clock_ppm * 1e-6
     return (
-        f"The device's clock runs at {share:.2f} times this computer's, as an emulator's does on a busy "
-        "computer: fewer samples come a second, and the figures are not affected."
+        f"The device's clock runs at {share:.2f} times this computer's. That of an emulator on a busy "
+        "computer does so. Fewer samples a second arrive then, but the figures are not affected."
     )
 
 

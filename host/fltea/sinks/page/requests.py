@@ -98,14 +98,14 @@ class _Recording(_Handler):
         """Start or stop the recording, and answer when it has started or stopped."""
         recorder, want = self.site.recorder, self.get_query_argument("want", "")
         if self.request.headers.get(BY_SCRIPT) is None:
-            self.refuse(HTTPStatus.FORBIDDEN, "This is for the live page alone.")
+            self.refuse(HTTPStatus.FORBIDDEN, "Only the live page may send this request.")
             return
         history = self.history
         if recorder is None:
             self.refuse(HTTPStatus.FORBIDDEN, NOT_ALLOWED)
             return
         if want not in ("on", "off"):
-            self.refuse(HTTPStatus.BAD_REQUEST, "want is on or off.")
+            self.refuse(HTTPStatus.BAD_REQUEST, "The argument 'want' has to be 'on' or 'off'.")
             return
         with history.lock:
             hello = history.hello

@@ -1,4 +1,4 @@
-"""Describes one kind of sensor by plain values, which the driver uses. `chips.py` lists all kinds.
+"""Describes one kind of sensor by plain values, which the driver uses. `chips.py` lists all kinds of sensors.
 
 A register is given by its number. If the chip has banks of registers, 256 times the number of the register's
 bank is added.
@@ -12,8 +12,8 @@ from typing import NamedTuple
 class Setting(NamedTuple):
     """A register and the value that is written to it.
 
-    `meaning`: mask of the bits that matter when the register is read back; the other bits may differ on a
-    clone.
+    `meaning`: mask of the bits that matter when the register is read back. The other bits may differ on a
+    clone of the chip.
     """
 
     register: int
@@ -35,13 +35,14 @@ class Chip(NamedTuple):
     `settings`: registers and their values in the order in which they are written; the first wakes the chip,
     and the last selects which data enter the FIFO. `settle_s`: time that the gyroscope needs after the
     settings [s]. `checked`: first register and number of registers of each block that determines the samples'
-    rate, scale and content. `restart`: registers and values whose writing empties the FIFO and starts to fill
-    it. `running`: setting of a register from which the driver confirms that the FIFO is being filled.
+    rate, scale and content. `restart`: registers and the values to write to them. They empty the FIFO, and
+    start to fill it again. `running`: setting of a register from which the driver confirms that the FIFO is
+    being filled.
     `sample`: binary layout of one sample in the FIFO: acceleration, temperature if the FIFO holds it, angular
     rate. `fifo_bytes`: number of bytes of the FIFO that are used. `keeps_oldest`: whether a full FIFO keeps
     whole samples; otherwise an overflow destroys a part of a sample. `overflow`: register that reports an
-    overflow, and the mask of its bits that do. `temperature`: register of the thermometer if the FIFO does
-    not hold the temperature.
+    overflow, and the mask of those of its bits that report it. `temperature`: register of the thermometer if
+    the FIFO does not hold the temperature.
     `bank_select`: register that selects the bank, if the chip has banks.
     """
 

@@ -59,7 +59,7 @@ class TransferFailed(Exception):
 
 
 class Level(NamedTuple):
-    """Fill level of the FIFO in bytes, at some time between `before_ns` and `after_ns`."""
+    """Fill level of the FIFO in bytes. It was read at some time between `before_ns` and `after_ns`."""
 
     bytes: int
     overflowed: bool
@@ -72,8 +72,8 @@ class Driver:
 
     `family`: name in `CHIPS` of the family to which the sensor belongs, if the user gives it, else "".
     `now_ns`: function that reads the host's clock [ns].
-    `i2c_errors`: number of transfers that failed, or that gave a wrong answer first and the right one when
-    repeated.
+    `i2c_errors`: number of transfers that failed, or whose first answer was wrong and whose repeated answer
+    was right.
     `retried`: whether a transfer was repeated since the caller last set this to False.
     """
 
@@ -131,7 +131,7 @@ class Driver:
         count as valid only if this check succeeds after the samples were read.
 
         Raises:
-            SensorFault, TransferFailed: for the same reasons as in `configure`.
+            SensorFault, TransferFailed: `configure` says for which reasons.
         """
         for first, n in self.chip.checked:
             span = range(first, first + n)
@@ -160,7 +160,7 @@ class Driver:
         return Level(count, self._overflowed or too_full, before_ns, after_ns)
 
     def read_samples(self, n: int) -> list[tuple[int, ...]]:
-        """Return the counts of the oldest `n` samples in the FIFO, in total at most `BURST_BYTES` bytes.
+        """Return the counts of the oldest `n` samples in the FIFO. They take at most `BURST_BYTES` bytes.
 
         Raises:
             TransferFailed: the read failed; if the error's `acknowledged` is True, some bytes may be lost.
@@ -179,8 +179,8 @@ class Driver:
     def _ask(self, family: Family) -> int:
         """Read the chip's WHO_AM_I from the register that this family uses for it.
 
-        The bank of this register is selected only if the chip is known to have these banks. On another kind
-        of chip, the register that selects the bank may do something else.
+        The bank of this register is selected only if the chip is known to be of this family. On another kind
+        of chip, a write to the register that selects the bank may do something else.
         """
         if family is self._family and self.chip.bank_select is not None:
             self._bank = None
@@ -190,7 +190,7 @@ class Driver:
     def _confirm(self, first: int, n: int, settings: list[Setting]) -> None:
         """Check the settings in `n` successive registers from `first` on.
 
-        If one is wrong, read the registers once more, since a bit may have flipped on the bus.
+        If a setting is wrong, read the registers once more, since a bit may have flipped on the bus.
         """
         for last_time in (False, True):
             values = self._read(first, n)

@@ -12,22 +12,23 @@ from fltea.sources.clock_fit import fit_clock
 
 NS_PER_S = 1_000_000_000
 BLOCKS_KEPT = 60
-"""Number of seconds from each of which one arrival is kept for the clock fit. It is only one minute, since
+"""For the clock fit, one arrival of each second is kept, over this many seconds. It is only one minute, since
 the sensor's clock drifts as the sensor warms up.
 """
 
 DRIFT = 1e-4
 SPREAD_NS = 5_000_000
-"""Upper bound of the difference between the delays of two kept arrivals [ns]. Divided by the time that the
-kept arrivals span, it bounds the error of the measured clock rate, apart from drift.
+"""The delays of two kept arrivals differ by at most this [ns]. If this bound is divided by the time that the
+kept arrivals span, it becomes a bound of the relative error of the measured clock rate. Drift of the clock is
+not included.
 """
 PHASE_NS = 2_000_000
-"""Upper bound of the delay between sampling and arrival, for the arrival with the smallest delay in a second
+"""Of the arrivals of a second, that with the smallest delay arrives at most this long after it was sampled
 [ns].
 """
 SLACK = 0.5
-"""Largest accepted difference between the number of samples in the FIFO and the number that the elapsed time
-allows [samples]. The errors that the bounds above allow are accepted in addition.
+"""The number of samples in the FIFO may differ from the number that the elapsed time allows by this much
+[samples]. The errors that the bounds above allow are accepted in addition.
 """
 
 
@@ -76,7 +77,7 @@ class FifoClock:
     def out_of_step(self, waiting: int, before_ns: int, after_ns: int) -> bool:
         """Return whether the elapsed time contradicts the number of samples that wait in the FIFO.
 
-        `waiting`: this number, which was read between `before_ns` and `after_ns`.
+        `waiting`: number of samples that wait. It was read between `before_ns` and `after_ns`.
         """
         if self._reference is None or self._last_ns is None:
             return False
@@ -109,11 +110,11 @@ class FifoClock:
     def take(self, n: int, waiting: int, seen_ns: int, *, timely: bool) -> list[tuple[int, int]]:
         """Return number and arrival time of each of the `n` samples that are taken from the FIFO.
 
-        They are the oldest of the `waiting` samples that were counted at `seen_ns`.
+        These `n` samples are the oldest of the `waiting` samples that were counted at `seen_ns`.
 
-        The newest of them counts as arrived at `seen_ns`. An older sample arrived earlier, by the time for
-        which it has waited in the FIFO. This time is computed for the fastest possible clock, which makes it
-        shortest, so that no sample seems to arrive before it was taken.
+        The newest waiting sample counts as arrived at `seen_ns`. An older sample arrived earlier, by the time
+        for which it has waited in the FIFO longer than the newest. This time is computed for the fastest
+        clock that is possible, for which it is shortest. So no sample seems to arrive before it was taken.
 
         `timely`: whether the samples were counted so quickly that `seen_ns` can be used to estimate the
         clock.

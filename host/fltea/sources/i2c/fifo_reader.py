@@ -14,13 +14,11 @@ from fltea.sources.i2c.fifo_clock import FifoClock
 from fltea.wire.layout import FaultCode, SampleFlags
 
 TIMELY_NS = 2_000_000
-"""Longest time that reading the FIFO's fill level may take if the result is to be used to estimate the clock
-[ns].
-"""
+"""A reading of the FIFO's fill level is used to estimate the clock only if it took at most this time [ns]."""
 SILENT_NS = 100_000_000
-"""Time without a sample after which the sensor counts as stopped [ns]."""
+"""After this time without a sample, the sensor counts as stopped [ns]."""
 MOST_EQUAL = 10
-"""Number of equal samples in succession after which a sensor counts as frozen. A working sensor's noise makes
+"""After this many equal samples in succession, a sensor counts as frozen. The noise of a working sensor makes
 its samples differ.
 """
 INT16_ENDS = (32767, -32768)
@@ -100,7 +98,7 @@ class FifoReader:
 
         Raises:
             SensorFault: the sensor must be set up again.
-            TransferFailed: a transfer failed since the bus is disturbed.
+            TransferFailed: a transfer failed because the bus is disturbed.
         """
         driver = self._driver
         if self._restart_due:
@@ -117,7 +115,7 @@ class FifoReader:
                 self._resume(waiting, self._empty_ns, level.after_ns)
             timely = doubt is None and level.after_ns - level.before_ns < TIMELY_NS
             numbers = self._clock.take(len(rows), waiting, level.after_ns, timely=timely)
-        # these samples count as lost until the check of the settings has succeeded
+        # these samples count as lost until the check below has shown that the sensor still has its settings
         self.overruns += len(rows)
         if cause := doubt or cut_off:
             self._cause, self._restart_due = cause, True
@@ -159,8 +157,8 @@ class FifoReader:
     def _whole_samples(self, level: Level, doubt: str | None) -> int:
         """Return the number of whole samples in the FIFO.
 
-        `doubt`: reason why the contents may be wrong, or None. After an overflow, the FIFO of some chips
-        still holds whole samples; otherwise the result is 0 if there is a reason.
+        `doubt`: reason why the contents may be wrong, or None. If there is a reason, the result is 0. There
+        is one exception: after an overflow, the FIFO of some chips still holds whole samples.
         """
         chip = self._driver.chip
         if doubt is None or (doubt == "overflow" and chip.keeps_oldest):
@@ -211,8 +209,8 @@ class FifoReader:
         accel, temperature, gyro = self._driver.counts(row)
         if any(count in INT16_ENDS for count in gyro):
             flags |= SampleFlags.SATURATED
-        # `arrived_ns` is an estimate. Without this maximum, a sample could seem to arrive before the sample
-        # that precedes it.
+        # `arrived_ns` is an estimate. The maximum is taken so that no sample seems to arrive before the
+        # sample that precedes it.
         self._latest_ns = max(self._latest_ns, arrived_ns)
         sequence, device_us = number % SEQUENCE_WRAP, round(self._device_us(number)) % TIME_WRAP_US
         return RawSample(sequence, device_us, self._latest_ns, gyro, accel, temperature, int(flags))

@@ -60,8 +60,8 @@ ACCEL_CONFIG: Final = BANK_2 | 0x14
 """Section 10.15: Bits 5:3 ACCEL_DLPFCFG, 2:1 ACCEL_FS_SEL, 0 ACCEL_FCHOICE."""
 
 DIVIDER: Final = 8
-"""Divider that gives 125 Hz. Of the chip's rates whose period is a whole number of milliseconds, 125 Hz is
-nearest to 100 Hz.
+"""Divider that gives 125 Hz. Among those rates of the chip whose period is a whole number of milliseconds,
+125 Hz is the nearest to 100 Hz.
 """
 FIFO_EN: Final = 0x40
 ALL_FIFOS: Final = 0x1F
@@ -105,7 +105,8 @@ ICM20948 = Chip(
     restart=((USER_CTRL, 0), (FIFO_RST, ALL_FIFOS), (FIFO_RST, 0), (USER_CTRL, FIFO_EN)),
     running=Setting(USER_CTRL, FIFO_EN, 0xF0),
     sample=Struct(">6h"),
-    # size of the FIFO by section 4.16; that of some chips holds 4,096 bytes, of which only 512 are used
+    # size of the FIFO as section 4.16 states it; some chips have a FIFO of 4,096 bytes, of which only 512 are
+    # used
     fifo_bytes=512,
     keeps_oldest=True,
     fifo_count=FIFO_COUNT_H,

@@ -38,7 +38,7 @@ POLL_S = (0.02, 0.03)
 FRESH_POLL_S = 0.001
 SLICE_S = 0.05
 SET_UP_S = 1.0
-"""Time between two attempts to set up a chip that does not keep its settings or is unknown [s]."""
+"""If a chip does not keep its settings or is of an unknown kind, it is set up again after this time [s]."""
 PROBE_S = 0.1
 BACKOFF_S = (0.25, 0.5, 1.0, 2.0, 5.0)
 TICK_NS = 500_000_000
@@ -84,7 +84,7 @@ def parse_url(rest: str) -> Place:
     chip, text = keys.get("chip"), keys.get("addr", "0x68")
     if chip not in (None, *CHIPS):
         raise UsageError(
-            f"i2c:{rest}: chip is {' or '.join(CHIPS)}, not '{chip}'. Without it the chip is asked."
+            f"i2c:{rest}: chip is {' or '.join(CHIPS)}, not '{chip}'. Without the key, the chip is asked."
         )
     try:
         address = int(text, 0)
@@ -97,7 +97,7 @@ def parse_url(rest: str) -> Place:
 
 
 def lost_polls(chip: Chip) -> int:
-    """Return the number of polls that may fail in a row before the FIFO may have overflowed."""
+    """Return after how many polls in a row that all fail the FIFO may have overflowed."""
     return math.ceil(chip.fifo_s / (sum(POLL_S) / 2))
 
 
@@ -149,7 +149,7 @@ class I2cSource:
     def events(self) -> Iterator[Event]:
         """Yield the sensor's events until `close`."""
         for event in self._events():
-            # the offset is kept here so that recordings and the records of outputs use the same one
+            # the offset is kept here, so that recordings and the outputs' records use the same offset
             self.unix_offset_ns = self._host.unix_offset_ns()
             yield event
 
@@ -167,7 +167,8 @@ class I2cSource:
     def link_stats(self) -> LinkStats:
         """Return the counts of the connection.
 
-        Samples count as frames, and restarts of the FIFO, by their cause, as bad frames.
+        In these counts, samples are frames, and restarts of the FIFO are bad frames, by the cause of the
+        restart.
         """
         return LinkStats(
             bytes=self._reader.samples * self._driver.chip.sample.size,
@@ -323,7 +324,7 @@ class I2cSource:
     def _wait(self, seconds: float) -> Iterator[Event]:
         """Wait, and yield ticks and statuses meanwhile.
 
-        The method sleeps only for short times, to notice soon that another thread has called `close`.
+        The method sleeps only for short times, so that it soon notices if another thread calls `close`.
         """
         end_ns = self._host.host_ns() + round(seconds * 1e9)
         while True:

@@ -35,7 +35,8 @@ OWN_TRIGGER = (
 class Unusable(Exception):
     """Raised if the buffer cannot be used.
 
-    `kind`: kind of the `error` record about it. The text says why the buffer cannot be used, and what to do.
+    `kind`: kind of the `error` record about this. The text says why the buffer cannot be used, and what to
+    do.
     """
 
     def __init__(self, kind: str, text: str) -> None:
@@ -88,8 +89,8 @@ class Buffer:
         except OSError as error:
             raise _explain_open(device, error) from error
         enable = f"{device.buffer}/enable"
-        # The device node could be opened, so no other program uses it. If its buffer is still on, an earlier
-        # program left it on. It has to be off before settings are written.
+        # The device's node could be opened, so no other program uses the device. If the device's buffer is
+        # on, an earlier program left it on. The buffer has to be off before settings are written.
         self._set(enable, "0", undo=False)
         self._set_trigger(wishes)
         self._set_rate(wishes)
@@ -98,7 +99,7 @@ class Buffer:
         if self.has_time:
             elements.append(self._element("timestamp"))
             if device.has("current_timestamp_clock"):
-                # a failure does no harm, since samples can be read with any of the clocks
+                # a failure does no harm, since samples can be read whichever clock makes the time stamps
                 with contextlib.suppress(Unusable):
                     self._set("current_timestamp_clock", CLOCK)
         wanted = {element.name for element in elements}
@@ -138,7 +139,7 @@ class Buffer:
         path = rate_path(self._root, self._device)
         if path is None:
             raise Unusable(
-                "open_failed", f"{self._device.id} has no rate that can be set: leave rate_hz away."
+                "open_failed", f"{self._device.id} has no rate that can be set: leave rate_hz out."
             )
         text = f"{wishes.rate_hz:g}"
         with contextlib.suppress(ValueError, OSError):

@@ -26,7 +26,7 @@ class Conversion(NamedTuple):
     def __call__(self, counts: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the converted values, (n, axes).
 
-        They are counts if `lsb` is a number, and in the unit if it is None.
+        The values are counts if `lsb` is a number. If `lsb` is None, they are in the unit.
         """
         values: NDArray[np.float64] = (counts + self.offset) @ self.matrix.T
         return values

@@ -21,10 +21,10 @@ STORAGE_BITS = (8, 16, 32, 64)
 class Element(NamedTuple):
     """Description of one channel in a scan.
 
-    `name`: name such as `anglvel_x`. `place`: index of the channel among those in the scan. `storage_bits`:
-    size of the field that holds one number [bits]. `shift`, `bits`: after a shift to the right by `shift`
-    bits, the lowest `bits` bits of the field are the number. `repeat`: how many numbers the channel has in a
-    scan.
+    `name`: name such as `anglvel_x`. `place`: index of the channel among all channels of the scan.
+    `storage_bits`: size of the field that holds one number [bits]. `shift`, `bits`: after a shift to the
+    right by `shift` bits, the lowest `bits` bits of the field are the number. `repeat`: how many numbers the
+    channel has in each scan.
     """
 
     name: str
@@ -80,7 +80,7 @@ class ScanLayout:
         self.size = -(-end // largest) * largest
 
     def decode(self, data: bytes | memoryview) -> dict[str, Ints]:
-        """Return, for each channel, its first number in every scan, (scans,).
+        """Return for each channel an array (scans,): the channel's first number in every scan.
 
         Raises:
             ValueError: the bytes are not a whole number of scans.

@@ -1,8 +1,8 @@
 """Reads a gyroscope or IMU that has a driver in the Linux kernel: `iio:NAME_OR_PATH`.
 
-Samples come from the driver's triggered buffer, with time stamps from which their numbers are computed. A
-time stamp that is too late for the next number shows that samples were lost. The time stamps also give the
-sampling rate.
+Samples come from the driver's triggered buffer, with time stamps. From these, the samples' numbers are
+computed. A time stamp that is too late for the next number shows that samples were lost. The time stamps also
+give the sampling rate.
 """
 
 import math
@@ -34,8 +34,8 @@ READ_BYTES = 1 << 16
 PATIENCE_NS = 5 * 10**9
 BACKOFF_S = (0.25, 0.5, 1.0, 2.0, 5.0)
 RATE_TOLERANCE = 0.05
-"""Largest relative difference between the measured rate and the rate that the driver states at which nothing
-is reported. A chip's own oscillator is accurate only to a few percent.
+"""If the measured rate differs from the rate that the driver states by a larger proportion than this, the
+user is told. A chip's own oscillator is accurate only to a few percent.
 """
 
 
@@ -124,7 +124,7 @@ class IioSource:
     def link_stats(self) -> LinkStats:
         """Return the counts of the connection, in which samples count as frames.
 
-        Lost samples are not counted here, since gaps in the samples' numbers show them.
+        Samples that were lost are not counted here, since gaps in the samples' numbers show them.
         """
         counts = {"duplicate_time": self._duplicates, "no_rate": self._unrated}
         return LinkStats(
@@ -221,14 +221,12 @@ class IioSource:
             self._duplicates = duplicates + reader.numbers.duplicates
             self._unrated = unrated + reader.numbers.unrated
             if reader.numbers.unrated and reader.numbers.rate_hz is None:
-                yield from self._report(
-                    "no_rate", "the time stamps of its samples tell no rate of a gyroscope."
-                )
+                yield from self._report("no_rate", "from the time stamps of its samples no rate can be told.")
 
     def _judge_rate(self, reader: "_Reader") -> Iterator[Trouble]:
         said, found = reader.said_hz, reader.numbers.rate_hz
         if said is not None and found is not None and abs(found / said - 1) > RATE_TOLERANCE:
-            text = f"samples come at {found:.4g} Hz, and the driver says {said:g}; what is measured is used."
+            text = f"the driver says {said:g} Hz, but samples come at {found:.4g} Hz; the latter is used."
             yield from self._report("rate_differs", text, fatal=False)
 
     def _report(self, kind: str, text: str, *, fatal: bool = True) -> Iterator[Trouble]:
@@ -272,7 +270,7 @@ class _Reader:
             )
 
     def take(self, data: bytes, now_ns: int) -> Iterator[Numbered]:
-        """Number the samples of whole scans, and yield the samples' counts with these numbers."""
+        """Number the samples of whole scans, and yield the samples' counts with their numbers."""
         counts = self._layout.decode(data)
         names = self._channels[GYRO] + self._channels[ACCEL]
         values = np.stack([counts[name] for name in names], axis=1).astype(np.float64)
@@ -317,13 +315,13 @@ class _Reader:
         if trigger:
             return (
                 f"its trigger '{trigger}' does not fire: is its interrupt wired, and its rate set "
-                "(sampling_frequency)? 'grep iio /proc/interrupts' counts"
+                "(sampling_frequency)? 'grep iio /proc/interrupts' shows it"
             )
         return "is its interrupt wired, and its rate set (sampling_frequency)?"
 
 
 def conversion_of(device: Attributes, kind: str, channels: list[str], mounted: bool) -> Conversion:
-    """Return the conversion of a sensor's channels from its driver's files.
+    """Return the conversion of a sensor's channels. It is computed from the files of the sensor's driver.
 
     `kind`: sensor, "anglvel" or "accel". `mounted`: whether to apply the mount matrix.
 

@@ -3,9 +3,9 @@
 A device has a folder of small files in /sys, and a node in /dev.
 
 The kernel's files are read without the library libiio. The Python binding of libiio in Debian 12 (0.24) is
-installed for the system's Python only, and the binding on PyPI (1.0) does not fit Debian's library. Both read
-the files in /sys only, so that tests could not use copies of these files in another folder. The kernel's
-files are a stable interface (Documentation/ABI/testing/sysfs-bus-iio).
+installed for the system's Python only, and the binding on PyPI (1.0) does not fit Debian's library. Both
+bindings read the files in /sys only, so tests could not use copies of these files in another folder. The
+kernel's files are a stable interface (Documentation/ABI/testing/sysfs-bus-iio).
 """
 
 import math
@@ -89,8 +89,8 @@ class Attributes:
     def mount_matrix(self, kind: str) -> str:
         """Return the text of a sensor's mount matrix.
 
-        If the sensor has none of its own, the result is the matrix of all inputs, or else that of the device.
-        It is "" if none of these is stated.
+        If the sensor has no matrix of its own, the result is the matrix for all inputs. If there is none
+        either, it is the matrix of the device, or "" if the device has none.
         """
         names = (f"in_{kind}_mount_matrix", "in_mount_matrix", "mount_matrix")
         return next((text for name in names if (text := self.text(name))), "")
@@ -104,7 +104,7 @@ class Attributes:
     def rate_file(self) -> str | None:
         """Return the file with the sampling rate.
 
-        The result is None if the device has no such file. Its trigger may then have one.
+        The result is None if the device has no such file. The device's trigger may have one instead.
         """
         names = (f"in_{GYRO}_sampling_frequency", f"in_{GYRO}_x_sampling_frequency", "sampling_frequency")
         return next((name for name in names if self.has(name)), None)
@@ -143,9 +143,9 @@ def triggers(root: Path) -> list[Trigger]:
 def choose_trigger(root: Path, device: Attributes, wish: str | None) -> tuple[str, list[str]]:
     """Return the name of the trigger to use for a device, and the names of all triggers of the machine.
 
-    The trigger to use is the one that the user wants. If the user wants none, it is the device's present
-    trigger, or else the chip's own trigger, or else "". It is not checked whether a wanted or present trigger
-    exists on this machine.
+    The trigger to use is the one that the user names. If the user names none, it is the device's present
+    trigger. If the device has none, it is the chip's own trigger, or "" if there is none. It is not checked
+    whether the named or present trigger exists on this machine.
     """
     known = [trigger.name for trigger in triggers(root)]
     own = next((name for name in known if name.startswith(device.name)), "")
@@ -168,7 +168,8 @@ def find(root: Path, what: str) -> list[Attributes]:
 def root_of(what: str) -> Path:
     """Return the folder that is used as the root folder /.
 
-    It is another folder if `what` is a path to a device in a copy of /sys below that folder.
+    The result is another folder than / only if `what` is a path to a device in a copy of /sys. The copy is in
+    the folder that is returned.
     """
     before, found, _ = what.partition(f"/{DEVICES}/")
     return Path(before or "/") if found else Path("/")
