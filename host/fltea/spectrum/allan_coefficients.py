@@ -19,7 +19,7 @@ from fltea.records.fit import Interval
 from fltea.records.units import FLICKER, HOUR
 
 FEWEST_DOF = 6.0
-"""Points of the curve with fewer degrees of freedom than this are not used: their deviation is uncertain by
+"""A point of the curve with fewer degrees of freedom than this is not used: its deviation is uncertain by
 half its value.
 """
 SPAN = 3.0
@@ -32,8 +32,8 @@ K_TOLERANCE = 0.25
 no other kind of noise has a slope near +1/2.
 """
 FEWEST_AVERAGED = 5
-"""Smallest averaging time τ from which K or a flat stretch is read, in samples. At shorter τ, the Allan
-deviation of a sampled random walk exceeds that of a continuous random walk by more than 1 %.
+"""K and flat stretches are read only at averaging times τ of at least this many samples. At shorter τ, the
+Allan deviation of a sampled random walk exceeds that of a continuous random walk by more than 1 %.
 """
 
 
@@ -48,7 +48,7 @@ class Coefficient(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One of the coefficients N, B and K. If it is not known, `value` is None, and `reason` says why.
 
     `low` and `high` are the ends of the 95 % interval. If the coefficient is read from several points of a
-    curve, its relative interval is that of the point with the largest weight.
+    curve, the interval's relative width is that of the point with the largest weight.
     """
 
     value: float | None
@@ -87,11 +87,11 @@ class Points(NamedTuple):
     high: Array
     degrees_of_freedom: Array
     slope: Array
-    """Slope of log σ over log τ around each point."""
+    """Slope of log σ over log τ around each point; σ is the Allan deviation."""
 
 
 def coefficients(points: Points, h: float, unit: str = "deg/s") -> Coefficients:
-    """Read N, B and K from a curve of Allan deviation in `unit`. `h`: sampling period [s]."""
+    """Read N, B and K from a curve of Allan deviations in `unit`. `h`: sampling period [s]."""
     curve = _Curve(points, h, unit)
     if not len(curve.tau):
         none = Coefficient(None, reason="no point of the curve is known well enough: record longer")
@@ -119,7 +119,7 @@ class _Curve:
 
     def __init__(self, points: Points, h: float, unit: str) -> None:
         self.h, self.unit = h, unit
-        # All points from the first one with too few degrees of freedom on are left out: the degrees of
+        # The first point with too few degrees of freedom is left out, and all points after it. The degrees of
         # freedom fall as τ rises, except for jumps where the kind of noise changes.
         poor = np.flatnonzero(points.degrees_of_freedom < FEWEST_DOF)
         use = slice(0, int(poor[0]) if poor.size else len(points.tau_s))
@@ -128,8 +128,8 @@ class _Curve:
     def stretch(self, slope: float, tolerance: float, from_s: float = 0.0) -> slice | None:
         """Return the longest range of points whose slope is `slope` within `tolerance`.
 
-        Only averaging times from `from_s` on count. The result is None if the last τ of even the longest
-        range is less than SPAN times its first τ.
+        Only averaging times from `from_s` on are used. The result is None if even the longest range is too
+        short: its last τ is less than SPAN times its first τ.
         """
         inside = (np.abs(self.slope - slope) <= tolerance) & (self.tau >= from_s * (1 - 1e-9))
         edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]])))
@@ -173,8 +173,8 @@ def _bias_instability(c: _Curve, n: float | None) -> Coefficient:
     if flat is not None:
         floor = c.line(flat, 0.0, 1.0)
         # A curve can also be flat above its minimum, for example at the crest that a slow relaxation makes.
-        # So B is read from a flat stretch only if the stretch contains the lowest point, or is at most one
-        # standard deviation above it.
+        # So B is read from a flat stretch only if the stretch contains the curve's lowest point, or lies at
+        # most one standard deviation above this point.
         near = c.deviation[i] * (1 + 1 / math.sqrt(2 * c.dof[i]))
         if floor.value is not None and (flat.start <= i < flat.stop or floor.value <= near):
             most = float(c.high[i]) / FLICKER

@@ -23,9 +23,9 @@ from fltea.spectrum.candidate_models import CandidateModels, FittedModel
 
 CONFIDENCE = 0.95
 SHORTEST_RECORD = 100
-"""Fewest samples for an Allan deviation."""
+"""An Allan deviation is computed only from at least this many samples."""
 LONGEST_SHARE = 1 / 3
-"""Ratio of the live curve's longest averaging time to the length of the record."""
+"""The longest averaging time of a live curve, divided by the length of the record."""
 AROUND = 2.0
 """The local slope at an averaging time τ is fitted to the points from τ / AROUND to τ · AROUND."""
 
@@ -45,9 +45,9 @@ class Allan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """N in the unit of the samples per √Hz, such as (deg/s)/√Hz, which is deg/√s, for samples in deg/s."""
     B: Coefficient
     K: Coefficient
-    """K in the unit of the samples per √s."""
+    """K in the unit of the samples divided by √s."""
     model: tuple[float, ...] = ()
-    """Allan deviation of the model that stands for the noise; empty if there is no model."""
+    """Allan deviations of the model that stands for the noise; empty if there is no model."""
 
     @classmethod
     def of(cls, found: Points, differences: ArrayLike, h: float, unit: str) -> "Allan":
@@ -124,7 +124,8 @@ def fit_allan(
     The result is None while there are too few samples or the axis is constant. `noise` is one of the models
     in `f`. `sums`: averaging times in samples, Allan variances and terms, as `live_allan` takes them.
     `samples`: number of samples in these sums. `h`: sampling period [s]. `N`: the angle random walk of
-    `noise`, which replaces the one read from the curve, since other parts of the noise bend the curve.
+    `noise`. It replaces the angle random walk that is read from the curve, since other parts of the noise
+    bend the curve.
     """
     factors, avar, terms = sums
     try:
@@ -169,9 +170,9 @@ def points(
     """
     tau = np.asarray(factors, dtype=np.float64) * h
     slope = local_slopes(tau, deviation)
-    # Where the Allan deviation is ∝ τ^(μ/2), the noise has a spectrum ∝ f^(-1 - μ). A spectrum that rises
-    # with the frequency f is treated as white here. Its deviations have more degrees of freedom than those of
-    # white noise, so the interval becomes too wide, never too narrow.
+    # Where the Allan deviation is ∝ τ^(μ/2), the noise has a spectrum ∝ f^(-1 - μ). Here, noise whose
+    # spectrum rises with the frequency f is treated as white noise. Its Allan deviations have more degrees of
+    # freedom than those of white noise, so the interval becomes too wide, never too narrow.
     degrees = dof(np.clip(np.rint(-1 - 2 * slope), -2, 0).astype(np.int64))
     outside = (1 - CONFIDENCE) / 2
     low = deviation * np.sqrt(degrees / chi2_quantile(1 - outside, degrees))

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 from fltea.records.arrays import Array
 
 PARTS = 8
-"""Number S for the running sums of host/native/allan_sums.hpp: this many blocks begin within the length of a
-block.
+"""The number S for the running sums of host/native/allan_sums.hpp, in which this many blocks begin within the
+length of a block.
 """
 FULL_PARTS = 64
 """Largest number S that is used for an Allan variance in which a block begins at every sample."""
@@ -80,7 +80,7 @@ def _covariance(power: int, m: float, t: Array) -> Array:
 
 
 def _generalised(power: int, t: Array) -> Array:
-    """Return the generalised autocovariance of the phase of power-law noise after the time `t`."""
+    """Return the generalised autocovariance of the phase of power-law noise at the lag `t`."""
     size = np.abs(t)
     exponent = 3 - power
     if power % 2 == 0:

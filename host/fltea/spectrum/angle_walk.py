@@ -1,12 +1,12 @@
-"""N (angle random walk) of a noise model, with a 95 % interval that covers all equally good models.
+"""N (angle random walk) of a noise model, with a 95 % interval that covers all models that fit as well.
 
 The model that stands for the noise may lack a part that is too weak to be found. Most weak parts hardly
 change N. But a relaxation whose corner is near the sample rate looks much like white noise. The fit then
 counts its power as white noise, and N comes out too large by many standard deviations. So three kinds of
 other models are tried as well. The first kind is the best model with an order if the model of the noise has
 none, else the best model without an order. The second kind has the same parts and one more relaxation. The
-third kind has a relaxation, or a rise, in place of filters and of everything else that shapes the high
-frequencies. The interval of N covers the intervals by all those models that describe the data equally well.
+third kind has a relaxation, or a rise, in place of all parts that shape the high frequencies, such as
+filters. The interval of N covers the intervals by all those models that describe the data equally well.
 """
 
 import math
@@ -37,30 +37,30 @@ from fltea.spectrum.intervals import around, interval_end, slopes
 from fltea.spectrum.reading import NO_WHITE
 
 HARDLY_KNOWN = 2.0
-"""N is not known if the 95 % interval of the density's logarithm has at least this half-width."""
+"""N counts as unknown if the half-width of the 95 % interval of the density's logarithm is at least this."""
 SHAPES = tuple(kind for kind in CODES if kind is not White and not kind.has("slow"))
 """Kinds of parts of a model that shape the high frequencies. A relaxation or a rise is tried in place of all
 of them.
 """
 SEEN = 2.706
-"""Gain in 2 log L from which a model with one more relaxation counts as better. It is the 95 % point of the
-likelihood ratio for a variance that cannot be below 0: with probability 1/2 the ratio is 0, else it follows
-χ² with one degree of freedom (Self & Liang, *JASA* 82, 1987).
+"""A model with one more relaxation counts as better if it raises 2 log L by at least this. It is the 95 %
+point of the likelihood ratio for a variance that cannot be below 0: with probability 1/2 the ratio is 0, else
+it follows χ² with one degree of freedom (Self & Liang, *JASA* 82, 1987).
 """
 FAST = (0.15, 0.3), (0.6, 0.4), (1.8, 0.5)
-"""Starting points of the search for one more relaxation: its rate [rad a sample], and the ratio of its
-density at low frequencies to that of the white noise.
+"""Starting points of the search for one more relaxation. Each has two numbers: the relaxation's rate [rad a
+sample], and the ratio of its density at low frequencies to that of the white noise.
 """
 RISING = (0.4, 1.0), (1.0, 1.0)
-"""Starting points of the search for a rise: its exponent δ, and the ratio of its density at half the sample
-rate to that of white noise.
+"""Starting points of the search for a rise. Each has two numbers: the rise's exponent δ, and the ratio of its
+density at half the sample rate to that of the white noise.
 """
 
 
 def angle_walk(f: CandidateModels, model: FittedModel) -> Interval:
     """Return N (angle random walk) with its interval, in the unit of the samples times √s.
 
-    N is computed from the density, at low frequencies, of the white noise together with all other parts that
+    N is computed from a density at low frequencies. It is that of the white noise and of all other parts that
     are neither slow nor an order. The value comes from `model`, the noise model of the verdict. Value and
     ends are None if the white noise is negligible compared with a fast relaxation. Such a relaxation may be
     the sensor's white noise after a filter.
@@ -78,8 +78,8 @@ def angle_walk(f: CandidateModels, model: FittedModel) -> Interval:
 def _of_one(f: CandidateModels, model: FittedModel) -> Interval:
     """Return N by `model`, with the 95 % interval that is valid if this model is the right one."""
     terms = list(model.terms())
-    # If the model has a filter, a resonance is a hump of the filter's own response. Its density at low
-    # frequencies then belongs to the filter's pass band, and counts for N.
+    # If the model has a filter, a resonance is taken for a hump of the filter's own response. The resonance's
+    # density at low frequencies then belongs to the filter's pass band, and is a part of N.
     filtered = any(_is(code, LowPass, Mean) for code, _ in terms)
     fast_only = tuple(kind for kind in CODES if kind.has("fast only"))
     others = (*SLOW, *FILTERS, *fast_only) + (() if filtered else (Resonance,))
@@ -101,8 +101,8 @@ def _of_one(f: CandidateModels, model: FittedModel) -> Interval:
         return Interval()
     here = _walk_of(math.log(value), f.h)
     if len(fast) == 1 < len(terms):
-        # If white noise is the only part that counts for N, the interval follows from that of its variance R.
-        # The latter is asymmetric if other parts of the model hide R.
+        # If only the white noise contributes to N, the interval of N follows from the interval of the white
+        # noise's variance R. The latter is asymmetric if other parts of the model hide R.
         return Interval(here, *_profile(f, model))
     return Interval(here, *(_walk_of(math.log(value) + one, f.h) for one in (-deviation, deviation)))
 
@@ -138,8 +138,8 @@ def _with(
 ) -> FittedModel:
     """Return the best fit of `model` with one more part of `kind`, and without parts of the kinds `left_out`.
 
-    `kind`: Relaxation or Rise, of which a fast one is added. The fit begins at the result of the last fit
-    with the same parts, if there is one.
+    `kind`: Relaxation or Rise. A fast part of this kind is added. The fit begins at the result of the last
+    fit with the same parts, if there is one.
     """
     kept = [(code, at) for code, at in model.terms() if not _is(code, *left_out)]
     codes = [*(code for code, _ in kept), CODES.index(kind)]
@@ -160,8 +160,8 @@ def _with(
 def _rising(rest: list[float], delta: float, share: float) -> list[float]:
     """Return transformed parameters from which a fit with one more part starts.
 
-    They are `rest`, and a rise with the exponent `delta`. `share`: ratio of the rise's density at half the
-    sample rate to that of the white noise.
+    The parameters are `rest` and those of a rise with the exponent `delta`. `share`: ratio of the rise's
+    density at half the sample rate to that of the white noise.
     """
     return [*rest, rest[0] + math.log(share), delta]
 
@@ -169,15 +169,15 @@ def _rising(rest: list[float], delta: float, share: float) -> list[float]:
 def _relaxing(rest: list[float], rate: float, share: float) -> list[float]:
     """Return transformed parameters from which a fit with one more part starts.
 
-    They are `rest` with less white noise, and a relaxation with the rate `rate` [rad a sample]. `share`:
-    ratio of the relaxation's density at low frequencies to that of the white noise.
+    The parameters are `rest` with less white noise, and those of a relaxation with the rate `rate` [rad a
+    sample]. `share`: ratio of the relaxation's density at low frequencies to that of the white noise.
     """
     variance = rest[0] + math.log(share * math.tanh(rate / 2))
     return [rest[0] + math.log1p(-share / 2), *rest[1:], variance, math.log(rate)]
 
 
 def _profile(f: CandidateModels, model: FittedModel) -> tuple[float, float]:
-    """Return the ends of the profile-likelihood interval of N, for the model's white noise alone."""
+    """Return the ends of the profile-likelihood interval of N, if only the white noise contributes to N."""
     limits = around(f, model.eta[0])
     low, high = (
         interval_end(f, model, 0, side, limit, 0.1) for side, limit in zip((-1, 1), limits, strict=True)

@@ -4,10 +4,11 @@ The command, the Python interface, the live fit and the fit on clusters all dete
 
 B is the amplitude of 1/f noise, whose Allan deviation is flat at 0.664 B. First, white noise, 1/f noise and a
 random walk are fitted to the spectrum. If these three terms describe it about as well as the model that
-stands for the noise, B comes from this fit. If the fit does not need the 1/f noise, B is not known: where the
-falling curve of white noise meets the rising curve of a random walk, the Allan deviation has a lowest point
-without any 1/f noise. If the three terms do not describe the spectrum, B is read from the curve as data
-sheets do: the height of a flat stretch, or of the lowest point, divided by 0.664.
+stands for the noise, B comes from this fit. If the fit does not need the 1/f noise, B is not known. The
+lowest point of the Allan deviation does not show B then: without any 1/f noise, the falling curve of white
+noise and the rising curve of a random walk also have one where they meet. If the three terms do not describe
+the spectrum, B is read from the curve as data sheets do: the height of a flat stretch, or of the lowest
+point, divided by 0.664.
 """
 
 import math
@@ -49,14 +50,14 @@ def bias_instability(
 def _needed(fit: Flicker) -> bool:
     """Return whether the fit needs the 1/f noise.
 
-    If the fit also needs a random walk, the apparent 1/f noise may be a relaxation. So the 1/f noise then has
-    to raise 2 log L by more than BIC's price for a parameter.
+    If the fit also needs a random walk, the apparent 1/f noise may be a relaxation. So in this case the 1/f
+    noise has to raise 2 log L by more than BIC's price for a parameter.
     """
     return fit.gain > (math.log(fit.ordinates) if fit.gain_of_walk > CRITICAL else CRITICAL)
 
 
 def _describes(fit: Flicker, stands: FittedModel) -> bool:
-    """Return whether the BIC of the three terms is at most about that of the model `stands`."""
+    """Return whether the three terms have about the same BIC as the model `stands`, or a lower one."""
     needed = 1 + (fit.gain > CRITICAL) + (fit.gain_of_walk > CRITICAL)
     others = sum(free_of(code) for code in stands.codes if kind_of(code) in SLOW_KINDS)
     return fit.behind < APART + math.log(fit.ordinates) * (others - needed)

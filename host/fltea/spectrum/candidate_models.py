@@ -3,8 +3,8 @@
 The native search (host/native/whittle_search.hpp) finds each model. It adds one part after another, as long
 as the new part raises 2 log L by more than a price for each of its parameters. At BIC's price (the logarithm
 of the number of ordinates) hardly any part is added by chance. In a long record, though, a noise may be a sum
-of many relaxations, of which each gains less than that price over a model with an order. BIC alone would then
-report an order where there is none. Therefore a second model without an order is searched for at a lower
+of many relaxations, each of which raises 2 log L by less than that price. BIC alone would then prefer a model
+with an order, where there is none. Therefore a second model without an order is searched for at a lower
 price, and a model with an order has to be ahead of both.
 """
 
@@ -33,25 +33,27 @@ from fltea.spectrum.octaves import BLOCK, JOIN, WHOLE
 from fltea.spectrum.periodogram import Binned
 
 BY_CHANCE = 4.0
-"""Gain in 2 log L that each further parameter of a model may bring by chance in a search."""
+"""In a search, each further parameter of a model may raise 2 log L by this much by chance."""
 LEAST_ORDER, MOST_ORDER = 0.15, 0.85
-"""Lowest and highest order that a search fits. Below the lowest, hardly any order is left; above the highest,
-a relaxation describes the noise as well.
+"""Lowest and highest order that a search fits. A lower order is hardly an order any more. A higher order is
+described as well by a relaxation.
 """
 AT_A_LIMIT = 0.01
 ABOVE_ONE = 1.2, 1.6
-"""Additional orders at which a fit starts if orders up to 2 are allowed."""
+"""If orders up to 2 are allowed, fits also start at these orders."""
 WITHOUT_WHITE, NO_WHITE = (0.25, 0.5), 12.0
 """The model with the reported order is fitted again from starting points that have almost no white noise.
-There is one starting point for each order in WITHOUT_WHITE, and in each the logarithm of the white noise's
-variance R is lowered by NO_WHITE.
+Each of them has one of the orders in WITHOUT_WHITE, and a white noise the logarithm of whose variance R is
+lower by NO_WHITE.
 """
 AHEAD = 6.0
-"""Lead in 2 log L over the fractional state in white noise that ARFIMA needs to be reported."""
+"""ARFIMA is reported only if its 2 log L is higher by at least this than that of the fractional state in
+white noise.
+"""
 LEAK_OF_CUBIC = 1 / 9
-"""Leakage of a random walk into all frequencies after a cubic was subtracted from the record. It is a ratio:
-the mean square of the step from the last sample to the first one after the subtraction, divided by that
-before the subtraction.
+"""The step from the last sample of a record to its first one makes a random walk leak into all frequencies.
+This is the mean square of the step after a cubic was subtracted from the record, divided by its mean square
+before.
 """
 
 Raw = tuple[list[int], list[float], float]
@@ -84,7 +86,7 @@ class FittedModel(NamedTuple):
         return tuple(map(kind_of, self.codes))
 
     def terms(self) -> Iterator[tuple[int, int]]:
-        """Yield the code number of each part, and the index of its first parameter in `eta`."""
+        """Yield for each part its code number, and the index in `eta` of its first parameter."""
         at = 0
         for code in self.codes:
             yield code, at
@@ -116,13 +118,13 @@ class FittedModel(NamedTuple):
 
 
 class Fits:
-    """Results from which a later fit of the same axis begins. They hold no reference to the data.
+    """Results from which a later fit of the same axis begins. They contain no reference to the data.
 
-    `raw`: the fitted models. `elsewhere`: transformed parameters of fits with another order that belongs to
-    the interval of the reported order; None if they have not been searched for yet. `ends`: difference
-    between the parameters at an end of a parameter's interval and those of the best fit; the key is the
-    model's part codes, the parameter's index and the side. `beside`: parameters of the fits that are tried
-    for the interval of N; the key is their part codes.
+    `raw`: the fitted models. `elsewhere`: transformed parameters of the fits with other orders that belong to
+    the interval of the reported order; None if these have not been searched for yet. `ends`: for each end of
+    a parameter's interval, the parameters there minus those of the best fit. Its key consists of the codes of
+    the model's parts, the parameter's index, and the side. `beside`: parameters of the other models that are
+    fitted for the interval of N. Its key consists of the codes of their parts.
     """
 
     def __init__(self, raw: list[Raw], last: "Fits | None" = None) -> None:
@@ -169,8 +171,8 @@ class CandidateModels:
 
         It is the best model with an order, fitted again without limits of the order.
 
-        ARFIMA has no parameter f. So it is reported only if its 2 log L leads that of the fractional state in
-        white noise by AHEAD.
+        ARFIMA has no parameter f. So it is reported only if its 2 log L is at least AHEAD higher than that of
+        the fractional state in white noise.
         """
         if self.ordered is None:
             return None
@@ -182,10 +184,10 @@ class CandidateModels:
         return found
 
     def _starts(self, found: FittedModel) -> Iterator[FittedModel]:
-        """Yield the fit `found`, and fits that start from the same model with its white noise removed.
+        """Yield the fit `found`, and fits that start from the same model with almost no white noise.
 
-        A second start helps because an order with white noise and another order without it can have nearly
-        the same spectrum.
+        The further starts help because an order with white noise and another order without white noise can
+        have nearly the same spectrum.
         """
         yield found
         at = found.place(Order)
@@ -240,10 +242,10 @@ def native(data: Binned, h: float, samples: int) -> _native.WhittleFits:
 def windows(lam: Array, samples: int) -> Array:
     """Return the mean square [rad²] of the frequency distance over which Hann's window averages.
 
-    There is one value for each bin, (bins,). The window of a block of m samples has the mean square (2π / m)²
-    / 3. A twelfth of (2π / m)² is subtracted, since each frequency of the spectrum is taken to stand for the
-    whole distance to its neighbours. The value is 0 for the bins at the lowest frequencies, which do not come
-    from blocks. Which ones these are depends on `samples`, the length of the record.
+    The result is an array (bins,). For a block of m samples, the window's mean square is (2π / m)² / 3. A
+    twelfth of (2π / m)² is subtracted from it, since each frequency of the spectrum already stands for the
+    band up to half the distance to its neighbours. The value is 0 for the bins at the lowest frequencies,
+    which do not come from blocks. Which bins these are depends on `samples`, the length of the record.
     """
     level = np.maximum(np.ceil(np.log2(JOIN / 2 / lam)), 0.0)
     depth = max(0, math.ceil(math.log2(max(samples, 1) / WHOLE)))
@@ -252,7 +254,7 @@ def windows(lam: Array, samples: int) -> Array:
 
 
 def walk_column(lam: Array, samples: int) -> Array:
-    """Return the power in each bin of a random walk whose steps have the variance 1.
+    """Return for each bin the power of a random walk whose steps have the variance 1.
 
     `samples`: length of the record.
     """
@@ -278,8 +280,8 @@ def order_in_white(fits: _native.WhittleFits) -> FittedModel:
 def order_of(one: FittedModel | None) -> float | None:
     """Return the order of a model: α, or d of ARFIMA.
 
-    The result is None if the model has no order, or if the fit stopped at a limit, beyond which the true
-    order may be.
+    The result is None if the model has no order, or if the fit stopped at a limit of the order, since the
+    true order may lie beyond the limit.
     """
     at = one.place(Order, Arfima) if one is not None else None
     if one is None or at is None:

@@ -1,14 +1,15 @@
 """Find a comb in a periodogram: spectral lines at all multiples of one frequency.
 
 An event that repeats at equal intervals, such as a glitch each second, has its power in many spectral lines,
-of which each is too weak to be seen alone. The lines are found together here, with a known rate of false
-alarms. Candidates for the period come from two sources: the lags at which the autocorrelation of the whitened
-record is highest, and the periods for which the strongest single lines are all multiples of one frequency.
-Each candidate is tested by the ordinates at the multiples of its frequency, which are called teeth. In noise,
-the ratio of an ordinate to the mean of m neighbours exceeds r with the probability (1 + r/m)^-m, so that the
-sum of m log(1 + r/m) over H teeth has a gamma distribution of shape H. Each term of the sum is limited, so
-that a few strong lines alone do not make a comb. The rate of false alarms is divided by the number of
-fundamental frequencies that are tested (Bonferroni).
+of which each is too weak to be seen alone. Here, the lines are found together, with a known rate of false
+alarms. Candidates for the period come from two sources. One is the lags at which the autocorrelation of the
+whitened record is highest. The other is the periods for which most of the strongest single lines are
+multiples of one frequency. Each candidate is tested by the ordinates at the multiples of its frequency, which
+are called teeth. In noise, the ratio of an ordinate to the mean of m neighbours exceeds r with the
+probability (1 + r/m)^-m. So the evidence of a tooth is m log(1 + r/m), and in noise its sum over H teeth has
+a gamma distribution of shape H. The evidence of a single tooth is limited, so that a few strong lines alone
+do not make a comb. The rate of false alarms is divided by the number of fundamental frequencies that are
+tested (Bonferroni).
 """
 
 import functools
@@ -26,40 +27,42 @@ from fltea.spectrum.periodogram import Periodogram, bin_starts
 FALSE_ALARM = 1e-3
 """Probability of finding a comb in noise without one."""
 FEWEST_TEETH = 5
-"""Fewest teeth of a comb. Mains hum with its second and third harmonic has fewer."""
+"""A comb has at least this many teeth. Mains hum with its second and third harmonic has fewer, so it is no
+comb.
+"""
 FEWEST_PERIODS = 8
-"""Fewest periods of the event in the record. The teeth are at least this many ordinates apart, so that the
-noise between them can be measured.
+"""The event must have at least this many periods in the record. The teeth are then at least this many
+ordinates apart, so that the noise between them can be measured.
 """
 SHORTEST_PERIOD = 2 * FEWEST_TEETH
-"""Shortest period in samples. With it, `FEWEST_TEETH` multiples of the fundamental frequency lie just below
-half of the sample rate.
+"""Shortest period of an event, in samples. If the period is this short, just `FEWEST_TEETH` multiples of the
+fundamental frequency lie in the spectrum.
 """
 LOOKED_AT = 0.01
-"""Probability that noise without a comb yields a candidate for the period by its autocorrelation."""
+"""Probability that the autocorrelation of noise without a comb yields a candidate for the period."""
 LEAST_LIMIT, LIMIT_SHARE = 10.0, 0.25
-"""The largest ratio of an ordinate to its surroundings that counts for candidates is the larger of two
-limits: LEAST_LIMIT, and LIMIT_SHARE times the root of the number of ordinates. With the second limit, a
-single spectral line adds at most a quarter of a standard deviation to the autocorrelation.
+"""When candidates are searched for, the ratio of an ordinate to its surroundings is limited. The limit is
+LEAST_LIMIT, or LIMIT_SHARE times the root of the number of ordinates if this is larger. With the second
+limit, a single spectral line adds at most a quarter of a standard deviation to the autocorrelation.
 """
 LEVEL_BINS = 5
 """The level of the noise around a bin is the median over this many bins on each side. Only few of these bins
 can contain a tooth.
 """
 TOGETHER = 4
-"""Number of neighbouring ordinates that are summed before the autocorrelation is computed. The sum lowers the
+"""This many neighbouring ordinates are summed before the autocorrelation is computed. The summing lowers the
 autocorrelation at long lags, but at the longest lag two thirds of it remain.
 """
 WIDTHS = (1, 3, 5)
-"""Numbers of neighbouring lags over which the autocorrelation is averaged, since a period may have jitter and
-need not be a whole number of samples.
+"""The autocorrelation is averaged over each of these numbers of neighbouring lags, since the period of an
+event may vary and need not be a whole number of samples.
 """
 GUARD = 2
-"""Number of ordinates on each side of a tooth into which the tooth leaks."""
+"""A tooth leaks into this many ordinates on each side of it."""
 WIDEST_FLANK = 24
-"""Largest number of ordinates on each side, outside of GUARD, with which a tooth is compared."""
+"""A tooth is compared with at most this many ordinates on each side, outside of GUARD."""
 MOST_A_TOOTH = 8.0
-"""Limit of the evidence of a single tooth. Noise exceeds it once in 3,000 ordinates."""
+"""Limit of the evidence of a single tooth. In noise, one in 3,000 ordinates exceeds this limit."""
 CLEAR = 4.0
 """A tooth with at least this evidence is clear. A comb has at least `FEWEST_TEETH` clear teeth."""
 FIRST_SHARE = 0.6
@@ -71,24 +74,24 @@ NEAR = 2.0
 MOST_DIVISOR = 6
 """The true period may be a candidate divided by a whole number. This is the largest divisor that is tried."""
 NEARLY = 0.8
-"""Of several periods, the shortest one is chosen whose evidence is at least this proportion of the highest
-evidence.
+"""Of all periods whose evidence is at least this proportion of the highest evidence, the shortest one is
+chosen.
 """
 MOST_SOONER, FIRST_TEETH = 12, 8
-"""MOST_SOONER: largest number of times that the event is taken to happen within the period that was found.
-FIRST_TEETH: number of the lowest teeth of the shorter period that are compared with the spectral lines
-between them.
+"""An event may happen several times within the period that was found. MOST_SOONER: the largest number of
+times that is tried. FIRST_TEETH: this many of the lowest teeth of the shorter period are compared with the
+spectral lines between them.
 """
 NO_TOOTH, SHAPED = 1.5, 0.08
-"""Spectral lines between the teeth count as noise if their mean height is below NO_TOOTH (noise has the
-height 1). They count as a trace of rounding the events' times to the nearest sample if their mean height is
-below SHAPED times that of the teeth.
+"""Spectral lines between the teeth are no teeth if their mean height is below one of two limits. Below
+NO_TOOTH they count as noise, which has the height 1. Below SHAPED times the mean height of the teeth they
+count as a trace of the rounding of the events' times to the nearest sample.
 """
 AT_ONCE = 1 << 18
 """Largest number of teeth that are computed in one step."""
 PREFIXES = (5, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096)
-"""Numbers of teeth with which a comb is tested, counted from the lowest tooth. Several numbers are tested,
-since a smooth wave has only a few teeth.
+"""A comb is tested with each of these numbers of teeth, counted from the lowest tooth. A few teeth are
+tested, too, since a smooth wave has no more.
 """
 
 
@@ -120,8 +123,8 @@ class _Ordinates:
     def terms(self, fundamental: Array, teeth: int) -> Array:
         """Return the evidence of each tooth for several fundamental frequencies, (f, teeth).
 
-        `fundamental`: these frequencies in ordinates, (f,). The evidence is 0 for a tooth whose ordinate was
-        left out, or has too few neighbours.
+        `fundamental`: these frequencies in ordinates, (f,). The evidence of a tooth is 0 if the tooth's
+        ordinate was left out, or has too few neighbours.
         """
         at = np.rint(np.outer(fundamental, np.arange(1, teeth + 1))).astype(np.intp)
         flank = max(2, min(WIDEST_FLANK, int(fundamental.min() / 2) - GUARD))
@@ -148,9 +151,9 @@ def find_comb(
 ) -> Comb | None:
     """Return the comb of one series, or None without one.
 
-    `lines_hz`: frequencies of spectral lines that were already found and may belong to a comb; if there are
-    any, the candidates for the period come from them alone. `false_alarm`: probability of finding a comb in
-    noise without one.
+    `lines_hz`: frequencies of spectral lines that were already found and may belong to a comb. If there are
+    any, only they give candidates for the period. `false_alarm`: probability of finding a comb in noise
+    without one.
     """
     candidates = _lags(p) if not lines_hz else _periods_of(lines_hz, p)
     if not candidates:
@@ -169,8 +172,9 @@ def find_comb(
     best = max((evidence for evidence, _, _ in found), default=0.0)
     if best < needed:
         return None
-    # An event that repeats each second also repeats every 2 s, so that both periods have evidence. The
-    # shortest period with enough evidence is right: half of the true period has only half of the evidence.
+    # An event that repeats each second also repeats every 2 s, so that both periods have evidence. Half of
+    # the true period has only half of the evidence. So the shortest period with nearly the highest evidence
+    # is the true one.
     _, fundamental, teeth = max(
         (one for one in found if one[0] >= max(NEARLY * best, needed)), key=lambda one: one[1]
     )
@@ -182,9 +186,9 @@ def find_comb(
 def _happens_sooner(ordinates: _Ordinates, fundamental: float) -> int:
     """Return how often the event happens within the period that was found.
 
-    For example, the times of an event that happens every 103.7 samples are rounded to whole samples. The
-    event then repeats exactly only after 1037 samples, so that this longer period is found. But among the
-    lowest spectral lines of the longer period, nearly all power is in the multiples of the true frequency.
+    For example, an event happens every 103.7 samples, but its times are rounded to whole samples. The event
+    then repeats exactly only after 1037 samples, so that this longer period is found. But nearly all power of
+    the lowest spectral lines of the longer period is in the multiples of the event's true frequency.
     """
     for times in range(MOST_SOONER, 1, -1):
         heights = ordinates.heights(fundamental, FIRST_TEETH * times)
@@ -241,7 +245,7 @@ def _stands_out(lags: int) -> float:
 def _level(p: Periodogram) -> Array:
     """Return the level of the noise around each ordinate, (m,).
 
-    It is made from medians, so that ordinates that stand out hardly raise it.
+    The level is computed from medians, so that ordinates that stand out hardly raise it.
     """
     starts = bin_starts(p.lam, p.n)
     count = np.diff(np.append(starts, len(p.lam)))
@@ -253,7 +257,7 @@ def _level(p: Periodogram) -> Array:
 
 
 def _periods_of(lines_hz: Sequence[float], p: Periodogram) -> tuple[float, ...]:
-    """Return periods, in samples, for which most of the lines are multiples of one frequency."""
+    """Return periods [samples] with which most of the lines are multiples of one frequency."""
     if len(lines_hz) < FEWEST_TEETH:
         return ()
     lines = np.array(lines_hz) * (p.n * p.h)
@@ -264,8 +268,8 @@ def _periods_of(lines_hz: Sequence[float], p: Periodogram) -> tuple[float, ...]:
             if fundamental < FEWEST_PERIODS:
                 break
             number = np.rint(lines / fundamental)
-            # A spectral line may be off its multiple by about half an ordinate. The error of the fundamental
-            # frequency, times the number of the multiple, adds to this.
+            # The frequency of a spectral line may differ from its multiple by about half an ordinate. The
+            # error of the fundamental frequency, times the number of the multiple, is added to this.
             off = np.abs(lines - number * fundamental) <= 0.6 * (1 + number / order)
             found.append((int((off & (number > 0)).sum()), fundamental))
     most = max((count for count, _ in found), default=0)
@@ -278,8 +282,8 @@ def _periods_of(lines_hz: Sequence[float], p: Periodogram) -> tuple[float, ...]:
 def _judged(ordinates: _Ordinates, period: float, within: float) -> tuple[float, float, int] | None:
     """Return evidence, fundamental frequency (in ordinates) and number of teeth of the best nearby period.
 
-    Periods that differ from `period` by up to `within` are tried, both in samples. The evidence is minus the
-    logarithm of an upper bound of the probability that noise would give as much.
+    Periods that differ from `period` by up to `within` are tried; both are in samples. The evidence is minus
+    the logarithm of an upper bound of the probability that noise would give as much.
     """
     n = ordinates.n
     most = int((ordinates.count - GUARD - 1) / (n / period))
@@ -306,7 +310,7 @@ def _judged(ordinates: _Ordinates, period: float, within: float) -> tuple[float,
 def _evidence(sums: Array, teeth: NDArray[np.intp]) -> Array:
     """Return minus the logarithm of Chernoff's upper bound on a probability.
 
-    It is the probability that a gamma variable of shape `teeth` exceeds `sums`.
+    This is the probability that a gamma variable of shape `teeth` exceeds `sums`.
     """
     above = np.maximum(sums / teeth, 1.0)
     return np.asarray(teeth * (above - 1 - np.log(above)))

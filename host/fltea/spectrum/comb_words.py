@@ -4,8 +4,8 @@ from fltea.spectrum.spectral_lines import Repeats
 
 MAINS_HZ = (50.0, 60.0, 100.0, 120.0)
 SAME_FREQUENCY = 3e-3
-"""Largest relative difference between two frequencies at which one counts as that of the mains hum
-(MAINS_HZ). Power grids keep their frequency within 0.4 %.
+"""A frequency counts as that of the mains hum (MAINS_HZ) if it differs from it by at most this proportion.
+Power grids keep their frequency within 0.4 %.
 """
 NEXT = (
     "Look for what runs with that period: a logger that writes its buffer, a GPS pulse, a heater, a radio. "

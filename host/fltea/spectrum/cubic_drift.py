@@ -1,4 +1,7 @@
-"""The drift of a record, described by a cubic. It is subtracted, since it would leak into all frequencies."""
+"""The drift of a record, described by a cubic.
+
+The cubic is subtracted, since drift leaks into all frequencies.
+"""
 
 import functools
 import math
@@ -10,8 +13,8 @@ import numpy as np
 from fltea.records.arrays import Array
 
 LARGE_DRIFT, NEAR_THE_DRIFT = 30.0, slice(10, 30)
-"""From a short record, a cubic is subtracted only if its power is more than LARGE_DRIFT times the mean power
-of the ordinates NEAR_THE_DRIFT.
+"""From a short record, the cubic is subtracted only if its power is more than LARGE_DRIFT times the mean
+power of the ordinates with the numbers NEAR_THE_DRIFT.
 """
 
 
@@ -31,10 +34,10 @@ class Drift(NamedTuple):
 def cubic_through(values: Array) -> tuple[Array, Array]:
     """Return the cubic that is fitted to `values` (m,) of mean 0, and its three amplitudes.
 
-    For white noise of variance 1, each amplitude is normal with variance 1. A drift that ends at another
-    value than it began with leaks into all frequencies λ as 1/λ², far above its own frequencies. If the cubic
-    is subtracted from noise, the noise loses the power of the ordinates below number LOWEST, and a few
-    percent of ordinate LOWEST.
+    For white noise of variance 1, each amplitude is normally distributed with variance 1. A drift whose last
+    value differs from its first leaks into all frequencies λ as 1/λ², far above its own frequencies. If a
+    cubic is subtracted from noise, the noise loses the power of the ordinates below number LOWEST, and a few
+    percent of that of ordinate LOWEST.
     """
     basis = _cubics(len(values))
     amplitudes = basis @ values
@@ -52,7 +55,7 @@ def _cubics(m: int) -> Array:
 
 
 def drift_of(amplitudes: Sequence[Array], level: int) -> Drift | None:
-    """Return the drift whose `amplitudes` were found in the stretches of a level of the octaves.
+    """Return the drift with these `amplitudes`, which were found in the stretches of a level of the octaves.
 
     Return None if there are no stretches.
     """

@@ -11,17 +11,17 @@ from fltea.spectrum.cubic_drift import Drift
 from fltea.spectrum.periodogram import FEWEST, LOWEST, Periodogram
 
 PERIODS = 10.0
-"""Number of periods that a wave of the lowest fitted frequency has in the record. A slower wave, with fewer
-periods, may be a part of any drift.
+"""A wave of the lowest fitted frequency has this many periods in the record. A slower wave, with fewer
+periods, cannot be distinguished from drift.
 """
 CUBIC_PERIODS = 0.7
-"""Number of periods that a wave has in the record if it resembles a cubic most."""
+"""Among all waves, the one with this many periods in the record is the most similar to a cubic."""
 LEAST_OFFSET = 10.0
-"""Smallest ratio of the power of the offset's drift to that of the noise. A smaller drift does not matter."""
+"""The drift of the offset matters only if its power is at least this many times that of the noise."""
 LEAST_RATIO = 2.0
 FALSE_ALARM = 1e-4
-"""Probability of a false alarm of each of the two tests (slow power, drift of the offset) in a record that is
-tested once.
+"""Probability of a false alarm in a record that is tested once. It is that of each of the two tests (slow
+power, drift of the offset).
 """
 
 
@@ -34,8 +34,8 @@ class SlowPower(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     p: float = 1.0
     """Probability of at least this ratio if the model describes the slow frequencies as well."""
     offset: float = 0.0
-    """Power of the cubic that was subtracted from a long record, divided by the model's power at the
-    frequencies of such a cubic.
+    """Power of the cubic that was subtracted from a long record, divided by the power that the model has at
+    the frequencies of such a cubic.
     """
     offset_p: float = 1.0
     """Probability of at least this value of `offset` if the model describes the frequencies of such a cubic
@@ -60,7 +60,7 @@ def drift_hz(duration_s: float, samples: int) -> float:
 def slow_power(
     below_hz: float, slow: Periodogram | None, model: Callable[[Array], Array], h: float, cubic: Drift | None
 ) -> SlowPower:
-    """Compare the slow power with what the model of the faster noise predicts for the slow frequencies.
+    """Compare the slow power with the power that the model of the faster noise predicts there.
 
     `slow`: the ordinates below `below_hz`, or None. `model`: function that returns the model's power spectrum
     at λ [rad a sample]. `cubic`: the cubic drift that was subtracted before all ordinates were computed, or
@@ -68,7 +68,8 @@ def slow_power(
     """
     offset, offset_p = 0.0, 1.0
     if cubic is not None:
-        wave = 2 * np.pi * h * CUBIC_PERIODS / PERIODS * below_hz  # only long records have a cubic
+        # a cubic was subtracted only if the record is long
+        wave = 2 * np.pi * h * CUBIC_PERIODS / PERIODS * below_hz
         offset = cubic.power / float(model(np.array([wave]))[0])
         offset_p = chi2_tail(offset * cubic.amplitudes, cubic.amplitudes)
     if slow is None:

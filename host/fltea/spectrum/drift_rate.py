@@ -3,9 +3,9 @@
 The line is fitted by least squares. To compute the variance of its slope, the noise's spectrum is multiplied
 by 36/T² j1(x)² and integrated over the frequencies. T is the length of the record, j1 a spherical Bessel
 function, and x half the phase [rad] through which a wave of the frequency turns in the time T. A random walk
-tilts the line far more than white noise does, and in a short record a Gauss–Markov part does so too. If it is
-not certain which of these noises is present, the variances by several models are combined, each with its
-probability.
+changes the slope far more than white noise does, and so does a Gauss–Markov part in a short record. If it is
+not certain which of these noises is present, the slope's variances by several models are combined, each with
+the model's probability.
 """
 
 import math
@@ -20,13 +20,14 @@ from fltea.records.plus_minus import NORMAL_95
 
 AT_ONCE = 1 << 18
 FINE, COARSE = 4000, 1000
-"""Numbers of frequencies at which the integral is computed. There are FINE of them where the oscillations of
-j1² matter. Above, there are COARSE, and j1² is replaced by its mean over an oscillation.
+"""Numbers of frequencies at which the integral is computed. At low frequencies, where the oscillations of j1²
+matter, FINE frequencies are used. At higher frequencies, COARSE frequencies are used, and j1² is replaced by
+its mean over an oscillation.
 """
 WAVES_TO = 100.0
 OUTSIDE = 0.05
 NEAR = 1e-4
-"""Relative accuracy with which the half-width of the 95 % interval is found."""
+"""Largest relative error of the half-width of the 95 % interval, which is found by a search."""
 
 
 def drift_rate(y: Array, h: float, spectrum: Callable[[Array], Array]) -> Interval:
@@ -49,7 +50,7 @@ def slope(y: Array, h: float) -> float:
 
 
 def around(value: float, variances: Sequence[float], weights: Sequence[float]) -> Interval:
-    """Return the 95 % interval of a value whose error has one of `variances`.
+    """Return the 95 % interval of a value. Its error has one of `variances`; which one is not known.
 
     `weights`: the probability of each variance; their sum is 1.
     """

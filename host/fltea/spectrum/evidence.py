@@ -24,10 +24,10 @@ ANYTIME_LEVEL = 1e-5
 noise in a hundred is reported as anything else within a day.
 """
 APART = 6.0
-"""Difference in 2 log L from which on two models count as different."""
+"""Two models count as different if their 2 log L differs by at least this."""
 
 
-# Over 12 attributes: each is one finding that the verdict rests on.
+# Over 12 attributes: each is one finding on which the verdict is based.
 class Evidence(NamedTuple):
     """All figures that the verdict on one axis rests on."""
 
@@ -46,8 +46,8 @@ class Evidence(NamedTuple):
     candidates: CandidateModels
     """The candidate models, fitted to the clean ordinates."""
     reading: Reading
-    """What the best model without an order says about the noise, after traces of other things are removed
-    from it.
+    """What the best model without an order says about the noise, after parts that are only traces of other
+    things were removed from the model.
     """
     from_hz: float
     to_hz: float
@@ -73,24 +73,24 @@ class Evidence(NamedTuple):
 
     @property
     def drifts(self) -> bool:
-        """Whether there is more power below the lowest fitted frequency than the models explain."""
+        """Whether there is more power below the lowest fitted frequency than the models predict."""
         return self.slow.is_drift(FALSE_ALARM * self.level / LEVEL)
 
     @property
     def odds(self) -> float | None:
-        """The odds that noise which is not white has an order; None if no fitted model has an order."""
+        """The odds that noise which is not white has an order. None if no fitted model has an order."""
         return odds_of(self.candidates)
 
     @property
     def apart(self) -> float:
-        """The difference in 2 log L from which on two models count as different at this refit."""
+        """At this refit, two models count as different if their 2 log L differs by at least this."""
         return apart(self.level)
 
 
 def apart(level: float) -> float:
-    """Return the difference in 2 log L from which on two models count as different.
+    """Return by how much 2 log L must differ at least if two models are to count as different.
 
-    `level`: significance level of a single refit. For a smaller level, the difference is larger, so that a
-    live sensor that is refitted often leads to no more false claims.
+    `level`: significance level of a single refit. A smaller level gives a larger difference. So for a live
+    sensor, which is refitted often, wrong claims are no more frequent than for a recording.
     """
     return APART - 2 * math.log(level / LEVEL)

@@ -17,7 +17,7 @@ from fltea.spectrum.candidate_models import CandidateModels, FittedModel, walk_c
 from fltea.spectrum.intervals import CRITICAL
 
 SLOW = 1 / 20
-"""Ratio of the highest fitted frequency to the sample rate. A sensor's own filter nearly always acts only
+"""The highest fitted frequency, divided by the sample rate. A sensor's own filter nearly always acts only
 above this frequency.
 """
 FEWEST = 30.0
@@ -27,9 +27,9 @@ LEAST_GAIN = 1e-5
 """The fit ends when an iteration raises log L by less than this."""
 DAMPING = 1e-3
 LEAST = 1e-12
-"""Smallest squared amplitude that a term can get, divided by the value from which the fit starts."""
+"""Smallest squared amplitude that the fit can give a term, divided by the one from which the fit starts."""
 NEAR = 0.05
-"""Accuracy with which an end of an interval is found: largest error of 2 log L there."""
+"""The search for an end of an interval stops when 2 log L there is right to within this."""
 SEARCHES = 12
 WIDEST = 100.0
 """Each end of the interval of B² differs from B² by at most this factor."""
@@ -38,23 +38,24 @@ WIDEST = 100.0
 class Flicker(NamedTuple):
     """The three terms fitted to one spectrum.
 
-    The gain of a term is the increase of 2 log L over the fit without this term.
+    The gain of a term says by how much 2 log L is higher with this term than in the fit without it.
     """
 
     B: Interval
-    """The amplitude of the 1/f noise, in the unit of the samples. Value and ends are None if the term gains
-    too little.
+    """The amplitude B of the 1/f noise, in the unit of the samples. Value and ends are None if the gain of
+    the 1/f noise is too small.
 
-    If the fit needs no random walk, B comes from a fit without one. The power of a random walk cannot be
-    negative, so that any power that it gets by chance would be missing in B. The lower end of the interval
-    still comes from the profile likelihood with a random walk, since there may be a weak one.
+    If the fit needs no random walk, B comes from a fit without one. Otherwise any power that the random walk
+    gets by chance would be missing in B, since its power cannot be negative. The lower end of the interval
+    still comes from the profile likelihood with a random walk, since there may be a weak random walk.
     """
     gain: float
-    """Increase of 2 log L that the 1/f noise brings to the fit."""
+    """The gain of the 1/f noise: how much higher 2 log L is with it."""
     gain_of_walk: float
-    """Increase of 2 log L that the random walk brings to the fit."""
+    """The gain of the random walk: how much higher 2 log L is with it."""
     behind: float
-    """2 log L of the model that stands for the noise, less 2 log L of this fit, both at the same frequencies.
+    """2 log L of the model that stands for the noise, minus 2 log L of this fit. Both are computed at the
+    same frequencies.
     """
     ordinates: float
 
@@ -112,7 +113,7 @@ def flicker(f: CandidateModels, stands: FittedModel) -> Flicker | None:
 def _fit(data: _Data, start: Array, fixed: Array | float = 0.0) -> tuple[Array, float]:
     """Fit the terms by damped Fisher scoring. Return the logarithms of their squared amplitudes, and -log L.
 
-    `fixed`: power in each bin that is added to the terms' power and not fitted.
+    `fixed`: a power in each bin that is added to the power of the terms, and is not fitted itself.
     """
     x, least = start.copy(), start + math.log(LEAST)
     nll, damping = data.nll(x, fixed), DAMPING
@@ -154,7 +155,7 @@ def _end(data: _Data, best: Array, nll: float, side: int) -> float:
         if abs(deviance - CRITICAL) < NEAR:
             break
         near, far = (step, far) if deviance < CRITICAL else (near, step)
-        # The deviance (loss of 2 log L) grows about as the square of the distance from the best value.
+        # The loss of 2 log L (deviance) grows about as the square of the distance from the best value.
         guess = step * math.sqrt(CRITICAL / max(deviance, 1e-3))
         step = guess if near < guess < far else (near + far) / 2
     return math.exp((best[1] + side * step) / 2)

@@ -1,10 +1,10 @@
 """Which parts of a model with a high-pass are noise, and which are only the shape of the filter.
 
-A filter that subtracts a running mean, the mean of each block, or an offset estimated at rest does not have
-exactly the response of the fitted high-pass. Above the corner frequency, the density behind such a filter may
-oscillate. Behind a running mean it does so by a factor of 1.48 at most. In addition, the ends of a record
-leak into the frequencies that the filter stops, since the samples at each end lack neighbours that would
-cancel their slow parts.
+A real filter may subtract a running mean, the mean of each block, or an offset estimated at rest. Its
+response is not exactly that of the fitted high-pass. Above the corner frequency, the density of noise behind
+such a filter may oscillate. Behind a running mean, it is higher than in the pass band by a factor of 1.48 at
+most. In addition, power leaks from the ends of a record into the frequencies that the filter stops: the
+samples at each end lack the neighbours that would cancel their slow parts.
 """
 
 import math
@@ -18,8 +18,8 @@ from fltea.spectrum.candidate_models import CandidateModels, FittedModel
 from fltea.spectrum.octaves import WHOLE
 
 SWINGS, RINGS = 2.0, 4.0
-"""Largest ratio of the density to that of the pass band that counts as the filter's own shape. SWINGS holds
-if the model describes the shape by a relaxation, RINGS if by a resonance.
+"""A density counts as the filter's own shape if it is less than this many times that of the pass band. The
+factor is SWINGS if the model describes the shape by a relaxation, and RINGS if by a resonance.
 """
 NEAR = 10.0
 """The shape of the filter is examined up to this multiple of its corner frequency."""
@@ -31,22 +31,22 @@ is below this multiple of its mean.
 
 
 class HighPassed(NamedTuple):
-    """The high-pass of a model, and those other parts that are real noise and not the filter's shape."""
+    """The high-pass of a model, and those of the model's other parts that are real noise."""
 
     high_pass: HighPass
     parts: tuple[Part, ...]
-    """The parts of the model without the filter, and without parts that only describe its shape or the
-    leakage of the ends.
+    """The parts of the model that are real noise. The filter is not among them, nor are parts that only
+    describe the filter's shape or the leakage from the record's ends.
     """
 
     @property
     def is_all(self) -> bool:
-        """Whether no part but white noise remains."""
+        """Whether white noise is the only part that is real noise."""
         return all(isinstance(part, White | Floor) for part in self.parts)
 
     @property
     def told(self) -> tuple[Part, ...]:
-        """The parts to report: the remaining parts of the noise, and the filter."""
+        """The parts to report: the parts that are real noise, and the filter."""
         return *self.parts, self.high_pass
 
 
@@ -63,7 +63,7 @@ def high_passed(
 
 
 def stands_for_shape(f: CandidateModels, model: FittedModel, from_hz: float) -> bool:
-    """Return whether all parts other than the high-pass may only describe the shape of the real filter."""
+    """Return whether it is possible that all parts other than the high-pass only describe its shape."""
     high_pass = high_pass_of(model.parts(f.h))
     return high_pass is not None and _crest(f, model, high_pass, from_hz) < SWINGS
 

@@ -1,8 +1,8 @@
-"""How much longer a sensor has to be observed until its order is known well enough.
+"""How much longer a sensor has to be observed until the order of its noise is known well enough.
 
-The time until it is clear whether there is an order at all is not forecast. Such forecasts were tried, from
-the odds that longer records of the fitted models would give on average. Only 44 of 79 were right within a
-factor of two (host/docs/evaluation/odds.md).
+The time until it is clear whether there is an order at all is not forecast. Such forecasts were tried: they
+used the odds that longer records of the fitted models would give on average. Only 44 of 79 forecasts were
+right within a factor of two (host/docs/evaluation/odds.md).
 """
 
 from fltea.records.plus_minus import NORMAL_95
@@ -13,11 +13,11 @@ from fltea.spectrum.intervals import order_deviation
 def seconds_more(
     f: CandidateModels, model: FittedModel, target: float, longest_s: float | None = None
 ) -> float | None:
-    """Return how many more seconds of samples bring the 95 % interval of α to ± `target`.
+    """Return after how many more seconds of samples the 95 % interval of α is ± `target`.
 
     The noise is assumed to stay as it is. `model`: a model of `f` with an order. `longest_s`: length [s] of
     the fit's memory if old samples fade; None if no sample fades. The result is 0 if the interval is already
-    narrow enough. It is None if the interval never will be, or if the time cannot be predicted.
+    narrow enough. It is None if the interval will never be narrow enough, or if the time cannot be predicted.
     """
     deviation = order_deviation(f, model)
     if deviation is None:

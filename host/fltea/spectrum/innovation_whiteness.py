@@ -1,4 +1,4 @@
-"""Test whether a Kalman filter's innovations over a record are white, and as large as the filter expects.
+"""Test whether a Kalman filter's innovations in a record are white, and as large as the filter expects.
 
 `estimator.bank` has the version of this test for live samples.
 """
@@ -15,21 +15,21 @@ from fltea.records.fit import Interval
 from fltea.records.plus_minus import NORMAL_95
 
 LAGS = 20
-"""Number of lags in the Ljung–Box test; it is even, so that χ² has a closed form."""
+"""Number of lags in the Ljung–Box test. It is even, since χ² then has a closed form."""
 FEWEST = 100
 COLOURED_P = 1e-3
-"""Innovations may be coloured if the probability that white innovations exceed their Ljung–Box statistic is
-at most this.
+"""Innovations may be coloured if white innovations would exceed their Ljung–Box statistic with at most this
+probability.
 """
 COLOURED = 0.1
 """Innovations count as coloured only if the root of the sum of their squared correlations also exceeds this
-value, since in a day of samples even a tiny correlation is significant. This root is 0.3 to 0.7 for samples
-that passed a low-pass filter, and 0.12 to 0.15 if the Kalman filter's α is too small by 0.25 to 0.5.
+value: in a day of samples even a tiny correlation is significant. This root is 0.3 to 0.7 for samples that
+passed a low-pass filter, and 0.12 to 0.15 if the Kalman filter's α is too small by 0.25 to 0.5.
 """
 
 
 class Innovations(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Figures of n innovations, from which one sees whether the filter's model is correct.
+    """Figures of n innovations. They show whether the filter's model of the noise is correct.
 
     For a correct model, `nis` is about 1, `lag1` is 0 ± 1/√n, and `ljung_box_p` is spread evenly from 0 to
     1.
@@ -37,7 +37,9 @@ class Innovations(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     samples: int
     nis: float
-    """Mean of the squared innovations, each divided by the variance that the filter expects (NIS)."""
+    """Mean of the squared innovations (NIS), where each square is divided by the variance that the filter
+    expects.
+    """
     lag1: float
     """Correlation of each innovation with the following one."""
     ljung_box: float
@@ -55,7 +57,7 @@ class InnovationSums:
         self._before = np.empty(0)
 
     def add(self, innovation: Array, std: Array) -> None:
-        """Add innovations, and the standard deviations that the filter gives them, both (n,).
+        """Add innovations (n,), and the standard deviations (n,) that the filter expects them to have.
 
         Samples without finite values are left out.
         """
@@ -86,7 +88,7 @@ class InnovationSums:
 def innovations(innovation: Array, std: Array) -> Innovations | None:
     """Return the figures of innovations; None if there are fewer than 100.
 
-    `std`: the standard deviations that the filter gives them. Both are (n,).
+    `std`: the standard deviations that the filter expects the innovations to have. Both are (n,).
     """
     sums = InnovationSums()
     sums.add(innovation, std)
@@ -96,16 +98,16 @@ def innovations(innovation: Array, std: Array) -> Innovations | None:
 def describes_order(
     white: bool | None, alpha: float, alpha_std: float, order: Interval | None
 ) -> bool | None:
-    """Tell whether a filter's order, and the standard deviation that the filter gives it, describe the noise.
+    """Return whether a filter's order, and the order's standard deviation by the filter, describe the noise.
 
     White innovations are not enough to tell this: on white noise, with or without a drift, a filter with any
-    order up to 1 has white innovations. The likelihood of the whole record has to show an order too, and the
-    filter's order has to agree with that order.
+    order up to 1 has white innovations. So the likelihood of the whole record has to show an order too, and
+    the filter's order has to agree with that one.
 
     `white`: whether the innovations are white; None if that is not known yet. `order`: the interval of the
-    order by the fit of the spectrum. Its ends are None if the noise has no order, and it is None itself while
-    there is no fit. The result is False if the innovations are not white. Otherwise it is None while `white`
-    or `order` is None.
+    order by the fit of the spectrum, or None as long as there is no fit. The ends of the interval are None if
+    the noise has no order. The result is False if the innovations are not white. Otherwise it is None as long
+    as `white` or `order` is None.
     """
     if not white or order is None or not math.isfinite(alpha):
         return False if white is False else None
@@ -116,10 +118,10 @@ def describes_order(
 
 
 def describes(samples: int, ljung_box: float) -> bool:
-    """Tell whether innovations with this Ljung–Box statistic are nearly white.
+    """Return whether innovations with this Ljung–Box statistic are nearly white.
 
-    If they are not, the filter's α and f, and the standard deviations that the filter gives them, say nothing
-    about the noise.
+    If they are not, the filter's α and f and their standard deviations by the filter say nothing about the
+    noise.
     """
     return math.sqrt(ljung_box / samples) <= COLOURED or ljung_box < _coloured()
 

@@ -1,13 +1,14 @@
 """Intervals of the parameters of a noise model by profile likelihood.
 
-A value belongs to the interval if the best fit with that value is at most 3.84 in 2 log L below the best fit
-of all (95 % of χ² with one degree of freedom). Unlike the curvature at the maximum, this rule holds where the
-data cannot separate α from f, where a correlation time has only a lower bound, and where white noise below
-other noise has only an upper bound. An end is None where all values on that side belong to the interval.
+A value belongs to the interval if 2 log L of the best fit with that value is at most 3.84 (95 % of χ² with
+one degree of freedom) below that of the best fit of all. Unlike the curvature at the maximum, this rule is
+right in three cases: where the data cannot separate α from f, where a correlation time has only a lower
+bound, and where white noise below other noise has only an upper bound. An end is None where all values on
+that side belong to the interval.
 
 The variance R of the white noise cannot be below 0. If the best fit with a given value has R = 0, the
-likelihood ratio does not follow χ²: the error of the estimate of R can then only be upwards, and it shifts
-the other parameters. For such fits the larger limits `AT_BOUND` hold.
+likelihood ratio does not follow χ²: an estimate of R can then only be too large, and this error shifts the
+other parameters. For such fits the larger limits `AT_BOUND` are used.
 
 The likelihood of an order sometimes has a second maximum far from the first. So the whole range of orders is
 searched, and all orders that are as good as the interval's ends belong to the interval.
@@ -40,20 +41,20 @@ CRITICAL = 3.841
 """95 % point of χ² with one degree of freedom."""
 AT_BOUND = {"alpha": 4.8, "f": 4.6, "F": 5.1, "s2": 5.1}
 """Limits that replace CRITICAL for these parameters if the best fit with a given value has no white noise.
-Each is the 95 % point of the likelihood ratio for two normal estimates with the correlation ρ, of which the
-second, here R, cannot be below 0: 4.4 for |ρ| = 0.8, 4.7 for 0.9, 4.8 for 0.95 and 5.1 for 1 (Self & Liang,
-*JASA* 82, 1987). The correlation between each parameter and R was computed from the Fisher information of 35
-noises with R = 0. In nine tenths of them it is at most 0.9 for f, 0.95 for α, 0.99 for F and 1 for s2
-(tools/validation/bound.py).
+Each limit is the 95 % point of a likelihood ratio: that of two normal estimates with the correlation ρ, of
+which the second, here R, cannot be below 0. The points are 4.4 for |ρ| = 0.8, 4.7 for 0.9, 4.8 for 0.95 and
+5.1 for 1 (Self & Liang, *JASA* 82, 1987). The correlation between each parameter and R was computed from the
+Fisher information of 35 noises with R = 0. In nine tenths of them it is at most 0.9 for f, 0.95 for α, 0.99
+for F and 1 for s2 (tools/validation/bound.py).
 """
 LEAST = 7.0
-"""A variance counts as 0 if its logarithm is more than this below the logarithm of the best value."""
+"""A variance counts as 0 if its logarithm is lower by more than this than the logarithm of the best value."""
 LITTLE = 4.0
-"""Logarithm of a ratio: the power at the highest frequencies, divided by the small amount of white noise with
-which some fits start (`little_white`).
+"""Some fits start with a small amount of white noise (`little_white`). This is the logarithm of the power at
+the highest frequencies divided by that amount.
 """
 SLOWEST = 300.0
-"""Ratio of the longest correlation time that is tried to the longest one that the data can show."""
+"""The longest correlation time that is tried, divided by the longest one that the data can show."""
 WIDEST_ORDER = 0.9
 """An order counts as undefined if its interval is wider than this."""
 NOTHING = 1e-4
@@ -61,10 +62,11 @@ NOTHING = 1e-4
 BY_F, BY_PARAMETER, BY_NOISE, BY_STEP = (
     BY_NAME[name].code for name in ("order by F", "order by f", "order by Q", "arfima by s2")
 )
-"""Code numbers of parts that describe the same noises by other free parameters. With them, a fit can hold a
-parameter fixed that is no free parameter of the parts in `fltea.noise.parts`. There, an order has α, logit(-g
-/ 2^α) and log s2. BY_F has F and log -g, BY_PARAMETER has α and log -f in place of the first two, and
-BY_NOISE has log Q in place of log s2. In place of ARFIMA's log s2 / (1 - φ)², BY_STEP has log s2.
+"""Code numbers of parts that describe an order or ARFIMA by other free parameters than the parts in
+`fltea.noise.parts` do. With them, a fit can hold these other parameters fixed. In `fltea.noise.parts`, the
+free parameters of an order are α, logit(-g / 2^α) and log s2. BY_F has F and log -g in place of the first
+two, and BY_PARAMETER has α and log -f. BY_NOISE has log Q in place of log s2. ARFIMA has log s2 / (1 - φ)² as
+a free parameter, and BY_STEP has log s2 in its place.
 """
 HIGHEST_ORDER = 1.999
 LOOKED_AT = np.arange(0.04, 1.3, 0.08)
@@ -79,7 +81,7 @@ class Ends(NamedTuple):
     high: float
 
     def exp(self) -> "Ends":
-        """Return the interval of a quantity from this interval of its logarithm.
+        """Return the interval of a quantity, if this is the interval of its logarithm.
 
         A lower end at the limit of the search, below which a variance counts as 0, becomes 0.
         """
@@ -113,7 +115,7 @@ class Estimated(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class OrderFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Order and other parameters of a noise model. All values are None if the data do not define them.
+    """Order and other parameters of a noise model. If the data do not define them, all values are None.
 
     F = g + α, where g = h^α f. The variances s2 and R are in the square of the samples' unit.
     """
@@ -138,7 +140,7 @@ def estimated(f: CandidateModels, model: FittedModel) -> tuple[Estimated, ...]:
             value = float(getattr(part, name))
             if name in values:
                 continue
-            if k >= free:  # this parameter, such as the number of samples of a mean, is not fitted
+            if k >= free:  # a parameter of this kind, such as the number of samples of a mean, is not fitted
                 values[name] = Interval(value, value, value)
                 continue
             low, high = (
@@ -160,10 +162,10 @@ def estimated(f: CandidateModels, model: FittedModel) -> tuple[Estimated, ...]:
 
 
 def _of_order(f: CandidateModels, model: FittedModel, code: int, at: int) -> dict[str, Interval]:
-    """Return those parameters of an order or of ARFIMA whose intervals need more than one search.
+    """Return the intervals of those parameters of an order or of ARFIMA that need more than one search.
 
     Such a parameter depends on several transformed parameters, or its likelihood may have several maxima. For
-    any other kind of part the result is empty.
+    a part of any other kind the result is empty.
     """
     if kind_of(code) not in (Order, Arfima):
         return {}
@@ -206,7 +208,7 @@ def order_fit(f: CandidateModels, model: FittedModel) -> OrderFit:
     at = model.place(Order, Arfima)
     assert at is not None
     here = model.eta
-    # the fit has the highest allowed order, and the true one may be even higher
+    # the fit has the highest allowed order, so the true order may be even higher
     if not arfima and here[at] > HIGHEST_ORDER - AT_A_LIMIT:
         return OrderFit()
     if arfima:
@@ -257,7 +259,7 @@ def _of_maximum(f: CandidateModels, model: FittedModel, at: int, first: bool = T
 
 
 def _values(f: CandidateModels, eta: Sequence[float], at: int) -> tuple[float, ...]:
-    """Return α, F, -f, s2 and R for transformed parameters `eta`."""
+    """Return α, F, -f, s2 and R, computed from the transformed parameters `eta`."""
     g = g_of_eta(eta[at : at + 2])
     return eta[at], eta[at] + g, -f_of(eta[at], g, f.h), math.exp(eta[at + 2]), math.exp(eta[0])
 
@@ -269,7 +271,7 @@ def information_of(f: CandidateModels, model: FittedModel) -> Array:
 
 
 def slopes(f: CandidateModels, codes: Sequence[int], eta: Sequence[float]) -> tuple[Array, Array]:
-    """Return a model's spectrum (bins,), and the slopes of its logarithm by each of `eta` (p, bins)."""
+    """Return a model's spectrum (bins,), and the derivatives of its logarithm by each of `eta` (p, bins)."""
     total, rows = np.empty(len(f.data.lam)), np.empty((len(eta), len(f.data.lam)))
     f.native.slopes(list(codes), list(eta), total, rows)
     return total, rows
@@ -281,7 +283,7 @@ def order_deviation(f: CandidateModels, model: FittedModel) -> float | None:
     if at is None:
         return None
     information = information_of(f, model)
-    # A parameter of a part with negligible power, about which the data say nothing, is left out.
+    # The data say nothing about a parameter of a part with negligible power, so it is left out.
     keep = [i for i in range(len(information)) if i == at or information[i, i] > NOTHING]
     try:
         variance = float(np.linalg.inv(information[np.ix_(keep, keep)])[keep.index(at), keep.index(at)])
@@ -299,7 +301,7 @@ def _interval(
     step: float = 0.1,
     keep: bool = True,
 ) -> Ends:
-    """Return transformed parameter `i` with its interval. An end beyond one of `limits` is set to this limit.
+    """Return transformed parameter `i` with its interval. An end beyond one of `limits` becomes this limit.
 
     `name`: name of the parameter in AT_BOUND. `step`, `keep`: as in `interval_end`.
     """
@@ -315,8 +317,8 @@ def _interval(
 def _elsewhere(f: CandidateModels, model: FittedModel, at: int) -> list[list[float]]:
     """Return the transformed parameters of all fits with a fixed order that lies in the order's interval.
 
-    The first call after a model search tries all orders in LOOKED_AT. Later calls only repeat those fits
-    whose order was in the interval.
+    The first call after a model search tries all orders in LOOKED_AT. Later calls repeat only those fits
+    whose order was found to lie in the interval.
     """
     starts = f.fits.elsewhere
     if starts is None:
@@ -390,10 +392,10 @@ def _falls(ends: Sequence[float | None], value: float) -> bool:
 
 
 def _wider(f: CandidateModels, model: FittedModel, at: int, value: float, end: float | None) -> float | None:
-    """Return an end of the interval of K, moved outwards for the power that a random walk leaks.
+    """Return an end of the interval of K, moved outwards since the power that leaks is uncertain.
 
-    The leaked power depends on a single random number, which is common to all frequencies. So an average over
-    frequencies does not reduce its error.
+    The power that a random walk leaks depends on a single random number, which is common to all frequencies.
+    So an average over frequencies does not make this uncertainty smaller.
     """
     if end is None:
         return None
@@ -409,9 +411,9 @@ def _wider(f: CandidateModels, model: FittedModel, at: int, value: float, end: f
 def _other(model: FittedModel, at: int, code: int, first: list[float]) -> FittedModel:
     """Return the same model, in which the part at index `at` is described by other free parameters.
 
-    `code`: code number of the part with these free parameters. `first`: their values; any further parameters
-    stay as they are. The spectrum stays the same. A part without free parameters, such as a mean of samples,
-    may have the same index, and is left as it is.
+    `code`: code number of the part with these free parameters. `first`: values of its first free parameters;
+    its other parameters stay as they are. The spectrum stays the same. A part without free parameters, such
+    as a mean of samples, may have the same index, and is left as it is.
     """
     codes = [code if place == at and free_of(one) else one for one, place in model.terms()]
     eta = [*model.eta[:at], *first, *model.eta[at + len(first) :]]
@@ -421,7 +423,8 @@ def _other(model: FittedModel, at: int, code: int, first: list[float]) -> Fitted
 def little_white(f: CandidateModels) -> float:
     """Return log R of a small amount of white noise, with which a fit can start.
 
-    With R near 0, the likelihood hardly changes with log R, so that a fit that starts there stays there.
+    It is not too small: near R = 0, the likelihood hardly changes with log R, so that a fit that starts there
+    stays there.
     """
     return math.log(max(float(np.median(f.data.power[0][-10:])), 1e-300)) - LITTLE
 

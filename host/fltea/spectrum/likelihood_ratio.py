@@ -1,11 +1,12 @@
 """Null test: does the noise contain anything beyond white noise?
 
-The statistic is the likelihood ratio of two Whittle fits: that of the better of two alternatives, and that of
-white noise. The first alternative is the fractional state in white noise with α <= 1, which has more power at
-low frequencies, or at high ones. The second alternative is white noise through a high-pass of one pole, which
-has less power at low frequencies. The parameters of the alternatives (α, g and s2, or a corner frequency)
-have no meaning for white noise, so that the ratio does not follow χ². Its distribution is therefore simulated
-(tools/gen_null_constants.py). The distribution hardly depends on the length of the record.
+The statistic is the ratio of two likelihoods, each of a Whittle fit: that of the better of two alternatives,
+and that of white noise. The first alternative is the fractional state with α <= 1 in white noise. Its power
+is larger at low frequencies, or at high ones, than elsewhere. The second alternative is white noise through a
+high-pass of one pole, which has less power at low frequencies. The parameters of the alternatives (α, g and
+s2, or a corner frequency) have no meaning for white noise, so that the ratio does not follow χ². Its
+distribution is therefore simulated (tools/gen_null_constants.py). The distribution hardly depends on the
+length of the record.
 """
 
 import math
@@ -21,7 +22,7 @@ _LOGARITHMS = np.log(_PROBABILITIES)
 
 
 def p_value(likelihood_ratio: float, ordinates: float) -> float:
-    """Return the probability that white noise gives this ratio or more; `ordinates`: number of ordinates."""
+    """Return the probability that white noise gives at least this ratio. `ordinates`: number of ordinates."""
     quantiles = critical_values(ordinates)
     if likelihood_ratio >= quantiles[-1]:
         return float(_PROBABILITIES[-1] * math.exp(-(likelihood_ratio - quantiles[-1]) / 2))

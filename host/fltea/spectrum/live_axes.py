@@ -30,19 +30,22 @@ from fltea.spectrum.verdict import decide, winner
 POINTS = 150
 """The largest number of points of a published spectrum."""
 SHORTEST_MEMORY = 256
-"""Shortest memory of a live fit, in samples."""
+"""The shortest memory that a live fit may have, in samples."""
 FEWEST_SAMPLES = 2 * (FEWEST + LOWEST)
-"""Fewest samples for a fit. The spectrum of this many samples has FEWEST ordinates that can be fitted."""
+"""A fit needs at least this many samples. The spectrum of this many samples has FEWEST ordinates that can be
+fitted.
+"""
 LONGEST_MOTION_S = 600.0
-"""Longest motion that is left out [s]. When a motion has lasted longer than this, without 1,024 samples at
-rest in a row, its further samples count as noise.
+"""Longest motion that is left out [s]. When a motion has lasted this long without 1,024 samples at rest in a
+row, its further samples count as noise.
 """
 LEFT_OUT = "lost", "bridged", "knocked", "moved", "limited"
 """Kinds of samples that are left out or replaced. The names are those in the output record `fit`."""
 BREAKS = "gaps", "knocks", "motions", "steps", "changes"
 """Kinds of breaks in the series of samples. The names are those in the output record `fit`."""
 REMEMBERED = 2
-"""Samples older than this multiple of the setting `memory_s` do not contribute to any figure."""
+"""A sample whose age is more than this many times the setting `memory_s` does not contribute to any figure.
+"""
 
 
 class Noise(NamedTuple):
@@ -97,7 +100,7 @@ class LiveAxes:
         return self.octaves.samples
 
     def add(self, y: Array, moving: NDArray[np.bool_] | None = None) -> None:
-        """Add samples `y` (n, axes). Samples where `moving` (n, axes) is set are left out as motion.
+        """Add samples `y` (n, axes). Samples for which `moving` (n, axes) is set are left out as motion.
 
         When a motion has lasted longer than LONGEST_MOTION_S, its further samples count as noise.
         """
@@ -117,7 +120,7 @@ class LiveAxes:
 
     @property
     def noticed(self) -> int:
-        """The number of steps of the offset and changes of the noise's level so far, over all axes."""
+        """The number of steps of the offset and changes of the noise's level so far, on all axes together."""
         return self.octaves.noticed
 
     def fit(self, *, curves: bool, last: bool = False) -> dict[str, AxisFit]:
@@ -129,13 +132,13 @@ class LiveAxes:
     ) -> dict[str, Callable[[], AxisRefit]]:
         """Copy the present samples for a refit, and return a function per axis that refits the axis.
 
-        The functions may run in any thread while samples arrive, but never two at the same time for the same
-        axis.
+        The functions may run in any thread while samples arrive. But two functions for the same axis must
+        never run at the same time.
 
         `curves`: whether to compute the spectrum and the Allan deviation as well. `last`: whether the record
-        is complete; it is then tested at the significance level of a single test, as `fltea identify` does.
-        `fresh`: whether to search again for models, peaks and changes, which `curves` causes too. Otherwise
-        the results of the last search are used until the record has grown by a tenth.
+        is complete. If so, it is tested at the significance level of a single test, as by `fltea identify`.
+        `fresh`: whether to search again for models, peaks and changes. Such a search is also made if `curves`
+        is True. Otherwise the results of the last search are used until the record has grown by a tenth.
         """
         octaves = self.octaves.copy()
         level, fresh = LEVEL if last else ANYTIME_LEVEL, fresh or curves
@@ -145,7 +148,7 @@ class LiveAxes:
         }
 
     def save(self) -> bytes:
-        """Return the whole state, from which a later run of the program can continue."""
+        """Return the whole state. A later run of the program can continue from it."""
         return msgspec.msgpack.encode(_Saved(self.axes, self.h, self.unit, self._memory, self.octaves.save()))
 
     def _restored(self, saved: bytes) -> Octaves:
@@ -243,7 +246,7 @@ def _R(N: Interval, h: float) -> Interval:
 def _cells(octaves: Octaves, lane: int, h: float) -> Iterator[BandCells]:
     """Yield the powers of frequency bands over time.
 
-    They are computed only when the search for a change takes the first one.
+    They are computed only when the search for a change asks for the first band.
     """
     yield from octaves.cells(lane, h)
 

@@ -1,10 +1,10 @@
 """Detect that samples have passed through a median filter, which no part of a noise model describes.
 
 The median of the last w samples is one of these samples. It often equals the previous median. It may also
-equal a median up to w - 1 samples ago, with other values in between. White noise that has passed through a
-linear filter never repeats values in this way, if its numbers are not rounded. In rounded noise, two samples
-are equal about as often as they differ by one rounding step, since the differences have a smooth
-distribution.
+equal a median up to w - 1 samples earlier, with other values in between. White noise that has passed through
+a linear filter never repeats values in this way if its numbers are not rounded. If they are rounded, two
+samples are equal about as often as the second is higher by one rounding step, since the differences have a
+smooth distribution.
 """
 
 from typing import NamedTuple
@@ -14,29 +14,29 @@ import numpy as np
 from fltea.records.arrays import Array
 
 GLIMPSE, LEAST_SHARE = 8192, 0.01
-"""The first GLIMPSE samples are examined first. If fewer of them than the proportion LEAST_SHARE equal the
-sample before, there is no median filter.
+"""The first GLIMPSE samples are examined first. If the proportion of them that equal the sample before is
+less than LEAST_SHARE, there is no median filter.
 """
 MOST = 1 << 17
 """Largest number of samples that are examined."""
 LONGEST = 31
 """The longest window of a median filter that can be detected, in samples."""
 SURE = 6.0
-"""Repeated values are significant if their number, less the number that rounding explains, exceeds this many
+"""Repeated values are significant if their number minus the number that rounding explains exceeds this many
 standard deviations.
 """
 ROUNDED, ROUNDED_BETWEEN = 1.5, 1.25
-"""Largest ratio of two numbers that rounding explains: the number of differences of 0 between samples, and
-half the number of differences of one rounding step, up or down. ROUNDED holds in general. ROUNDED_BETWEEN
-holds for samples with another value in between, which makes a difference of 0 less likely.
+"""Rounding explains at most this many differences of 0 between samples for each difference of one rounding
+step in one direction. ROUNDED is used in general. ROUNDED_BETWEEN is used for samples with another value in
+between, which makes a difference of 0 less likely.
 """
 FINE = 1.5
 """A difference of fewer rounding steps than this counts as a difference of one step. If most differences
 other than 0 are that small, the numbers are so coarsely rounded that repeated values say nothing.
 """
 ONE_VALUE = 0.5
-"""If more than this proportion of the repeats are repeats of one value, their cause is a dead band or a stuck
-value, and not a median filter.
+"""If more than this proportion of the repeats are repeats of the same value, their cause is a dead band or a
+stuck value, and not a median filter.
 """
 REPLACES = 0.2
 """If a smaller proportion of samples than this equals the sample before, the filter replaced only outliers by
@@ -44,8 +44,8 @@ medians.
 """
 
 SHAPED, ENOUGH = 0.1, 128
-"""SHAPED: product of frequency and window length up to which the filter lowers the power by at most a
-twentieth. ENOUGH: number of ordinates that remain to be fitted at least, even if they reach beyond that
+"""SHAPED: the filter lowers the power by at most a twentieth if the product of frequency and window length is
+at most this. ENOUGH: at least this many ordinates remain to be fitted, even if they reach beyond that
 frequency.
 """
 
@@ -56,7 +56,7 @@ class MedianFilter(NamedTuple):
     samples: int
     """Approximate length of the filter's window, in samples."""
     share: float
-    """Proportion of samples that equal the sample before, less the proportion that rounding explains."""
+    """Proportion of samples that equal the sample before, minus the proportion that rounding explains."""
 
     @property
     def replaces_outliers(self) -> bool:
@@ -79,7 +79,7 @@ class MedianFilter(NamedTuple):
 
 
 def find_median_filter(y: Array) -> MedianFilter | None:
-    """Return the median filter through which the samples `y` (n,) have passed, or None if there is none."""
+    """Return the median filter through which the samples `y` (n,) have passed; None if none was found."""
     y = np.asarray(y, dtype=np.float64)
     some = y[:GLIMPSE]
     if len(some) < 2 * LONGEST or np.count_nonzero(some[1:] == some[:-1]) < LEAST_SHARE * len(some):
@@ -97,7 +97,7 @@ def find_median_filter(y: Array) -> MedianFilter | None:
     while longest < len(excess) and (excess[longest][1] or longest == 0):
         longest += 1
     if longest == len(excess):
-        # values repeat at any lag if they were rounded and two different offsets were added later
+        # values repeat at every lag if they were rounded and two different offsets were added later
         return None
     return MedianFilter((longest + 1) | 1, excess[0][0])
 
@@ -113,7 +113,7 @@ def _of_one_value(y: Array) -> bool:
 
 
 def _excess(y: Array, lag: int, quantum: float) -> tuple[float, bool]:
-    """Return the proportion of values that repeat after `lag` samples, less what rounding explains.
+    """Return the proportion of values that repeat after `lag` samples, minus what rounding explains.
 
     Also return whether this excess is significant. `quantum`: the rounding step.
     """
@@ -132,9 +132,9 @@ def _over(same: int, by_rounding: float, count: int) -> tuple[float, bool]:
 
 
 def _returns(y: Array, quantum: float) -> bool:
-    """Return whether values come back after one other value significantly often.
+    """Return whether values return after exactly one other value significantly often.
 
-    In samples that a sensor merely repeats, they never do.
+    In samples that a sensor merely repeats, values never return in this way.
     """
     between = y[1:-1] != y[2:]
     apart = np.abs(y[2:] - y[:-2])[between]

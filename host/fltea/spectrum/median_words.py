@@ -7,7 +7,7 @@ from fltea.spectrum.median_filter import MedianFilter
 from fltea.spectrum.reading import Reading, corner_hz
 
 FLAT = 0.1
-"""Product of frequency and window length below which a median filter has almost no effect."""
+"""A median filter has almost no effect if the product of frequency and window length is below this."""
 NEXT = (
     "Switch the filter off in the program that wrote the file, or take N for that of the filtered noise: "
     "what was in front of the filter cannot be known."

@@ -2,8 +2,8 @@
 
 A single model stands for the noise wherever its figures are used: in tables, in files for navigation filters,
 in simulations. N comes from this model's white noise and K from its random walk. A relaxation that is about
-as fast as the sample rate may really be the sensor's white noise after a filter. Then N is not known, and
-only the density at the relaxation's corner frequency (its knee) is reported.
+as fast as the sample rate may really be the sensor's white noise after a filter. In this case N is not known,
+and only the density at the relaxation's corner frequency (its knee) is reported.
 """
 
 import math
@@ -62,7 +62,7 @@ def noise_figures(e: Evidence, verdict: Verdict) -> NoiseFigures:
 
 
 def _place(one: Estimated) -> tuple[int, float]:
-    """Return the key by which parts are sorted.
+    """Return the key by which a list of parts is sorted.
 
     White noise comes first, then relaxations from slow to fast, then all others.
     """
@@ -74,7 +74,7 @@ def _place(one: Estimated) -> tuple[int, float]:
 def level(found: Sequence[Estimated], f: CandidateModels, model: FittedModel) -> Level:
     """Return N and K of a model of `f`.
 
-    `found`: the parts of the model with intervals, from which K comes.
+    `found`: the parts of the model with their intervals. K is taken from them.
     """
     h = f.h
     by_kind = {one.part: one for one in found}

@@ -1,12 +1,12 @@
-"""Find a comb in an octave spectrum, in which only the comb's lowest teeth are separate lines.
+"""Find a comb in an octave spectrum. Only the lowest teeth of the comb are separate lines there.
 
 The frequencies of an octave spectrum are called lines here. The distance between neighbouring lines is about
 proportional to the frequency. So the first ten to twenty teeth of a comb (the multiples of its fundamental
-frequency) are separate, and all higher teeth merge. The separate teeth are found as in `comb`: the ratio of
-each line to the level around it is converted to a normal deviate. For each possible fundamental frequency,
-the deviates at its multiples are summed, and the sums are compared. Deviates are limited, so that a few
-strong lines do not make a comb. If a comb is found, the part of the spectrum in which its teeth merge is left
-out together with the separate teeth.
+frequency) are separate, and all higher teeth merge. The separate teeth are found in a similar way as in
+`comb`: the ratio of each line to the level around it is converted to a normal deviate. For each possible
+fundamental frequency, the deviates at its multiples are summed, and the sums are compared. Deviates are
+limited, so that a few strong lines do not make a comb. If a comb is found, the part of the spectrum in which
+its teeth merge is left out together with the separate teeth.
 """
 
 import functools
@@ -23,38 +23,39 @@ from fltea.spectrum.periodogram import LOWEST, Periodogram
 from fltea.spectrum.spectral_lines import Peak, Repeats
 
 FEWEST_LINES = 5.0
-"""Smallest number of lines from one tooth to the next at which the teeth count as separate. Under Hann's
-window a tooth is up to four lines wide.
+"""Teeth count as separate if it is at least this many lines from one tooth to the next. Under Hann's window a
+tooth is up to four lines wide.
 """
 LOBES = 2.75
-"""Number of lines on each side of a tooth that are left out with the tooth where Hann's window was used."""
+"""Where Hann's window was used, this many lines on each side of a tooth are left out with the tooth."""
 LEAKS = 0.05
 """Where no window was used, the skirts of a tooth are left out as far as their power is at least this
-proportion of the noise power.
+proportion of the noise's power.
 """
 AROUND, ASIDE = 12, 3
-"""AROUND: the level at a line is the median over this many lines on each side. ASIDE: a tooth also has to
-stand out of the two lines that are this many lines away, since otherwise it may be a side lobe of a filter.
+"""AROUND: the level at a line is the median over this many lines on each side. ASIDE: a tooth also has to be
+higher than the two lines that are this many lines away, since otherwise it may be a side lobe of a filter.
 """
 FEWEST_CLEAR, CLEAR_BY_CHANCE = 5, 0.0062
 """CLEAR_BY_CHANCE: proportion of all lines that are clear (see CLEAR) by chance. To save time, a comb is
-searched for only if the number of clear lines exceeds the number by chance by at least FEWEST_CLEAR.
+searched for only if there are at least FEWEST_CLEAR more clear lines than this proportion makes.
 """
 CLEAR, MOST = 2.5, 4.0
 """CLEAR: a tooth with a larger normal deviate than this is clear. MOST: a larger deviate counts as this one.
 """
 NOTCH, LEAST_WEIGHT, LOBE = 0.4, 16.0, 10
-"""NOTCH: a line lies in a notch of a filter if its power is below this proportion of the level. Averages over
-at least LEAST_WEIGHT ordinates are hardly ever so low by chance. LOBE: a side lobe of a filter has a notch at
-most this many lines away.
+"""NOTCH: a line lies in a notch of a filter if its power is below this proportion of the level. A line that
+averages at least LEAST_WEIGHT ordinates is hardly ever so low by chance. LOBE: a side lobe of a filter has a
+notch at most this many lines away.
 """
 NEARLY, SAME = 0.8, 0.02
 """NEARLY: of all fundamental frequencies whose evidence is at least this proportion of the highest evidence,
-the lowest is chosen. SAME: fundamental frequencies that differ by less than this relative difference count as
-the same one.
+the lowest is chosen. SAME: fundamental frequencies whose relative difference is less than this count as the
+same frequency.
 """
 MOST_LEFT_OUT = 0.42
-"""Largest width of the band that is left out on each side of a tooth, divided by the distance between teeth.
+"""On each side of a tooth, the band that is left out is at most this proportion of the distance between
+teeth.
 """
 STEP = 1 / 160
 """Relative step between the fundamental frequencies that are tried. It is half the smallest relative distance
@@ -62,7 +63,7 @@ between lines.
 """
 MOST_TEETH = 32
 PREFIXES = np.array([5, 8, 12, 20, 32])
-"""Numbers of teeth, counted from the lowest, with which a fundamental frequency is tested."""
+"""A fundamental frequency is tested with each of these numbers of teeth, counted from the lowest tooth."""
 
 
 class OctaveComb(NamedTuple):
@@ -75,7 +76,7 @@ class OctaveComb(NamedTuple):
 def find_octave_comb(p: Periodogram, false_alarm: float = FALSE_ALARM) -> OctaveComb | None:
     """Return the comb of one series, or None without one. `p`: the octave spectrum of the series."""
     weight = np.ones_like(p.lam) if p.weight is None else p.weight
-    # this many lines mean that `p` is the periodogram of the whole record
+    # if there are this many lines, `p` is the periodogram of the whole record
     if len(p.lam) == p.n // 2 + (p.n % 2) - LOWEST:
         return _of_the_whole(p, false_alarm)
     if _nothing_stands_out(p.power, weight):
@@ -100,8 +101,8 @@ def find_octave_comb(p: Periodogram, false_alarm: float = FALSE_ALARM) -> Octave
     strongest = evidence.max(axis=1)
     if not strongest.max() ** 2 / 2 > math.log(evidence.size / false_alarm):
         return None
-    # A comb of 1 Hz has power at all multiples of 2 Hz, too, but a comb of 2 Hz lacks every second multiple
-    # of 1 Hz. So the lowest fundamental frequency with nearly the highest evidence is right.
+    # A comb of 1 Hz also has power at all multiples of 2 Hz, but a comb of 2 Hz lacks every second multiple
+    # of 1 Hz. So the lowest fundamental frequency with nearly the highest evidence is the true one.
     lowest = int((strongest > NEARLY * strongest.max()).argmax())
     near = fundamentals < fundamentals[lowest] * (1 + SAME)
     i = int(np.where(near, strongest, 0.0).argmax())
@@ -111,16 +112,16 @@ def find_octave_comb(p: Periodogram, false_alarm: float = FALSE_ALARM) -> Octave
 
 
 def _nothing_stands_out(power: Array, weight: Array) -> bool:
-    """Return whether too few lines for a comb stand out of the median of the lines around them.
+    """Return whether too few lines for a comb are clearly higher than the median of the lines around them.
 
-    This quick test saves time.
+    This quick test saves the time of a search for a comb.
     """
     blocks = len(power) // (2 * AROUND)
     parts = power[: blocks * 2 * AROUND].reshape(blocks, 2 * AROUND)
     level = np.repeat(np.partition(parts, AROUND, axis=1)[:, AROUND], 2 * AROUND)
     thin = 1 / (9 * weight[: len(level)])
-    # `least` is the ratio to the level that is as unlikely as the normal deviate CLEAR. It follows from
-    # Wilson and Hilferty's approximation for a mean of `weight` ordinates.
+    # `least` is the ratio of a line to the level that is as unlikely as the normal deviate CLEAR. It is
+    # computed from Wilson and Hilferty's approximation for a mean of `weight` ordinates.
     least = (1 - thin + CLEAR * np.sqrt(thin)) ** 3 / (1 - thin) ** 3
     few = FEWEST_CLEAR + CLEAR_BY_CHANCE * len(level)
     return int(np.count_nonzero(power[: len(level)] > least * level)) < few
@@ -138,7 +139,7 @@ def _of_the_whole(p: Periodogram, false_alarm: float) -> OctaveComb | None:
 def _ends(fundamentals: Array, lam: Array, spread: Array) -> Array:
     """Return, for each fundamental frequency, the frequency below which its teeth are separate.
 
-    It is 0 if no teeth are separate.
+    This frequency is 0 if no teeth are separate.
     """
     needed = np.maximum.accumulate(spread) * FEWEST_LINES
     place = np.searchsorted(needed, fundamentals, "right") - 1
@@ -159,7 +160,7 @@ def _fundamentals(first: float, last: float) -> Array:
 def _level(power: Array, weight: Array) -> Array:
     """Return the mean level around each line, (m,).
 
-    It is computed from a median, which the teeth do not raise.
+    The level is computed from a median, which the teeth hardly raise.
     """
     padded = np.pad(power, AROUND, mode="reflect")
     around = np.lib.stride_tricks.sliding_window_view(padded, 2 * AROUND + 1)
@@ -170,7 +171,7 @@ def _level(power: Array, weight: Array) -> Array:
 
 
 def _beside_a_notch(power: Array, level: Array, weight: Array) -> NDArray[np.bool_]:
-    """Return which lines are near a line far below the level, (m,). They may be side lobes of a filter."""
+    """Return which lines may be side lobes of a filter, (m,): those near a line far below the level."""
     padded = np.pad(power / level, LOBE, mode="reflect")
     lowest = np.lib.stride_tricks.sliding_window_view(padded, 2 * LOBE + 1).min(axis=1)
     return np.asarray((lowest < NOTCH) & (weight > LEAST_WEIGHT))
@@ -188,8 +189,8 @@ def _refined(p: Periodogram, level: Array, line: NDArray[np.intp], order: NDArra
     near = near.clip(0, len(p.lam) - 1)
     above = np.maximum(p.power[near] - level[near], 1e-300 * level[near])
     centre = (above * p.lam[near]).sum(axis=1) / above.sum(axis=1) / order
-    # The centre of a tooth has an error of about the distance of two lines. Divided by the tooth's number,
-    # this is the error of the fundamental.
+    # The error of a tooth's centre is about the distance between two lines. If it is divided by the tooth's
+    # number, it is the error of the fundamental frequency.
     precision = (order / np.gradient(p.lam)[line]) ** 2
     return float((centre * precision).sum() / precision.sum())
 
@@ -211,7 +212,7 @@ def _described(
     bands = [((a - r) * to_hz, (a + r) * to_hz) for a, r in zip(at.tolist(), reach.tolist(), strict=True)]
     if end < p.lam[-1]:
         bands.append((end * to_hz, 1 / p.h))
-    # The merged teeth are assumed to have the same power as the separate ones.
+    # The merged teeth are assumed to have the same power as the separate teeth.
     share = float(excess.mean()) * (math.pi / fundamental) / float(p.power @ spread)
     return OctaveComb(
         Peak(

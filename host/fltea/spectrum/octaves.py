@@ -1,13 +1,13 @@
 """The spectrum of an endless series of samples, in constant memory and without loss of resolution.
 
-Each octave of the spectrum is a Welch estimate (blocks of 256 samples, Hann window, half overlapping), at
-half the sample rate of the octave above it. Below the lowest octave, the whole record is kept at a reduced
-rate, at which it has at most 3,072 samples: the whole-record level (firmware/core/engine/octave_ladder.hpp).
-So the spectrum of up to 3,072 samples is the periodogram of the record, and the lowest frequencies of a
-longer record have the resolution of the whole record. The sums of two records can be added, which gives the
-spectrum of both.
+Each octave of the spectrum is a Welch estimate (blocks of 256 samples, Hann window, half overlapping). Its
+sample rate is half of that of the octave above it. Below the lowest octave there is the whole-record level
+(firmware/core/engine/octave_ladder.hpp): the whole record at a reduced rate, at which it has at most 3,072
+samples. So the spectrum of up to 3,072 samples is the periodogram of the record, and the lowest frequencies
+of a longer record have the resolution of the whole record. If the sums of two records are added, they give
+the spectrum of both records together.
 
-Samples that are no noise are left out and counted: knocks, steps of the offset, gaps
+Samples that are not noise are left out and counted. They are knocks, steps of the offset and gaps
 (firmware/core/engine/gate.hpp), and samples that the caller marks as motion.
 
 With a memory of M samples, the weight of older samples fades between M and 2 M samples, and nothing older
@@ -29,28 +29,28 @@ from fltea.spectrum.cubic_drift import Drift, cubic_through, drift_of, is_large
 from fltea.spectrum.periodogram import LOWEST, Periodogram, check_enough
 
 WHOLE: int = _native.OCTAVES_WHOLE
-"""Number of samples up to which the spectrum is the periodogram of the whole record."""
+"""If there are at most this many samples, the spectrum is the periodogram of the whole record."""
 BLOCK: int = _native.OCTAVES_BLOCK
 LANE_BYTES: int = _native.OCTAVES_LANE_BYTES
-"""Memory in bytes for each lane (axis), whatever the length of the record."""
+"""Memory for each lane (axis) [bytes], whatever the length of the record."""
 SHORTEST = 64
-"""Fewest samples of an unbroken stretch of the record at reduced rate. Shorter stretches are not used."""
+"""An unbroken stretch of the record at reduced rate is used only if it has at least this many samples."""
 
 _FIRST_LINE: int = _native.OCTAVES_LOWEST
 _LINES = _native.OCTAVES_LINES
 JOIN = (_FIRST_LINE - 0.5) * 2 * 2 * math.pi / BLOCK
-"""Frequency [rad a sample of the whole-record level]. Below it, the spectrum comes from the whole-record
-level, above it from the octaves.
+"""Below this frequency [rad a sample of the whole-record level], the spectrum comes from the whole-record
+level. Above it, the spectrum comes from the octaves.
 """
 _HANN_POWER = 0.375 * BLOCK
 _HANN_LINES = 1 + 2 * (4 / 9 + 1 / 36)
-"""Neighbouring frequencies of blocks under Hann's window are correlated. This many of them count as a single
-independent frequency.
+"""In blocks under Hann's window, the powers at neighbouring frequencies are correlated. This many frequencies
+count as a single independent one.
 """
 _HALF_OVERLAP = 2 / 12
-"""Increase of the number of frequencies that count as one, since blocks that overlap by half are correlated,
-too. It is the sum of the squared correlations of one frequency with all frequencies of the previous and of
-the next block.
+"""Blocks that overlap by half are correlated, too, so even more frequencies count as one. This is the number
+that is added. It is the sum of the squared correlations of one frequency with all frequencies of the previous
+and of the next block.
 """
 
 
@@ -58,7 +58,9 @@ class Counts(NamedTuple):
     """Counts of what happened to the samples of one lane (axis)."""
 
     used: int
-    """Number of samples that the spectrum contains, or that wait until a chunk of 128 samples is full."""
+    """Number of samples that the spectrum contains, and of those that wait until a chunk of 128 samples is
+    full.
+    """
     bridged: int
     """Number of lost samples that were replaced by a straight line."""
     lost: int
@@ -76,7 +78,7 @@ class Counts(NamedTuple):
     constant: bool
     """Whether all samples are equal to the first."""
     limited: int = 0
-    """Number of used samples that were reduced to a limit because they were too large."""
+    """Number of used samples that were replaced by a limit because they exceeded it."""
     moved: int = 0
     """Number of samples that were left out as motion, including those of the unfinished chunk before a
     motion.
@@ -89,7 +91,7 @@ class BandCells(NamedTuple):
     """The power of one frequency band over time, described by the logarithms of its blocks' powers.
 
     The blocks are grouped into at most 16 cells (intervals of time). In addition, neighbouring runs of
-    successive blocks are compared at several time scales.
+    successive blocks are compared with each other, at several time scales.
     """
 
     low_hz: float
@@ -109,9 +111,9 @@ class BandCells(NamedTuple):
     pairs: Array
     """For each scale s, the number of pairs of neighbouring runs of 2^s blocks that were compared, (k,)."""
     scale_variance: Array
-    """For each scale s, the mean of 2^s d²/2 over these pairs, (k,). Here d is the difference of the mean
-    logarithms of the two runs of a pair. The expected value is the same at all scales if the blocks are
-    independent.
+    """For each scale s, the mean of 2^s d²/2 over these pairs, (k,). Here d is the difference between the
+    mean logarithms of the two runs of a pair. If the blocks are independent, the expected value is the same
+    at all scales.
     """
 
 
@@ -140,7 +142,7 @@ class Parts(NamedTuple):
     whole: list[Lines]
     """The frequencies, powers and weights of each unbroken stretch of the record at reduced rate."""
     depth: int
-    """Number of octaves, which lie above the whole-record level in frequency."""
+    """Number of octaves. Their frequencies lie above those of the whole-record level."""
     drift: Drift | None
     n: int
     """Number of samples, at the full rate, of the longest unbroken stretch of the whole-record level. If
@@ -180,7 +182,7 @@ class Octaves:
         self.native.skip(count)
 
     def merge(self, other: "Octaves") -> None:
-        """Add all that `other` contains, as if its record continued this one after a break.
+        """Add all that `other` contains, as if the record of `other` followed this one after a break.
 
         Raises:
             ValueError: `other` has other lanes or another memory.
@@ -210,7 +212,7 @@ class Octaves:
 
     @property
     def samples(self) -> int:
-        """The number of samples of each lane so far, used or not."""
+        """The number of samples that each lane has received so far, whether they were used or not."""
         counts, _ = self.native.counts(0)
         return counts[0] + counts[-2]
 
@@ -242,7 +244,7 @@ class Octaves:
         The drift is subtracted if the record is long or the drift is large.
 
         Raises:
-            ValueError: as `periodogram`.
+            ValueError: for the same reasons as in `periodogram`.
         """
         if not (math.isfinite(h) and h > 0):
             raise ValueError(f"h is a sampling period in s and must be > 0, got {h}")
@@ -329,7 +331,7 @@ def _welch_lines(level: int, power: Array, blocks: float, effective: float) -> L
 
 @functools.cache
 def _welch_gain(level: int, lines: int) -> tuple[Array, Array]:
-    """Return the frequencies of an octave, and the factors that convert sums over its blocks into powers."""
+    """Return the frequencies of an octave, and the factors that turn sums over its blocks into powers."""
     own = np.asarray(2 * np.pi / BLOCK * (_FIRST_LINE + np.arange(lines)), dtype=np.float64)
     return own / 2**level, 2.0**level / _HANN_POWER / _passed(own, level)
 
@@ -355,7 +357,7 @@ def _whole_lines(level: int, y: NDArray[np.float32], amplitudes: list[Array]) ->
 def _whole_gain(level: int, m: int) -> tuple[Array, Array]:
     """Return the frequencies for a stretch of m samples, and the factors that convert |FFT|² into power.
 
-    `level`: number of octaves, by each of which the rate was halved.
+    `level`: number of octaves. Each of them has halved the rate.
     """
     last = (m - 1) // 2 if level == 0 else min((m - 1) // 2, math.ceil(JOIN * m / (2 * np.pi)) - 1)
     own = np.asarray(2 * np.pi * np.arange(LOWEST, last + 1) / m, dtype=np.float64)
