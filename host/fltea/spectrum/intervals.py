@@ -1,10 +1,9 @@
 """Intervals of the parameters of a noise model by profile likelihood.
 
-A value belongs to the interval if 2 log L of the best fit with that value is at most 3.84 (95 % of χ² with
-one degree of freedom) below that of the best fit of all. Unlike the curvature at the maximum, this rule is
-right in three cases: where the data cannot separate α from f, where a correlation time has only a lower
-bound, and where white noise below other noise has only an upper bound. An end is None where all values on
-that side belong to the interval.
+A value belongs to the interval if 2 log L of the best fit with this value is at most 3.84 (95 % of χ² with
+one degree of freedom) below the highest one. Unlike the curvature at the maximum, this rule holds where the
+data cannot separate α from f, where a correlation time has only a lower bound, and where white noise below
+other noise has only an upper bound. An end is None where all values on that side belong to the interval.
 
 The variance R of the white noise cannot be below 0. If the best fit with a given value has R = 0, the
 likelihood ratio does not follow χ²: an estimate of R can then only be too large, and this error shifts the
@@ -50,8 +49,8 @@ for F and 1 for s2 (tools/validation/bound.py).
 LEAST = 7.0
 """A variance counts as 0 if its logarithm is lower by more than this than the logarithm of the best value."""
 LITTLE = 4.0
-"""Some fits start with a small amount of white noise (`little_white`). This is the logarithm of the power at
-the highest frequencies divided by that amount.
+"""Logarithm of a ratio: power at the highest frequencies, divided by the small amount of white noise with
+which some fits start (`little_white`).
 """
 SLOWEST = 300.0
 """The longest correlation time that is tried, divided by the longest one that the data can show."""
@@ -423,8 +422,7 @@ def _other(model: FittedModel, at: int, code: int, first: list[float]) -> Fitted
 def little_white(f: CandidateModels) -> float:
     """Return log R of a small amount of white noise, with which a fit can start.
 
-    It is not too small: near R = 0, the likelihood hardly changes with log R, so that a fit that starts there
-    stays there.
+    Near R = 0, the likelihood hardly changes with log R, so that a fit that starts there stays there.
     """
     return math.log(max(float(np.median(f.data.power[0][-10:])), 1e-300)) - LITTLE
 

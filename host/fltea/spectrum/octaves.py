@@ -44,8 +44,8 @@ level. Above it, the spectrum comes from the octaves.
 """
 _HANN_POWER = 0.375 * BLOCK
 _HANN_LINES = 1 + 2 * (4 / 9 + 1 / 36)
-"""In blocks under Hann's window, the powers at neighbouring frequencies are correlated. This many frequencies
-count as a single independent one.
+"""Under Hann's window, neighbouring frequencies are correlated. This many of them count as a single
+independent frequency.
 """
 _HALF_OVERLAP = 2 / 12
 """Blocks that overlap by half are correlated, too, so even more frequencies count as one. This is the number
@@ -58,9 +58,7 @@ class Counts(NamedTuple):
     """Counts of what happened to the samples of one lane (axis)."""
 
     used: int
-    """Number of samples that the spectrum contains, and of those that wait until a chunk of 128 samples is
-    full.
-    """
+    """Number of samples in the spectrum, and of those that wait until a chunk of 128 samples is full."""
     bridged: int
     """Number of lost samples that were replaced by a straight line."""
     lost: int

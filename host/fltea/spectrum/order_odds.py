@@ -1,11 +1,11 @@
 """Odds that a noise has an order, computed from how well models with and without an order fit.
 
 The difference of two models' BIC is about -2 times the logarithm of their Bayes factor (Schwarz, *Ann. Stat.*
-6, 1978). This is only approximate, since the search has chosen both models, and sums of relaxations have
-priors of their own. So the odds come from a logistic regression with two inputs: the lead of the best model
-with an order over the best model without one, and its lead over the richest model without one. The regression
-was fitted to noises that were drawn at random. Half of them have an order, and the other half consist of
-relaxations (tools/validation/odds/populations.py, host/docs/evaluation/odds.md).
+6, 1978). This is only approximate, since a search has chosen both models, and sums of relaxations have priors
+of their own. So the odds come from a logistic regression with two inputs. Both are leads of the best model
+with an order: one over the best model without an order, and one over the richest model without an order. The
+regression was fitted to noises that were drawn at random. Half of them have an order, and the other half
+consist of relaxations (tools/validation/odds/populations.py, host/docs/evaluation/odds.md).
 """
 
 import math
@@ -15,14 +15,15 @@ from fltea.spectrum.candidate_models import CandidateModels
 from fltea.spectrum.order_odds_constants import COEFFICIENTS, ORDINATES
 
 FARTHEST = 40.0
-"""Leads in 2 log L that exceed this value are treated as equal to it."""
+"""A lead in 2 log L that exceeds this value is replaced by this value."""
 
 
 def order_odds(lead: float, lead_over_rich: float, ordinates: float) -> float:
-    """Return the odds that there is an order, from 1 / MOST to MOST.
+    """Return the odds that there is an order. They lie between 1 / MOST and MOST.
 
-    `lead`: lead in 2 log L of the best model with an order over the best without one, after BIC's price.
-    `lead_over_rich`: lead in 2 log L of the best model with an order over the richest model without one.
+    `lead`: lead in 2 log L, after BIC's price, of the best model with an order over the best one without an
+    order.
+    `lead_over_rich`: lead in 2 log L of the best model with an order over the richest model without an order.
     `ordinates`: number of ordinates to which the models are fitted.
     """
     lowest, highest = ORDINATES
@@ -36,7 +37,7 @@ def order_odds(lead: float, lead_over_rich: float, ordinates: float) -> float:
 
 
 def odds_of(f: CandidateModels) -> float | None:
-    """Return the odds of an order by the candidate models.
+    """Return the odds of an order, computed from the candidate models.
 
     Return None if no model with an order was fitted.
     """

@@ -5,14 +5,14 @@ both sides. Where the spectrum is flat, the ratio of a range's mean to that of a
 whatever the level of the spectrum is. Ranges of 1, 2, 4, ... ordinates are tried. The rate of false alarms is
 divided by the number of trials (Bonferroni).
 
-At the ends of the band, the search finds lines only. Near 0 Hz the lower flank may be short. At the Nyquist
-frequency there is only a lower flank. Its level is extrapolated by the ratio in which it rises from its first
-half to its second half.
+At the ends of the band, the search finds only lines. Near 0 Hz the lower flank may be short. At the Nyquist
+frequency there is only a lower flank. Its level is extrapolated: it is multiplied by the ratio of the level
+in its second half to that in its first half.
 
 host/native/octave_peak.hpp does the same for values that are averages of different numbers of ordinates.
-There are two programs, since their tasks differ. A file of a day has millions of ordinates, which are
-searched in blocks here, with the exact F distribution. A live spectrum has a few hundred values, which are
-searched every second.
+There are two programs, since their tasks differ. A file of a day has millions of ordinates. They are searched
+here, in blocks, with the exact F distribution. A live spectrum has a few hundred values, which are searched
+every second.
 """
 
 import functools
@@ -28,24 +28,25 @@ from fltea.spectrum.periodogram import AT_ONCE
 FLANK = 48
 """Number of ordinates in the shortest flank. The flanks of a wide range are twice as long as the range."""
 SHORTEST_FLANK = 4
-"""Fewest ordinates in the lower flank near frequency 0."""
+"""Near frequency 0, the lower flank has at least this many ordinates."""
 END_WIDTHS = (1, 2, 4)
-"""Widths of the ranges that are tried at the ends of the band."""
+"""At the ends of the band, ranges of these widths are tried."""
 SURELY_NOT = 4.0
-"""Largest difference between two logarithms: that of the exact probability of a range, and that for an
-exactly known level. Ranges that cannot be significant for this reason are not tested exactly.
+"""The logarithm of a range's exact probability differs by at most this from the logarithm that is computed as
+if the level were exactly known. So ranges that are certainly not significant can be left out before the exact
+test.
 """
 WIDEST_SHARE = 0.08
-"""Ratio of the widest range that is tried to the number of all ordinates."""
+"""The widest range that is tried has this proportion of all ordinates."""
 FOLDED_SHARE, FOLDED_HEIGHT, FLAT = 0.04, 5.0, 1.3
-"""Limits for a hump at the Nyquist frequency. FOLDED_SHARE: its largest width, divided by the number of all
-ordinates. FOLDED_HEIGHT: smallest ratio of its mean to the level of the flank below it. FLAT: largest ratio
-of the level in the flank's upper half to that in its lower half. This excludes noise that alternates in sign,
-whose spectrum rises slowly towards the Nyquist frequency.
+"""Limits for a hump at the Nyquist frequency. FOLDED_SHARE: its width is at most this proportion of all
+ordinates. FOLDED_HEIGHT: its mean is at least this many times the level of the flank below it. FLAT: the
+level in the flank's upper half is at most this many times that in its lower half. The last limit excludes
+noise that alternates in sign, whose spectrum rises slowly towards the Nyquist frequency.
 """
 LEAST_LEVEL = 1e-12
-"""Smallest ratio of the level to the mean of all ordinates. A smaller level, such as 0 in simulated noise, is
-replaced by this.
+"""The level is at least this many times the mean of all ordinates. A smaller level, such as 0 in simulated
+noise, is replaced by this.
 """
 
 
@@ -83,9 +84,9 @@ def strongest_ordinates(power: Array, false_alarm: float) -> tuple[int, int, flo
         highest, place, around = top
         tried = len(range(first, last, step))
         log_p = f_log_tail(highest, 2 * width, 2 * flank) + math.log(len(widths) * tried)
-        # Of all significant ranges, the one with the highest likelihood as a peak is taken, for a level that
-        # counts as known. A comparison of the ranges' probabilities would favour wide ranges, whose flanks
-        # are longer.
+        # Of all significant ranges, the one is taken whose likelihood as a peak is highest, as if the level
+        # were known. A comparison of the ranges' probabilities would favour wide ranges, since these have
+        # longer flanks.
         gain = width * (highest - 1 - math.log(highest)) if highest > 0 else -math.inf
         if log_p < math.log(false_alarm) and (best is None or gain > best[0]):
             best = gain, place, place + width, around
@@ -93,7 +94,7 @@ def strongest_ordinates(power: Array, false_alarm: float) -> tuple[int, int, flo
 
 
 def _at_the_ends(sums: Array, false_alarm: float) -> tuple[float, int, int, float] | None:
-    """Return gain, begin, end and surrounding level of the likeliest spectral line at an end of the band.
+    """Return gain, begin, end and surrounding level of the most likely spectral line at an end of the band.
 
     There, a flank is too short or missing.
     """
@@ -127,10 +128,10 @@ def _at_the_ends(sums: Array, false_alarm: float) -> tuple[float, int, int, floa
 
 
 def _at_nyquist(sums: Array, false_alarm: float) -> tuple[float, int, int, float] | None:
-    """Return gain, begin, end and surrounding level of the likeliest hump at the Nyquist frequency.
+    """Return gain, begin, end and surrounding level of the most likely hump at the Nyquist frequency.
 
-    Mains hum of 50 Hz makes such a hump if the sample rate is 100 Hz. Noise that rises towards the Nyquist
-    frequency changes by less over so few ordinates.
+    Mains hum of 50 Hz makes such a hump if the sample rate is 100 Hz. The spectrum of noise that rises
+    towards the Nyquist frequency changes by less over so few ordinates.
     """
     m, best = len(sums) - 1, None
     widths = [1 << i for i in range(2, int(math.log2(max(FOLDED_SHARE * m, 1))) + 1)]

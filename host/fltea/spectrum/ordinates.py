@@ -17,11 +17,11 @@ from fltea.spectrum.ordinate_peak import strongest_ordinates
 from fltea.spectrum.periodogram import Periodogram
 
 LOBE = 2
-"""Number of averages over blocks on each side to which a sharp spectral line spreads."""
+"""Among averages over blocks, a sharp spectral line spreads to this many neighbours on each side."""
 
 
 class Found(NamedTuple):
-    """The strongest peak: the range `start` to before `stop` of its values, and the level around it."""
+    """The strongest peak: its values, with the indices `start` to before `stop`, and the level around it."""
 
     start: int
     stop: int
@@ -97,7 +97,7 @@ class Ordinates(NamedTuple):
         return float(self.weight[begin:end] @ power) / self.ordinates_in(begin, end)
 
     def power_over(self, begin: int, end: int, level: float) -> float:
-        """Return the power of the values `begin` to before `end` above `level`, in the unit of `total`."""
+        """Return the power above `level` of the values `begin` to before `end`, in the unit of `total`."""
         above = self.power[begin:end] - level
         return float(above.sum() if self.spread is None else above @ self.spread[begin:end])
 
@@ -115,8 +115,8 @@ class Ordinates(NamedTuple):
         """Return by how much a band that ends at value `i` reaches beyond this value [rad a sample].
 
         In a file, the band needs no margin, since `Periodogram.without` computes the exact frequencies of the
-        ordinates. In the running spectrum, a rounding error must not leave a value at the band's end outside
-        of it.
+        ordinates. In the running spectrum, the band needs a margin, since otherwise a rounding error might
+        leave a value at the band's end outside of the band.
         """
         return 0.0 if self.spread is None else float(self.spread[i]) / 4
 
@@ -134,7 +134,7 @@ def averaged_of(weight: Array) -> NDArray[np.bool_]:
 
 
 def around(p: Periodogram, bands: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
-    """Return `bands` (low, high) [Hz], widened so that no sharp spectral line in a band leaks out of it."""
+    """Return `bands` (low, high) [Hz], widened so that no sharp spectral line in a band leaks from it."""
     if p.weight is None:
         return bands
     hz = p.lam / (2 * np.pi * p.h)

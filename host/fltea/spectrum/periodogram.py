@@ -1,9 +1,9 @@
 """Periodogram of one axis: the ordinates in use, and their averages over bins.
 
 λ is in rad a sample. I(λ) = |sum_t (y_t - mean) e^{-iλt}|² / n, so that white noise of variance σ² has the
-mean I = σ². Some ordinates are not used: those below number LOWEST, since they contain remains of offset and
-drift, and the one at π, since it has another distribution. Whittle's likelihood needs only the averages over
-bins, as long as the spectrum hardly changes within a bin.
+mean I = σ². Some ordinates are not used. Those below number LOWEST contain remains of offset and drift, and
+the one at π has another distribution. Whittle's likelihood needs only the averages over bins, as long as the
+spectrum hardly changes within a bin.
 """
 
 import functools
@@ -19,21 +19,22 @@ from fltea.records.arrays import Array
 LOWEST = 4
 """Number of the lowest ordinate in use."""
 FEWEST = 64
-"""Fewest ordinates for a fit."""
+"""A fit needs at least this many ordinates."""
 LONG, PARTS, AT_ONCE = 1 << 20, 16, 1 << 15
 """If there are more samples than LONG, the last few samples are left out, so that the number of samples is a
 multiple of PARTS. The transform is then combined from PARTS smaller transforms, for AT_ONCE ordinates at a
 time.
 """
 GROWTH = 0.03
-"""Ratio of the width of a bin to its frequency. A spectrum proportional to λ^-4 then changes by 12 % within a
-bin.
+"""The width of a bin, divided by its frequency. With this width, a spectrum proportional to λ^-4 changes by
+12 % within a bin.
 """
 WIDEST = math.pi / 120
-"""Largest width of a bin [rad a sample]. It is limited so that peaks of this width can still be seen."""
+"""Largest width of a bin [rad a sample]. The width is limited so that peaks of this width can still be seen.
+"""
 COARSER = 2.0
-"""Factor by which bins are wider if the ordinates have weights. The wider bins change the p-values of the
-null test by 2 % at most.
+"""Bins are wider by this factor if the ordinates have weights. The wider bins change the p-values of the null
+test by 2 % at most.
 """
 
 
@@ -49,8 +50,8 @@ class Periodogram(NamedTuple):
     n: int
     """Number of samples."""
     weight: Array | None = None
-    """Effective number of ordinates for which each value of `power` stands, (m,); None if each stands for
-    one.
+    """Effective number of ordinates that each value of `power` averages, (m,); None if each value is one
+    ordinate.
     """
 
     @property
@@ -69,14 +70,16 @@ class Periodogram(NamedTuple):
             lam = self.lam[begin : begin + AT_ONCE]
             if self.weight is None:
                 hz = np.rint(lam * (self.n / (2 * np.pi))) / (self.n * self.h)
-            else:  # the frequencies of averages over blocks are not multiples of 1/(n h)
+            # only the frequencies of single ordinates are multiples of 1/(n h)
+            else:
                 hz = lam / (2 * np.pi * self.h)
             blocks.append(_kept(hz, from_hz, notch))
         keep = np.flatnonzero(np.concatenate(blocks))
         check_enough(len(keep), self.n)
         rows: slice | NDArray[np.intp] = keep
         if keep[-1] - keep[0] + 1 == len(keep):
-            rows = slice(int(keep[0]), int(keep[-1]) + 1)  # a slice of an array needs no copy
+            # unlike an array of indices, a slice needs no copy
+            rows = slice(int(keep[0]), int(keep[-1]) + 1)
         weight = None if self.weight is None else self.weight[rows]
         return self._replace(lam=self.lam[rows], power=self.power[..., rows], weight=weight)
 
@@ -87,8 +90,8 @@ class Binned(NamedTuple):
     lam: Array
     """The mean frequency of each bin (bins,) [rad a sample]."""
     counts: Array
-    """The number of ordinates in each bin, (bins,). It may be no whole number if values with weights were
-    averaged.
+    """The number of ordinates in each bin, (bins,). If values with weights were averaged, it need not be a
+    whole number.
     """
     power: Array
     """The mean power of each bin, (series, bins)."""

@@ -1,9 +1,9 @@
 """What a model without an order says about the noise, after traces of other things are removed from it.
 
-A model describes a spectrum as well as it can. So one of its parts may be only the trace of something else:
-the skirt of a spectral peak that was left out, or the difference between the true filter and the fitted one.
-Such traces are removed, and the remaining parts are reported: relaxations, drift, a filter, a resonance, a
-rise.
+A model is fitted to a spectrum as closely as possible. So one of its parts may be only the trace of something
+else: the skirt of a spectral peak that was left out, or the difference between the true filter and the fitted
+filter. Such traces are removed, and the remaining parts are reported: relaxations, drift, a filter, a
+resonance, a rise.
 """
 
 import math
@@ -37,28 +37,28 @@ frequency.
 LARGE_SHARE = 0.05
 """A peak with more than this proportion of all power leaves a visible trace in the model."""
 LINE_LEAKS, RESONANCE_LEAKS = 2.0, 6.0
-"""LINE_LEAKS: a spectral line leaks into frequencies up to this factor away. RESONANCE_LEAKS: the skirts of a
-resonance reach up to this factor away.
+"""LINE_LEAKS: a spectral line leaks into frequencies up to this factor higher or lower. RESONANCE_LEAKS: the
+skirts of a resonance reach frequencies up to this factor higher or lower.
 """
 NO_WHITE = 0.03
-"""White noise counts as absent if its density is less than this proportion of the whole density at half the
-sample rate.
+"""White noise counts as absent if its density is less than this proportion of the whole noise's density at
+half the sample rate.
 """
 LEAST_CORNER = 10.0
 """If there is no white noise, the fastest relaxation counts as a filter if its corner frequency is above this
 multiple of the lowest fitted frequency.
 """
 NEAR_THE_FILTER = 0.1
-"""A relaxation may be only an error of the fitted filter if the ratio of its corner frequency to that of the
-filter is at least this.
+"""A relaxation may be only an error of the fitted filter if its corner frequency is at least this many times
+that of the filter.
 """
 AS_FILTERS_DIFFER = 1.6
-"""If the densities in the filter's pass band differ by less than this ratio, such a relaxation counts as an
-error of the fitted filter.
+"""Such a relaxation counts as an error of the fitted filter if the densities in the filter's pass band differ
+by less than this factor.
 """
 RIPPLES = 0.4
-"""A resonance belongs to the fitted filter if the ratio of its frequency to the filter's corner frequency is
-at least this.
+"""A resonance belongs to the fitted filter if its frequency is at least this many times the filter's corner
+frequency.
 """
 STANDS_OUT, ASIDE = 1.2, 3.0
 """A resonance counts only if the density at its frequency is more than STANDS_OUT times the densities at two
@@ -67,8 +67,8 @@ other frequencies: ASIDE times its frequency, and its frequency divided by ASIDE
 SMOOTHS = -0.15
 """A filter over three samples (`Sharpening`) whose parameter s is below this value is a low-pass."""
 RISES, HIGHEST = 1.05, 0.85
-"""The density counts as rising with the frequency if its mean above HIGHEST times half the sample rate is
-more than RISES times the density at the lowest fitted frequency.
+"""The density counts as rising with the frequency if it is high enough at the highest frequencies: its mean
+above HIGHEST times half the sample rate is more than RISES times the density at the lowest fitted frequency.
 """
 
 
@@ -103,8 +103,8 @@ def corner_hz(part: Relaxation) -> float:
 def read(f: CandidateModels, from_hz: float, peaks: Sequence[Peak] = (), apart: float = math.inf) -> Reading:
     """Return what the best model without an order says, after the traces of `peaks` are removed from it.
 
-    `from_hz`: lowest fitted frequency. `apart`: lead in 2 log L that a slow relaxation needs over a random
-    walk to be reported, and that a model with a high-pass needs over white noise.
+    `from_hz`: lowest fitted frequency. `apart`: smallest lead in 2 log L with which a slow relaxation is
+    reported in place of a random walk, or a high-pass in place of white noise alone.
     """
     model, h = f.plain, f.h
     parts = [p for p in model.parts(h) if not (_is_skirt(p, peaks) or _is_left_out(p, f))]
@@ -196,7 +196,7 @@ def _behind_with_walk(f: CandidateModels, part: Relaxation) -> float:
 
 
 def _stands_out(model: FittedModel, part: Resonance, h: float) -> bool:
-    """Return whether the whole spectrum, and not only the resonance itself, has a maximum there."""
+    """Return whether the whole spectrum has a maximum at the resonance, and not only the resonance itself."""
     hz = part.frequency_hz * np.array([1.0, 1 / ASIDE, ASIDE])
     top, *sides = model.spectrum(np.minimum(2 * np.pi * hz * h, np.pi), h).tolist()
     return bool(top > STANDS_OUT * max(sides))
@@ -205,8 +205,8 @@ def _stands_out(model: FittedModel, part: Resonance, h: float) -> bool:
 def _ends(f: CandidateModels, model: FittedModel, from_hz: float) -> tuple[float, float]:
     """Return the model's density at the lowest fitted frequency, and the mean density at the highest ones.
 
-    The mean is taken over the fitted frequencies only. Between them, the model of a filter may have zeros,
-    which in the data are filled by power from neighbouring frequencies.
+    The mean is taken over the fitted frequencies only. At other frequencies, the model of a filter may be
+    zero, where the data contain power from neighbouring frequencies.
     """
     low = np.array([min(max(2 * np.pi * from_hz * f.h, 1e-3), np.pi)])
     high = f.data.lam >= min(HIGHEST * np.pi, f.data.lam[-1])

@@ -11,16 +11,17 @@ from fltea.spectrum.periodogram import AT_ONCE
 def farthest(ratio: Array, weight: Array | None = None) -> float:
     """Return the Kolmogorov–Smirnov statistic of the ratios I/S of m ordinates to a model.
 
-    It is √m times the largest distance of the cumulative sum of I/S from a straight line, where the sum is
-    scaled so that it ends at 1. I is the power of an ordinate, and S the model's power at its frequency.
+    I is the power of an ordinate, and S the model's power at the same frequency. The cumulative sum of I/S is
+    scaled so that it ends at 1. The statistic is √m times the largest distance of this sum from a straight
+    line.
 
     For a correct model, all ratios I/S have the same exponential distribution, and the distance is a Brownian
     bridge (Bartlett 1955). `ratio`: I/S, (m,); the array is overwritten. `weight`: effective number of
     ordinates that each value averages; m is then the sum of the weights.
     """
     if weight is not None:
-        # A value of weight w contributes w I/S to the sum. Its variance is w, so that the sum of all weights
-        # takes the place of m.
+        # A value of weight w contributes w I/S to the sum. This contribution has the variance w, so that the
+        # sum of all weights takes the place of m.
         sums, line = np.cumsum(ratio * weight), weight.cumsum()
         return float(np.abs(sums / sums[-1] - line / line[-1]).max()) * math.sqrt(line[-1])
     sums = np.cumsum(ratio, out=ratio)

@@ -1,4 +1,4 @@
-"""Side lobes of a filter that averages over a window: humps of a spectrum that are no resonances.
+"""Side lobes of a filter that averages over a window. They are humps of the spectrum, but no resonances.
 
 A side lobe is separated from the filter's pass band, which lies at lower frequencies, by a notch of the
 filter. The notch is not much wider than the lobe. Next to a resonance there is the noise floor instead, which
@@ -11,19 +11,19 @@ import numpy as np
 from fltea.records.arrays import Array
 
 DEPTH, BEYOND = 0.2, 0.6
-"""Limits as ratios to the power of the hump: the power in a notch is below DEPTH, and the power on the other
-side of the notch is above BEYOND.
+"""The power in a notch is below DEPTH times that of the hump. The power on the other side of the notch is at
+least BEYOND times that of the hump.
 """
 NOTCH_WIDTH = 1.5
-"""Largest ratio of the width of a notch to that of the hump."""
+"""A notch is at most this many times as wide as the hump."""
 TELLING = 30.0
 """A value in the stop band belongs to a spectral line if its power exceeds this multiple of the highest
-lobe's power. The multiple is so large because the powers of single ordinates scatter.
+lobe's power. This factor is so large because the powers of single ordinates scatter.
 """
 TELLING_AVERAGED = 5.0
 AVERAGED = 8.0
-"""For values that average at least this effective number of ordinates, the smaller multiple TELLING_AVERAGED
-is enough.
+"""For values that average at least this effective number of ordinates, the smaller factor TELLING_AVERAGED is
+enough.
 """
 
 
@@ -35,8 +35,8 @@ def notch_below(lam: Array, power: Array, start: int, stop: int, least: int) -> 
     `lam`, `power`: frequencies and powers, (m,), in the order of rising frequency. `least`: smallest number
     of values over which the power is averaged.
     """
-    # The part of the spectrum beyond the notch is at least as wide as the hump, so averages there may be
-    # wide. The notch may be narrower, so averages in it are half as wide.
+    # The part of the spectrum beyond the notch is at least as wide as the hump, so averages there may be as
+    # wide. The notch may be narrower than the hump, so averages in the notch are half as wide.
     wide, fine = smoothed(power, max(least, stop - start)), smoothed(power, max(least, (stop - start) // 2))
     top, height = start + int(fine[start:stop].argmax()), float(power[start:stop].mean())
     low = np.flatnonzero(fine[:top] < DEPTH * height)
@@ -56,7 +56,7 @@ def notch_below(lam: Array, power: Array, start: int, stop: int, least: int) -> 
 
 
 def smoothed(power: Array, lines: int) -> Array:
-    """Return running means over `lines` neighbouring values. Near the ends, they are over fewer values."""
+    """Return running means over `lines` neighbouring values. Near the ends, fewer values are averaged."""
     # The means are computed from cumulative sums, since a hump of a long record can be a million values wide.
     lines, places = min(lines, len(power)), np.arange(len(power))
     sums = np.concatenate([[0.0], np.cumsum(power)])
