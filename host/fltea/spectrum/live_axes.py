@@ -158,7 +158,7 @@ class LiveAxes:
             raise ValueError(f"the saved sums are not sound: {error}") from error
         ours = self.axes, self.h, self.unit, self._memory
         if (found.axes, found.h, found.unit, found.memory) != ours:
-            raise ValueError("the saved sums are of other axes, another rate, unit or memory")
+            raise ValueError("the saved sums belong to other axes, or have another rate, unit or memory")
         return Octaves.restore(len(self.axes), self._memory, found.octaves)
 
     def _refit(self, octaves: Octaves, lane: int, curves: bool, level: float, fresh: bool) -> AxisRefit:
@@ -186,7 +186,7 @@ class LiveAxes:
                 last_refit=self._last_refits[lane],
             )
         except ValueError:
-            needed = f"{counts.used:,} of the {FEWEST_SAMPLES} without a break that a fit needs"
+            needed = f"a fit needs {FEWEST_SAMPLES} without a break, and there are {counts.used:,}"
             text = f"Too few samples yet: {needed}."
             return AxisRefit(AxisFit("too few samples", text, self.unit), None)
         return self._axis_fit(octaves, lane, counts.used, seen, whole if curves else None)

@@ -28,7 +28,7 @@ def verdict(e: Evidence, median: MedianFilter) -> tuple[str, str, str]:
     shaped_hz, _ = median.shaped_hz(1 / e.rate_hz, e.duration_s)
     return (
         f"White noise through {median.words}.{wording.also_found(e, with_median=False)}",
-        f"{median.share:.0%} of the values are the same as the one before, as no linear filter makes them: "
+        f"{median.share:.0%} of the values equal the value before them, which no linear filter can cause: "
         f"the median filter shapes the spectrum above {in_hz(shaped_hz)}, and {wording.UNDEFINED}.",
         NEXT,
     )

@@ -4,7 +4,7 @@ There are three sets of ordinates. The first has all ordinates that the user did
 the first without spectral lines and resonances. The third, the clean ordinates, is the second without the low
 frequencies of the drift. The models are fitted to the clean ordinates.
 
-A recording and a live sensor differ only in the significance level of the tests.
+A recording and a live sensor are examined in the same way, except for the significance level of the tests.
 """
 
 from collections.abc import Callable, Iterable
@@ -35,8 +35,8 @@ Bands = tuple[tuple[float, float], ...]
 T = TypeVar("T")
 
 FALSE_PEAK = 0.01
-"""Probability of finding a peak where there is none, at the significance level `LEVEL`. With a smaller one,
-spectral lines of real sensors would be missed in octave spectra, which show them less clearly.
+"""Probability of finding a peak where there is none, at the significance level `LEVEL`. If it were smaller,
+spectral lines of real sensors would be missed in octave spectra, which show lines less clearly.
 """
 FALSE_COMB = 1e-3
 """Probability of finding a comb where there is none, at the significance level `LEVEL`."""
@@ -44,19 +44,19 @@ FALSE_CHANGE = 1e-3
 """Probability of finding a change during the record where there is none, at the significance level `LEVEL`.
 """
 LEAKS = 3.0
-"""Ratio of the frequency distance over which a spectral line leaks to the width of its left-out band."""
+"""A spectral line leaks over a frequency distance of this many times the width of its left-out band."""
 SLOW_LINES = 4.0
 """Spectral lines below this multiple of the lowest fitted frequency are called slow lines."""
 LARGEST_SHARE = 0.15
-"""A band is tested for changes only if peaks have at most this proportion of its power. Two spectral lines
-with that proportion make the power go up and down by interference, but by less than a change that matters.
+"""A band is tested for changes only if peaks have at most this proportion of its power. By interference, two
+spectral lines with that proportion make the power go up and down, but less than a change that matters.
 """
 EXPLAINED = 1.5
-"""A peak is discarded if its power is below this multiple of the power that the other parts of the model
+"""A peak is discarded if its power is less than this many times the power that the other parts of the model
 explain.
 """
 GROWN = 1.1
-"""Models, peaks and changes are searched for again when the record has grown by this factor."""
+"""When the record has become longer by this factor, models, peaks and changes are searched for again."""
 
 
 class Band(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -94,7 +94,7 @@ class LastRefit:
         self._found.clear()
 
     def result(self, name: str, ordinates: float, compute: Callable[[], T]) -> T:
-        """Return the last result for `name`.
+        """Return the result for `name`, which is usually the last one.
 
         If the record has grown by a tenth, call `compute` for a new result.
         """
@@ -106,8 +106,8 @@ class LastRefit:
     def candidates(self, name: str, p: Periodogram, samples: int) -> CandidateModels:
         """Return the candidate models of these ordinates.
 
-        They come from a new search if the record has grown by a tenth. If not, those of the last refit are
-        fitted again.
+        If the record has grown by a tenth, the models come from a new search. If not, the models of the last
+        refit are fitted again.
         """
         data = binned(p)
         last, then = self._found.get(name, (None, 0.0))
@@ -150,13 +150,13 @@ def examine(
 ) -> Spectral:
     """Examine one axis.
 
-    `whole`: all ordinates that the user did not exclude: those above `from_hz` and outside the bands (low,
+    `whole`: all ordinates that the user did not exclude. They lie above `from_hz` and outside the bands (low,
     high) `notch` [Hz]. `duration_s`, `samples`: length of the record. `cells`: band powers over time for the
-    test of stationarity; empty: no test. `drift`: the drift that was subtracted from the samples. `peaks`:
-    peaks that were found elsewhere with a finer resolution; None to search for peaks in `whole`. `before`:
-    the ordinates before a comb among these peaks was removed; None if no comb was removed. `median`: the
-    median filter detected in the samples. `level`: significance level of each test. `last_refit`: results of
-    earlier refits.
+    test of stationarity. If empty, there is no test. `drift`: the drift that was subtracted from the samples.
+    `peaks`: peaks that were found elsewhere with a finer resolution; None to search for peaks in `whole`.
+    `before`: the ordinates before a comb among these peaks was removed; None if no comb was removed.
+    `median`: the median filter detected in the samples. `level`: significance level of each test.
+    `last_refit`: results of earlier refits.
 
     Raises:
         ValueError: too few ordinates are left, or all ordinates are 0.
@@ -205,7 +205,8 @@ class _Seen(NamedTuple):
 
     combs: tuple[Peak, ...]
     of_comb: Bands
-    """Bands of a comb. They are needed for live samples only; in a file, a comb is removed from the samples.
+    """Bands of a comb. They are needed only for live samples, since a comb in a file is removed from the
+    samples.
     """
     of_median: Bands
     peaks: tuple[Peak, ...]
@@ -237,7 +238,7 @@ def _seen(
     except ValueError:  # too few ordinates are left
         rest, of_comb, of_median = whole, (), ()
     others = [peak for peak in peaks if peak.repeats is None]
-    if of_median:  # resonances in the filter's band are humps of the filter's response
+    if of_median:  # a resonance in the median filter's band is a hump of the filter's response
         others = [peak for peak in others if peak.kind != "resonance" or peak.frequency_hz < of_median[0][0]]
     bands = tuple(peak.notch_hz for peak in others)
     return _Seen(
@@ -266,8 +267,8 @@ def _peaks(whole: Periodogram, false_alarm: float) -> tuple[tuple[Peak, ...], Ba
 def _unexplained(peaks: tuple[Peak, ...], whole: Periodogram, f: CandidateModels) -> tuple[Peak, ...]:
     """Return the peaks that the other parts of the noise do not explain.
 
-    A hump of the spectrum may be only the band between a high-pass and a filter at higher frequencies. If the
-    model that is fitted outside the hump also explains the power inside it, the hump is no peak.
+    A hump of the spectrum may be only the band between a high-pass and a low-pass. If the model that is
+    fitted outside the hump also explains the power inside it, the hump is no peak.
     """
     if HighPass not in f.plain.kinds:
         return peaks
@@ -285,7 +286,7 @@ def _unexplained(peaks: tuple[Peak, ...], whole: Periodogram, f: CandidateModels
 
 
 def _above_slow_lines(peaks: tuple[Peak, ...], lowest_hz: float) -> float:
-    """Return the lowest frequency [Hz] of the clean ordinates, above the leakage of slow spectral lines."""
+    """Return the lowest frequency [Hz] of the clean ordinates, which lie above the leakage of slow lines."""
     ends = [
         high + LEAKS * (high - low)
         for low, high in (peak.notch_hz for peak in peaks if peak.kind != "resonance")
@@ -307,7 +308,7 @@ def _slow(whole: Periodogram, from_hz: float, slow_hz: float, found: Bands) -> P
 
 
 def _highest(f: CandidateModels) -> Callable[[Array], Array]:
-    """Return a function for the highest of all plausible models' spectra, with the record ends' leakage."""
+    """Return a function of λ: the highest of all plausible models' spectra, with the record ends' leakage."""
     possible = [f.plain] + ([f.ordered] if f.ordered is not None and f.lead > -APART else [])
 
     leaks = [(one, LEAKS_AT_MOST * end_leak(f, one)) for one in possible]
@@ -323,8 +324,8 @@ def _change(
 ) -> Change | None:
     """Return the change of the noise during the record; None if there is none.
 
-    Bands with much power in `peaks` are not tested. With a strong sharp resonance, neighbouring blocks have
-    similar powers, so that parts of the record differ more than independent blocks would.
+    A band is not tested if much of its power is in `peaks`. With a strong sharp resonance, neighbouring
+    blocks have similar powers, so that parts of the record differ more than with independent blocks.
     """
     compared = [band for band in cells if _share_of_peaks(whole, band, peaks) < LARGEST_SHARE]
     return find_change(compared, whole.h, FALSE_CHANGE * level / LEVEL, from_hz, notch)
@@ -354,7 +355,7 @@ class _Clean(NamedTuple):
     bands: Bands
     """One band for each of `peaks`."""
     slow_line: bool
-    """Whether a slow spectral line, or its leakage, hides the lowest frequencies."""
+    """Whether a slow spectral line or its leakage hides the lowest frequencies."""
 
     @property
     def to_hz(self) -> float:
@@ -369,7 +370,7 @@ class _Clean(NamedTuple):
 def _clean(seen: _Seen, lowest_hz: float) -> _Clean:
     """Return the clean ordinates, which lie above `lowest_hz` and outside peaks.
 
-    They begin above the leakage of slow spectral lines, if enough ordinates are left then.
+    The clean ordinates begin above the leakage of slow spectral lines if enough ordinates are left there.
     """
     from_hz = _above_slow_lines(seen.peaks, lowest_hz)
     slow_line = from_hz > lowest_hz
@@ -382,7 +383,7 @@ def _clean(seen: _Seen, lowest_hz: float) -> _Clean:
 
 
 def _outside(whole: Periodogram, from_hz: float, found: Bands) -> tuple[Periodogram, int]:
-    """Return the ordinates above `from_hz` and outside the bands `found`, and how many bands are left out.
+    """Return the ordinates above `from_hz` and outside the bands `found`, and the number of bands left out.
 
     Raises:
         ValueError: too few ordinates are left even if no band is left out.

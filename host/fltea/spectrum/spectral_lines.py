@@ -1,11 +1,12 @@
 """Find narrow lines and broad resonances in a spectrum, with a known rate of false alarms.
 
-A peak is a range of frequencies whose mean is too far above the means of the flanks on both sides of it.
-Where the spectrum rises or falls, the higher one of the two flanks decides.
+A peak is a range of frequencies whose mean power is so far above the means of the flanks on both sides that
+chance does not explain it. Where the spectrum rises or falls, the range is compared with the higher one of
+the two flanks.
 
 The search is the same for a file's periodogram and for the running spectrum, whose values average different
-numbers of ordinates (`Ordinates` can hold both). Only the strongest peak is found in two ways: by
-`ordinate_peak` in a file, and by host/native/octave_peak.hpp in the running spectrum.
+numbers of ordinates (`Ordinates` can contain either). Only the strongest peak is found in two different ways:
+by `ordinate_peak` in a file, and by host/native/octave_peak.hpp in the running spectrum.
 """
 
 import math
@@ -21,15 +22,17 @@ from fltea.spectrum.periodogram import Periodogram
 from fltea.spectrum.side_lobes import TELLING, lines_among_lobes, notch_below
 
 FALSE_ALARM = 3e-3
-"""Probability of finding any peak in noise without peaks, in a record that is tested once."""
+"""Probability of finding a peak in noise without peaks, in a record that is tested once."""
 MOST = 12
 """The search ends after this many peaks: a record with more peaks has other problems."""
 SMOOTHEST = 9
 """Smallest number of ordinates over which a spectrum is averaged to test whether a hump is a side lobe."""
 LINE_SKIRT = 3
-"""Number of ordinates on each side of a spectral line among side lobes that are left out with the line."""
+"""If a spectral line lies among side lobes, this many ordinates on each side of the line are left out with
+it.
+"""
 SHORTEST_FLANK = 12
-"""Number of values in the shortest flank if values average over blocks."""
+"""If values average over blocks, the shortest flank has this many values."""
 SKIRT = 0.05
 """Values of the running spectrum belong to the skirt of a peak only if they exceed the level around the peak
 by at least this proportion.
@@ -37,8 +40,8 @@ by at least this proportion.
 NARROW = 3
 """A peak that is at most this many averages over blocks wide may be a spectral line or a resonance."""
 LINE_ORDINATES = 6
-"""A peak with nearly all its power in about this many ordinates is a spectral line: its phase is stable over
-the record.
+"""A peak with nearly all its power in about this many ordinates is a spectral line, since its phase is stable
+over the whole record.
 """
 IN_A_LINE = 0.7
 """Proportion of a peak's power that counts as nearly all. The rest is noise around the spectral line."""
@@ -51,8 +54,8 @@ class Repeats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     harmonics: int
     """Approximate number of lines of the event in the spectrum."""
     shape: Literal["glitch", "wave", "unknown"] = "unknown"
-    """A glitch is much shorter than the period. In live data the shape is "unknown", since sums do not show
-    it.
+    """A glitch is much shorter than the period. In live data the shape is "unknown", since the sums over
+    samples do not show it.
     """
     duration_s: float | None = None
     """The duration of a glitch, in seconds."""
@@ -64,13 +67,13 @@ class Peak(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A peak of a spectrum: a spectral line, a resonance, or a comb of spectral lines."""
 
     kind: str
-    """"line", "resonance", "peak" where the resolution cannot distinguish the two, or "comb" for spectral
-    lines at all multiples of `frequency_hz`.
+    """"line" or "resonance". "peak" where the resolution is too low to distinguish the two. "comb" for
+    spectral lines at all multiples of `frequency_hz`.
     """
     frequency_hz: float
     """Frequency of the spectrum's maximum in the peak. For a resonance, the spectrum is smoothed first."""
     width_hz: float
-    """Width at half the peak's height above its surroundings."""
+    """Width of the peak at half its height above the surroundings."""
     power_share: float
     """Power of the peak, divided by the power of all ordinates that are used."""
     height: float
@@ -110,9 +113,9 @@ def _search(lines: Ordinates, total: float, false_alarm: float) -> tuple[Peak, .
 
 
 def _notch_below(lines: Ordinates, found: Found) -> float | None:
-    """Return where the notch begins that makes the peak a side lobe of a filter; None if there is no notch.
+    """Return where the notch begins next to which the peak is a side lobe of a filter; None without a notch.
 
-    If the peak lies among averages over blocks, the notch is not searched among single ordinates.
+    If the peak lies among averages over blocks, the notch is searched only among such averages.
     """
     averaged = lines.is_averaged(found.start)
     begin = lines.first_average_before(found.start) if averaged else 0
@@ -177,8 +180,8 @@ def _describe(lines: Ordinates, found: Found, extent: tuple[int, int], total: fl
     if lines.weight is not None:
         top = sharp if is_narrow else top
     elif _in_few_ordinates(part - found.level, sharp):  # a sharp peak is not smoothed, which would widen it
-        # This is not done in a live spectrum. It has few single ordinates, which may contain nearly all of a
-        # resonance of low frequency as well.
+        # This is not done in a live spectrum. That has few single ordinates, and nearly all of a resonance of
+        # low frequency may lie in them, too.
         top, wide, is_narrow = sharp, wide[:LINE_ORDINATES], True
     frequency = float(lines.lam[left + top])
     if averaged and is_narrow:

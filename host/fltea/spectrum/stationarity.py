@@ -1,11 +1,12 @@
 """Test whether the noise stayed the same: the power of each octave is compared between parts of the record.
 
-Of each octave of the spectrum, the mean and the variance of the logarithm of its blocks' power are known in a
-few cells (intervals of time). If the noise is stationary, the means of the cells differ no more than the
-variance of the blocks within a cell explains (analysis of variance). The logarithm makes the test robust
-against heavy tails, and the variance comes from the data themselves. The cells of a long record are long.
-Changes up and down within a cell are found by another test, at the time scale of these changes (`swings`). So
-any change that can be found in a short record can be found in a long one, too.
+The record is divided into a few cells (intervals of time). For each octave of the spectrum, the mean and the
+variance of the logarithm of its blocks' power are known in each cell. If the noise is stationary, the means
+of the cells do not differ more than the variance of the blocks within a cell explains (analysis of variance).
+The logarithm makes the test robust against heavy tails, and the variance comes from the data themselves. The
+cells of a long record are long. Changes up and down within a cell are found by another test, at the time
+scale of these changes (`swings`). So any change that can be found in a short record can also be found in a
+long record.
 """
 
 import math
@@ -22,12 +23,11 @@ from fltea.spectrum.octaves import BandCells
 from fltea.spectrum.swings import OVERLAP, Swing, find_swings
 
 LEAST_IN_CELL = 4
-"""Fewest blocks in a cell. Smaller cells are joined with their neighbours."""
+"""A cell has at least this many blocks. Smaller cells are joined with their neighbours."""
 LEAST_SIZE = 1.25
 """Smallest change that is reported, as a ratio of powers. A smaller change is of no practical importance."""
 MOSTLY_ONE_STEP = 0.6
-"""A change is called a step if a single step explains at least this proportion of the variance between cells.
-"""
+"""A change is called a step if one step explains at least this proportion of the variance between cells."""
 
 
 class Change(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -38,20 +38,21 @@ class Change(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     p: float
     """The p-value of the test that found the change, multiplied by the number of all tests."""
     size: float
-    """Two standard deviations of the power's level over time beyond chance, as a ratio of powers. For a
-    single step in the middle of the record, this is the size of the step.
+    """The size of the change, as a ratio of powers: two standard deviations of the power's level over time,
+    after what chance explains was subtracted. For a single step in the middle of the record, this is the size
+    of the step.
     """
     ratio: float = 1.0
-    """Ratio of the mean power after `at_s` to that before; 1 if the power went up and down."""
+    """The mean power after `at_s`, divided by that before `at_s`; 1 if the power went up and down."""
     at_s: float = 0.0
-    """The time that divides the record into the two parts that differ most."""
+    """If the record is divided in two at this time, the two parts differ most."""
     share: float = 0.0
     """Proportion of the variance between cells that is explained by the division of the record at `at_s`. The
     rest comes from changes up and down.
     """
     half_s: float | None = None
-    """Time from a high power to a low one, known to a factor of two; None if the change was found by a
-    comparison of cells.
+    """Time from a high power to the following low power, known to a factor of two; None if the change was
+    found by a comparison of cells.
     """
     period_s: float | None = None
     """Period of the changes, if the samples show that the power goes up and down regularly."""
@@ -65,7 +66,7 @@ class Change(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class _Parted(NamedTuple):
     """How the cells of an octave differ from each other.
 
-    `variance`: variance of the logarithm of power between the cells, beyond chance.
+    `variance`: variance of the logarithm of power between the cells, minus the variance that chance explains.
     """
 
     deviate: float
@@ -90,8 +91,8 @@ def find_change(
 ) -> Change | None:
     """Return the most significant change of any octave, if it is significant and large enough to matter.
 
-    `level`: probability of finding a change in stationary noise. Octaves that reach below `from_hz` or into a
-    band (low, high) of `notch`, all in Hz, are not tested.
+    `level`: probability of finding a change in stationary noise. An octave is not tested if it reaches below
+    `from_hz` or into a band (low, high) of `notch`. All these frequencies are in Hz.
     """
     looked = [
         band
@@ -133,7 +134,7 @@ def _p(deviate: float, tests: int) -> float:
 
 
 def _size(variance: float) -> float:
-    """Return two standard deviations of the logarithm of power as a ratio of powers.
+    """Return a ratio of powers: that of two standard deviations of the logarithm of power.
 
     `variance`: variance of this logarithm.
     """
@@ -151,7 +152,8 @@ def _compared(
     around = means - counts @ means / total
     between = float(counts @ around**2)
     free = len(counts) - 1
-    variance = max(between - free * within, 0.0) / total  # variance between the cells beyond chance
+    # variance between the cells, minus the variance that chance explains
+    variance = max(between - free * within, 0.0) / total
     if _size(variance) < LEAST_SIZE:
         return None
     deviate = float(f_deviate(between / free / within, max(free, 2), degrees))
@@ -192,7 +194,8 @@ def _joined(band: BandCells) -> tuple[Array, Array, Array, float, float] | None:
         return None
     n = np.add.reduceat(counts, starts)
     mean = np.add.reduceat(counts * means, starts) / n
-    # Sum of the squared differences of the blocks' logarithms from the mean of the joined cell.
+    # This is the sum of the squared differences between the blocks' logarithms and the mean of the joined
+    # cell.
     total = np.add.reduceat(squares + counts * means**2, starts) - n * mean**2
     degrees = float(n.sum()) - len(n)
     within = float(total.sum()) / degrees

@@ -1,11 +1,11 @@
 """Test whether the power of an octave of the spectrum goes up and down, at any time scale.
 
 Consider the means of the logarithm of power in neighbouring runs of 2^s blocks. If blocks are independent,
-the variance of the difference of these means falls as 1 / 2^s: multiplied by 2^s, it is the same at every
-scale s (`octaves.BandCells`). Power that goes up and down increases the variance at scales near the duration
-of its swings, and hardly at other scales. So each scale is compared by an F test with the shorter scales, and
-with the longer ones. A longer record has more pairs of runs at each scale, so that a swing that can be found
-in a short record can be found in a long one, too.
+the variance of the difference of these means falls as 1 / 2^s. So the variance multiplied by 2^s is the same
+at every scale s (`octaves.BandCells`). If the power goes up and down, this variance is larger at scales near
+the duration of the swings, and hardly larger at other scales. So each scale is compared by an F test with the
+shorter scales, and with the longer scales. A longer record has more pairs of runs at each scale. So a swing
+that can be found in a short record can also be found in a long record.
 """
 
 import functools
@@ -22,25 +22,25 @@ from fltea.spectrum.octaves import BandCells
 OVERLAP = 1 / 36
 """Correlation of the power of blocks that overlap by half, under Hann's window."""
 MOST_ALIKE = 0.1
-"""Largest correlation of neighbouring blocks that does not count as a change. An outlier may lie in two
+"""A correlation of neighbouring blocks up to this value does not count as a change. An outlier may lie in two
 overlapping blocks, and a resonance continues from one block to the next.
 """
 FEWEST_PAIRS = 3
-"""Fewest pairs of runs with which a scale is used."""
+"""A scale is used only if it has at least this many pairs of runs."""
 EVERYDAY = 3.0
 """A normal deviate up to this value is not significant at any level in use."""
 
 
 class Swing(NamedTuple):
-    """The time scale at which the power of an octave differs most from what chance allows."""
+    """The time scale at which the changes of an octave's power exceed most what chance allows."""
 
     deviate: float
-    """Normal deviate that is as unlikely in stationary noise as the ratio of variances that was found."""
+    """The normal deviate that is as unlikely as the found ratio of variances is in stationary noise."""
     variance: float
-    """Variance of the logarithm of power beyond chance, summed over all scales."""
+    """Variance of the logarithm of power, minus what chance explains, summed over all scales."""
     half_s: float
-    """Time from a high power to a low one, known to a factor of two. It is that of the scale with the largest
-    part of this variance.
+    """Time from a high power to the following low power, known to a factor of two. It is computed from the
+    scale with the largest part of this variance.
     """
 
 
@@ -56,7 +56,7 @@ class _Compared(NamedTuple):
 def find_swings(bands: Sequence[BandCells], h: float) -> tuple[list[tuple[BandCells, Swing]], int]:
     """Return the most significant time scale of each band in which a scale is unusual.
 
-    Also return how many comparisons of scales were made in all bands. `h`: sampling period [s].
+    Also return the number of comparisons of scales that were made in all bands. `h`: sampling period [s].
     """
     those = [_Scales.of(band) for band in bands]
     enough = [(band, its) for band, its in zip(bands, those, strict=True) if len(its.runs) >= 2]
@@ -103,7 +103,7 @@ class _Scales(NamedTuple):
         return _against((self.variance / _expected(self.runs, OVERLAP))[::-1], self.pairs[::-1])
 
     def swing(self, deviate: float, usual: float, alike: float, hop_s: float) -> Swing:
-        """Return a swing, whose variance is what the scales have beyond the usual variance `usual`.
+        """Return a swing. Its variance is that of the scales minus the usual variance `usual`.
 
         `hop_s`: time [s] from one block to the next.
         """
@@ -112,7 +112,7 @@ class _Scales(NamedTuple):
 
 
 def _against(variance: Array, pairs: Array) -> _Compared:
-    """Compare each variance (k,) with the mean of the first one, two and so on of the variances before it."""
+    """Compare each variance (k,) with means of earlier ones: of the first, of the first two, and so on."""
     total = pairs.cumsum()
     usual = (variance * pairs).cumsum() / total
     one, before = _below(len(pairs))

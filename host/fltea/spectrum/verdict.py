@@ -1,9 +1,9 @@
 """The verdict on one axis: which models describe the noise, and what they say about it.
 
-Two sets of models compete: models with an order and models without one. Each set has the best model that a
-search found, and a set wins if its best model leads by `APART` in 2 log L after BIC's price. A model with an
-order also has to lead over richer models without one. A model without an order wins only if the model in
-which an order replaces its relaxations is far behind. If neither set wins, the best model of each is
+Two sets of models compete: models with an order and models without one. A search finds the best model of each
+set. A set wins if its best model leads by `APART` in 2 log L after BIC's price, and meets one more condition.
+A model with an order also has to lead over richer models without one. A model without an order has to lead
+far over the model in which an order replaces its relaxations. If neither set wins, the best model of each is
 reported. Each question is stored with the figure that answered it, so that a reader can follow the verdict.
 """
 
@@ -27,9 +27,9 @@ most one in a hundred noises without an order is called fractional. This holds f
 even for sums of regularly spaced relaxations, which look like an order (host/docs/evaluation/odds.md).
 """
 LEAST_RESIDUAL_LEVEL = 0.01
-"""Lowest level of the residuals' test. The test can only contradict the claim of an order, not support it."""
+"""Lowest significance level of the residuals' test, which can only contradict the claim of an order."""
 SHORT_S = 580.0
-"""About ten minutes [s]. The verdict on a shorter record says that slower noise may be hidden."""
+"""About ten minutes [s]. If a record is shorter, its verdict says that slower noise may be hidden."""
 PEAKS: dict[str, VerdictKind] = {
     "line": "line",
     "resonance": "resonance",
@@ -68,21 +68,21 @@ class Verdict(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     what: str
     """What the noise is."""
     why: str
-    """How sure it is what the noise is, and on what evidence."""
+    """How certain the statement `what` is, and on what evidence."""
     next: str
-    """What the user can do next, about the noise or to know it better."""
+    """What the user can do next: against the noise, or to know it better."""
     rules: tuple[Rule, ...]
     """The questions that were asked, with their answers."""
     odds: float | None = None
     """The odds of an order (`spectrum.order_odds`). None if the noise is nearly white or not stationary, or
     if no fitted model has an order."""
     has_order: bool = False
-    """Whether a model with an order is among the models that the verdict names."""
+    """Whether the verdict names a model with an order."""
     order: OrderFit = OrderFit()
     """The order with its intervals. All are None if there is no order or the data do not determine it."""
 
     def saying(self, **words: str) -> "Verdict":
-        """Return the verdict with another `what`, `why` or `next`, and with `text` composed of them again."""
+        """Return the verdict with another `what`, `why` or `next`, and with a `text` composed of them."""
         found = msgspec.structs.replace(self, **words)
         return msgspec.structs.replace(found, text=f"{found.what} {found.why} {found.next}")
 
@@ -107,7 +107,7 @@ class _Questions:
 def winner(e: Evidence, verdict: Verdict) -> FittedModel:
     """Return the model that stands for the noise in curves, figures, filters and simulations.
 
-    Where the data do not show whether there is an order, it is the model with the lower BIC.
+    If the data do not show whether there is an order, this is the model with the lower BIC.
     """
     f = e.candidates
     if verdict.has_order and f.order is not None and (verdict.kind == "fractional" or f.lead > 0):
@@ -143,7 +143,7 @@ def decide(e: Evidence) -> Verdict:
         f"{wording.names(best.kinds)}: {-f.bic(best):+.1f}",
     )
     if e.median is not None and q.ask(
-        "Is there nothing but a median filter, behind which values come again?",
+        "Does a median filter, behind which values repeat, explain everything?",
         not coloured or median_words.explains(e, e.reading),
         f"{e.median.share:.1%}",
     ):
@@ -160,7 +160,7 @@ def decide(e: Evidence) -> Verdict:
 
 
 def _claimed(e: Evidence, q: _Questions) -> bool:
-    """Return whether an order is claimed: the best model with an order leads over all models without one."""
+    """Return whether the best model with an order leads over all without one, so that an order is claimed."""
     f = e.candidates
     if f.ordered is None:
         return False
@@ -189,7 +189,7 @@ def _claimed(e: Evidence, q: _Questions) -> bool:
 
 
 def _either(e: Evidence, q: _Questions) -> bool:
-    """Return whether a model with an order describes the noise nearly as well as those without one."""
+    """Return whether a model with an order describes the noise nearly as well as the models without one."""
     f = e.candidates
     if f.pure is None or f.ordered is None:
         return False
@@ -204,7 +204,7 @@ def _either(e: Evidence, q: _Questions) -> bool:
         return True
     allowed = e.apart + BY_CHANCE * max(f.rich.parameters - f.ordered.parameters, 0)
     return q.ask(
-        f"Does an order with other parts, BIC at most {e.apart:.0f} higher, 2 log L {allowed:.0f} lower?",
+        f"Does an order with other parts fit, BIC {e.apart:.0f} higher, 2 log L {allowed:.0f} lower at most?",
         f.lead > -e.apart and -f.lead_over_rich < allowed and order_of(f.ordered) is not None,
         f"{f.lead:+.1f} and {f.lead_over_rich:+.1f}, of {wording.names(f.ordered.kinds)}",
     )
@@ -235,7 +235,7 @@ def _without_order(e: Evidence, q: _Questions) -> Verdict:
     if found.relaxations:
         return _both(e, q, "fractional or relaxations", said) if q.has_order else _relaxations(e, q, said)
     drifts = found.drifts and found.high_pass is None
-    if q.ask(f"Is there a walk, or a corner below {in_hz(SLOW * e.from_hz)}?", drifts, said):
+    if q.ask(f"Is there a random walk, or a corner below {in_hz(SLOW * e.from_hz)}?", drifts, said):
         if any(
             peak.kind not in ("resonance", "comb") and peak.frequency_hz < SLOW * e.from_hz
             for peak in e.peaks
@@ -261,7 +261,7 @@ def _without_order(e: Evidence, q: _Questions) -> Verdict:
             f"It fits better than white noise (BIC lower by {-f.bic(f.plain):.0f}): {wording.UNDEFINED}.",
             NEXT_FILTER,
         )
-    if q.ask("Is there a filter, or a rise?", found.coloured, said):
+    if q.ask("Is there a filter, or a rise with frequency?", found.coloured, said):
         return _rising(e, q, said) if found.rises else _low_pass(e, q, found, said)
     return _white(e, q, f"What is left ({said}) is a trace of what was found")
 
@@ -330,7 +330,7 @@ def _high_pass(e: Evidence, q: _Questions) -> Verdict:
     f, found = e.candidates, e.reading.high_pass
     assert found is not None
     said = wording.sentence(found.told, e)
-    q.ask("Has a high-pass taken out what is slow?", True, said)
+    q.ask("Has a high-pass removed the slow noise?", True, said)
     return q.say(
         "high-pass",
         f"{wording.capital(said)}.{wording.also_found(e)}",
@@ -368,7 +368,7 @@ def _low_pass(e: Evidence, q: _Questions, found: Reading, said: str) -> Verdict:
 
 
 def _white(e: Evidence, q: _Questions, accepted: str) -> Verdict:
-    """Return the verdict on noise that is white, or nearly white, apart from peaks, drift and the like."""
+    """Return the verdict on noise that is white or nearly white, apart from peaks, drift and the like."""
     q.has_order = False
     rejected = e.p_clean < e.level
     if e.drifts:
@@ -403,5 +403,5 @@ def _white(e: Evidence, q: _Questions, accepted: str) -> Verdict:
         "white",
         "White noise.",
         f"{accepted}, so there is no order: {wording.UNDEFINED}.",
-        "A filter needs its density N, and the walk of its offset if the tracker finds one.",
+        "A navigation filter needs N, and the random walk of the offset if the tracker finds one.",
     )

@@ -17,8 +17,8 @@ NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
 LIKELY = 10.0
 """If the odds for or against an order are at least this, the text says what the noise most likely is."""
 REGULAR = 3.0
-"""If the odds of an order are higher than this, the text says that relaxations a decade apart look like an
-order.
+"""If the odds of an order are higher than this, the text says that relaxations a decade apart would look like
+an order, too.
 """
 UNDEFINED = "α and f are undefined"
 TAKEN_OUT = (
@@ -46,7 +46,7 @@ def capital(text: str) -> str:
 
 
 def peaks(found: tuple[Peak, ...]) -> str:
-    """Return words for the three strongest peaks, and the number of the others."""
+    """Return words for the three strongest peaks, and how many other peaks there are."""
     parts = [_peak(peak) for peak in found[:3]]
     if len(found) > 3:
         parts.append(f"{len(found) - 3} more")
@@ -68,7 +68,7 @@ def _peak(peak: Peak) -> str:
 def peak_hz(frequency_hz: float) -> str:
     """Return words for a peak's frequency.
 
-    For a peak below 0.1 Hz they include its period, since "0.00 Hz" would say nothing.
+    For a peak below 0.1 Hz, the words also give its period, since "0.00 Hz" would say nothing.
     """
     if frequency_hz < 0.1:
         return f"{frequency_hz:.2g} Hz (a period of {duration(1 / frequency_hz)})"
@@ -115,7 +115,7 @@ def relaxations(found: Sequence[Relaxation]) -> str:
 def corners(found: Sequence[Relaxation], e: Evidence) -> str:
     """Return words for the corner frequencies of relaxations.
 
-    The words give the frequencies that lie in the fitted band.
+    If a corner frequency lies in the fitted band, the words give its value.
     """
     values = sorted(corner_hz(part) for part in found)
     inside = [f"{value:.3g}" for value in values if e.from_hz <= value <= e.to_hz]
@@ -180,7 +180,7 @@ def band(e: Evidence) -> str:
 
 
 def either(ordered: str, said: str, value: float | None) -> str:
-    """Return a sentence that the noise is either `ordered` or `said`.
+    """Return a sentence that says that the noise is either `ordered` or `said`.
 
     `value`: odds of the order, if known.
     """
@@ -196,7 +196,7 @@ def odds_of_order(e: Evidence) -> str:
         return ""
     said = f"for an order are {odds(e.odds)}" if e.odds >= 1 else f"against an order are {odds(1 / e.odds)}"
     regular = " Relaxations a decade apart would look the same." if e.odds > REGULAR else ""
-    return f"The odds {said}, if as many noises have one as not.{regular}"
+    return f"The odds {said}, if half of all noises have one.{regular}"
 
 
 def null_test(e: Evidence) -> str:
@@ -210,7 +210,7 @@ def null_test(e: Evidence) -> str:
 def rejected_by(e: Evidence) -> str:
     """Return words on missing power at low frequencies, if white noise was rejected because of it.
 
-    The text is empty otherwise.
+    In all other cases the text is empty.
     """
     if e.candidates.missing.nll >= e.candidates.null.nll:
         return ""
