@@ -1,1 +1,1 @@
-"""One device's samples: their time and units, estimates, fits, and the records of them."""
+"""The stream of one device: times and units of its samples, estimates, fits, and the records of these."""

@@ -1,7 +1,7 @@
-"""Follow the estimates that a board makes: find the sample of each, and compare it with the host's estimate.
+"""Follow the estimates that a board makes: find the sample of each estimate, and compare it with the host's.
 
-An estimate arrives later than its sample, since the board needs time for it. So the newest samples since the
-last restart of the filters are remembered. An estimate for any other sample is dropped and counted.
+An estimate arrives later than its sample, since the board needs time for it. So this module remembers the
+newest samples since the last restart of the filters. An estimate for any other sample is dropped and counted.
 """
 
 from collections.abc import Iterator
@@ -38,12 +38,12 @@ class BoardEstimates:
     """Follows the board's own estimates.
 
     If only the board makes estimates, they become `Estimate` records. If this computer makes estimates too,
-    `DeviceEstimates` records compare the two. This computer uses the board's settings then, as soon as the
-    board has stated them. The state of a board's estimator is never saved, since the board begins a new
-    start-up window with each boot.
+    `DeviceEstimates` records compare the board's with this computer's. In that case this computer uses the
+    board's settings, as soon as the board has stated them. The state of a board's estimator is never saved,
+    since the board begins a new start-up window with each boot.
 
-    `fits`: this computer's live fits. The records of the board's estimates repeat their p-value of white
-    noise.
+    `fits`: this computer's live fits. The records of the board's estimates repeat the p-value of white noise
+    from these fits.
     """
 
     def __init__(self, config: Config, fits: LiveFits | None = None) -> None:
@@ -164,7 +164,7 @@ class BoardEstimates:
             yield from self._record(sample, self.stated.variant)
 
     def _axes_stats(self) -> dict[str, AxisStats]:
-        """Return the statistics that the board states for each axis."""
+        """Return for each axis the statistics that the board states."""
         result = {}
         for axis, place in self._axes.items():
             bias = R = None

@@ -1,4 +1,4 @@
-"""Make records of a board's estimate of an axis. They may have its difference from the host's estimate."""
+"""Make records of a board's estimate of an axis, some with its difference from the host's estimate."""
 
 import math
 
@@ -19,7 +19,7 @@ def estimate_of(e: DeviceAxis, fit: AcceptedFit, known: AxisEstimate) -> AxisEst
 def compare(
     e: DeviceAxis, known: AxisEstimate | None, host_age: int | None, same_settings: bool
 ) -> DeviceAxisEstimate:
-    """Return the board's estimate, and its difference from the host's or the reason why there is none.
+    """Return the board's estimate, with its difference from the host's or the reason why there is none.
 
     `known`: the host's estimate after the same sample. `host_age`: number of steps that the host's filters
     have made since their start-up window, counted from 1; None if the host makes no estimates of this axis.
@@ -66,7 +66,7 @@ _Six = tuple[float | None, float | None, float | None, float | None, float | Non
 
 
 def _numbers(e: DeviceAxis) -> tuple[bool, _Six]:
-    """Return whether the board's estimate is valid, and its six numbers.
+    """Return whether the board's estimate is valid, and the estimate's six numbers.
 
     All numbers are None if the estimate is not valid. The innovation is None if it is not finite or the
     sample is missing.

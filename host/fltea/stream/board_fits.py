@@ -1,11 +1,11 @@
 """Make records of the maximum-likelihood fits that a board makes.
 
-They have the differences from this computer's fits.
+The records also have the differences from this computer's fits.
 
 The board needs up to a minute for a fit, so a fit does not belong to the sample that arrives at the same
-time. The record of a fit states the time of the newest sample when the fit arrives. Its fields `age` and
-`samples` state which samples were fitted. The bins of the spectrum that was fitted arrive later, in several
-messages.
+time. The record of a fit has the time of the sample that is the newest one when the fit arrives. The record's
+fields `age` and `samples` state which samples were fitted. The bins of the fitted spectrum arrive later, in
+several messages.
 """
 
 import math
@@ -37,8 +37,8 @@ measures.
 """
 
 CHECK_EVERY_NS = 1_000_000_000
-"""Shortest time between two checks of an axis's bins by a fit of this computer [ns]. A working device sends
-bins only every half minute.
+"""This computer checks the board's fit of an axis by fitting the bins itself. Two checks of an axis are at
+least this time apart [ns]. A working device sends bins only every half minute.
 """
 
 AS_STATED = (
@@ -97,7 +97,7 @@ class BoardFits:
             return
         total = parts[0].total if parts else bins.total
         if not bins.hz or bins.total != total or bins.first != sum(len(part.hz) for part in parts):
-            self._bins.pop(bins.axis)  # some bins of this fit were lost, so all are given up
+            self._bins.pop(bins.axis)  # some bins of this fit were lost, so all its bins are given up
             return
         parts.append(bins)
         if bins.first + len(bins.hz) < total:
@@ -125,7 +125,7 @@ class BoardFits:
         return DeviceSpectrum(*(list(column) for column in zip(*rising, strict=True)))
 
     def _check(self, spectrum: DeviceSpectrum, axis: str, moment: Moment) -> float | None:
-        """Fit the board's bins on this computer, and return the order α.
+        """Fit the board's bins on this computer, and return the order α of this fit.
 
         Return None if no such check is due or possible.
         """
@@ -173,11 +173,11 @@ def _axis_fit(fit: DeviceFit, host: AxisFit | None) -> DeviceAxisFit | None:
 
 
 def order_of_bins(spectrum: DeviceSpectrum, rate_hz: float) -> float | None:
-    """Fit the bins that a board fitted on this computer, to check the board's arithmetic.
+    """Fit on this computer the bins that a board has fitted, to check the board's arithmetic.
 
-    The result is the order α with the highest likelihood, for a sum of fractional noise and white noise. It
-    is None if the bins cannot be fitted, as happens if two bins have the same frequency. They may if the
-    board's record has several stretches.
+    The noise model is a sum of fractional noise and white noise. The result is the order α with the highest
+    likelihood. It is None if the bins cannot be fitted, for example if two bins have the same frequency. This
+    may happen if the board's record has several stretches.
     """
     lam = np.array(spectrum.hz) * (2 * math.pi / rate_hz)
     power = np.square(spectrum.density) * (rate_hz / 2)

@@ -14,7 +14,7 @@ from fltea.stream.board_settings import unused_settings
 from fltea.stream.epoch import Notice
 
 PATIENCE_NS = 5 * 10**9
-"""Time after which a board is reported that sends samples but has not described its estimator [ns]."""
+"""A board that sends samples is reported if it has not described its estimator within this time [ns]."""
 
 
 class BoardNotices:
@@ -30,12 +30,12 @@ class BoardNotices:
         self._constant: set[str] = set()
         self._invalid = OnceAMinute()
         self._skipped: tuple[int, int | None] = (0, None)
-        """Number of samples that the board's estimator had skipped at the last report, and time of this
-        report. The time is None before the board has stated the number.
+        """The last report of skipped samples: how many samples the board's estimator had skipped by then, and
+        the time of the report. The time is None as long as the board has not stated the number.
         """
 
     def begin(self) -> None:
-        """Let constant axes be reported again, since the filters restart."""
+        """Forget which constant axes were reported, since the filters restart."""
         self._constant.clear()
 
     def on_link_down(self) -> None:
@@ -60,7 +60,7 @@ class BoardNotices:
     def silent_from(self, host_ns: Ints) -> int | None:
         """Return the index of the first sample at which the board has been silent for too long, or None.
 
-        A board is silent here if it sends samples, but does not describe its estimator.
+        A board counts as silent here if it sends samples, but does not describe its estimator.
         """
         if self._silence_reported:
             return None
@@ -99,7 +99,7 @@ class BoardNotices:
             yield Notice(
                 "device_skipped",
                 f"the device's estimator skipped {stated.skipped - before} samples ({stated.skipped} since "
-                "its boot): it had fallen behind, so its estimates are of fewer samples than there were, and "
+                "its boot): it had fallen behind. So its estimates come from fewer samples than there were, and "
                 "nothing is compared until it begins again. No sample is lost. A lower rate "
                 "in the firmware's settings helps.",
                 stated.host_ns,

@@ -8,8 +8,8 @@ from fltea.records.records import GYRO_UNIT, AxisEstimate
 from fltea.stream.epoch import Moment
 
 REMEMBERED = 256
-"""Number of newest samples that are remembered. Estimates never arrive later than this many samples, since a
-board rather skips samples.
+"""This many of the newest samples are remembered. An estimate never arrives more than this many samples after
+its own sample: a board that falls further behind skips samples instead.
 """
 
 

@@ -27,7 +27,7 @@ def host_settings(stated: DeviceEstimator) -> EstimatorConfig:
     if stated.variant == "joint":
         if any(order[name] != value for name, value in parameter.items()):
             raise ValueError(
-                "P0, Q0 and delta of order and parameter differ, and the joint filter has one each"
+                "P0, Q0 or delta of order and parameter differ, but the joint filter has one for both"
             )
         filters = {"joint": {**order, "beta0": stated.parameter0}}
     else:
@@ -49,12 +49,12 @@ def host_settings(stated: DeviceEstimator) -> EstimatorConfig:
 
 
 def info_of(stated: DeviceEstimator) -> EstimatorInfo:
-    """Return what the record `epoch` states about the estimator if only the device makes estimates."""
+    """Return the estimator's part of the record `epoch` for a device that alone makes the estimates."""
     return EstimatorInfo(stated.variant, "device", "compressed", stated.guard, 0, stated.startup, (), ())
 
 
 def unused_settings(config: EstimatorConfig) -> list[str]:
-    """Return the dotted names of changed settings that have no effect, since the device has its own."""
+    """Return the dotted names of settings that the user has changed in vain, since the device has its own."""
     usual = EstimatorConfig(estimate_on=config.estimate_on)
     names = [name for name in config.__struct_fields__ if getattr(config, name) != getattr(usual, name)]
     return [f"estimator.{name}" for name in names]

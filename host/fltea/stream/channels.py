@@ -18,8 +18,8 @@ from fltea.stream.live import NO_FIT, AcceptedFit
 from fltea.stream.tuning import HandedOver, handed_over
 
 LONGEST_BRIDGE = 30_000
-"""Largest number of missing samples that filters with unlimited memory bridge by prediction. The prediction
-over this many samples takes half a second.
+"""Filters with unlimited memory bridge at most this many missing samples by prediction. The prediction over
+this many samples takes half a second.
 """
 
 
@@ -48,8 +48,8 @@ class Channels:
         self._names, self._unit = tuple(axes), unit
         self._fits: tuple[AcceptedFit, ...] = (NO_FIT,) * len(self._names)
         self.words: tuple[Any, ...] = self._words()
-        """`null_p` of each axis, and `whiteness` of each axis, by the accepted fits. They stay the same in
-        all records until the next fit.
+        """`null_p` of each axis and `whiteness` of each axis, which come from the accepted fits. Until the
+        next fit, all records have the same values.
         """
         self._known: dict[str, AcceptedFit] = {}
         self.bank = Bank(self._names, config, h, resolution, state)
@@ -67,7 +67,7 @@ class Channels:
 
     @property
     def waiting(self) -> list[bool]:
-        """For each axis, whether its filter waits for a fit that gives its variances."""
+        """For each axis, whether its filter waits for a fit from which it gets its variances."""
         return [self._tuned and axis not in self.bank.tuned for axis in self._names]
 
     def use_model(self, accepted: Sequence[AcceptedFit]) -> None:
@@ -116,13 +116,16 @@ class Channels:
         self.bank.on_missing(min(count, self.config.window_samples or LONGEST_BRIDGE))
 
     def notices(self, host_ns: int) -> Iterator[Notice]:
-        """Yield reports about axes that were constant in the start-up window, after it is full."""
+        """Yield reports about axes that were constant in the start-up window.
+
+        The method is called when the window is full.
+        """
         baseline = self.bank.baseline
         for axis in baseline.constant_axes if baseline else ():
             remedy = "--set accel.R=9e-4" if axis in ACCEL_AXES else "--r 0.02"
             text = (
                 f"{axis} did not change over the start-up window, so R is not known, and the axis "
-                f"stays invalid. Is the sensor alive? If such data are meant, give R: {remedy}."
+                f"stays invalid. Is the sensor alive? If the data are right, give R: {remedy}."
             )
             yield Notice("constant_axis", text, host_ns)
 

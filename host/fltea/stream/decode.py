@@ -1,8 +1,9 @@
 """Convert the events of a source into samples in physical units, with their numbers and times.
 
-The native device (host/native/device.hpp) makes the conversion. It also runs the estimators that
-`fltea.stream.pipeline` gives it. To export a recording, it runs without estimators. An epoch is a stretch of
-samples without a restart of the estimators. Within an epoch, the samples' numbers and times do not wrap.
+The native device (host/native/device.hpp) makes the conversion. The native device also runs the estimators
+that `fltea.stream.pipeline` gives it. When a recording is exported, it has no estimators. An epoch is a
+stretch of samples without a restart of the estimators. Within an epoch, the samples' numbers and times do not
+wrap.
 """
 
 from collections.abc import Callable, Iterator
@@ -23,12 +24,12 @@ from fltea.wire.sample_scaling import Scales
 
 
 class Stop(IntEnum):
-    """Reasons why the native device stops while it processes samples (host/native/device.hpp)."""
+    """Reasons for which the native device stops while it processes samples (host/native/device.hpp)."""
 
     END = 0
     """All samples of the block are processed."""
     MORE = 1
-    """Nothing has happened, but a part of the samples is processed, and there are more."""
+    """Nothing has happened, but only a part of the samples has been processed so far."""
     STATS_DUE = 2
     """Statistics are due before the next sample is processed."""
     GAP = 3
@@ -38,8 +39,8 @@ class Stop(IntEnum):
     EPOCH = 4
     """The next sample begins an epoch. Details: the fields of `FirstSample`."""
     HAPPENED = 5
-    """Something happened at the last processed sample. Details: for each event, the sensor, and either the
-    axes that became invalid, or a step or motion.
+    """At the last processed sample there were events. Details: for each event, the sensor, and what happened:
+    axes that became invalid, a step, or a motion.
     """
     WINDOW_FULL = 6
     """With the last processed sample, the start-up window of a sensor is full."""
@@ -54,13 +55,13 @@ class Stop(IntEnum):
 
 
 OfSensors = list[tuple[list[Any], list[Any] | None] | None]
-"""For each sensor, the columns with results of its bias tracker, and those of its filters or None; None for a
-sensor without samples.
+"""For each sensor, two groups of columns: the results of its bias tracker, and those of its filters or None.
+For a sensor without samples, None.
 """
 
 Rows = tuple[int, tuple[Any, ...], OfSensors]
-"""Processed samples: the index of the first of them in the source's block, the columns of the samples, and
-the results of trackers and filters.
+"""Processed samples. The tuple has the index of the first of them in the source's block, the columns of the
+samples, and the results of trackers and filters.
 """
 
 
@@ -87,8 +88,8 @@ class FirstSample(NamedTuple):
 class Decoded(NamedTuple):
     """Samples without a gap, in physical units and in counts.
 
-    `missing`: number of samples lost just before these. `new_epoch`: reason why an epoch begins with these
-    samples, or None.
+    `missing`: number of samples that were lost just before these samples. `new_epoch`: reason why an epoch
+    begins with these samples, or None.
     """
 
     block: Block
@@ -119,7 +120,8 @@ class Decoder:
         self._unix_offset_ns, self._max_gap = unix_offset_ns, max_gap
         self._hello: Hello | None = None
         self.contradiction: str | None = None
-        """Message to the user if the device's clock contradicts its HELLO, else None. Only `feed` sets it."""
+        """Message to the user if the device's clock contradicts its HELLO, else None. Only `feed` sets this.
+        """
         self._template = _empty(device, output or OutputConfig())
 
     @property
@@ -140,7 +142,7 @@ class Decoder:
     def on_hello(self, hello: Hello) -> bool:
         """Note a HELLO.
 
-        Return whether it is the first, or states another boot or another start of the sensor.
+        Return whether this HELLO is the first one, or states another boot or another start of the sensor.
         """
         before = self._hello
         another_boot = before is None or _boot(hello) != _boot(before)
@@ -173,9 +175,10 @@ class Decoder:
     def advance(self, raw: RawBlock) -> Iterator[tuple[Stop, int, Rows | None, Any]]:
         """Process samples, and yield each stop.
 
-        A stop is given by its reason, the index of the next sample, the processed samples, and the details.
+        A stop consists of its reason, the index of the next sample, the processed samples, and the details.
 
-        The caller handles a stop before it asks for the next one; for `EPOCH` it calls `begin`.
+        The caller handles each stop before it asks for the next stop. For the reason `EPOCH` it calls
+        `begin`.
         """
         stop, index = -1, 0
         while stop != Stop.END:
@@ -223,9 +226,9 @@ class Decoder:
 def explain_rate(source: str, stated_hz: float, measured_hz: float) -> str:
     """Return the message about a device whose clock contradicts its HELLO."""
     return (
-        f"{source}: HELLO states {stated_hz:.4g} Hz, and by the device's own clock and numbers its samples "
-        f"come at {measured_hz:.4g} Hz. One of them is wrong, and all that is in seconds or Hz with it, so "
-        "the samples are counted (rate_differs) and not used until both agree. Correct the rate, or the "
+        f"{source}: HELLO states {stated_hz:.4g} Hz, but by the device's own clock and numbers its samples "
+        f"come at {measured_hz:.4g} Hz. One of the two is wrong, and so is each figure in seconds or Hz. So "
+        "the samples are counted (rate_differs), but not used until both agree. Correct the rate, or the "
         "clock, in its firmware."
     )
 

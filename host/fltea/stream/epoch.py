@@ -1,4 +1,4 @@
-"""Define the data about an epoch of a device: its beginning, its records, the state of its estimators.
+"""Define the data about an epoch of a device: its beginning, its records, and the state of the estimators.
 
 An epoch is a stretch of samples without a restart of the estimators.
 """
@@ -16,7 +16,8 @@ from fltea.records.sensor_kind import ACCELEROMETER, GYROSCOPE, SensorKind
 from fltea.records.stats import AxisStats, DeviceEstimatorStats, TrackerStats
 
 NEVER = 2**62
-"""Stands for "never": a number that no sample has, and a time at which none arrives (host/native/device.hpp).
+"""Stands for "never": a number that no sample has, and a time at which no sample arrives
+(host/native/device.hpp).
 """
 
 
@@ -59,7 +60,7 @@ class Beginning(NamedTuple):
     missing: int = 0
 
     def axes(self, wanted: Sequence[str] | None) -> dict[SensorKind, dict[str, int]]:
-        """Return, for each sensor, the index of the column of each of its axes that is wanted.
+        """Return for each sensor, by the names of its wanted axes, the index of each axis's column.
 
         `wanted`: names of these axes; None stands for all axes of the gyroscope. A sensor without a wanted
         axis is left out.
@@ -96,7 +97,7 @@ SAVED_FIELDS = ("{}", "{}_fit", "{}_track")
 
 
 class Saved(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Saved state from which the sensors of a device continue; None for a part that was not saved.
+    """Saved state from which the sensors of a device continue. A part that was not saved is None.
 
     `gyro`, `accel`: state of the filters. `gyro_fit`, `accel_fit`: spectral sums of the live fits.
     `gyro_track`, `accel_track`: state of the bias trackers.
@@ -126,7 +127,7 @@ class Standing:
     tracker: dict[str, TrackerStats] = field(default_factory=dict)
 
     def with_board(self, of_board: "Standing") -> "Standing":
-        """Return this state, completed by the board's state for axes that only the board estimates."""
+        """Return this state, to which the board's state is added for axes that only the board estimates."""
         return Standing(
             max(self.startup_remaining, of_board.startup_remaining),
             of_board.axes | self.axes,

@@ -13,17 +13,17 @@ from fltea.settings.config import Config
 from fltea.stream.fit_worker import FitWorker
 
 DEVICES_A_SECOND = 12
-"""Largest number of devices with three axes each of which is refitted once a second. The model search for a
+"""Up to this number of devices with three axes, each device is refitted once a second. The model search for a
 short record takes 25 ms per device.
 """
 GOLDEN = (math.sqrt(5) - 1) / 2
-"""Golden ratio. The fractional parts of its multiples are spread evenly over 0 to 1, for any number of
+"""Golden ratio. The fractional parts of its multiples are spread evenly over 0 to 1, whatever the number of
 devices.
 """
 LONGEST_PERIOD_S = 3600.0
 SEARCH_GROWTH, REFIT_GROWTH = 10, 100
-"""The record grows by 1/`SEARCH_GROWTH` of its length between two model searches, and by 1/`REFIT_GROWTH` of
-its length between two refits.
+"""Between two model searches, the record grows by 1/`SEARCH_GROWTH` of its length. Between two refits, it
+grows by 1/`REFIT_GROWTH` of its length.
 """
 LONGEST_S = 60.0
 """Longest time between two refits if an output shows the fits [s]."""
@@ -33,15 +33,16 @@ times the shortest time between refits. Curves are most of the bytes of the reco
 work if there are many devices.
 """
 SEARCH_LAG = 50
-"""A model search takes effect when the epoch has grown by 1/`SEARCH_LAG` since the search began. Samples are
-processed in the meantime, also when a file is read at full speed or many devices began together.
+"""A model search takes effect when the epoch has grown by 1/`SEARCH_LAG` since the search began. In the
+meantime samples are processed. This matters when a file is read at full speed, or when many devices began
+together.
 """
 
 
 def period_s(config: Config, fit_worker: FitWorker) -> float:
     """Return the shortest time between two refits [s], by the samples' clock.
 
-    It is longer if the program has many devices, or if the processor does not keep up.
+    The time is longer if the program has many devices, or if the processor does not keep up.
     """
     given = config.live.period_s
     usual_s = max(1.0, fit_worker.devices / DEVICES_A_SECOND) if given is None else given
@@ -65,9 +66,9 @@ def turn(fit_worker: FitWorker, number: int, period: int) -> int:
 class Refit(NamedTuple):
     """Purpose of a refit, and when it takes effect.
 
-    `settles`: whether the estimates use the refit, until the next refit with `settles`. `fresh`: whether the
-    noise model is searched for again. `curves`: whether the refit's record contains spectrum and Allan
-    deviation. `counts`: number of the sample at which the refit takes effect.
+    `settles`: whether the estimates use the result of this refit, until the next refit with `settles`.
+    `fresh`: whether the noise model is searched for again. `curves`: whether the refit's record contains
+    spectrum and Allan deviation. `counts`: number of the sample at which the refit takes effect.
     """
 
     settles: bool
@@ -80,9 +81,9 @@ class RefitTimes:
     """Decides at which samples of an epoch refits begin. The samples are numbered from 1.
 
     The numbers at which refits may begin are multiples of the period, in samples. A refit takes effect before
-    the next multiple. Only a model search may take longer, and delays the refits that no estimate uses.
+    the next multiple. Only a model search may take longer. It then delays the refits that no estimate uses.
     `grows`: whether the time between model searches grows with the record; if not, every refit is a model
-    search. `every`: whether refits that no estimate uses are made as well, for outputs that show them. The
+    search. `every`: whether refits that no estimate uses are made as well, since an output shows them. The
     refits that estimates use do not depend on `every`.
     """
 
@@ -98,7 +99,7 @@ class RefitTimes:
     def at(
         self, number: int, samples: int, period: int, *, noticed: bool, busy: bool = False
     ) -> Refit | None:
-        """Return the refit that begins with sample `number`, which is at least `check`; None if none begins.
+        """Return the refit that begins with sample `number`, which is at least `check`; None without a refit.
 
         `samples`: number of samples of the whole record. `period`: number of samples between two refits from
         now on. `noticed`: whether a step or a change of the noise was noticed, so that a refit is wanted now.

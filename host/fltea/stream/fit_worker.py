@@ -14,14 +14,14 @@ class FitWorker:
     This class makes a refit in the thread that asks for the result. `FitThread` uses a thread of its own.
 
     `devices`: number of devices of the program. `slower`: factor by which the time between refits is longer
-    than usual, since the processor does not keep up. The code that runs many devices sets both.
+    than usual because the processor does not keep up. The code that runs many devices sets both numbers.
     """
 
     def __init__(self, devices: int = 1, slower: float = 1.0) -> None:
         self.devices, self.slower = devices, slower
 
     def begin(self, work: Callable[[], T]) -> Callable[[], T]:
-        """Begin `work`.
+        """Begin the task `work`.
 
         The returned function does the work if it is not done yet. It returns the result of `work`, or raises
         its exception.
@@ -57,8 +57,8 @@ class _Work:
 class FitThread(FitWorker):
     """Does all tasks in one separate thread, in the order in which they were queued.
 
-    If a caller needs the result of a task that has not started, it does the task itself. So a replay uses two
-    processor cores.
+    If a caller needs the result of a task that has not started yet, the caller's thread does the task itself.
+    So a replay uses two processor cores.
     """
 
     def __init__(self, devices: int = 1) -> None:

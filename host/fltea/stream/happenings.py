@@ -21,8 +21,8 @@ def record_of(
 ) -> Step | Motion:
     """Return the record of an event. `moment`: sample at which it was detected. `h`: sampling period [s].
 
-    The time at which the event began is computed from the sampling rate. It need not be looked up among
-    earlier samples, so it does not depend on the blocks in which samples arrive.
+    The time at which the event began is computed from the sampling rate. It is not looked up among earlier
+    samples, so it does not depend on the blocks in which samples arrive.
     """
     before = max(event.ago - 1, 0)
     place = (

@@ -5,9 +5,9 @@ length, a restart of the board or of its sensor, and the time between two runs (
 the sums are kept. Another device, scale, filter, rate or set of axes begins new sums. So the samples of one
 fit may span several epochs, while FLTEA's filters begin anew with each epoch.
 
-A refit takes milliseconds, and no sample waits for it: it works on a copy of the sums, in the fit worker's
-thread, and takes effect at a sample that is chosen when the refit begins. If the refit is not done by then,
-the samples wait for it. So the results do not depend on the speed of the machine.
+A refit takes milliseconds. It works on a copy of the sums in the fit worker's thread, so that samples are
+processed in the meantime. It takes effect at a sample that is chosen when the refit begins. Only if the refit
+is not done by then do the samples wait for it. So the results do not depend on the speed of the machine.
 
 Motion of the sensor is no noise, so samples in which the sensor's tracker detects motion are left out of the
 sums.
@@ -32,15 +32,14 @@ from fltea.stream.fit_worker import FitWorker
 from fltea.stream.tracked_models import TrackedModel, TrackedModelMaker
 
 NO_VERDICT = ("too few samples",)
-"""Verdicts of a fit that say nothing about the noise. They never count as stable."""
+"""Verdicts of a fit that say nothing about the noise. Such a verdict never counts as stable."""
 REFILTERED = 32
-"""Number of samples before a refit takes effect at which the fit worker filters all remembered samples with
-the new noise model. The device stream then has to filter only this many samples itself (about 5 µs per axis),
-and the test for steps covers as many past samples as without a refit.
+"""The fit worker filters all remembered samples with the new noise model, and does so this many samples
+before the refit takes effect. The device stream then has to filter only this many samples itself (about 5 µs
+per axis), and the test for steps covers as many past samples as without a refit.
 """
 BREAK = 9
-"""Smallest number of samples that count as lost when a stretch of samples ends. The true number may be
-unknown.
+"""When a stretch of samples ends, at least this many samples count as lost. The true number may be unknown.
 """
 
 
@@ -156,7 +155,7 @@ class LiveFits:
         return self._sums
 
     def begin_numbers(self, seq: int) -> None:
-        """Note the number `seq` of the first sample of an epoch."""
+        """Note that the first sample of the epoch has the number `seq`."""
         period = self._period()
         self._times.begin(period)
         self._before_first = seq - 1 + turn(self._fit_worker, self._number, period)
@@ -183,7 +182,7 @@ class LiveFits:
         return NEVER if self._begun is None else self._before_first + self._begun.refit.counts
 
     def refit(self, moment: Moment, tracks: Callable[[str], Tracks]) -> None:
-        """Begin a refit if one is due. Also filter the remembered samples for the last refit, if that is due.
+        """Begin a refit if one is due. If it is time, also filter the remembered samples for the last refit.
 
         `moment`: number and times of the last processed sample; its number is `due` or higher. `tracks`:
         function that returns the tracker of the sensor to which an axis belongs.
@@ -230,7 +229,7 @@ class LiveFits:
         if begun is None:
             return
         # The fit of the last axis is asked for first, since the fit worker begins with the first axis. So
-        # this thread helps with fits that the fit worker has not begun.
+        # this thread makes fits that the fit worker has not begun yet.
         refitted = {axis: begun.refits[axis]() for axis in reversed(begun.refits)}
         for wait in reversed(begun.refiltered):
             wait()
