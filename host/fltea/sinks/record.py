@@ -331,12 +331,12 @@ def _explain(folder: Path, error: OSError, resume_mb: float) -> tuple[str, str]:
     """Return kind and text of the error that stopped a recording."""
     if error.errno in NO_ROOM:
         return "disk_full", (
-            f"recording to {folder} stopped: {error.strerror}. All else goes on, and so does the recording, "
-            f"in a new file, once there is room for {resume_mb:g} MB. Remove what is not needed."
+            f"recording to {folder} stopped: {error.strerror}. Everything else goes on. The recording "
+            f"goes on in a new file once there is room for {resume_mb:g} MB. Remove what is not needed."
         )
     return "record_failed", (
-        f"recording to {folder} stopped: {error.strerror}. All else goes on; a new file is tried every "
-        f"{RETRY_NS // 10**9} s. Is the disk still there, and may this program write to it?"
+        f"recording to {folder} stopped: {error.strerror}. Everything else goes on; a new file is tried "
+        f"every {RETRY_NS // 10**9} s. Is the disk still there, and may this program write to it?"
     )
 
 

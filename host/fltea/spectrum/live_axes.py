@@ -186,7 +186,7 @@ class LiveAxes:
                 last_refit=self._last_refits[lane],
             )
         except ValueError:
-            needed = f"a fit needs {FEWEST_SAMPLES} without a break, and there are {counts.used:,}"
+            needed = f"a fit needs {FEWEST_SAMPLES} samples without a break, and there are {counts.used:,}"
             text = f"Too few samples yet: {needed}."
             return AxisRefit(AxisFit("too few samples", text, self.unit), None)
         return self._axis_fit(octaves, lane, counts.used, seen, whole if curves else None)

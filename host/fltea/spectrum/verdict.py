@@ -358,7 +358,7 @@ def _low_pass(e: Evidence, q: _Questions, found: Reading, said: str) -> Verdict:
         "low-pass",
         f"{wording.capital(said)}.{wording.also_found(e)}",
         (
-            "A relaxation that has nearly all of the power would look the same"
+            "A relaxation with nearly all of the power would look the same as this filter"
             if one
             else f"It fits better than white noise (2 log L higher by {gain:.0f})"
         )

@@ -99,7 +99,7 @@ class BoardNotices:
             yield Notice(
                 "device_skipped",
                 f"the device's estimator skipped {stated.skipped - before} samples ({stated.skipped} since "
-                "its boot): it had fallen behind. So its estimates come from fewer samples than there were, and "
+                "its boot): it had fallen behind. So its estimates are of fewer samples than there were, and "
                 "nothing is compared until it begins again. No sample is lost. A lower rate "
                 "in the firmware's settings helps.",
                 stated.host_ns,

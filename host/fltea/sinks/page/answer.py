@@ -33,7 +33,7 @@ WITH_ORDER = ("fractional", "fractional or relaxations", "undecided")
 SAYS_NOTHING = ("constant", "too few samples")
 UNSTABLE = "No stable verdict yet"
 NOT_YET = "Two fits must agree, the later one with a tenth more samples. The newest one says: {}."
-NO_FIT = "It comes within seconds of the first samples."
+NO_FIT = "The first fit comes within seconds of the first samples."
 OFF = "Nothing is fitted: live.on is false."
 
 LEFT_OUT = {

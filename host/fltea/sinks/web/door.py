@@ -121,7 +121,9 @@ class Door(HTTPServerConnectionDelegate):
                 for one in self._sockets:
                     self._loop.remove_handler(one)
                 self._loop.call_later(REST_S, self._listen)
-                self._say(f"the page cannot take connections for now: {error.strerror}. All else goes on.")
+                self._say(
+                    f"the page cannot take connections for now: {error.strerror}. Everything else goes on."
+                )
                 return
             self._make_room(str(address[0]))
             stream = IOStream(connection, max_buffer_size=1 << 17)
@@ -140,7 +142,7 @@ class Door(HTTPServerConnectionDelegate):
         self._closed_for_room += 1
         self._say(
             f"more than {self.most} connections to the page, or {self.most // 2} from one address. Those "
-            f"that were idle longest are closed, {self._closed_for_room} so far, the last for {name}."
+            f"idle longest are closed: {self._closed_for_room} so far, the last to make room for {name}."
         )
 
     def _say(self, text: str) -> None:
@@ -187,4 +189,4 @@ class LibraryErrors(logging.Handler):
         cause = "" if error is None else f" ({type(error).__name__}: {error})"
         # an error inside this method must not be reported as another error
         with contextlib.suppress(Exception):
-            self._report("page_fault", f"the page has a fault; all else goes on. {what}{cause}")
+            self._report("page_fault", f"the page has a fault; everything else goes on. {what}{cause}")

@@ -29,7 +29,7 @@ def fault_text(code: FaultCode, detail: int, path: str, address: int) -> str:
                 f"a chip answers at 0x{address:02X} on {path}, but its WHO_AM_I is 0x{detail:02X}: no "
                 f"{known_sensors()}, nor a known clone. Is it another kind of sensor? 0x00 or 0xFF mean a "
                 "bad contact on SDA, or a chip that another program left with another bank of registers "
-                f"selected: then say in the source which it is, by {keys}."
+                f"selected: then name the chip in the source, by {keys}."
             )
         case FaultCode.BUS_HELD:
             return (
