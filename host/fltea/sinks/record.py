@@ -120,7 +120,7 @@ class RecordSink(Sink):
                 self._on_link(item)
             case Block():
                 self._on_block(item)
-            case Printed():  # this never comes, since only an output with `prints` receives printed text
+            case Printed():  # printed text never comes, since only an output with `prints` receives it
                 pass
             case _:
                 self._on_record(item)

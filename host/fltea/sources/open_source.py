@@ -210,6 +210,6 @@ def _need_wire(config: Config, url: str) -> None:
 def _startup(config: EstimatorConfig) -> int:
     """Return the smallest number of samples that a recording must have.
 
-    It is 0 if it cannot be said without the sampling rate.
+    The result is 0 if this number depends on the sampling rate, which is not known here.
     """
     return config.startup_needed if isinstance(config.startup, int) else 0

@@ -75,8 +75,8 @@ class FittedModel(NamedTuple):
     def parameters(self) -> int:
         """Return the number of parameters that BIC counts.
 
-        It includes parameters whose value is found by trying several values: the number of samples of a mean,
-        the frequency of a notch.
+        This number includes parameters whose value is found by trying several values: the number of samples
+        of a mean, the frequency of a notch.
         """
         return sum(map(free_of, self.codes)) + sum(kind.row().sought for kind in self.kinds)
 

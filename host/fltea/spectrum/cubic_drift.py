@@ -21,8 +21,8 @@ power of the ordinates with the numbers NEAR_THE_DRIFT.
 class Drift(NamedTuple):
     """The slow part of a record that is not noise.
 
-    It is described by a cubic in each unbroken stretch of the record at reduced rate (the whole-record level
-    of `octaves`).
+    This drift is described by a cubic in each unbroken stretch of the record at reduced rate (the
+    whole-record level of `octaves`).
     """
 
     power: float

@@ -20,8 +20,8 @@ LEAST_OFFSET = 10.0
 """The drift of the offset matters only if its power is at least this many times that of the noise."""
 LEAST_RATIO = 2.0
 FALSE_ALARM = 1e-4
-"""Probability of a false alarm in a record that is tested once. It is that of each of the two tests (slow
-power, drift of the offset).
+"""In a record that is tested once, each of the two tests (slow power, drift of the offset) gives a false
+alarm with this probability.
 """
 
 

@@ -2,7 +2,7 @@
 
 These are the three terms of IEEE 952's noise model that users read from a curve of Allan deviations. Their
 spectra are linear in their amplitudes, so that a fit costs less than a millisecond. The fit uses every
-frequency at which the 1/f noise stands out of the white noise. It therefore determines the amplitude B long
+frequency at which the 1/f noise stands out of the white noise. So the fit determines the amplitude B long
 before the Allan deviation shows a flat stretch with small errors.
 """
 

@@ -71,7 +71,7 @@ def stands_for_shape(f: CandidateModels, model: FittedModel, from_hz: float) -> 
 def end_leak(f: CandidateModels, model: FittedModel) -> float:
     """Return the mean density that leaks from the ends of the record into the lowest frequencies.
 
-    It is 0 if the model has no high-pass, since the leakage matters only where a filter has removed
+    The result is 0 if the model has no high-pass, since the leakage matters only where a filter has removed
     everything else. Nothing leaks into the octaves above the lowest one, which are computed with windows.
     """
     parts = model.parts(f.h)

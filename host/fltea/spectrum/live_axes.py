@@ -246,7 +246,7 @@ def _R(N: Interval, h: float) -> Interval:
 def _cells(octaves: Octaves, lane: int, h: float) -> Iterator[BandCells]:
     """Yield the powers of frequency bands over time.
 
-    They are computed only when the search for a change asks for the first band.
+    The powers are computed only when the search for a change asks for the first band.
     """
     yield from octaves.cells(lane, h)
 

@@ -9,8 +9,8 @@ from fltea.spectrum.reading import Reading, corner_hz
 FLAT = 0.1
 """A median filter has almost no effect if the product of frequency and window length is below this."""
 NEXT = (
-    "Switch the filter off in the program that wrote the file, or take N for that of the filtered noise: "
-    "what was in front of the filter cannot be known."
+    "Switch the filter off in the program that wrote the file, or use N as that of the filtered noise: "
+    "what the noise was before the filter cannot be known."
 )
 
 

@@ -53,8 +53,8 @@ NEAR_THE_FILTER = 0.1
 that of the filter.
 """
 AS_FILTERS_DIFFER = 1.6
-"""Such a relaxation counts as an error of the fitted filter if the densities in the filter's pass band differ
-by less than this factor.
+"""A relaxation near the corner of the fitted filter counts as an error of this filter if the densities in the
+filter's pass band differ by less than this factor.
 """
 RIPPLES = 0.4
 """A resonance belongs to the fitted filter if its frequency is at least this many times the filter's corner

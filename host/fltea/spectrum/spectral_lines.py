@@ -133,8 +133,8 @@ def _with_stop_band(lines: Ordinates, total: float, false_alarm: float, edge: fl
     above = lines.part(begin, len(lines.lam))
     if not len(above.lam):
         return peaks
-    # `flank` is also the number of values that a whole lobe or notch takes. A narrow spectral line takes only
-    # a few values.
+    # A whole lobe or notch is taken to be `flank` values wide. A narrow spectral line takes only a few
+    # values.
     flank = SHORTEST_FLANK if above.has_averages() else FLANK
     skirt = LINE_SKIRT if above.weight is None else LOBE
     described = []
@@ -180,8 +180,8 @@ def _describe(lines: Ordinates, found: Found, extent: tuple[int, int], total: fl
     if lines.weight is not None:
         top = sharp if is_narrow else top
     elif _in_few_ordinates(part - found.level, sharp):  # a sharp peak is not smoothed, which would widen it
-        # This is not done in a live spectrum. That has few single ordinates, and nearly all of a resonance of
-        # low frequency may lie in them, too.
+        # A live spectrum is not examined in this way. It has few single ordinates, and nearly all of a
+        # resonance of low frequency may lie in them, too.
         top, wide, is_narrow = sharp, wide[:LINE_ORDINATES], True
     frequency = float(lines.lam[left + top])
     if averaged and is_narrow:

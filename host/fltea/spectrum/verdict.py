@@ -311,7 +311,7 @@ def _resonance(e: Evidence, q: _Questions, found: Reading, said: str) -> Verdict
     return q.say(
         "resonance",
         f"{wording.capital(said)}.{wording.also_found(e)}",
-        f"It is {in_hz(found.resonance.width_hz)} wide: no memory, {wording.UNDEFINED}.",
+        f"It is {in_hz(found.resonance.width_hz)} wide, which is no order: {wording.UNDEFINED}.",
         NEXT_PEAK,
     )
 

@@ -1,6 +1,6 @@
 """Decide when refits begin and when they take effect.
 
-Both are counted in samples, so that replays give the same results.
+Beginning and effect of a refit are counted in samples, so that replays give the same results.
 
 A few more samples hardly change the fit of a long record, so the time between refits grows with the length of
 the record.

@@ -86,7 +86,7 @@ def status(history: DeviceHistory, now_ns: int) -> tuple[Level, str]:
 def _startup_to_go(history: DeviceHistory, epoch: Epoch) -> int:
     """Return the number of samples that the start-up windows still need.
 
-    These are the windows of this computer's estimators and of the device's.
+    The windows are those of this computer's estimators and of the device's estimator.
     """
     if epoch.reason == "resumed":
         return 0

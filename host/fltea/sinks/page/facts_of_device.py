@@ -30,7 +30,8 @@ def silent(history: DeviceHistory) -> bool:
 def startup_to_go(history: DeviceHistory) -> int:
     """Return the number of samples that the device's start-up window still needs, as the device says.
 
-    It is 0 unless only the device estimates the gyroscope's axes and has sent no estimate yet in this epoch.
+    The result is 0 unless only the device estimates the gyroscope's axes and has sent no estimate yet in this
+    epoch.
     """
     own = history.stats.device_estimator if history.stats else None
     return own.startup_remaining if own is not None and silent(history) else 0
@@ -145,6 +146,6 @@ def _difference(value: float | None, unit: str) -> str:
 def _rate(history: DeviceHistory) -> str:
     """Return a text that says how many estimates a second the device sends.
 
-    It is empty if that is unknown.
+    The text is empty if the number is unknown.
     """
     return estimates_rate(history.stats, history.hello)

@@ -131,8 +131,8 @@ class Handler(RequestHandler):
     async def prepare(self) -> None:
         """Refuse a request that is not allowed.
 
-        It is refused if it names another host, comes from another site's page, lacks the password, or exceeds
-        the limit.
+        A request is refused if it names another host, comes from another site's page, lacks the password, or
+        exceeds the limit.
 
         A page of another site cannot read ours, since its `Origin` differs. Nor can another site pose as ours
         by letting its host name resolve to this machine, since the `Host` in the request is then not one of

@@ -98,4 +98,4 @@ def detect_command(path: str) -> str:
 
 def _buses_text() -> str:
     buses = sorted(glob.glob("/dev/i2c-*"))
-    return f"Buses that exist: {', '.join(buses)}." if buses else "This machine has none at the moment."
+    return f"Buses that exist: {', '.join(buses)}." if buses else "This machine has no I²C bus at the moment."

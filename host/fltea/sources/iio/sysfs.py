@@ -73,7 +73,7 @@ class Attributes:
     def channels(self, kind: str) -> list[str]:
         """Return the names of a sensor's channels that the buffer can contain.
 
-        They are `anglvel_x` and so on, or only `anglvel` for a sensor of one axis.
+        The names are `anglvel_x` and so on, or only `anglvel` for a sensor of one axis.
         """
         names = [*(f"{kind}_{axis}" for axis in AXES), kind]
         return [name for name in names if self.has(f"{self.elements}/in_{name}_en")]
@@ -155,7 +155,7 @@ def choose_trigger(root: Path, device: Attributes, wish: str | None) -> tuple[st
 def find(root: Path, what: str) -> list[Attributes]:
     """Return the devices that `what` names.
 
-    It is a device's name, label, ID such as `iio:device0`, or path in /dev or /sys.
+    `what` is a device's name, its label, its ID such as `iio:device0`, or its path in /dev or /sys.
     """
     last = os.path.basename(what.rstrip("/")).removeprefix("iio:")
     return [
