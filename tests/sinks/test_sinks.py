@@ -398,7 +398,7 @@ def test_several_devices_below_each_other() -> None:
     text = shown(*two, general)
     assert text.index("serial:left") < text.index("serial:right") < text.index("output_lost")
     assert text.count("0.412 ± 0.061") == 2
-    assert text.count("Pure white noise") == 1
+    assert text.count("On white noise") == 1
 
 
 def test_axes_of_the_accelerometer_have_their_unit() -> None:

@@ -280,7 +280,7 @@ def test_another_rate_than_the_driver_says_is_told(tmp_path: Path) -> None:
     player.open()
     (trouble,) = [e for e in player.play(scans(0, 500, step_ns=10 * MS)) if isinstance(e, Trouble)]
     assert trouble.kind == "rate_differs"
-    assert "come at 100 Hz, and the driver says 200" in trouble.message
+    assert "the driver says 200 Hz, but samples come at 100 Hz" in trouble.message
     player.close()
 
 

@@ -95,9 +95,7 @@ def yaml_of(found: Seen) -> str:
         for kind in SENSOR_KINDS
     )
     if not gyro:
-        raise UsageError(
-            "No axis of the gyroscope has an Allan deviation yet: wait until the page shows one."
-        )
+        raise UsageError("There is no Allan deviation of the gyroscope yet: wait until the page shows one.")
     source = f"{found.name}, live: {found.heading}"
     return imu_yaml(gyro, found.rate_hz, source, accel=accel)
 

@@ -315,7 +315,7 @@ class _Reader:
         if trigger:
             return (
                 f"its trigger '{trigger}' does not fire: is its interrupt wired, and its rate set "
-                "(sampling_frequency)? 'grep iio /proc/interrupts' shows it"
+                "(sampling_frequency)? 'grep iio /proc/interrupts' shows its count"
             )
         return "is its interrupt wired, and its rate set (sampling_frequency)?"
 
