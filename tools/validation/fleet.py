@@ -2,10 +2,10 @@
 
 The fleets are simulated, and their fits are real fits of simulated noise.
 
-The daemon's live estimator fits each record. Fleets with one axis per sensor are drawn from these fits, and
-compared as the program compares them. If sensors are to differ, N, B, K and the density of each sensor are
-multiplied by a random factor, as if it had another gain. α and f do not change. Sensors whose records grow to
-a day are compared repeatedly while the records grow.
+The daemon's live estimator fits each record. Fleets of sensors with one axis are drawn from these fits, and
+compared as `fltea fleet` compares sensors. If the sensors of a fleet are to differ, the N, B, K and density
+of each sensor are multiplied by a random factor, as if the sensor had another gain. α and f do not change. In
+one part of the measurement the records grow to a day, and the sensors are compared repeatedly meanwhile.
 """
 
 import math
@@ -26,7 +26,7 @@ from tools.validation.runner import Options, Row, Task
 from tools.validation.tables import Table, number
 
 SEEDS, QUICK_SEEDS = 400, 20
-"""Number of records of each noise, and the number with --quick."""
+"""Number of records of each noise in a full and in a quick run."""
 FLEETS = 100
 """Number of fleets drawn from these records."""
 SAMPLES = 100_000
@@ -34,7 +34,7 @@ DIFFER = (0.0, 0.03)
 SIZES = (20, 100)
 DAY_HZ, DAY = 10.0, 864_000
 FIRST, GROWTH = 600, 1.2
-"""Number of samples at the first comparison of a day, and factor by which the records grow from one
+"""Number of samples at the first comparison of a day, and the factor by which the records grow from each
 comparison to the next.
 """
 AT_ONCE = 10
@@ -103,11 +103,12 @@ def share_of_fleets(
 ) -> dict[str, float]:
     """Return the proportion of fleets in which any sensor is ever called odd.
 
-    There is a proportion for each figure by which sensors are called odd, one for all figures (`any`), and
-    one of comparisons instead of fleets (`comparison`). `ages`: if True, each sensor has been on for a
-    different time, and there is one comparison. Otherwise all sensors began at the same time and are compared
-    while their records grow. Fits change little between these comparisons, so an odd result would be
-    repeated, and a single one counts as an alert.
+    The result has one proportion for each figure by which a sensor is called odd, and one for all figures
+    together (`any`). `comparison` is the proportion of comparisons, not of fleets, in which any sensor is
+    called odd. `ages`: if True, each sensor has been on for a different time, and there is one comparison.
+    Otherwise all sensors began at the same time and are compared while their records grow. Fits change little
+    between these comparisons, so an odd result would be repeated. Therefore a single odd result already
+    counts as an alert.
     """
     rng = np.random.default_rng(sensors)
     figures = [_all_figures(comparisons, rate_hz) for comparisons in pool]

@@ -1,4 +1,6 @@
-"""Measures how good forecasts and their tests are. For this, the first half of a series predicts the second.
+"""Measures how good forecasts are, and how good the tests of forecasts are.
+
+The first half of each series predicts the second half.
 
 The series are ten minutes at 100 Hz of the noises of `states`. Each half is processed as by `fltea identify
 --forecast`.
@@ -16,7 +18,7 @@ from tools.validation.states import NOISES, H, state, white
 from tools.validation.tables import Table, grouped
 
 SEEDS, QUICK_SEEDS = 60, 6
-"""Number of series of each noise, and the number with --quick."""
+"""Number of series of each noise in a full and in a quick run."""
 N = 60_000
 OFFSET = 3.0
 
@@ -49,7 +51,7 @@ def judge(name: str, series: int) -> list[Row]:
 def tables(rows: list[Row]) -> list[Table | str]:
     """Return a table of how often headings are inside the 95 % band, for each noise and time ahead.
 
-    The table also says for how many series the test rejects the model.
+    The table also says for how many series the test of the forecasts rejects the model.
     """
     times = sorted({row["t_s"] for row in rows})
     cells: list[Any] = []

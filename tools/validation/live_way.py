@@ -1,4 +1,4 @@
-"""Processes the samples of a sensor as the daemon does: the tracker, and fits as the record grows."""
+"""Processes a sensor's samples as the daemon does: runs the tracker, and makes fits as the record grows."""
 
 import math
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ class StepEvent(NamedTuple):
 
 
 class Lived(NamedTuple):
-    """What the daemon publishes for n samples of each axis, as arrays (n, axes)."""
+    """What the daemon publishes while it processes n samples of each axis, as arrays (n, axes)."""
 
     bias: Array
     bias_std: Array
@@ -89,7 +89,7 @@ class LiveSensor:
 
     @property
     def restarts(self) -> int:
-        """How often the trackers of all axes together have restarted because the offset had changed."""
+        """Total number of restarts of all axes' trackers because the offset had changed."""
         return sum(figures.restarts for _, figures in self._tracks.stats())
 
     def events(self) -> list[StepEvent]:

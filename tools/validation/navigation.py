@@ -1,11 +1,11 @@
 """Measures how good a plain Kalman filter is with the figures of `identify --gauss-markov`.
 
-The file that this command writes is all that the filter gets.
+The filter knows only the file that this command writes.
 
 For each noise, axes of sensors are identified from ten minutes at 100 Hz. The filter starts in two ways: at
-the end of the record with the bias from the file, or without knowledge of the bias a minute earlier. Then it
-predicts the error of the heading in the next five minutes. The result is the root mean square of (error /
-predicted σ), which should be 1.
+the end of the record with the bias from the file, or a minute before that end without knowledge of the bias.
+Then it predicts the error of the heading in the next five minutes. The result is the root mean square of
+(error / predicted σ), which should be 1.
 """
 
 import math
@@ -26,7 +26,7 @@ from tools.validation.states import NOISES, H, state, white
 from tools.validation.tables import Table, grouped
 
 SEEDS, QUICK_SEEDS = 39, 6
-"""Number of axes of each noise, and the number with --quick."""
+"""Number of axes of each noise in a full and in a quick run."""
 N, REST, AHEAD = 60_000, 6_000, 30_000
 OFFSET = 3.0
 TIMES_S = (1.0, 10.0, 60.0, 300.0)
@@ -41,7 +41,7 @@ EMA = "white noise through an EMA of 0.2"
 
 
 class PlainFilter:
-    """A textbook Kalman filter; its states are the bias and the Gauss-Markov states."""
+    """A textbook Kalman filter. Its states are the bias and first-order Gauss-Markov processes."""
 
     def __init__(self, given: NavigationFilter) -> None:
         sigma = np.array([0.0, *(one.sigma for one in given.gauss_markov)])
@@ -92,7 +92,7 @@ def tasks(options: Options) -> list[Task]:
 def measure(name: str, series: int) -> list[Row]:
     """Return one row for each series and time ahead, with heading error / σ.
 
-    There are two filters: one begins with the bias from the file, the other without a bias.
+    Each row has the results of two filters: one begins with the bias from the file, the other without a bias.
     """
     rng = np.random.default_rng((20261128, zlib.crc32(name.encode())))
     rows: list[Row] = []
@@ -127,7 +127,7 @@ def _noise(name: str, rng: np.random.Generator, n: int) -> Array:
 
 
 def tables(rows: list[Row]) -> list[Table | str]:
-    """Return tables by noise and time.
+    """Return tables with a row for each noise and columns for the times ahead.
 
     The tables show heading error / σ, and the filter's σ divided by that of the forecast.
     """

@@ -1,4 +1,7 @@
-"""Functions for all pictures: PNG with a palette, rendered without opening a window."""
+"""Functions for all pictures.
+
+The pictures are PNG files with a palette, and are drawn without opening a window.
+"""
 
 import io
 from typing import TYPE_CHECKING
@@ -17,7 +20,10 @@ def new_figure(width: float, height: float) -> "Figure":
 
 
 def png(figure: "Figure") -> bytes:
-    """Return the figure as a PNG file with a palette, which is a quarter as large as without one."""
+    """Return the picture as a PNG file with a palette.
+
+    Without a palette the file would be four times as large.
+    """
     from PIL import Image
 
     drawn, small = io.BytesIO(), io.BytesIO()

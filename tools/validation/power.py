@@ -1,9 +1,11 @@
-"""Measures how often the null test of `fltea identify` rejects, and how often it finds false peaks.
+"""Measures how often the null test of `fltea identify` rejects white noise.
+
+The program also measures how often false peaks are found.
 
 The series are simulated at 100 Hz: white noise, and fractional noise of several strengths in white noise. For
-white noise, two tests are made: with the spectrum in constant memory, as `identify` and the live fit do
-(`live`), and with the periodogram of the whole record (`whole`). False claims and verdicts are counted by the
-part `gallery`, intervals by the part `evaluate`.
+white noise, two tests are made. The test `live` uses the spectrum in constant memory, as `identify` and the
+live fit do. The test `whole` uses the periodogram of the whole record. The part `gallery` counts false claims
+and verdicts, and the part `evaluate` counts intervals.
 """
 
 import zlib
@@ -24,9 +26,9 @@ from tools.validation.runner import Options, Row, Task
 from tools.validation.tables import Table, grouped, share_within
 
 SEEDS, QUICK_SEEDS = 400, 20
-"""Number of series of each white noise, and the number with --quick.
+"""Number of series of each white noise in a full and in a quick run.
 
-Of each noise with an order, a tenth of this number is simulated at a length of 10 min.
+For each noise with an order, the number of series of 10 min is a tenth of this number.
 """
 H = 0.01
 LENGTHS = {"30 s": 3_000, "200 s": 20_000, "10 min": 60_000}
@@ -91,7 +93,7 @@ def _in_white(state: FractionalState, share: float, n: int, rng: np.random.Gener
 def tables(rows: list[Row]) -> list[Table | str]:
     """Return a table of false alarms on white noise, and a table of the test's power.
 
-    The power is how often the test rejects noise with an order.
+    The power is the proportion of series with an order for which the test rejects white noise.
     """
     white = [row for row in rows if row["noise"] in WHITE]
     coloured = grouped((row for row in rows if row["noise"] in STRENGTHS), lambda row: row["noise"])

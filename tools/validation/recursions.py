@@ -9,7 +9,10 @@ from scipy.signal import lfilter, oaconvolve
 
 
 class Stream:
-    """The filter b(z) / a(z) for an input that comes in pieces. It continues where the last piece ended."""
+    """The filter b(z) / a(z) for an input that comes in pieces.
+
+    With each piece, the filter continues where the piece before ended.
+    """
 
     def __init__(self, b: Any, a: Any, state: float = 0.0) -> None:
         self._b, self._a = b, a
@@ -28,7 +31,7 @@ def fractional_difference(d: float, n: int) -> Array:
 
     The coefficients are the impulse response of fractional integration.
 
-    With d < 0 they are that of a fractional difference.
+    If d < 0, they are the impulse response of a fractional difference.
     """
     k = np.arange(1.0, n)
     return np.concatenate([[1.0], np.cumprod((k - 1 + d) / k)])
@@ -83,7 +86,10 @@ class FractionalState:
 
 
 def fractional_noise(d: float, n: int, rng: np.random.Generator) -> Array:
-    """Return n samples of exact ARFIMA(0, d, 0) with |d| < 1/2, drawn by its autocovariance."""
+    """Return n samples of ARFIMA(0, d, 0) with |d| < 1/2.
+
+    They have exactly the autocovariance of this process.
+    """
     k = np.arange(1.0, n + 1)
     variance = math.exp(math.lgamma(1 - 2 * d) - 2 * math.lgamma(1 - d))
     covariance = variance * np.concatenate([[1.0], np.cumprod((k - 1 + d) / (k - d))])
@@ -91,7 +97,10 @@ def fractional_noise(d: float, n: int, rng: np.random.Generator) -> Array:
 
 
 def fractional_gaussian_noise(hurst: float, n: int, rng: np.random.Generator) -> Array:
-    """Return n samples of exact fractional Gaussian noise of variance 1."""
+    """Return n samples of fractional Gaussian noise of variance 1.
+
+    They have exactly the autocovariance of this noise.
+    """
     k = np.arange(n + 1.0)
     power = 2 * hurst
     return circulant_noise((np.abs(k - 1) ** power - 2 * k**power + (k + 1) ** power) / 2, rng)

@@ -19,7 +19,9 @@ class Options(NamedTuple):
     """Which of a part's tasks are run."""
 
     seeds: int
-    """Number of series, records or axes of each kind. The part decides which of these it counts."""
+    """Number of series, records or axes of each kind. Each part decides whether this is a number of series,
+    records or axes.
+    """
     quick: bool = False
     only: tuple[str, ...] = ()
     """Only noises whose name contains one of these texts are used. If empty, all noises are used."""
@@ -37,7 +39,7 @@ class Options(NamedTuple):
 
 
 class Task(NamedTuple):
-    """Work for a process of its own; its result depends on nothing but its arguments."""
+    """Work that a process of its own can do. The result depends on nothing but the task's arguments."""
 
     name: str
     work: Callable[..., list[Row]]
@@ -57,7 +59,7 @@ class _Kept(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def run(tasks: Sequence[Task], workers: Workers, file: Path, *, resume: bool = False) -> list[Row]:
-    """Run all tasks and return their rows in the order of the tasks, whatever the order of the work.
+    """Run all tasks. Return their rows in the order of the tasks, in whatever order the tasks are done.
 
     `file`: NDJSON file that gets a line for each task when the task is done. At the end it is written anew,
     with all lines in the order of the tasks.
@@ -92,8 +94,8 @@ def run(tasks: Sequence[Task], workers: Workers, file: Path, *, resume: bool = F
                 ) from error
     whole = b"".join(_line(one.key, done[one.key]) for one in tasks)
     write_files(file.parent, {file.name: whole})
-    # Return the rows as they are read from the file: tuples become lists, and values that are not finite
-    # become None.
+    # Return the rows as they would be if they were read from the file: tuples become lists, and values that
+    # are not finite become None.
     return read_rows(file)
 
 

@@ -12,7 +12,10 @@ def tag(part: Part) -> str:
 
 
 def in_order(truth: Sequence[Part]) -> list[Part]:
-    """Return the true parts sorted by kind, with the fastest relaxation first."""
+    """Return the true parts sorted by kind.
+
+    The fastest relaxation (first-order Gauss-Markov process) comes before the slower ones.
+    """
     return sorted(truth, key=lambda part: (tag(part), getattr(part, "tau_s", 0.0)))
 
 

@@ -1,8 +1,10 @@
-"""Compares the tracker's bias on known noises with a filter that knows the noise and the offset.
+"""Compares the tracker's bias on known noises with the bias by a filter that knows the noise.
+
+That filter also knows the offset.
 
 Each series, at 100 Hz, is white noise of 0.14 deg/s plus a state of one kind, which this program draws itself
-by recursions. Each series is processed as by the daemon: by the tracker, with a new fit whenever the record
-has grown by a tenth.
+by recursions. Each series is processed as the daemon does it: the tracker runs, and a new fit is made
+whenever the record has grown by a tenth.
 """
 
 import math
@@ -24,13 +26,15 @@ from tools.validation.runner import Options, Row, Task
 from tools.validation.tables import Table, grouped
 
 SEEDS, QUICK_SEEDS = 60, 6
-"""Number of series of each noise, and the number with --quick."""
+"""Number of series of each noise in a full and in a quick run."""
 H, R, N = 0.01, 0.02, 20_000
 AHEAD = 100
 """Number of samples in a second: the bias is predicted as the mean of the next second."""
 SPANS = {"6–30 s": (600, 3_000), "60–200 s": (6_000, N)}
 OVERSAMPLED = 8
-"""Oversampling factor for the low-pass inside a sensor, which acts before the sensor samples."""
+"""The low-pass inside a sensor acts before the sensor samples. It is computed at this many times the sampling
+rate.
+"""
 
 NOISES: dict[str, tuple[Part, ...]] = {
     "white": (),

@@ -43,7 +43,7 @@ class Table(NamedTuple):
 
 
 def table(title: str, rows: Iterable[Any], columns: Mapping[str, Callable[[Any], str]]) -> Table:
-    """Return a table with each column's text for each row, under the column's heading."""
+    """Return a table. In each row, it has the text of each column under the column's heading."""
     return Table(title, tuple(columns), [tuple(of(row) for of in columns.values()) for row in rows])
 
 

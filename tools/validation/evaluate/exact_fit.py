@@ -1,7 +1,8 @@
-"""Fit the fractional state in white noise by exact maximum likelihood, starting at the Whittle fit.
+"""Fit a fractional state in white noise by exact maximum likelihood. The search starts at the Whittle fit.
 
-scipy's quasi-Newton method searches in α, logit(-g / 2^α) and log s2/R. It starts with the curvature of
-Whittle's likelihood, so that only a few of the slow exact likelihoods are needed.
+scipy's quasi-Newton method searches for the best α, logit(-g / 2^α) and log s2/R, where g = h^α f, s2 is the
+variance of the state's steps, and R that of the white noise. It starts with the curvature of Whittle's
+likelihood, so that only a few of the slow exact likelihoods are needed.
 """
 
 import math
@@ -24,13 +25,13 @@ SLOPE = 0.05
 DIFFERENCE = 1e-5
 """Step of the parameters for the finite differences from which slopes of -log L are computed."""
 LEAST_CURVATURE = 0.02
-"""Least curvature of -log L that the search assumes in each direction, so that one of its steps is a few
-units at most.
+"""The search assumes at least this curvature of -log L in each direction, so that none of its steps is longer
+than a few units.
 """
 ORDERS = 0.01, 1.99
 IMPOSSIBLE = 1e9
-"""Value that stands for -log L at orders outside the limits, or so near a limit that rounding errors would
-decide.
+"""The search gets this value instead of -log L for orders outside the limits. It also gets it for orders so
+near a limit that rounding errors would decide.
 """
 
 
@@ -66,9 +67,11 @@ class ExactSeries:
         return ExactFit(float(theta[0]), R * math.exp(theta[2]), R, nll, theta)
 
     def covers(self, alpha: float, found: ExactFit) -> tuple[bool, ExactFit]:
-        """Return whether the profile likelihood's 95 % interval contains the order `alpha`, and the best fit.
+        """Return whether the 95 % interval by the profile likelihood contains the order `alpha`.
 
-        The best fit is `found`, or a better one that was met while the order was fixed.
+        The second value is the best fit.
+
+        The best fit is `found`, unless a better one was found while the order was fixed.
         """
         theta, nll = self._search(found.theta, alpha)
         if nll < found.nll:
@@ -78,7 +81,7 @@ class ExactSeries:
     def nll(self, theta: Array) -> float:
         """Return the exact -log L at the transformed parameters `theta`.
 
-        The scale (R) is the most likely one for them.
+        The scale (R) is the one that is most likely with these parameters.
         """
         if not ORDERS[0] <= theta[0] <= ORDERS[1]:
             return IMPOSSIBLE
@@ -94,7 +97,7 @@ class ExactSeries:
     def inverse_curvature(self, theta: Array, first: int = 0) -> Array:
         """Return the inverse of the information of Whittle's likelihood on transformed parameters.
 
-        The parameters are those from index `first` on.
+        Parameters with an index below `first` are left out.
 
         The scale (R) counts as unknown.
         """

@@ -14,12 +14,12 @@ import numpy as np
 from fltea.records.arrays import Array
 
 CIRCLE = 1 << 17
-"""Number of frequencies from 0 to 2π at which the spectrum is used. They cannot represent a memory longer
-than this number of samples.
+"""The spectrum is used at this number of frequencies from 0 to 2π. They can only represent memories of at
+most this number of samples.
 """
 AVERAGED = 64
-"""Number of the lowest frequencies at which the mean of the spectrum over the frequency's bin is used instead
-of its value, since the spectrum has a cusp at 0.
+"""At this number of the lowest frequencies, the mean of the spectrum over the frequency's bin is used instead
+of the spectrum's value, since the spectrum has a cusp at 0.
 """
 POINTS, POWER = 48, 6
 """Number of Gauss–Legendre points u for each of these averages. In the lowest bin, the frequency λ is
@@ -37,7 +37,7 @@ class Innovations(NamedTuple):
 
 
 class Likelihood(NamedTuple):
-    """The likelihood of one series, for that mean and scale of the noise that are most likely."""
+    """The likelihood of one series, with the most likely mean and the most likely scale of the noise."""
 
     nll: float
     """-log L, including all constants."""

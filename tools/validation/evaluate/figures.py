@@ -32,8 +32,9 @@ GREY = "#d9d9d9"
 class Map(NamedTuple):
     """A heat map.
 
-    It shows one quantity, such as α, by one column of the quantity's scores, such as `rmse`; `low`, `high`,
-    `colours` and `form` say how.
+    It shows one column, such as `rmse`, of the scores of one quantity, such as α. `low`, `high`: values at
+    the ends of the colour scale. `colours`: name of the colour scale. `form`: format of the numbers in the
+    cells.
     """
 
     title: str
@@ -62,8 +63,8 @@ MAPS = {
 def draw(rows: list[Row]) -> dict[str, bytes]:
     """Return the pictures as contents of PNG files, by name.
 
-    There is one picture for each of `MAPS`, one for the changed settings, and one for the errors before and
-    after the live fit.
+    There is one picture for each of `MAPS`, one for the changed settings, and one for the errors of the
+    fits and of the filters, with and without the live fit's Q and R.
     """
     scores, changes = shown(frame(rows, "rows")), shown(frame(rows, "changes"))
     maps = {name: _grid_map(scores, one) for name, one in MAPS.items()}
@@ -73,7 +74,7 @@ def draw(rows: list[Row]) -> dict[str, bytes]:
 def shown(scores: DataFrame) -> DataFrame:
     """Return the scores of noises with an order, with the relative error of f.
 
-    A score is NaN where half of the series or more have no estimate.
+    If at least half of the series have no estimate, the score is NaN.
     """
     found = scores[scores.alpha.notna()].assign(error_of_f=lambda some: some.median_error / some.f.abs())
     columns = [one.column for one in MAPS.values()]
@@ -82,7 +83,7 @@ def shown(scores: DataFrame) -> DataFrame:
 
 
 def _grid_map(scores: DataFrame, one: Map) -> bytes:
-    """Draw a panel for each estimator and record length; each panel shows the noises by s2/R."""
+    """Draw a panel for each estimator and record length. Its columns are the values of s2/R."""
     some = scores[scores.quantity == one.quantity]
     lengths = some.samples.unique()
     dynamics = some[["alpha", "f"]].drop_duplicates()
@@ -154,7 +155,7 @@ def _settings_map(changes: DataFrame) -> bytes:
 
 
 def _paint(axes: "Axes", values: Array, one: Map) -> "AxesImage":
-    """Draw a heat map with numbers in its cells; cells without a number are grey."""
+    """Draw a heat map with numbers in its cells. Cells without a number are grey."""
     image = axes.imshow(values, cmap=one.colours, vmin=one.low, vmax=one.high, aspect="auto")
     axes.set_facecolor(GREY)
     axes.tick_params(length=0)

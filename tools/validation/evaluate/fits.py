@@ -1,7 +1,8 @@
-"""Two published orders for the same series: one from the whole record, one by the live fit.
+"""Two published orders for the same series: one from the fit of the whole record, one from the live fit.
 
-Both orders come from the same model search and verdict. Only the spectrum differs: all ordinates of the
-record's periodogram, or the sums that the daemon's accumulators keep.
+Both orders come from the same model search and verdict. Only the spectrum differs. The fit of the whole
+record uses all ordinates of the record's periodogram. The live fit uses the sums that the daemon's
+accumulators keep.
 """
 
 from collections.abc import Iterator, Sequence
@@ -25,17 +26,20 @@ class FitReading(NamedTuple):
     """The published results for all series of a noise; each array has the shape (seeds,)."""
 
     estimates: dict[str, Array]
-    """For each name in QUANTITIES: the estimates, NaN where none is published."""
+    """For each name in QUANTITIES: the estimates. NaN stands for an estimate that is not published."""
     covered: dict[str, Mask]
     """For each quantity: whether its 95 % interval contains the true value. The dict is empty if no true
     values are known.
     """
     published: Mask
-    """Whether the verdict on the series has an order that the data determine."""
+    """For each series: whether the verdict has an order that the data determine."""
 
 
 def truths(case: Case) -> dict[str, float]:
-    """Return the true values of a case by the names of QUANTITIES. The result is empty for white noise."""
+    """Return the true value of each of QUANTITIES for a case, by name.
+
+    For white noise the result is empty.
+    """
     if case.alpha is None or case.f is None:
         return {}
     noise = case.noise

@@ -1,4 +1,7 @@
-"""Run the online filters on many series at once, as the daemon does; each series is an axis of a sensor."""
+"""Run the online filters on many series at once, as the daemon does.
+
+Each series takes the place of a sensor's axis.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -17,7 +20,7 @@ number.
 
 
 class Reading(NamedTuple):
-    """The estimates that the live page would show after some number of samples.
+    """The estimates that the live page would show after a certain number of samples.
 
     Each array has the shape (seeds,).
     """
@@ -27,11 +30,13 @@ class Reading(NamedTuple):
     f: Array
     f_std: Array
     valid: NDArray[np.bool_]
-    """False if the filter's supervisor would not publish the estimate, or has restarted the filter before."""
+    """False if the supervisor of the filter would not publish the estimate, or has restarted the filter
+    earlier.
+    """
 
 
 class Tuning(NamedTuple):
-    """New variances for the filters after some number of samples, as arrays (seeds,).
+    """The variances that the filters get after a certain number of samples, as arrays (seeds,).
 
     NaN leaves a variance as it is.
 
@@ -58,13 +63,12 @@ def read(
 
     `h`: sampling period [s].
 
-    `Q`, `R`: variances (seeds,) [(deg/s)²] in place of those in `config`. `tunings`: further variances while
-    the filter runs, in rising order; tunings within the start-up window are ignored.
+    `Q`, `R`: variances (seeds,) [(deg/s)²] that replace those in `config`. `tunings`: variances that the
+    filter gets while it runs, in the order of time. Tunings within the start-up window are ignored.
 
     Lengths count from the first sample of the start-up window. They are rising multiples of BLOCK and longer
-    than the window. After the supervisor has once restarted the filter of a series or refused to publish its
-    estimate, the estimates of this series stay invalid, although its filter restarts and goes on as in the
-    daemon.
+    than the window. If the supervisor restarts the filter of a series or refuses to publish its estimate, all
+    later estimates of this series are invalid. The filter itself goes on as in the daemon.
     """
     seeds, nothing = y.shape[1], np.full(y.shape[1], np.nan)
     bank = Bank(tuple(f"series {i}" for i in range(seeds)), config, h, None)

@@ -1,4 +1,4 @@
-"""Compare the exact likelihood with Whittle's, for whole records and live fits, on the same short series."""
+"""Compare exact fits with Whittle's fits of whole records and with live fits, on the same short series."""
 
 import math
 
@@ -28,8 +28,8 @@ def judge(case: Case, seeds: int, samples: int = SAMPLES) -> list[Row]:
 
     The fits use the exact likelihood, Whittle's likelihood of the whole record, and the sums of the live fit.
 
-    Errors of α, and intervals that contain the true α, are only counted on series for which both of Whittle's
-    fits give an order.
+    A series counts for the errors of α and for the intervals that contain the true α only if both of
+    Whittle's fits give an order.
     """
     y, truth = cases.samples(case, seeds, samples), fits.truths(case)
     whole = fits.whole_reading(y, H, truth)
@@ -51,10 +51,10 @@ def judge(case: Case, seeds: int, samples: int = SAMPLES) -> list[Row]:
 
 
 def rms(error: Array) -> float | None:
-    """Return the root mean square of the errors; None if there are none."""
+    """Return the root mean square of the errors; None if there are no errors."""
     return round(math.sqrt(float(np.mean(error**2))), 6) if len(error) else None
 
 
 def share(flags: NDArray[np.bool_]) -> float | None:
-    """Return how many of the flags are set, as a proportion; None if there are none."""
+    """Return the proportion of the flags that are True; None if there are no flags."""
     return round(float(np.mean(flags)), 6) if len(flags) else None

@@ -1,10 +1,12 @@
 """The evaluation of the live fit and the filters on known noises.
 
-This part measures mean error, spread, and how often intervals contain the true value.
+This part measures the mean error and the spread of the estimates, and how often their intervals contain the
+true value.
 
 Every noise is y = x + v with D^α x = f x + ω, stationary, at 100 Hz. `live` is the fit of the sums that the
-daemon keeps; `Whittle` is the same fit of the whole record. The filters `triple` and `joint` run three times:
-as in the daemon, with the Q and R of the live fit, and with the true Q and R.
+daemon keeps; `Whittle` is the same fit of the whole record. The filters `triple` and `joint` run in three
+ways: with the daemon's default settings, with the Q and R of the live fit, and with the true values of R or
+of Q and R.
 """
 
 from collections.abc import Sequence
@@ -25,8 +27,8 @@ from tools.validation.runner import Options, Row, Task
 from tools.validation.tables import Table
 
 SEEDS, QUICK_SEEDS = 20, 10
-"""Number of series of each noise. With fewer, a figure would only be called right if all its intervals
-contained the true value.
+"""Number of series of each noise. If a quick run had fewer series, a figure would only be called right if all
+its intervals contained the true value.
 """
 FITS_TO_FILTERS = 4
 """Number of series that are fitted, divided by the number that are filtered. It is above 1 because a fit
@@ -37,8 +39,8 @@ MIXED_TO_FILTERS, CLAIMS_TO_FILTERS = 10, 15
 of filtered series.
 """
 COVERAGE_TO_FILTERS = 50
-"""Number of series for the coverage of intervals, divided by the number of filtered series. To measure a
-proportion of 95 % takes the most series.
+"""Number of series for the coverage of intervals, divided by the number of filtered series. It is the largest
+of these ratios, since a proportion near 95 % can only be measured on many series.
 """
 
 
@@ -68,7 +70,7 @@ class Plan(NamedTuple):
     mixed: tuple[str, ...] = tuple(composites.COMPOSITES)
     """Noises without an order for which the coverage of intervals is counted."""
     claimed: tuple[int, ...] = composites.LENGTHS
-    """Lengths of the mixtures, which have no order, so that a verdict "fractional" is false."""
+    """Lengths of the mixtures. The mixtures have no order, so the verdict "fractional" is false for them."""
 
 
 def plan_of(seeds: int, *, quick: bool = False) -> Plan:
@@ -155,7 +157,7 @@ def changed_case(
 
 
 def fits_case(case: Case, seeds: int, lengths: Sequence[int]) -> list[Row]:
-    """Score the fits of whole records and the live fits of one noise.
+    """Score the fits of whole records and the live fits on series of one noise.
 
     A row of the kind `pair` has the errors of α of both fits, on those series for which both fits publish an
     order.
@@ -219,7 +221,7 @@ def _filter_rows(
 def _readings(
     case: Case, y: Array, filters: Sequence[Setting], lengths: Sequence[int], fitted_samples: int
 ) -> dict[str, list[Reading]]:
-    """Run the filters on y (n, seeds); return their readings by the name of the filter."""
+    """Run the filters on y (n, seeds). Return the readings of each filter by its name."""
     noise, seeds = case.noise, y.shape[1]
     default_Q = filters[0].config.state.Q
     # White noise has no state and so no true Q, so the filters keep their default Q.

@@ -17,18 +17,19 @@ def score(
     covered: NDArray[np.bool_] | None = None,
     bound: float | None = None,
 ) -> Row:
-    """Score those estimates (seeds,) of one quantity that are `valid`.
+    """Score the estimates (seeds,) of one quantity. Only those that are `valid` count.
 
     `covered`: whether the interval of each estimate contains the true value. By default the interval is ±Z
     times `reported`, the σ that the estimator reports.
 
-    The row has these columns, None if there is no estimate or no true value: `seeds`; `without`, number of
-    seeds without an estimate, since the filter was restarted or white noise was not rejected; `mean`; `sd`,
-    the standard deviation over the seeds; `q05` and `q95`, quantiles; `bias`; `rmse`; `median_error`, the
-    median of the absolute error; `reported_sd`, the median of the σ that the estimator reports; `coverage`,
-    the proportion of the 95 % intervals that contain the true value; `beyond_zero`, the proportion of the
-    estimates that differ from 0 by more than Z of their own σ; `cramer_rao_sd`, the Cramér–Rao bound of `sd`;
-    `sd_over_bound`, `sd` divided by this bound, which is below 1 only for biased estimates.
+    The row has the following columns. If there is no estimate or no true value, columns that need one are
+    None. `seeds`; `without`, number of seeds without an estimate, since the filter was restarted or white
+    noise was not rejected; `mean`; `sd`, the standard deviation over the seeds; `q05` and `q95`, the 5 % and
+    95 % quantiles; `bias`; `rmse`; `median_error`, the median of the absolute error; `reported_sd`, the
+    median of the σ that the estimator reports; `coverage`, the proportion of the 95 % intervals that contain
+    the true value; `beyond_zero`, the proportion of the estimates that differ from 0 by more than Z of their
+    own σ; `cramer_rao_sd`, the Cramér–Rao bound of `sd`; `sd_over_bound`, `sd` divided by this bound, which
+    is below 1 only for biased estimates.
     """
     good = valid & np.isfinite(estimate)
     values, number = estimate[good], int(good.sum())

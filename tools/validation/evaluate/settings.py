@@ -15,11 +15,11 @@ from tools.validation.evaluate.cases import POWER, Case
 
 
 class Setting(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A named set of a filter's settings, and where the filter gets its Q and R.
+    """Settings of a filter with a name. `Q` and `R` say where the filter gets its Q and R.
 
     `config`: Q and R are those of the settings. `true`: Q and R are those of the noise, which a user does not
-    know. `fitted`: Q and R come from the Whittle fit of another record of the same noise, if the fit does not
-    find white noise. A user gets such values from `fltea identify`.
+    know. `fitted`: Q and R come from the Whittle fit of another record of the same noise, unless this fit
+    finds white noise. A user gets such values from `fltea identify`.
     """
 
     name: str

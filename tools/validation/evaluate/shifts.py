@@ -1,8 +1,8 @@
 """Measure what the daemon's live fit gives for noises that change while they are measured.
 
-With a fading memory, the fit should be right again three time constants of the memory after the change.
-Without fading, the verdict should be that the noise is not stationary. A knock should be left out, and a slow
-drift of the offset should change nothing.
+The expected results are: with a fading memory, the fit is right again when three time constants of the memory
+have passed since the change. Without fading, the verdict is "not stationary". The samples of a knock are left
+out. A slow drift of the offset changes nothing.
 """
 
 from collections import Counter
@@ -25,8 +25,8 @@ BLOCK = 1_000
 """Number of samples that are passed to the fit in one call."""
 KNOCK_SAMPLES, KNOCK_SIGMAS = 80, 60.0
 DRIFT_SIGMAS, DRIFT_S = 20.0, 200.0
-"""For "temperature drifts": size of the offset's change [standard deviations of the noise], and the time
-constant of its exponential rise [s].
+"""For the change "temperature drifts": size of the change of the offset [standard deviations of the noise],
+and time constant with which the offset rises exponentially [s].
 """
 
 
@@ -41,7 +41,7 @@ class Shift(NamedTuple):
     knock: bool = False
     drift: bool = False
     stationary: bool = False
-    """Whether the noise itself stays the same, so that only a disturbance is added."""
+    """Whether the noise itself stays the same. The change then only adds a disturbance, or nothing."""
 
 
 SHIFTS: tuple[Shift, ...] = (

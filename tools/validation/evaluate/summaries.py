@@ -11,20 +11,21 @@ from tools.validation.runner import Row
 from tools.validation.tables import NONE, Table, number, share_within, table
 
 ERROR = 0.1
-"""Largest root mean square error of α for which a figure is called right."""
+"""A figure is called right only if the root mean square error of α is at most this value."""
 COVERAGE = 0.9
-"""Smallest proportion of 95 % intervals that contain the true value, for a figure to be called right."""
+"""A figure is called right only if at least this proportion of its 95 % intervals contain the true value."""
 STRONG = 0.9
 """If the state x has more than this proportion of the noise's power, it is said to dominate the noise."""
 FEWEST = 10
-"""Smallest number of series in which both fits reject white noise, for a ratio of their errors to be shown.
+"""The ratio of two fits' errors is only shown if both fits reject white noise in at least this number of
+series.
 """
 
 
 def frame(rows: list[Row], kind: str) -> DataFrame:
     """Return the rows of a kind as a data frame.
 
-    In columns of names, the names are ordered as they first appear.
+    In columns of names, the order of the names is that in which they first appear in `rows`.
 
     Missing values are NaN.
 
@@ -62,7 +63,10 @@ def tables(rows: list[Row]) -> list[Table | str]:
 
 
 def medians(scores: DataFrame) -> DataFrame:
-    """Return the median, over the noises of each s2/R, of α's error and of its Cramér–Rao bound."""
+    """Return medians of α's error and of α's Cramér–Rao bound.
+
+    Each median is over the noises with the same s2/R.
+    """
     alpha = _of_order(scores)
     bound = alpha[alpha.estimator == WHITTLE].assign(estimator="bound", rmse=lambda some: some.cramer_rao_sd)
     both = concat([alpha, bound])
@@ -73,9 +77,10 @@ def medians(scores: DataFrame) -> DataFrame:
 
 
 def errors(scores: DataFrame) -> Table:
-    """Return a table of the errors of α, and of their Cramér–Rao bound.
+    """Return a table of the errors of α and of α's Cramér–Rao bound.
 
-    The errors are those of the filters with and without the live fit, and those of the fits.
+    The table has the errors of the filters, with and without the live fit's Q and R, and the errors of the
+    fits.
     """
     found = medians(scores)
     cells = [(*_names(at), *(number(one, ".3f") for one in row)) for at, *row in found.itertuples()]
@@ -83,10 +88,12 @@ def errors(scores: DataFrame) -> Table:
 
 
 def ratios(pairs: DataFrame, scores: DataFrame) -> Table:
-    """Return a table of the live fit's errors divided by those of the whole record's fit, by s2/R and length.
+    """Return a table of the live fit's errors divided by those of the whole record's fit.
 
-    `median` and `worst` are taken over noises. `all` is taken over all series of all noises. For it, each
-    noise's errors are divided by the error of the whole record's fit on that noise.
+    It has a row for each s2/R and length.
+
+    `median` and `worst` are the median and the largest ratio of the noises. `all` is the root mean square of
+    the noises' ratios, in which each noise has the weight of its number of series.
     """
     live = _of_order(scores)[lambda some: some.estimator == LIVE]
     over_bound = (live.rmse / live.cramer_rao_sd).groupby([live.step_ratio, live.samples]).median()
@@ -119,8 +126,8 @@ def coverages(scores: DataFrame) -> Table:
 def held(counts: DataFrame) -> Table:
     """Return a table that says how often the intervals contain the true value, for each of a few noises.
 
-    An undefined interval counts as containing every value. If there are such intervals, a cell also says how
-    many they are, and how many of the other intervals contain the true value.
+    An undefined interval counts as containing every value. If there are undefined intervals, the cell also
+    gives their number, and the number of other intervals that contain the true value.
     """
     cells = []
     for at, some in counts.groupby(["noise", "samples"], observed=True):
@@ -142,7 +149,7 @@ def _held(series: int, held: int, undefined: int) -> str:
 def parts(counts: DataFrame) -> Table:
     """Return how often the intervals for the parts of composite noises contain the true value.
 
-    Only fits whose model has the true parts count.
+    Only those fits are counted whose model consists of the true parts.
     """
     columns = {
         "composite noise": lambda one: one.noise,
@@ -198,7 +205,7 @@ def _counts(counts: dict[str, int]) -> str:
 
 
 def summary(scores: DataFrame) -> Table:
-    """Return one row for each estimator and length, over the noises that have an order."""
+    """Return one row for each estimator and length. Each row summarises all noises that have an order."""
     columns = {
         "estimator": lambda some: str(some.estimator.iloc[0]),
         "samples": lambda some: f"{some.samples.iloc[0]:,}",
@@ -226,7 +233,10 @@ def white(scores: DataFrame) -> Table:
 
 
 def changes(scores: DataFrame) -> Table:
-    """Return one row for each changed setting, over the noises with an order, at the greatest length."""
+    """Return one row for each changed setting.
+
+    Each row summarises the noises with an order, at the greatest length.
+    """
     last = scores[(scores.samples == scores.samples.max()) & scores.alpha.notna()]
     relative = last[last.quantity == "f"].assign(error=lambda some: some.median_error / some.f.abs())
     errors_of_f = relative.groupby("estimator", observed=True).error.median()

@@ -1,7 +1,7 @@
 """The online filters with the Q and R of the live fit: `estimator.tuning = "live"`.
 
-As in the daemon, the samples so far are fitted whenever the record has grown by 30 %. If the fit finds an
-order, its s2 and R replace the filters' Q and R, and the filters continue with its α and f.
+As in the daemon, all samples so far are fitted again whenever the record has grown by 30 %. If the fit finds
+an order, its s2 and R replace the filters' Q and R, and the filters continue with its α and f.
 """
 
 import numpy as np
@@ -20,7 +20,9 @@ GROWTH = 1.3
 
 
 def tunings(y: Array, h: float, last: int) -> list[Tuning]:
-    """Return the variances and filter models that live fits of y (n, seeds) give before sample `last`.
+    """Return the variances and filter models that live fits of y (n, seeds) give.
+
+    Only fits before sample `last` are made.
 
     `h`: sampling period [s].
     """

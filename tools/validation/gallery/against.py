@@ -1,6 +1,6 @@
 """Compares two runs of the gallery: which verdicts became better, worse, or only different.
 
-The verdicts are compared for each noise at each rate and length (a cell).
+The verdicts are compared separately in each cell, which is a noise at one rate and length.
 """
 
 from collections import Counter
@@ -54,7 +54,7 @@ def _said(row: Row) -> str:
 
 
 def _holding(rows: list[Row]) -> str:
-    """Return as text how many intervals contain the true α, of those that have both ends."""
+    """Return a text that says how many of the intervals with two ends contain the true α."""
     with_ends = [
         row for row in rows if row["true_alpha"] is not None and row["alpha"] and None not in row["alpha"]
     ]

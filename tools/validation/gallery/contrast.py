@@ -1,10 +1,10 @@
-"""Computes how far the best model of a family is from the truth, in expected 2 log L.
+"""Computes by how much the expected 2 log L of a family's best model falls short of that of the truth.
 
-A family is a set of models with free parameters. If the true spectrum is S, the 2 log L of a model M is on
-average smaller than that of the truth by 2 Σ (log(M / S) + S / M - 1), the sum over all ordinates. This is
-the model's shortfall. Apart from chance, no fit with the family can do better than the family's smallest
-shortfall. So the smallest shortfall tells whether a record can exclude the family. scipy finds the minimum;
-no code is shared with the fits.
+A family is a set of models with free parameters. Let S be the true spectrum. The 2 log L of a model with the
+spectrum M is on average smaller than that of the truth by 2 Σ (log(M / S) + S / M - 1), where the sum is over
+all ordinates. This is the model's shortfall. Apart from chance, no fit with a model of the family falls short
+by less than the smallest shortfall in the family. So the smallest shortfall tells whether a record can
+exclude the family. scipy finds the minimum; no code is shared with the fits.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,8 +16,8 @@ from scipy.ndimage import minimum_filter
 from scipy.optimize import Bounds, least_squares, minimize
 
 Family = Callable[[Array, Array], Array]
-"""A family of models: a function of `count` sets of k parameters (k, count) and of frequencies λ (bins,) that
-returns the spectra (count, bins) of the models.
+"""A family of models, as a function that returns the spectra of models. Its arguments are `count` sets of k
+parameters, of shape (k, count), and the frequencies λ (bins,). The spectra have the shape (count, bins).
 """
 Nearest = Callable[["Bins"], float]
 """Function that returns the smallest shortfall of one family, for a record with the given bins."""
@@ -28,16 +28,17 @@ FIRST = 10
 determine a model.
 """
 DEEPEST = 1e-6
-"""Smallest ratio of a spectrum's density to its highest density. In periodograms, the zeros of filters are no
-deeper.
+"""Densities below this proportion of a spectrum's highest density are replaced by this proportion of it. In
+periodograms, the zeros of filters are no deeper.
 """
 FLOOR = -3.0
-"""Logarithm of the largest ratio of two densities: that of white noise added after a low-pass, and that which
-the low-pass lets pass.
+"""White noise may be added after a low-pass. This is the logarithm of the largest ratio of its density to the
+density that the low-pass lets pass.
 """
 POINTS, MOST_POINTS, STARTS = 15, 3_400, 6
-"""Number of grid points for each parameter, largest number of points of a grid, and number of searches that
-begin at the best of these points.
+"""The parameters are first tried on a grid. POINTS: number of points for each parameter, unless the whole
+grid would then have more than MOST_POINTS points. STARTS: this many of the best points, and as many of the
+best local minima of the grid, are points at which a search begins.
 """
 RELAXATIONS = 6
 
@@ -74,11 +75,11 @@ def below(bins: Bins, lam: float) -> Bins:
 
 
 def shortfall(bins: Bins, models: Array) -> Array:
-    """Return by how much the expected 2 log L of each model is smaller than that of the truth.
+    """Return the shortfall of each model: by how much its expected 2 log L is smaller than that of the truth.
 
     `models`: spectra (count, bins).
 
-    Each model is taken with the scale with which it fits best.
+    Each model is multiplied by the factor with which it fits best.
     """
     ratio = bins.truth / models
     total = bins.weight.sum()
@@ -89,7 +90,7 @@ def shortfall(bins: Bins, models: Array) -> Array:
 def least(bins: Bins, family: Family, *box: tuple[float, float]) -> float:
     """Return the smallest shortfall of a family, with parameters between the bounds `box`.
 
-    Searches begin at local minima on a grid.
+    Searches begin at the best points and at local minima of a grid.
     """
     points = min(POINTS, int(MOST_POINTS ** (1 / len(box))))
     grid = np.stack(np.meshgrid(*(np.linspace(*side, points) for side in box), indexing="ij"))
@@ -107,8 +108,8 @@ def least(bins: Bins, family: Family, *box: tuple[float, float]) -> float:
     valleys = np.flatnonzero(found == around)
     ends = []
     for at in {*valleys[np.argsort(found[valleys])[:STARTS]].tolist(), *np.argsort(found)[:STARTS].tolist()}:
-        # Begin with a least-squares search: near the truth, the shortfall is a sum of squares with narrow
-        # valleys, in which the other search would get stuck.
+        # Each search begins with a least-squares search. Near the truth the shortfall is a sum of squares
+        # with narrow valleys, in which the second search alone would get stuck.
         near = least_squares(apart, flat[:, at], bounds=np.transpose(box), x_scale="jac", max_nfev=200).x
         ends.append(minimize(behind, near, method="L-BFGS-B", bounds=box).fun)
     return float(min(ends))
@@ -207,7 +208,7 @@ rising = _nearest(
 
 
 def white(bins: Bins) -> float:
-    """Return the shortfall of white noise, as a model of the truth in `bins`."""
+    """Return the shortfall of the model white noise for the true spectrum in `bins`."""
     return float(shortfall(bins, np.ones((1, len(bins.lam))))[0])
 
 
@@ -219,8 +220,9 @@ def order(bins: Bins) -> float:
 def without_order(bins: Bins) -> float:
     """Return the smallest shortfall of a sum of parts without an order.
 
-    The parts are six relaxations, one that alternates in sign, a random walk and quantisation, of any sizes,
-    in white noise. Each search starts with corners whose logarithms are evenly spaced.
+    The parts are six relaxations (first-order Gauss-Markov processes), one relaxation that alternates in
+    sign, a random walk, quantisation and white noise. The parts can have any sizes. Each search starts with
+    corners whose logarithms are evenly spaced.
     """
     bottom, top = float(np.log(bins.lam[0])), float(np.log(np.pi))
     starts = [(low, high) for low in (bottom - 2, bottom, bottom + 2) for high in (top - 2, top, top + 1.5)]
@@ -240,7 +242,7 @@ def _mixed(bins: Bins, log_corners: Array) -> float:
     poles = len(halves)
 
     def behind(p: Array) -> tuple[float, Array]:
-        """Return the shortfall, and its derivatives by the logarithms of corners and sizes."""
+        """Return the shortfall and its derivatives with respect to the logarithms of corners and sizes."""
         corner = np.exp(p[:poles, np.newaxis])
         pole, rest = np.exp(-corner), -np.expm1(-corner)
         below = rest**2 + pole * halves
@@ -254,7 +256,7 @@ def _mixed(bins: Bins, log_corners: Array) -> float:
 
     level = np.log(np.median(bins.truth) / (RELAXATIONS + 1))
     sizes = np.full(poles + len(fixed), level)
-    # The search starts with a small mirrored relaxation, random walk and rise.
+    # At the start of the search, the mirrored relaxation, the random walk and the rising part are small.
     sizes[-len(fixed) - 1 : -1] = level - 5
     sizes[-len(fixed)] += 2 * np.log(bins.lam[0])
     start = np.concatenate([log_corners, [0.0], sizes])

@@ -1,4 +1,4 @@
-"""Filters that noises pass before they are read: low-passes, repeated values, jitter."""
+"""What happens to noises before they are read: low-pass filters, repeated values, jitter."""
 
 import cmath
 import math
@@ -14,27 +14,29 @@ from tools.validation.gallery.parts import Relaxation
 from tools.validation.recursions import Stream
 
 AT_ONCE = 1 << 22
-"""Number of a filter's input samples that are drawn at once. It limits the memory that long records need."""
+"""The input samples of a filter are drawn in pieces of this number of samples. This limits the memory that
+long records need.
+"""
 OVER_CORNER = 8.0
-"""Rate at which a filter runs, at least, divided by the filter's corner frequency."""
+"""A filter runs at least at this many times its corner frequency."""
 MPU9250_DLPF = {250: 0.97, 184: 2.9, 92: 3.9, 41: 5.9, 20: 9.9, 10: 17.85, 5: 33.48}
 """For each bandwidth [Hz] of the MPU-9250's low-passes for the gyroscope: the delay [ms], from the register
 map.
 """
 CONSTANT_DELAY_MS = 1.9
-"""Difference between the delays in MPU9250_DLPF and 0.159 / bandwidth, the delay of a filter with one pole
-[ms].
+"""The delays in MPU9250_DLPF are longer by this time than 0.159 / bandwidth, the delay of a filter with one
+pole [ms].
 
-Since the difference is the same for all bandwidths, the filter has one pole.
+The difference is the same for all bandwidths. This shows that the filter has one pole.
 """
 
 
 class LowPass(NamedTuple):
     """A low-pass filter such as chips have, with a gain of 1 at low frequencies.
 
-    The filter has one pole, or the two poles of a Butterworth filter, with the corner frequency `hz`. Or it
-    has only `taps` (its impulse response), at the rate of the output. `inner_hz`: the rate at which the
-    filter runs; if 0, several times the corner frequency.
+    The filter has one pole, or the two poles of a Butterworth filter, with the corner frequency `hz`. If
+    `taps` is given, these are the filter's impulse response at the rate of the output. `inner_hz`: the rate
+    at which the filter runs. If it is 0, the rate is several times the corner frequency.
     """
 
     hz: float = 0.0
@@ -138,8 +140,8 @@ class Through(NamedTuple):
             e = rng.standard_normal(count)
             for size, one in slow:
                 e += one.run(size * rng.standard_normal(count))
-            # Decimation divides the density below the corner by m. The noise is drawn with m times the
-            # variance, so that this density stays the same.
+            # Decimation divides the density below the corner by m. The noise is therefore drawn with m times
+            # the variance, so that the density of the output is that of the input.
             out[at : at + count // m] = stream.run(math.sqrt(m) * e)[::m]
         return out
 
@@ -187,9 +189,11 @@ class Held(NamedTuple):
 
 
 class Jittered(NamedTuple):
-    """A relaxation that is read with a random delay of up to half a period, plus white noise.
+    """White noise plus a relaxation (a first-order Gauss-Markov process).
 
-    `steps`: number of time steps in a period.
+    The relaxation is read with a random delay of up to half a period.
+
+    `steps`: number of time steps in a sampling period at which the relaxation is computed.
     """
 
     hz: float
@@ -218,9 +222,10 @@ class Jittered(NamedTuple):
         return np.asarray(1 + variance * (1 - spread + spread * ar1))
 
     def _scale(self, rate_hz: float) -> float:
-        """Return the factor by which `height` is multiplied to draw the relaxation.
+        """Return the factor by which `height` is multiplied before samples of the relaxation are generated.
 
-        Without jitter, its density at low frequencies would then be `height`.
+        With this factor, the relaxation's density at low frequencies would be `height` if its samples were
+        read without jitter.
         """
         pole = math.exp(-2 * math.pi * self.hz / rate_hz)
         fine = math.exp(-2 * math.pi * self.hz / (self.steps * rate_hz))

@@ -1,8 +1,8 @@
 """Measures whether more data ever give a weaker verdict, on growing records of the gallery's noises.
 
-A record of each noise is drawn at the greatest length, and the shorter records are beginnings of it. A
-verdict is weaker than that on the next shorter record if that one was right and this one is wrong, or if this
-one is white, which is not right, and that one was not white.
+A record of each noise is drawn at the greatest length, and the shorter records are beginnings of it. Each
+verdict is compared with the verdict on the next shorter record. It is weaker in two cases: it is wrong while
+the earlier verdict was right, or it is "white" without being right while the earlier verdict was not "white".
 """
 
 import itertools
@@ -19,7 +19,7 @@ RATE_HZ = 100.0
 FIRST = 500
 """Number of the first record of each noise.
 
-The records differ from those with which the gallery's rules were developed, which have other numbers.
+The gallery's rules were developed with other records, which have other numbers.
 """
 SHORT: dict[str, str] = {"fractional or relaxations": "either", "line or resonance": "peak"}
 """Shorter names of some verdicts, for the table."""
@@ -42,7 +42,7 @@ def grow(name: str, number: int) -> list[Row]:
 
 
 def says_less(rows: list[Row]) -> list[Row]:
-    """Return the verdicts that are weaker than the one before them.
+    """Return the verdicts that are weaker than the verdict before them.
 
     `rows`: verdicts on the beginnings of one record, the shortest first.
     """
@@ -55,9 +55,9 @@ def says_less(rows: list[Row]) -> list[Row]:
 
 
 def tables(rows: list[Row]) -> list[Table | str]:
-    """Return a table of the verdicts by length, and one of the weaker verdicts.
+    """Return two tables, of the verdicts for each length and of the weaker verdicts.
 
-    The second has the records that get a weaker verdict when they grow.
+    The second table has the records that get a weaker verdict when they grow.
     """
     by_noise = grouped(rows, lambda row: row["noise"])
     cells = [

@@ -25,7 +25,7 @@ class Coupled(NamedTuple):
     inner: tuple[Relaxation, ...] = ()
 
     def coefficients(self, rate_hz: float) -> tuple[list[float], list[float]]:
-        """Return numerator and denominator of the filter as polynomials in z⁻¹."""
+        """Return the numerator and the denominator of the filter as polynomials in z⁻¹."""
         if self.poles == 1:
             pole = math.exp(-2 * math.pi * self.hz / rate_hz)
             return [1.0, -1.0], [1.0, -pole]

@@ -30,7 +30,9 @@ Truth = Literal[
     "filtered order",
     "held",
 ]
-"""Kind of the noise's spectrum, without spectral lines, drift and changes."""
+"""The kinds of spectra that noises have. Spectral lines, drift and changes of the noise are left out of
+account.
+"""
 
 
 class Line(NamedTuple):
@@ -62,7 +64,7 @@ class Line(NamedTuple):
 
 
 class Drift(NamedTuple):
-    """An offset that moves by `size` standard deviations of the white noise over the record.
+    """An offset that changes during the record by `size` standard deviations of the white noise.
 
     The offset follows a ramp, or a warm-up whose time constant is a fifth of the record.
     """
@@ -77,7 +79,10 @@ class Drift(NamedTuple):
 
 
 def rounded(sigma: float) -> Treatment:
-    """Return a treatment that rounds to whole counts, with σ = `sigma` and offset 0.3 [counts]."""
+    """Return a treatment that rounds samples to whole counts.
+
+    Before, it scales them to the standard deviation `sigma` and adds 0.3 [counts].
+    """
     return lambda y, rng: np.asarray(np.rint(sigma * y / y.std() + 0.3))
 
 
@@ -87,7 +92,10 @@ def outliers(y: Array, rng: np.random.Generator) -> Array:
 
 
 def bursts(y: Array, rng: np.random.Generator) -> Array:
-    """Replace occasional groups of 20 samples by three times Student's t with two degrees of freedom."""
+    """Replace groups of 20 samples, at random times, by large random numbers.
+
+    They are three times random numbers from Student's t distribution with two degrees of freedom.
+    """
     inside = np.zeros(len(y), dtype=bool)
     for at in np.flatnonzero(rng.random(len(y)) < 1 / 2_000).tolist():
         inside[at : at + 20] = True
@@ -97,7 +105,7 @@ def bursts(y: Array, rng: np.random.Generator) -> Array:
 
 
 def wander(y: Array, rng: np.random.Generator) -> Array:
-    """Let the variance rise and fall once over the record, by a factor of 2 each way."""
+    """Let the variance rise once by a factor of 2 and fall once by a factor of 2 during the record."""
     return y * np.exp(math.log(2) / 2 * np.sin(2 * math.pi * np.arange(len(y)) / len(y)))
 
 
@@ -146,12 +154,16 @@ class Noise(NamedTuple):
     changes: bool = False
     """Whether the noise changes during the record."""
     swings: int = 0
-    """Number of samples after which the noise's power rises or falls again. 0: the power never changes."""
+    """The noise's power rises and falls by turns. Number of samples from each change to the next; 0 if the
+    power never changes.
+    """
     check: str = ""
-    """Data check that must report a problem of the noise, with any verdict; empty if there is none."""
+    """Data check that must report a problem of this noise, whatever the verdict. Empty if the noise has no
+    such problem.
+    """
     spread: float | None = None
-    """Variance of the white noise that the treatment adds when the parts together have the variance 1. None
-    if the treatment adds none.
+    """Variance of the white noise that the treatment adds, if the parts together have the variance 1. None if
+    the treatment adds no white noise.
     """
     accepted: Accepted | None = None
 
@@ -164,7 +176,7 @@ class Noise(NamedTuple):
     def alpha(self) -> float | None:
         """The order of the noise's state D^α x = f x + ω, or of a part that is like it.
 
-        None if the noise has no such part.
+        None if the noise has neither such a state nor such a part.
         """
         for part in self.parts:
             match part:

@@ -1,4 +1,7 @@
-"""The noises of the gallery. Frequencies are in Hz, unless they are said to be divided by the sample rate."""
+"""The noises of the gallery.
+
+Frequencies are in Hz, except those that are called "divided by the sample rate".
+"""
 
 from typing import Any
 
@@ -242,7 +245,7 @@ ODD = (
 )
 
 ANGLE = Differenced(0.08)
-"""Quantisation of an angle whose differences are read."""
+"""The gyroscope's rate is the difference of two successive angles. Here these angles are quantised."""
 CLOSE = Relaxation(0.16, 24.0), Relaxation(1.6, 2.4), Relaxation(8.0, 0.5)
 SHARPENING = LowPass(taps=(-0.04, 1.08, -0.04))
 RISING = (

@@ -1,4 +1,4 @@
-"""Parts of noises: each part can draw samples, and has its spectrum in closed form.
+"""The parts of noises. Each part can draw samples, and can compute its spectrum in closed form.
 
 Spectra are normalised so that white noise of variance R has density R, over λ [rad per sample]. All parts of
 a noise have the same scale: the density of its white part is 1 at any sample rate, as for a sensor.
@@ -21,12 +21,11 @@ from tools.validation.recursions import (
 )
 
 LONGEST_MEMORY = 1 << 21
-"""Longest memory with which the fractional state is drawn [samples]. The state's impulse response decays in
-less.
+"""The fractional state is drawn with at most this memory [samples]. Its impulse response decays in less time.
 """
 A_DECADE = 8
-"""Number of relaxations per decade of frequency whose sum is drawn as 1/f noise. The density of the sum is
-within 0.1 % of 1/f.
+"""1/f noise is drawn as a sum of this many relaxations (first-order Gauss-Markov processes) per decade of
+frequency. The density of the sum is within 0.1 % of 1/f.
 """
 
 
@@ -43,7 +42,7 @@ class Part(Protocol):
 
 
 class White(NamedTuple):
-    """White noise of variance 1; `tails` is gaussian, t4 or laplace."""
+    """White noise of variance 1. `tails`: its distribution (gaussian, t4 or laplace)."""
 
     tails: str = "gaussian"
 
@@ -59,7 +58,10 @@ class White(NamedTuple):
 
 
 class Telegraph(NamedTuple):
-    """Noise of plus or minus `size` that changes its sign at random, every `stay_s` seconds on average."""
+    """Noise whose values are plus or minus `size`.
+
+    It changes its sign at random times, every `stay_s` seconds on average.
+    """
 
     stay_s: float
     size: float
@@ -124,7 +126,7 @@ def ladder(low_hz: float, high_hz: float, a_decade: float, corner_hz: float) -> 
 
     `a_decade`: number of relaxations per decade.
 
-    `corner_hz`: frequency at which 1/f noise of this level is as dense as the white noise.
+    `corner_hz`: frequency at which the 1/f noise has the same density as the white noise.
     """
     count = round(math.log10(high_hz / low_hz) * a_decade) + 1
     # If a relaxation with the corner c has the height level / c, the density of the sum over all corners is
@@ -157,10 +159,10 @@ class Arfima(NamedTuple):
 
 
 class Fractional(NamedTuple):
-    """The project's own state D^α x = f x + ω, with f in s^-α and variance `step` of a step.
+    """The project's own state D^α x = f x + ω, with f in s^-α. `step`: variance of a step ω.
 
-    `window`: number of past samples on which the state depends; 0 means all. f may be above 0 only if the
-    window is limited.
+    `window`: number of past samples on which the state depends, or 0 for all past samples. f may be above 0
+    only if the window is limited.
     """
 
     alpha: float
@@ -171,7 +173,7 @@ class Fractional(NamedTuple):
     def g(self, rate_hz: float) -> float:
         """Return g = h^α f, where h is the sampling period.
 
-        At slow sample rates g is limited to half of the range in which x does not grow.
+        At slow sample rates, g is limited to half of the range of values with which x does not grow.
         """
         g = float(rate_hz**-self.alpha) * self.f
         most = float(self._weights().sum()) / 2 if self.window else 0.0

@@ -9,16 +9,16 @@ from fltea.records.fit import VerdictKind
 from scipy.signal import lfilter
 
 FEWEST_SAMPLES, FEWEST_PERIODS, SURELY_ALIKE = 10, 10, 8.0
-"""Conditions under which a comb of spectral lines has to be found.
+"""A comb of spectral lines has to be found if three conditions hold.
 
-The conditions are the smallest number of samples in a period, the smallest number of periods in a record, and
-the smallest correlation of the record with itself one period later [standard deviations].
+A period has at least FEWEST_SAMPLES samples. A record has more than FEWEST_PERIODS periods. The correlation
+of the record with itself one period later is more than SURELY_ALIKE standard deviations.
 """
 FAR, FEW_ORDINATES, MANY_ORDINATES = 5.0, 10.0, 100.0
 """Conditions for a spectral line of varying frequency.
 
-The first is the ratio of the line's frequency to the standard deviation of the frequency. The others are
-small and large numbers of ordinates within this deviation.
+FAR is the ratio of the line's frequency to the standard deviation of this frequency. FEW_ORDINATES and
+MANY_ORDINATES are a small and a large number of ordinates within one such standard deviation.
 """
 
 
@@ -47,7 +47,7 @@ class Glitches(NamedTuple):
 
 
 class WanderingLine(NamedTuple):
-    """A sine whose frequency is a Gauss-Markov process with mean `hz`."""
+    """A sine whose frequency is a first-order Gauss-Markov process with the mean `hz`."""
 
     hz: float
     amplitude: float

@@ -1,8 +1,8 @@
 """Runs `fltea identify` on records of the gallery's noises, and judges whether the verdicts are right.
 
-There are three main figures: the number of right verdicts, the number of records of noises without an order
-that are called fractional, and the number of unsure claims. In these, an order is claimed although 2 log L of
-a model without an order is at most `MARGIN` smaller. There should be none.
+The first main figure is the number of right verdicts. The second is the number of records that are called
+fractional although their noise has no order. The third is the number of unsure claims: an order is claimed
+although 2 log L of a model without an order is smaller by at most `MARGIN`. There should be no unsure claims.
 """
 
 import zlib
@@ -38,8 +38,8 @@ LENGTHS_S = (30.0, 600.0, 10_800.0)
 QUICK = (100.0, 600.0)
 """Sample rate [Hz] and length [s] of the records in a quick run."""
 MARGIN = 6.0
-"""How much larger 2 log L of the model with an order has to be than that of any model without an order, for a
-claim of an order.
+"""An order may be claimed only if 2 log L of the model with an order is larger by more than this than 2 log L
+of any model without an order.
 """
 SCALE = 0.01
 """Standard deviation that the gallery's white noise has when it is identified [deg/s], as for a real sensor.
@@ -48,7 +48,7 @@ CHECKS = "dead band", "common value", "clipped"
 """Data checks that must not report a problem, except on the noises that have this problem."""
 COLOURS = {"right": "#4c9f70", "cannot be told": "#e9c46a", "wrong": "#d1495b"}
 SIGNS = {"right": "", "cannot be told": "?", "wrong": "✗"}
-"""Signs next to a verdict that show the outcome to readers who cannot distinguish the colours."""
+"""The sign next to each verdict. It shows the outcome to readers who cannot distinguish the colours."""
 ACROSS = 6
 """Number of small pictures next to each other in a row."""
 
@@ -74,7 +74,10 @@ def draw(name: str, rate_hz: float, duration_s: float, number: int) -> Array:
 
 
 def analyse(name: str, rate_hz: float, duration_s: float, number: int) -> list[Row]:
-    """Draw one record and identify it. Return verdict, order with its 95 % interval, and spectral lines."""
+    """Draw one record and identify it.
+
+    Return the verdict, the order with its 95 % interval, and the spectral lines.
+    """
     y, noise = draw(name, rate_hz, duration_s, number), NOISES[name]
     cell: Row = {"noise": name, "rate_hz": rate_hz, "duration_s": duration_s, "record": number}
     known = {"truth": noise.truth, "has_order": noise.has_order, "true_alpha": noise.alpha}
@@ -94,9 +97,9 @@ def judged(name: str, rate_hz: float, y: Array) -> Row:
 def _seen(y: Array, h: float) -> Row:
     """Return the program's result for the samples `y`. Only this function of the gallery calls the program.
 
-    The field `alpha` has the value and the ends of its interval. The field `ahead` is 2 log L of the best
-    model with an order, minus that of the model with most parameters without an order; None if no model has
-    an order.
+    The field `alpha` has the value and the ends of its interval. The field `ahead` is a difference: 2 log L
+    of the best model with an order, minus 2 log L of that model without an order that has the most
+    parameters. It is None if no model has an order.
     """
     if (y == y[0]).all():
         text = "All samples are the same."
@@ -125,8 +128,8 @@ def _right(name: str, rate_hz: float, samples: int) -> Right:
 def tables(rows: list[Row]) -> list[Table | str]:
     """Return the main figures as sentences, and tables of the verdicts.
 
-    The tables have the wrong verdicts, the verdicts by true kind, and those that cannot be told, with
-    reasons.
+    The tables have the wrong verdicts, the verdicts for each true kind of noise, and the verdicts on records
+    that cannot tell, with reasons.
     """
     record = ("noise", "record", "verdict")
     wrong = _cells(rows, "wrong", lambda some: ", ".join(some[0]["right"]))
@@ -203,7 +206,7 @@ def _record(row: Row) -> str:
 def pictures(rows: list[Row]) -> dict[str, bytes]:
     """Return two pictures as PNG.
 
-    One is a grid of outcomes. The other has the spectra of all noises, with truth and verdict.
+    One picture is a grid of outcomes. The other has the spectra of all noises, with truth and verdict.
     """
     return {"cells": _grid(rows), "spectra": _spectra(rows)}
 

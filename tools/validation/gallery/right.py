@@ -1,9 +1,9 @@
 """Determines the right verdicts on a noise from its true spectrum alone.
 
-There are three outcomes. A verdict that names the truth is right, and so is a verdict that names a model
-whose spectrum the record cannot distinguish from the truth. If the record cannot decide, a weaker verdict is
-accepted, and so is a verdict to which chance may well lead. The reason is kept with each accepted verdict.
-All other verdicts are wrong.
+There are three outcomes: right, accepted and wrong. A verdict is right if it names the truth, or if it names
+a model whose spectrum the record cannot distinguish from the truth. A weaker verdict is accepted if the
+record cannot decide. A verdict is also accepted if chance may well lead to it. The reason is kept with each
+accepted verdict. All other verdicts are wrong.
 """
 
 import math
@@ -22,43 +22,38 @@ from tools.validation.gallery.parts import Differenced, Notched, Resonance, Whit
 from tools.validation.gallery.periodic import right_periodic
 
 SAME = 6.0
-"""Expected difference of 2 log L between two spectra, below which a record cannot distinguish them."""
+"""A record cannot distinguish two spectra if the expected difference of their 2 log L is below this value."""
 UNSEEN = 2.0
-"""Expected difference of 2 log L between a spectrum and white noise, below which a record cannot distinguish
-them.
+"""A record cannot distinguish a spectrum from white noise if the expected difference of their 2 log L is
+below this value.
 """
 LUCK = 2.0
-"""Number of standard deviations by which chance may change a difference of 2 log L.
-
-The standard deviation of the difference is 2 √(expected difference).
-"""
+"""Chance may change a difference of 2 log L by this many standard deviations: 2 √(expected difference)."""
 MORE = 13.0
-"""How much larger, by chance, 2 log L may be for a sum of parts without an order than for an order.
-
-The reason is the larger number of parameters.
+"""By chance, 2 log L of a sum of parts without an order may be larger by this much than 2 log L of an order.
+The reason is that the sum has more parameters.
 """
 WITHOUT_ORDER = "a sum of relaxations, a walk and a rise"
 SLOW_ORDINATES = 9
 DRIFTS = 1.5
-"""Expected power of the slowest ordinates divided by that of white noise, above which there is some drift."""
+"""A noise drifts if the expected power of its slowest ordinates exceeds this many times that of white noise.
+"""
 SLOW_SEEN, RAMP_SEEN = 3.5, 30.0
-"""Detection limits of drift, relative to white noise.
+"""Limits above which a drift must be found. They are ratios to the power of white noise.
 
 The first limit is for the mean power of the slowest ordinates, the second for the power of a fitted cubic
-polynomial.
-
-White noise exceeds the first limit with the probability 1e-5. A drift below the second limit is irrelevant in
-practice.
+polynomial. White noise exceeds the first limit with the probability 1e-5. A drift below the second limit is
+irrelevant in practice.
 """
 PEAK_ALARM = 3e-3
 NARROW, FEW_ORDINATES = 2.0, 10.0
-"""Two limits for the width of a peak [ordinates]. A peak that is narrower than the first is a spectral line.
-One narrower than the second may be taken for a line.
+"""Two limits for the width of a peak [ordinates]. A peak that is narrower than the first limit is a spectral
+line. A peak that is narrower than the second limit may be taken for a line.
 """
 HIGH_CORNER = 0.2 * math.pi
-"""Corner [rad per sample] above which a high-pass looks like a spectrum that rises."""
+"""If the corner of a high-pass is above this frequency [rad per sample], the spectrum seems only to rise."""
 INSIDE_THE_FILTER = 0.5
-"""Smallest power gain of a filter at which the noise before the filter is visible in the spectrum."""
+"""The noise before a filter is visible where the power gain of the filter is at least this value."""
 
 EITHER: VerdictKind = "fractional or relaxations"
 
@@ -85,8 +80,9 @@ class _Notes:
     def may(self, kind: VerdictKind, short: float, what: str, more: float = 0.0) -> None:
         """Note a verdict as right or accepted, unless the record shows that it is wrong.
 
-        It is right if the record cannot tell its model from the truth, and accepted if the record may fail
-        to. `short`: how far the model's expected 2 log L falls behind that of the truth.
+        The verdict is right if the record cannot distinguish its model from the truth. It is accepted if
+        chance may keep the record from distinguishing them. `short`: how far the model's expected 2 log L
+        falls behind that of the truth.
         """
         if short < SAME:
             self.right.add(kind)
@@ -95,7 +91,10 @@ class _Notes:
 
 
 def distinguishable(short: float, needed: float) -> bool:
-    """Return whether a difference in 2 log L, expected to be `short`, exceeds `needed` even with bad luck."""
+    """Return whether a difference in 2 log L exceeds `needed` even with bad luck.
+
+    `short`: expected value of the difference.
+    """
     return short - LUCK * 2 * math.sqrt(max(short, 0.0)) > needed
 
 
@@ -135,7 +134,7 @@ def right_verdicts(noise: Noise, rate_hz: float, n: int) -> Right:
 
 
 def _peaks(noise: Noise) -> list[tuple[float, float]]:
-    """Return frequencies and widths of peaks and notches."""
+    """Return the frequency and the width of each peak and notch."""
     found = [part for part in noise.parts if isinstance(part, Resonance | Notched)]
     return [(2 * math.pi * one.share, 2 * math.pi * one.share / one.q) for one in found]
 
@@ -216,7 +215,7 @@ def _low_pass(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -
     level = float(noise.spectrum(np.array([1e-3 * bins.lam[0]]), rate_hz)[0])
     if bins.truth[0] < level / 2:
         notes.accepted["drift"] = "the corner is below the lowest frequency that is fitted"
-    # The two ends of a drifting record differ, and power of this jump leaks into the fitted ordinates.
+    # The two ends of a drifting record differ. The power of this difference leaks into the fitted ordinates.
     leak = noise.drift.size**2 / (n * bins.lam**2) if noise.drift is not None else 0.0
     with_leak = bins.truth + leak
     notes.may("drift", contrast.walk(bins._replace(truth=with_leak)), "a random walk")
@@ -240,7 +239,8 @@ def _relaxation_or_order(notes: _Notes, bins: Bins) -> None:
 def _high_pass(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
     """Note whether "anti-persistent" is right on high-passed noise, too.
 
-    It is if the high-pass stops nearly all frequencies of the record, so that the spectrum only rises.
+    The verdict "anti-persistent" is right if the high-pass stops nearly all frequencies of the record, so
+    that the spectrum only rises.
     """
     half = float(bins.lam[np.flatnonzero(bins.truth > bins.truth[-1] / 2)[0]])
     if half > HIGH_CORNER:
@@ -248,7 +248,9 @@ def _high_pass(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) 
 
 
 def _high_passed_relaxations(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
-    """Note the right verdicts. They name the noise before the high-pass, or the high-pass itself.
+    """Note the right verdicts on relaxations behind a high-pass.
+
+    They name the noise before the high-pass, or the high-pass itself.
 
     A spectrum that rises and falls may also look like an order behind a high-pass.
     """
@@ -277,7 +279,7 @@ def _filtered_order(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: 
 def _passed(noise: Noise, bins: Bins, rate_hz: float) -> Bins:
     """Return the bins that a filter passes, with the noise's spectrum before the filter.
 
-    This is the spectrum in `bins` over the filter's gain.
+    The spectrum before the filter is the spectrum in `bins` divided by the filter's gain.
     """
     (part,) = (part for part in noise.parts if isinstance(part, Through))
     gain = Through(part.low_pass).spectrum(bins.lam, rate_hz)
@@ -302,8 +304,8 @@ def _held(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> No
 def _lines(notes: _Notes, noise: Noise, rate_hz: float, n: int) -> None:
     """Note the right verdicts on noise with spectral lines.
 
-    They depend on whether the record shows a line, and whether it can tell a line from a drift or a
-    resonance.
+    The right verdicts depend on whether the record shows a line, and on whether the record can distinguish a
+    line from a drift or a resonance.
     """
     notes.right.clear()
     notes.accepted.clear()
@@ -345,7 +347,7 @@ def _lines(notes: _Notes, noise: Noise, rate_hz: float, n: int) -> None:
 
 
 CHANGE = math.log(2)
-"""Smallest change between the halves of a record: difference of the logarithms of their variances."""
+"""Logarithm of the factor by which the variances of a record's two halves differ at least."""
 
 
 def _changes(notes: _Notes, n: int) -> None:
@@ -365,9 +367,7 @@ def _changes(notes: _Notes, n: int) -> None:
 
 
 FEW_SWINGS = 16
-"""If the power changes at least this number of times in a record, the verdict has to be that the noise is not
-stationary.
-"""
+"""If the power rises or falls this often or more in a record, only the verdict "not stationary" is right."""
 
 
 def _swings(notes: _Notes, half: int, n: int) -> None:

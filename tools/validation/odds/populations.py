@@ -1,9 +1,10 @@
 """Random noises with and without an order, on which the odds of an order are calibrated and validated.
 
-All noises include white noise of variance 1. In a record, the lowest corner frequency that can be known has
-ten periods. The logarithms of the relaxations' corners are random between this frequency and a third of the
-sample rate. Or the corners are regular: their logarithms are about equally spaced, and the densities fall as
-those of 1/f noise. None of these noises is in the gallery.
+All noises include white noise of variance 1. The lowest corner frequency that a record can show is that which
+has ten periods in the record. Relaxations (first-order Gauss-Markov processes) have one of two kinds of
+corners. Random corners lie between this frequency and about a third of the sample rate, and their logarithms
+are uniformly distributed. The logarithms of regular corners are equally spaced, and the densities of these
+relaxations fall about as that of 1/f noise. None of these noises is in the gallery.
 """
 
 import math
@@ -29,11 +30,12 @@ MOST_RANDOM, MOST_REGULAR = 4, 5
 STEPS, SLOPES, LEVELS = (0.5, 1.2), (0.6, 1.4), (-0.5, 1.5)
 """Ranges for regular relaxations.
 
-The ranges are for the distance between corners [decades], for the slope with which -log density rises over
-log corner, and for log10 of the density at 1 Hz.
+STEPS: distance between corners [decades]. SLOPES: slope with which -log density rises over log corner.
+LEVELS: log10 of the density at 1 Hz.
 """
 SCATTER = 0.1
-"""Standard deviation by which log10 of the densities of regular relaxations scatters about a straight line.
+"""log10 of the densities of regular relaxations scatters about a straight line. This is the standard
+deviation of the scatter.
 """
 
 Draw = Callable[[np.random.Generator, int], tuple[Part, ...]]
@@ -88,7 +90,7 @@ POPULATIONS: dict[str, tuple[Draw, float]] = {
     "regular sum": (regular_sum, 0.125),
     "sum and rise": (sum_and_rise, 0.125),
 }
-"""How the noises of each population are drawn, and the population's weight among all noises.
+"""For each population: the function that draws its noises, and its weight among all noises.
 
 Noises with and without an order have the same total weight.
 """

@@ -1,6 +1,6 @@
 """Validates the odds of an order.
 
-This part measures how reliable the odds are, and how many of the true orders are found with them.
+This part measures how reliable the odds are, and how many true orders are found with the help of the odds.
 
 Noises are drawn from the populations that the odds were calibrated on, with other seeds.
 """
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SEEDS, QUICK_SEEDS = 400, 40
-"""Number of noises of each population and length, and the number with --quick."""
+"""Number of noises of each population and length in a full and in a quick run."""
 SEED = 2026
 LENGTHS = (3_000, 20_000, 60_000, 200_000)
 AT_ONCE = 20
@@ -126,12 +126,13 @@ def _log_odds(row: Row) -> float:
 
 
 def operating(rows: Sequence[Row], against: str) -> tuple[list[float], list[float]]:
-    """Return how often an order is claimed falsely, and how often rightly.
+    """Return two lists: how often an order is claimed falsely, and how often rightly.
 
-    The first is a proportion of noises without an order, the second one of noises with an order.
+    The first list has proportions of the noises without an order, the second list has proportions of the
+    noises with an order.
 
-    An order is claimed if the model with an order leads by more than a threshold. Both proportions are given
-    for every threshold. `against`: the population of noises without an order.
+    An order is claimed if the model with an order leads by at least a threshold. Both lists have one
+    proportion for each threshold. `against`: the population of noises without an order.
     """
     scores = {
         name: np.array([_score(row) for row in rows if row["population"] == name])
@@ -173,7 +174,11 @@ def _samples(n: int) -> str:
 
 
 def pictures(rows: list[Row]) -> dict[str, bytes]:
-    """Return pictures of how reliable odds are, and of orders found by the share of false claims."""
+    """Return two pictures.
+
+    One picture shows how reliable the odds are, the other how many orders are found for each proportion of
+    false claims.
+    """
     figure = new_figure(11.0, 4.6)
     left, right = figure.subplots(1, 2)
     by_length = grouped(rows, lambda row: row["samples"])
