@@ -164,7 +164,7 @@ class DueRun(HostView):
         if samples.duplicates or samples.before_hello:
             return f"{samples.duplicates} duplicates, {samples.before_hello} samples without HELLO"
         if not unheard or unheard[-1]:
-            return f"unheard at the end of each boot: {unheard}; none should be at the end of the run"
+            return f"unheard at the end of each boot: {unheard}; there should be none at the end of the run"
         due = sum(boot.due for boot in self.boots)
         if samples.delivered + samples.lost + sum(unheard) != due:
             parts = f"{samples.delivered} delivered + {samples.lost} lost + {unheard} unheard"

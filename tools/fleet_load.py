@@ -174,7 +174,7 @@ def main() -> int:
     parser.add_argument("--rounds", type=int, default=60, help="fits of each sensor")
     given = parser.parse_args()
     if not is_loopback(given.host):
-        parser.error("--host: only this machine; it would be an attack on anybody else's broker")
+        parser.error("--host: only a broker on this machine, since such a load on another would be an attack")
     if not (1 <= given.sensors <= 100_000 and 0 <= given.bad <= given.sensors and given.every >= 0):
         parser.error("1 to 100,000 sensors, no more bad ones than there are, and no negative time")
     bad = bad_ones(given.sensors, given.bad)

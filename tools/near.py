@@ -193,7 +193,7 @@ def main(words: Sequence[str] | None = None) -> int:
     wanted = plan(here, set(names) - set(here), users_of)
     print(f"near: {len(names)} files differ from {since}", flush=True)
     for name in wanted.left_out:
-        print(f"near: not run: the tests that use {name}, which are many; make test does", flush=True)
+        print(f"near: not run: the many tests that use {name}; make test runs them", flush=True)
     failed = []
     for command in commands(wanted):
         begin = time.monotonic()

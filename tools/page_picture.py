@@ -34,7 +34,7 @@ def main() -> int:
     parser.add_argument("--width", type=int, default=1280)
     parser.add_argument("--height", type=int, default=900)
     parser.add_argument("--dark", action="store_true")
-    parser.add_argument("--whole", action="store_true", help="all of the page, not what a window shows")
+    parser.add_argument("--whole", action="store_true", help="the whole page, not only what a window shows")
     parser.add_argument("--wait", type=float, default=9.0, metavar="S")
     asked = parser.parse_args()
     chromium = shutil.which("chromium")

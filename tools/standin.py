@@ -69,7 +69,9 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument(
         "--link", type=Path, help="make a symbolic link to the port, under a name of your own"
     )
-    parser.add_argument("--estimate", action="store_true", help="send estimates of its own too")
+    parser.add_argument(
+        "--estimate", action="store_true", help="also send the estimates that the device computes"
+    )
     parser.add_argument(
         "--samples", type=int, default=0, help="number of samples after which each boot falls silent"
     )

@@ -38,7 +38,7 @@ FORBIDDEN = [
     ("ldr r0, =0x400E0618\n ldrb r1, [r0]", "1 byte(s) of PMC_PCSR0"),
     ("ldr r0, =0x400E0E00\n movs r1, #0\n strb r1, [r0]", "write of 1 byte(s) of PIOA_PER"),
     ("ldr r0, =0x400E0E00\n movs r1, #0\n strh r1, [r0]", "write of 2 byte(s) of PIOA_PER"),
-    ("ldr r0, =0x40000001\n bx r0", "jump to where no code may be"),
+    ("ldr r0, =0x40000001\n bx r0", "jump to an address where there must be no code"),
     ("load r1, 0x400E0814", "read of UART_SR without its clock: bit 8 of PMC_PCER0"),
     ("store 0xE000ED08, 0x00080004", "aligned to 256"),
     ("store 0xE000ED14, 0x208", "CCR 0x208: not modelled"),

@@ -95,7 +95,7 @@ def play(board, steps):
         ([*UART_8N1, ("UART", "CR", 1 << 6)], "UART", "THR", 1, "no clock"),
         ([*UART, ("UART", "TPR", 0x30000000), ("UART", "TCR", 1)], "UART", "PTCR", 1 << 8, "no memory"),
         (UART, "UART", "TNCR", 4, "TCR is 0"),
-        (UART, "UART", "PTCR", 1, "nothing is ever received"),
+        (UART, "UART", "PTCR", 1, "receiving is not modelled"),
         # Rows about the timers
         *(
             ([TC], "TC0", register, value, "modelled")
@@ -132,9 +132,9 @@ def begin(board):
         ([("CR", SWRST), ("CWGR", 101 << 8 | 101)], begin, "without MSEN"),
         ([("CWGR", 0)], begin, "400 kHz"),
         ([("CWGR", 98 << 8 | 98)], begin, "400 kHz"),
-        ([lambda board: board.pio.write("PER", SDA)], begin, "PB12 is not given to peripheral A"),
-        ([lambda board: board.pio.write("PER", SCL)], begin, "PB13 is not given to peripheral A"),
-        ([lambda board: board.pio.write("ABSR", SCL)], begin, "PB13 is not given to peripheral A"),
+        ([lambda board: board.pio.write("PER", SDA)], begin, "PB12 is not assigned to peripheral A"),
+        ([lambda board: board.pio.write("PER", SCL)], begin, "PB13 is not assigned to peripheral A"),
+        ([lambda board: board.pio.write("ABSR", SCL)], begin, "PB13 is not assigned to peripheral A"),
         (
             [lambda board: setattr(board.machine, "clocked", board.machine.clocked & ~(1 << TWI1_ID))],
             lambda board: board.twi.read("SR"),

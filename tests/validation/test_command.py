@@ -79,10 +79,10 @@ def test_a_run_against_an_earlier_one(validate: Call, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--only", "pink elephants"), "nothing has a name with pink elephants in it"),
+        (("--only", "pink elephants"), "no name contains pink elephants"),
         (("--seeds", "0"), "--seeds"),
         (("--out", "taken"), "--out taken: cannot be written to"),
-        (("--resume", "--only", "white", "--no-figures"), "is not of this program"),
+        (("--resume", "--only", "white", "--no-figures"), "was not written by this program"),
         (("--nonsense",), "--nonsense"),
         (("--against", "nowhere.ndjson"), "nowhere.ndjson: there is no such file"),
     ],

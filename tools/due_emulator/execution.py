@@ -73,7 +73,7 @@ REASONS = {
 """What Unicorn's errors mean for the emulated program."""
 STOPS = {
     2: "SVC instruction: not modelled",
-    3: "jump to where no code may be",
+    3: "jump to an address where there must be no code",
     4: "access that the processor refuses (an exclusive one that is not aligned?)",
     7: "BKPT instruction: not modelled",
     17: "instruction of a coprocessor or floating-point unit, which the Cortex-M3 has not",
@@ -84,9 +84,9 @@ REFUSALS = (
     "",
     "unaligned LDM, STM, LDRD, STRD, PUSH, POP, LDREX or STREX: a register holds 0x{:08X}, no multiple of 4",
     "unaligned LDREXH or STREXH: a register holds 0x{:08X}, which is odd",
-    "undefined instruction: it is one of other processors, not of the Cortex-M3",
+    "undefined instruction: other processors have it, but the Cortex-M3 does not",
     "division by {}, while CCR.DIV_0_TRP is set",
-    "jump to an address without bit 0: the Cortex-M3 runs Thumb code alone",
+    "jump to an address without bit 0: the Cortex-M3 runs only Thumb code",
 )
 """For each number of the enum `Refusal` in refusals.hpp: the text that says why the run ends."""
 

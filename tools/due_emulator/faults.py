@@ -49,7 +49,7 @@ class SdaStuck(_Fault, frozen=True, tag="sda_stuck"):
 
     def __post_init__(self) -> None:
         if self.clocks and self.for_s:
-            raise ValueError("give clocks or for, not both")
+            raise ValueError("give either 'clocks' or 'for', not both")
 
 
 class SclStuck(_Fault, frozen=True, tag="scl_stuck"):
@@ -69,7 +69,7 @@ class NackBurst(_Fault, frozen=True, tag="nack_burst"):
 
     def __post_init__(self) -> None:
         if bool(self.count) == bool(self.for_s):
-            raise ValueError("give either count or for")
+            raise ValueError("give either 'count' or 'for'")
 
 
 class StaleByte(_Fault, frozen=True, tag="stale_byte"):
@@ -126,7 +126,7 @@ class UartLoss(_Fault, frozen=True, tag="uart_loss"):
     def __post_init__(self) -> None:
         given = bool(self.count), bool(self.probability), bool(self.for_s)
         if given not in ((True, False, False), (False, True, True)):
-            raise ValueError("give either count, or probability and for")
+            raise ValueError("give either 'count', or both 'probability' and 'for'")
 
 
 class HostStopsReading(_Fault, frozen=True, tag="host_stops_reading"):
@@ -146,7 +146,7 @@ class SensorClock(_Fault, frozen=True, tag="sensor_clock"):
 
     def __post_init__(self) -> None:
         if bool(self.percent) and bool(self.ppm):
-            raise ValueError("give percent or ppm, not both")
+            raise ValueError("give either 'percent' or 'ppm', not both")
         if not abs(self.total_ppm) <= 100_000:
             raise ValueError("a clock is at most 10 percent off")
 

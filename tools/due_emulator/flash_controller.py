@@ -122,9 +122,11 @@ class FlashController(Peripheral):
 
     def _show_id(self) -> None:
         if self._holds(self.pc()):
-            self.machine.fault(f"{self.name}: STUI by code in the flash that it hides: run it from RAM")
+            self.machine.fault(f"{self.name}: this code runs in the flash that STUI hides: run it from RAM")
         if not self.field("FMR", "SCOD"):
-            self.machine.fault(f"{self.name}: STUI without FMR.SCOD: the erratum says that it reads wrongly")
+            self.machine.fault(
+                f"{self.name}: STUI without FMR.SCOD: the erratum says that wrong values are read"
+            )
         # FRDY stays 0 until SPUI. The datasheet (18.4.3.8) says that FRDY falls at STUI, and rises after
         # SPUI.
         self.flag("FSR", FRDY, False)

@@ -47,7 +47,7 @@ class Profile:
 
     def __init__(self, cpu: Cpu, functions: Mapping[int, str], phases: Collection[str] = ()) -> None:
         if unknown := sorted(set(phases) - set(functions.values())):
-            raise ValueError(f"no function of this name (or it went inline): {', '.join(unknown)}")
+            raise ValueError(f"no function has this name, or the compiler inlined it: {', '.join(unknown)}")
         self.by_function: Counter[str] = Counter()
         """Number of instructions of each function, without the functions that it called."""
         self.by_phase: Counter[str] = Counter()

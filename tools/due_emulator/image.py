@@ -45,7 +45,7 @@ def read_image(path: Path) -> Image:
             f"{path}: cannot be read ({error.strerror}). Build it with 'make firmware'."
         ) from error
     if content[:4] == b"\x7fELF":
-        raise UsageError(f"{path}: is an ELF file; the board is given the .bin (objcopy -O binary).")
+        raise UsageError(f"{path}: is an ELF file; give the .bin file instead (objcopy -O binary).")
     if not 8 <= len(content) <= FLASH_BYTES:
         raise UsageError(f"{path}: has {len(content)} bytes; an image for the Due has 8 to {FLASH_BYTES}.")
     build_id, ram_bytes = hashlib.sha256(content).hexdigest()[:8], None

@@ -101,7 +101,7 @@ class Stepped:
         """
         k = (2 * now_ns + self._period_ns) // (2 * self._period_ns)
         if k < self._k:
-            raise ValueError(f"the world is past {now_ns} ns already")
+            raise ValueError(f"the motion has already passed {now_ns} ns")
         row = now_ns // ACCEL_PERIOD_NS % ACCEL_ROWS
         if k > self._k or row != self._row:
             while self._k < k:

@@ -143,7 +143,7 @@ class Pmc(Peripheral):
         count = self.field(register, field)
         if count < least:
             self.machine.fault(
-                f"PMC_{register}.{field} is {count}: it may be taken for ready too soon; it needs {least}"
+                f"PMC_{register}.{field} is {count}: the clock may seem ready too soon; use at least {least}"
             )
         return count * cycles * PS_PER_S // SLOW_CLOCK_HZ
 

@@ -39,7 +39,7 @@ class RegisterFile(Peripheral):
     def on_write(self, register: str, value: int) -> None:
         """Store the value, or set or clear bits."""
         if value & REFUSED.get((self.name, register), 0):
-            self.machine.fault(f"{self.name} is put to work by {register} = 0x{value:X}: it is not modelled")
+            self.machine.fault(f"{register} = 0x{value:X} starts {self.name}, which is not modelled")
         if self.name == "SUPC" and register in SUPC_KEYED:
             if value >> 24 != SUPC_KEY:
                 self.machine.fault(

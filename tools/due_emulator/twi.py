@@ -192,10 +192,10 @@ class Twi(Peripheral):
         if self._slave:
             fault(f"{name}: a transfer while SVEN is on; slave mode is not modelled")
         if self.registers["SR"] & RXRDY and not self._stale:
-            fault(f"{name}: a byte lies in RHR: STOP was set too late, and one byte too many was read")
+            fault(f"{name}: STOP was set too late, so one byte too many was read and lies in RHR")
         for bit in self._pins:
             if self._pio.peripheral(bit) != "A":
-                fault(f"{name}: a transfer while P{self._pio.name[-1]}{bit} is not given to peripheral A")
+                fault(f"{name}: a transfer while P{self._pio.name[-1]}{bit} is not assigned to peripheral A")
         if self.scl_hz > FASTEST_HZ * (1 + TOLERANCE):
             fault(f"{name}_CWGR sets {self.scl_hz / 1e3:.0f} kHz: the sensor takes 400 kHz")
 

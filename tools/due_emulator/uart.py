@@ -129,7 +129,7 @@ class Transmitter(Peripheral):
         elif value & PDC_TXTEN:
             status |= PDC_TXTEN
         if value & PDC_RXTEN and not value & PDC_RXTDIS:
-            self.machine.fault(f"{self.name}_PTCR: nothing is ever received here")
+            self.machine.fault(f"{self.name}_PTCR: receiving is not modelled")
         self.registers["PTSR"] = status
         self._feed()
 

@@ -57,9 +57,7 @@ class Watchdog(Peripheral):
                 self._restart()
             return
         if self._written:
-            self.machine.fault(
-                f"WDT_MR = 0x{value:08X}: it was written before, and the chip takes it only once"
-            )
+            self.machine.fault(f"WDT_MR = 0x{value:08X}: a second write; the chip accepts a write only once")
         self._written = True
         self.registers["MR"] = value
         if not self.field("MR", "WDDIS") and not self.period_ps:

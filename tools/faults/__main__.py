@@ -53,7 +53,7 @@ def main() -> int:
         metavar="WORD",
         help="only faults with this word in their names",
     )
-    parser.add_argument("--long", action="store_true", help="minutes in place of seconds, where that differs")
+    parser.add_argument("--long", action="store_true", help="faults last minutes instead of seconds")
     parser.add_argument(
         "--image", type=Path, help="raw binary for the Due, for `board` (default: the committed image)"
     )
@@ -61,7 +61,7 @@ def main() -> int:
     given = parser.parse_args()
     unknown = [part for part in given.parts if part not in PARTS]
     if unknown:
-        parser.error(f"{unknown[0]}: no such part; there are {', '.join(PARTS)}")
+        parser.error(f"{unknown[0]}: there is no such part; the parts are {', '.join(PARTS)}")
     rows = []
     for row in played(given.parts or [*PARTS], given.only, short=not given.long, image=given.image):
         rows.append(row)

@@ -106,7 +106,7 @@ def worker_killed(stage: Stage) -> Outcome:
 
             _identify(files, stage.folder / "v.parquet", workers, kill_one)
     wrong = [] if killed else ["no worker was killed"]
-    return _outcome(stage.folder, [], "the other did its pieces too", wrong)
+    return _outcome(stage.folder, [], "the other worker processed its pieces, too", wrong)
 
 
 @_quiet()
@@ -129,7 +129,9 @@ def scheduler_killed(stage: Stage) -> Outcome:
     with contextlib.closing(Cluster()) as cluster:
         done = _identify(files, out, DaskWorkers(cluster.address))
     wrong = (
-        [f"{done.skipped} files were not done again, of {len(first)}"] if done.skipped != len(first) else []
+        [f"{done.skipped} of {len(first)} files were not identified again"]
+        if done.skipped != len(first)
+        else []
     )
     more = f"{len(first)} files before, {done.done} by another scheduler"
     return _outcome(stage.folder, reported, more, wrong)
@@ -178,7 +180,7 @@ def _outcome(folder: Path, reported: list[str], more: str, wrong: list[str]) -> 
     if rows != len(found):
         wrong = [*wrong, f"{rows} rows of {len(found)} files"]
     if other:
-        wrong = [*wrong, f"verdicts that are others than without a cluster: {other}"]
+        wrong = [*wrong, f"verdicts that differ from those without a cluster: {other}"]
     failed = sum(row["error"] is not None for row in found.values())
     where = {"with their verdict": len(found) - failed, "with the reason of a failure": failed}
     return Outcome(reported, SMALL + 1, where, "files", more, wrong=wrong)

@@ -211,7 +211,7 @@ def long_stall_of_the_program(stage: Stage) -> Outcome:
     if 0 <= others <= MOST_OTHERS_DROPPED:
         return found
     return replace(
-        found, wrong=[*found.wrong, f"the board dropped {others} frames more than samples are lost"]
+        found, wrong=[*found.wrong, f"the board dropped {others} more frames than samples are lost"]
     )
 
 

@@ -81,10 +81,10 @@ def clock_step(stage: Stage) -> Outcome:
         wrong.append("the new epoch does not follow the machine's date")
     figures = time_stamps_off_ms(program, 1, 2)
     if max(figures.values()) > 1000:
-        wrong.append(f"the step tore the time stamps: {figures}")
+        wrong.append(f"the step of the clock moved time stamps within an epoch: {figures}")
     steps = [round(ns / HOUR_NS) for ns in read_recording(scene.recording).steps_ns]
     if steps != [0, 1, -1]:
-        wrong.append(f"the recording shows the date's steps as {steps} h")
+        wrong.append(f"the recording shows clock shifts of {steps} h, not [0, 1, -1] h")
     return scene.outcome(figures=figures, wrong=wrong)
 
 

@@ -138,7 +138,7 @@ class Board:
         """Send samples while another thread runs `action`; an exception of `action` is raised here."""
         with ThreadPoolExecutor(1) as pool:
             doing = pool.submit(action)
-            self.send_until(doing.done, "something else to be done")
+            self.send_until(doing.done, "the action of the other thread")
             doing.result()
 
     def stall(self, instants: int) -> None:

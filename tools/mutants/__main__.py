@@ -118,13 +118,15 @@ def main() -> int:
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--only", action="append", default=[], metavar="NAME", help="may be given again")
+    parser.add_argument(
+        "--only", action="append", default=[], metavar="NAME", help="try only this mutant; repeatable"
+    )
     parser.add_argument("--everyone", action="store_true", help="run all judges on each bug")
     parser.add_argument("--jobs", type=int, default=2, help="number of mutants judged at the same time")
-    host = parser.add_argument_group("the host, in place of the firmware")
+    host = parser.add_argument_group("mutants of the host instead of the firmware")
     host.add_argument("--host", type=int, metavar="COUNT", help="number of random changes to try")
     host.add_argument("--seed", type=int, default=1, help="seed of the random choice")
-    host.add_argument("--below", default="", metavar="PATH", help="only below host/fltea/PATH")
+    host.add_argument("--below", default="", metavar="PATH", help="change only files below host/fltea/PATH")
     options = parser.parse_args()
     if options.host is not None:
         drawn = choose(REPOSITORY, options.host, options.seed, options.below)

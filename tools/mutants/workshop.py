@@ -63,7 +63,7 @@ class Mutant(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         if text.count(self.old) != 1 or self.old == self.new:
             raise ValueError(
                 f"{self.name}: the old text stands {text.count(self.old)} times in firmware/{self.file}, "
-                "not once: the source has changed, so mutants.toml has to follow"
+                "not once: the source has changed, so mutants.toml has to be updated"
             )
         return text.replace(self.old, self.new)
 
@@ -238,5 +238,5 @@ def run(
             check=False,
         )
     except subprocess.TimeoutExpired:
-        return 1, "it does not end in time"
+        return 1, "it does not end within the time limit"
     return done.returncode, done.stdout

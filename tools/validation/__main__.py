@@ -26,23 +26,26 @@ from tools.validation.runner import Options, read_rows, run
 from tools.validation.tables import Table
 
 PARTS = {
-    "gallery": ("gallery.records", "verdicts on noises that are known, at three rates and three lengths"),
+    "gallery": ("gallery.records", "verdicts on known noises at three sample rates and three lengths"),
     "growth": ("gallery.growth", "verdicts on the gallery's noises as their records grow"),
-    "coverage": ("coverage.run", "how often each interval that is published holds the truth"),
-    "allan": ("allan", "Allan deviations of models and their spread, computed and drawn"),
-    "evaluate": ("evaluate.run", "what the live fit and the filters are worth, noise by noise"),
-    "odds": ("odds.run", "whether odds of an order come true, and what they find"),
-    "states": ("states", "what the tracker's bias is worth beside a filter that knows the noise"),
+    "coverage": ("coverage.run", "how often each published interval contains the true value"),
+    "allan": ("allan", "Allan deviations of models: computed ones and simulated ones"),
+    "evaluate": ("evaluate.run", "how accurate the live fit and the filters are, for each noise"),
+    "odds": ("odds.run", "how reliable the odds of an order are, and how many orders they find"),
+    "states": ("states", "how accurate the tracker's bias is, compared with a filter that knows the noise"),
     "bias": (
         "bias.run",
-        "what the bias is worth when it steps, when the sensor turns, beside VQF and imufusion",
+        "how accurate the bias is after a step or a turn, compared with VQF and imufusion",
     ),
-    "forecast": ("forecast", "how often a heading is inside of its band, and a right model fails"),
-    "navigation": ("navigation", "what a Kalman filter from the file of --gauss-markov is worth"),
-    "power": ("power", "how often the null test of `identify` rejects, white noise and other"),
-    "anytime": ("anytime", "how often white sensors are ever called anything else in a day"),
-    "bound": ("bound", "critical values of intervals where there is no white noise"),
-    "device": ("device", "how far the board's estimates and fits are from the host's"),
+    "forecast": (
+        "forecast",
+        "how often a heading is inside its band, and how often a right model is rejected",
+    ),
+    "navigation": ("navigation", "how accurate a Kalman filter with the figures of --gauss-markov is"),
+    "power": ("power", "how often the null test of `identify` rejects white and other noise"),
+    "anytime": ("anytime", "how often white noise gets another verdict within a day"),
+    "bound": ("bound", "critical values of intervals for noises without white noise"),
+    "device": ("device", "how much the board's estimates and fits differ from the host's"),
     "fleet": ("fleet", "how often `fltea fleet` calls healthy sensors odd"),
 }
 """The parts that can be run: modules of this folder, with a short description of each.
@@ -61,7 +64,7 @@ def main() -> int:
     given = _arguments()
     try:
         if not given.no_figures:
-            need_matplotlib("pictures need", "; without it, ask for the tables alone: --no-figures")
+            need_matplotlib("pictures need", "; --no-figures makes only the tables, without it")
         prepare_folder("--out", given.out)
         for part in PARTS if given.part == ["all"] else given.part:
             _run(part, given)
@@ -78,7 +81,7 @@ def _run(part: str, given: argparse.Namespace) -> None:
     seeds = given.seeds or (module.QUICK_SEEDS if given.quick else module.SEEDS)
     tasks = module.tasks(Options(seeds, given.quick, tuple(given.only), given.first, given.hours))
     if not tasks:
-        raise UsageError(f"{part}: nothing has a name with {' or '.join(given.only)} in it.")
+        raise UsageError(f"{part}: no name contains {' or '.join(given.only)}.")
     before = read_rows(given.against) if given.against is not None else []
     workers = open_local(given.jobs)
     try:
@@ -110,32 +113,47 @@ def _arguments() -> argparse.Namespace:
     parts = "".join(f"  {name:<10} {what}\n" for name, (_, what) in PARTS.items())
     parser = argparse.ArgumentParser(
         "python -m tools.validation",
-        description=f"{__doc__}\nparts:\n{parts}  all        one after the other",
+        description=f"{__doc__}\nparts:\n{parts}  all        all parts, one after the other",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("part", nargs="+", choices=[*PARTS, "all"], metavar="PART")
-    parser.add_argument("--quick", action="store_true", help="a small part of it: a minute or less")
-    parser.add_argument("--seeds", type=_positive, metavar="N", help="series or records of each kind")
+    parser.add_argument("--quick", action="store_true", help="measure less, in a minute or less")
     parser.add_argument(
-        "--only", action="append", default=[], metavar="TEXT", help="names with this; repeatable"
+        "--seeds", type=_positive, metavar="N", help="number of series, records or axes of each kind"
     )
     parser.add_argument(
-        "--first", type=int, default=0, metavar="K", help="gallery: number of the first record"
+        "--only", action="append", default=[], metavar="TEXT", help="only names that contain TEXT; repeatable"
     )
     parser.add_argument(
-        "--hours", type=_positive, default=0, metavar="H", help="bias: of one sensor, for false steps"
+        "--first", type=int, default=0, metavar="K", help="only for gallery: number of the first record"
     )
     parser.add_argument(
-        "--against", type=Path, metavar="FILE", help="gallery: compare cell by cell with this gallery.ndjson"
+        "--hours",
+        type=_positive,
+        default=0,
+        metavar="H",
+        help="only for bias: hours of each noise in which false steps are counted",
     )
-    parser.add_argument("--resume", action="store_true", help="keep what an earlier run left in DIR")
-    parser.add_argument("--jobs", type=_positive, metavar="N", help="processes; else one a processor")
+    parser.add_argument(
+        "--against",
+        type=Path,
+        metavar="FILE",
+        help="only for gallery: compare each cell with this gallery.ndjson",
+    )
+    parser.add_argument(
+        "--resume", action="store_true", help="skip tasks that an earlier run has finished in DIR"
+    )
+    parser.add_argument(
+        "--jobs", type=_positive, metavar="N", help="number of processes; default: one for each processor"
+    )
     parser.add_argument("--out", type=Path, default=Path("build/validation"), metavar="DIR")
-    parser.add_argument("--no-figures", action="store_true", help="then matplotlib is not needed")
-    parser.add_argument("--json", action="store_true", help="print PART.ndjson in place of tables")
+    parser.add_argument(
+        "--no-figures", action="store_true", help="draw no pictures; matplotlib is not needed then"
+    )
+    parser.add_argument("--json", action="store_true", help="print PART.ndjson instead of tables")
     given = parser.parse_args()
     if given.against is not None and given.part != ["gallery"]:
-        parser.error("--against is of the gallery alone")
+        parser.error("--against works only with the part gallery")
     return given
 
 

@@ -128,6 +128,6 @@ def _known(file: Path) -> dict[str, list[Row]]:
         kept = [msgspec.json.decode(line, type=_Kept) for line in whole]
     except msgspec.MsgspecError as error:
         raise UsageError(
-            f"{file} is not of this program ({error}); without --resume it is made again."
+            f"{file} was not written by this program ({error}); without --resume it is replaced."
         ) from error
     return {one.task: one.rows for one in kept}

@@ -56,4 +56,4 @@ def tables(rows: Sequence[Row]) -> list[Table]:
             (str(noise), f"{hours:g}", number(told, "d"), number(a_week, ".2g"), str(row["restarts"]))
         )
     headings = ("noise", "hours of an axis", "steps told", "a week and axis", "tracker began again")
-    return [Table("Steps that are told of where there is none", headings, cells)]
+    return [Table("Steps that are reported although there is none", headings, cells)]

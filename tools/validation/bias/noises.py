@@ -134,7 +134,7 @@ class FractionalGaussian(NamedTuple):
 
     def draw(self, rng: np.random.Generator, n: int, state: Any) -> tuple[Array, Any]:
         if state is not None:
-            raise ValueError("fractional Gaussian noise is drawn as a whole: it does not go on")
+            raise ValueError("fractional Gaussian noise is drawn in one piece: no more samples can follow")
         return self.sigma * fractional_gaussian_noise(self.hurst, n, rng), True
 
 

@@ -50,13 +50,19 @@ MAPS = {
     "error": Map("Root mean square error of α", "alpha", "rmse", 0.0, 0.4, "viridis_r", ".2f"),
     "bias": Map("Bias of α", "alpha", "bias", -0.4, 0.4, "RdBu", "+.2f"),
     "coverage": Map(
-        "Share of the 95 % intervals that hold the true α", "alpha", "coverage", 0.0, 1.0, "cividis", ".0%"
+        "Proportion of 95 % intervals that contain the true α",
+        "alpha",
+        "coverage",
+        0.0,
+        1.0,
+        "cividis",
+        ".0%",
     ),
     "spread": Map(
-        "Spread of α over the Cramér–Rao bound (below 1 only with a bias)",
+        "Spread of α / Cramér–Rao bound (below 1 only with a bias)",
         *("alpha", "sd_over_bound", 0.0, 2.0, "PuOr", ".2g"),
     ),
-    "f": Map("Median error of f, as a share of f", "f", "error_of_f", 0.0, 1.0, "viridis_r", ".0%"),
+    "f": Map("Median error of f, as a proportion of f", "f", "error_of_f", 0.0, 1.0, "viridis_r", ".0%"),
 }
 
 
@@ -129,7 +135,7 @@ def _live_lines(scores: DataFrame) -> bytes:
         axes.set_xlabel("s2/R", fontsize=9)
     ticks = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5]
     panels[0].set_yticks(ticks, [f"{tick:g}" for tick in ticks], fontsize=8)
-    panels[0].set_ylabel("error of α (rms), median of the noises", fontsize=9)
+    panels[0].set_ylabel("rms error of α, median over the noises", fontsize=9)
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside right upper", fontsize=8)
     return png(figure)
 
@@ -143,7 +149,7 @@ def _settings_map(changes: DataFrame) -> bytes:
     figure.suptitle(title, fontsize=11, x=0.01, ha="left")
     panels = figure.subplots(1, 2, sharey=True)
     for axes, name, short in zip(
-        panels, ("error", "coverage"), ("error of α", "share of intervals that hold α"), strict=True
+        panels, ("error", "coverage"), ("error of α", "proportion of intervals that contain α"), strict=True
     ):
         values = some.pivot(index="estimator", columns="noise", values=MAPS[name].column)
         _paint(axes, values.to_numpy(dtype=np.float64), MAPS[name])

@@ -74,7 +74,9 @@ def read(
     bank = Bank(tuple(f"series {i}" for i in range(seeds)), config, h, None)
     startup = bank.startup_remaining
     if any(n % BLOCK or n < startup + BLOCK for n in lengths) or startup % BLOCK:
-        raise ValueError(f"lengths must be multiples of {BLOCK} beyond the start-up window, got {lengths}")
+        raise ValueError(
+            f"lengths must be multiples of {BLOCK} and exceed the start-up window, got {lengths}"
+        )
     bank.run(y[:startup])
     given = Tuning(startup, nothing if Q is None else Q, nothing if R is None else R)
     by_samples = {one.samples: one for one in (*tunings, given)}

@@ -259,13 +259,15 @@ def conclusion(scores: DataFrame) -> str:
     alpha = _of_order(scores)[lambda some: some.samples == n]
     of = dict(iter(alpha.groupby("estimator", observed=True)))
     counts = (f"{name} in {_of_all(of[name].right)}" for name in ("triple", "joint", LIVE, WHITTLE))
-    text = f"After {n:,} samples α is right to {ERROR:g}, with an interval that holds it, by "
+    text = (
+        f"After {n:,} samples the error of α is at most {ERROR:g}, and its intervals contain the true α, by "
+    )
     text += ", ".join(counts) + " noises. "
     strong = of["joint"].x_share >= STRONG
     for some, what in ((of["joint"][strong], "at least"), (of["joint"][~strong], "less than")):
         if len(some):
             text += f"Where x has {what} {STRONG:.0%} of the power joint is right in {_of_all(some.right)}. "
-    return text + "No filter knows white noise from noise with an order: the live fit's verdict does."
+    return text + "No filter can tell white noise from noise with an order. The live fit's verdict can."
 
 
 def _of_order(scores: DataFrame) -> DataFrame:

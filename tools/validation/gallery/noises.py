@@ -253,7 +253,10 @@ RISING = (
     _state(0.3, -1.8, 1.0),
     _state(0.35, 0.3, 3.0, window=300),
     _relaxing(
-        "3 relaxations, angle", "0.16, 1.6 and 8 Hz in white, of an angle that is rounded", *CLOSE, ANGLE
+        "3 relaxations, angle",
+        "0.16, 1.6 and 8 Hz in white, read as differences of a rounded angle",
+        *CLOSE,
+        ANGLE,
     ),
     Noise(
         "3 relaxations, sharpened",
@@ -268,7 +271,12 @@ RISING = (
         "relaxations",
         (MEMS[1], AR1(-0.2, 1.0)),
     ),
-    Noise("walk, angle", "random walk, of an angle that is rounded", "walk", (Walk(0.1), Differenced(1.0))),
+    Noise(
+        "walk, angle",
+        "random walk, read as differences of a rounded angle",
+        "walk",
+        (Walk(0.1), Differenced(1.0)),
+    ),
     Noise("notch", "white through a notch of Q = 5 at 0.25 of the rate", "notch", (Notched(0.25, 5.0),)),
 )
 

@@ -171,12 +171,12 @@ def summary(rows: list[Row]) -> list[str]:
     shares = {outcome: share(number, total) for outcome, number in count.items()}
     return [
         f"Of {total} records {count['right']} verdicts are right ({shares['right']}), "
-        f"{count['cannot be told']} say less since the record cannot tell ({shares['cannot be told']}), "
+        f"{count['cannot be told']} say less because the record cannot tell ({shares['cannot be told']}), "
         f"and {count['wrong']} are wrong ({shares['wrong']}).",
         f'Of {without} records of noises without an order {false} are called "fractional" '
         f"({share(false, without)}).",
         f'Of {len(with_order)} records of noises with an order {len(true_claims)} are called "fractional", '
-        f"{len(called)} of the {len(tellable)} whose length tells it from relaxations.",
+        f"{len(called)} of the {len(tellable)} that are long enough to tell it from relaxations.",
         f'Of {len(claims)} claims of "fractional" {len(close)} have a model without an order '
         f"within {MARGIN:g} in 2 log L.",
     ]
