@@ -25,7 +25,7 @@ from its centre.
 def over_gain(line: int, level: int) -> float:
     """Return 1 divided by the common power gain of all filters that the samples pass before `level`.
 
-    The gain is that at FFT bin `line` of this level.
+    The gain is taken at the frequency of FFT bin `line` of this level.
     """
     gain = 1.0
     for passed in range(1, level + 1):

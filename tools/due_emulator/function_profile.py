@@ -59,8 +59,8 @@ class Profile:
         self._names = [functions[address] for address in self._begins]
         self._phases = {address: name for address, name in functions.items() if name in phases}
         self._calls: dict[int, list[tuple[str, int]]] = {}
-        """The phases that are running, each with its return address, the innermost phase last. Each number of
-        active exceptions has its own list.
+        """Key: number of active exceptions. Value: the phases that are then running, each with its return
+        address, the innermost phase last.
         """
         self._function = ELSEWHERE
         self._phase: str | None = None

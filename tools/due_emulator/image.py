@@ -1,6 +1,6 @@
 """Reads a firmware image for the board, and facts about it.
 
-The image's build has written the facts into a JSON file next to the image.
+The build of the image has written the facts into a JSON file next to the image.
 """
 
 import hashlib

@@ -3,7 +3,7 @@
      make faults                                 all parts, in build/faults.md: some minutes
      make faults ARGS='ingest cluster'           only these parts
      make faults ARGS='--only disk --only clock' only faults with one of these words in their names
-     make faults ARGS='daemon --long'            minutes in place of seconds, as the tables of host/*.md
+     make faults ARGS='daemon --long'            faults of minutes, as in the tables of host/docs
 
 Exit code 1: some records are not accounted for, or a fault did not have the expected outcome. If a fault
 cannot be played on this machine, its row of the table says why, and has no records.

@@ -89,7 +89,7 @@ class DueExpected(NamedTuple):
 
     @property
     def of_outcome(self) -> Expected:
-        """The part of these expected values that the report's table shows."""
+        """Those of these expected values that the report's table shows."""
         return Expected((*self.faults, *self.epochs), lost=self.lost, excused=self.unheard)
 
     def differences(self, one: Measured) -> list[str]:

@@ -136,7 +136,9 @@ def _recorded_or_counted(scene: Scene, folder: Path) -> Outcome:
     if len(recorded.wire) + missing != of_link:
         wrong.append(f"{of_link - missing - len(recorded.wire)} bytes are neither recorded nor counted")
     if items != last["outputs"]["record"]["dropped"]:
-        wrong.append(f"{items} items are missing, but stats says {last['outputs']['record']}")
+        wrong.append(
+            f"{items} items are missing in the recording, but stats says {last['outputs']['record']}"
+        )
     return scene.outcome(but="record", recording_is_whole=False, figures=figures, wrong=wrong)
 
 

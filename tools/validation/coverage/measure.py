@@ -91,7 +91,8 @@ def of_drift(axis: Axis, y: Array) -> Iterator[Seen]:
 def of_allan(axis: Axis, y: Array) -> Iterator[Seen]:
     """Yield the result for the band of the Allan deviation.
 
-    It has the proportions of points whose true values are below and above their band.
+    It has the proportion of points whose true value is below the band, and the proportion of points whose
+    true value is above it.
     """
     found = allan([y], H)
     true = true_allan(axis.parts, np.rint(np.array(found.tau_s) / H))

@@ -141,7 +141,7 @@ def _live_lines(scores: DataFrame) -> bytes:
 
 
 def _settings_map(changes: DataFrame) -> bytes:
-    """Draw the error of α by changed setting and noise, at the greatest record length."""
+    """Draw the error of α for each changed setting and noise, at the greatest record length."""
     n = changes.samples.max()
     some = changes[(changes.samples == n) & (changes.quantity == "alpha")]
     figure = new_figure(4.6 + 2.3 * some.noise.nunique(), 1.6 + 0.27 * some.estimator.nunique())

@@ -76,17 +76,17 @@ def right_periodic(one: Glitches | WanderingLine, rate_hz: float, n: int) -> Sai
 def _glitches(one: Glitches, rate_hz: float, n: int) -> Said:
     period = one.period_s * rate_hz
     if period < FEWEST_SAMPLES:
-        why = f"{period:.3g} samples in a period: a line or a few"
+        why = f"{period:.3g} samples in a period: the comb has few lines"
         kinds: list[VerdictKind] = ["line or resonance", "white", "undecided", "resonance"]
         if 2 * one.late + one.samples >= period:
             kinds += ["low-pass", "anti-persistent"]
-            why = "late by as much as a period: noise of its own"
+            why = "late by up to a period: the glitches are noise"
         return {"comb", "line"}, dict.fromkeys(kinds, why)
     share = one.samples * one.size**2 / (period + one.samples * one.size**2)
     alike = share * math.sqrt(n / (one.late * 2 + 1 + (period % 1 > 0)))
     if n / period > FEWEST_PERIODS and alike > SURELY_ALIKE:
         return {"comb"}, {}
-    why = f"{n / period:.3g} periods, the record is like itself by {alike:.2g} standard deviations"
+    why = f"{n / period:.3g} periods, which are alike by {alike:.2g} standard deviations"
     return {"comb"}, {"line": why, "line or resonance": why, "white": why, "undecided": why}
 
 

@@ -177,10 +177,10 @@ def _relaxations(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int
 def _order(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
     nearest = contrast.order(bins)
     if nearest > SAME:
-        notes.accepted["undecided"] = f"of no model here; the nearest order is {nearest:.0f} behind"
+        notes.accepted["undecided"] = f"no model has this spectrum; the nearest order is {nearest:.0f} behind"
     notes.may(EITHER, contrast.without_order(bins), WITHOUT_ORDER, MORE)
     if EITHER in notes.right | set(notes.accepted) and bins.truth[-1] > bins.truth.min():
-        notes.accepted["undecided"] = "what looks the same rises with frequency"
+        notes.accepted["undecided"] = "a model that looks the same rises with frequency"
     notes.may("drift", contrast.walk(bins), "a random walk")
     notes.may("low-pass", contrast.low_pass(bins), "a low-pass")
 
@@ -297,7 +297,7 @@ def _held(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> No
 
     Repeating values is a filter, but no verdict names a filter of this shape.
     """
-    notes.accepted["undecided"] = "the spectrum is that of no model here"
+    notes.accepted["undecided"] = "no model here has this spectrum"
     _relaxation_or_order(notes, bins)
 
 
@@ -326,17 +326,17 @@ def _lines(notes: _Notes, noise: Noise, rate_hz: float, n: int) -> None:
         elif periods < contrast.FIRST:
             notes.right.add("drift")
             if periods < 1 or over - LUCK * math.sqrt(2 * over) < SLOW_ORDINATES * SLOW_SEEN:
-                notes.accepted["white"] = f"{periods:.2g} periods, {over:.0f} times the noise"
+                notes.accepted["white"] = f"the line has {periods:.2g} periods and {over:.0f} times the noise"
         elif beats < 2:
             notes.right.add("line")
-            why = f"{beats:.2g} beats with half the rate"
+            why = f"the line makes {beats:.2g} beats with half the rate"
             notes.accepted |= {"resonance": why, "white": why, "undecided": why, "not stationary": why}
             notes.accepted["anti-persistent"] = why
         else:
             notes.right.add("line")
             surely |= seen
             if not seen:
-                notes.accepted["white"] = notes.accepted["undecided"] = f"{over:.1f} times the noise"
+                notes.accepted["white"] = notes.accepted["undecided"] = f"a line {over:.1f} times the noise"
     if "line" in notes.right:
         notes.accepted["line or resonance"] = "a resonance narrower than an ordinate has the same spectrum"
     if surely:
@@ -377,7 +377,7 @@ def _swings(notes: _Notes, half: int, n: int) -> None:
     """
     notes.right = {"not stationary"} if n > half else {"not stationary", "white"}
     if n < FEW_SWINGS * half:
-        why = f"the power goes up or down {n / half:.1f} times"
+        why = f"the power rises or falls {n / half:.1f} times"
         notes.accepted = {"white": why, "undecided": why}
 
 
