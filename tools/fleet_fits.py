@@ -136,8 +136,8 @@ OTHER: dict[str, Draw] = {
     "asleep": lambda _: np.full(SAMPLES, 0.1),
     "just begun": lambda rng: _white(rng, 30),
 }
-"""Functions that draw a record of an unusual noise, by the noise's name. The fractional noise is drawn twice
-as often as each other noise.
+"""For the name of each unusual noise: the function that draws a record of it. The fractional noise is drawn
+twice as often as each other noise.
 
 These noises have about the same N as the usual noise, so that no sensor is an outlier in N.
 """

@@ -200,8 +200,8 @@ SWAPPED = WHOLE[:-4] + WHOLE[-4:][::-1]
 OTHER_HELLO = (2, 1, HASH, *TYPICAL_HELLO[3:])
 FOREIGN_HELLO = (1, 1, 0xDEADBEEF, *TYPICAL_HELLO[3:])
 
-# Cases of bad.txt, by the reason for which they are refused. A 0x00 is put before each case, since a block
-# before the first 0x00 of a stream counts as partial.
+# For each reason to refuse bytes: its cases in bad.txt. A 0x00 is put before each case, since a block before
+# the first 0x00 of a stream counts as partial.
 BAD = {
     "cobs": [
         ("block that promises more bytes than come", b"\x05\x01\x02\x00"),

@@ -6,7 +6,7 @@ Peculiarities of this file that matter here; `read` handles all of them:
 * Registers of PMC and MATRIX have the peripheral's name as prefix, registers of other peripherals have no
   such prefix. The prefix is removed, except that names in PMC such as CKGR_MOR keep their other prefix.
 * Registers can share one offset (TC_CMR in wave mode, USART in SPI mode, UOTGHS pipes): the later registers
-  are other views of the first register, which divide the same bits into other fields.
+  are other views of the first register. They divide the same bits into other fields.
 * A register without a resetValue is write-only, or it follows pins (PIO_PDSR) or events (UART_SR).
 * TWI_THR, PTCR and some other write-only registers have a reset value, which a program can never see.
 * The PDC's registers are listed in each peripheral that has a PDC (offsets 0x100 to 0x124), not in a

@@ -1,6 +1,6 @@
 // The functions that Unicorn calls at each block of code, before each instruction and at each access to a
 // peripheral. They run millions of times a second, so they are not in Python. The code also chooses between
-// two Unicorn instances, called processors, that share one memory: The exact processor can stop before any
+// two Unicorn instances, called processors, that share one memory. The exact processor can stop before any
 // instruction, and knows at each access which instruction makes it. The fast processor counts whole blocks of
 // code, has no peripherals, and stops before an instruction that it cannot execute exactly. While the program
 // makes no access to a peripheral, a slice continues on the fast processor. The results are those that the

@@ -78,7 +78,7 @@ STOPS = {
     7: "BKPT instruction: not modelled",
     17: "instruction of a coprocessor or floating-point unit, which the Cortex-M3 has not",
 }
-"""Causes of the exceptions at which Unicorn stops, by exception number."""
+"""For the number of each exception at which Unicorn stops: the cause of the exception."""
 
 REFUSALS = (
     "",

@@ -85,7 +85,7 @@ class HostView:
 
     @property
     def rate_hz(self) -> float | None:
-        """Sampling rate, by the device's own clock and including lost samples [Hz].
+        """Sampling rate by the device's own clock [Hz]. Lost samples count, too.
 
         None before two samples have arrived.
         """

@@ -59,7 +59,7 @@ def play_all(cases: Sequence[Case], *, at_once: int, **how: Any) -> dict[str, "F
 
     Several faults can run at once, because they mostly wait and need little processor time.
 
-    Return the futures of the outcomes, by the names of the faults.
+    Return, for the name of each fault, the future of its outcome.
     """
     pool = ThreadPoolExecutor(at_once)
     found = {case.name: pool.submit(play, case, **how) for case in cases}

@@ -22,8 +22,8 @@ from tools.validation.tables import Table, grouped, number
 
 SECTION = "filter from the file"
 WAYS = "with its bias", "run over the recording"
-"""The two ways to start the filter: with the bias from the file, or without any bias, by filtering the whole
-recording first.
+"""The two ways to start the filter: with the bias from the file, or without any bias. In the second way the
+filter first runs over the whole recording.
 """
 FUTURES, QUICK_FUTURES = 50, 10
 UNKNOWN = 10.0

@@ -32,7 +32,7 @@ SECONDS = 10.0
 class Seen(NamedTuple):
     """The comparison of an interval with the true value that it should contain.
 
-    For a band, its intervals are compared with their true values.
+    For a band of intervals, each interval is compared with its own true value.
     """
 
     quantity: str

@@ -187,7 +187,7 @@ def fits_case(case: Case, seeds: int, lengths: Sequence[int]) -> list[Row]:
 
 
 def _row(kind: str, case: Case, n: int, estimator: str, quantity: str) -> Row:
-    """Return the columns that say which figure a row has.
+    """Return the columns that say to which noise, estimator and quantity a row belongs.
 
     `n`: number of samples, including the start-up window.
     """

@@ -97,6 +97,6 @@ def _score(shift: Shift, y: Array, memory_s: float | None) -> Row:
         "holds": sum(low is not None and high is not None and low <= truth <= high for low, high in ends),
         "median_error": round(float(np.median(errors)), 6) if errors else None,
         "verdicts": dict(sorted(Counter(str(one.verdict) for one in found).items())),
-        # number of series in which samples were left out, by cause
+        # for each cause of leaving out samples: number of series in which samples were left out
         "left_out": dict(sorted(causes.items())),
     }

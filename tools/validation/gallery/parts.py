@@ -209,7 +209,7 @@ class Fractional(NamedTuple):
 
 
 class Flicker(NamedTuple):
-    """1/f noise, exactly of order 1/2. At its corner, its density equals that of the white noise."""
+    """1/f noise, exactly of order 1/2. At `corner_hz`, it has the density of the gallery's white noise."""
 
     corner_hz: float
 
@@ -224,7 +224,7 @@ class Flicker(NamedTuple):
 
 
 class Walk(NamedTuple):
-    """A random walk. At its corner, its density equals that of the white noise."""
+    """A random walk. At `corner_hz`, it has the density of the gallery's white noise."""
 
     corner_hz: float
 

@@ -347,7 +347,7 @@ def _lines(notes: _Notes, noise: Noise, rate_hz: float, n: int) -> None:
 
 
 CHANGE = math.log(2)
-"""Logarithm of the factor by which the variances of a record's two halves differ at least."""
+"""The variances of a record's two halves differ at least by a factor. This is its logarithm."""
 
 
 def _changes(notes: _Notes, n: int) -> None:
