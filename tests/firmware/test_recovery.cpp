@@ -305,8 +305,7 @@ TEST_CASE("recovery: in data-ready mode an edge during a failed read gives its o
     Rig rig(SamplingMode::data_ready);
     rig.calls = Rig::Calls::every_tick;
     rig.start_and_settle();
-    // The first attempt to read begins 8 ms after an edge and fails after 3 ms. The next edge comes 10 ms
-    // after the first, so it comes before the second attempt.
+    // The first attempt to read, 8 ms after an edge, fails after 3 ms: after the next edge, at 10 ms.
     const Frame before = rig.samples().back();
     rig.clock.pass(before.device_us + 18 * kMs - rig.clock.us());
     rig.edges();
