@@ -158,7 +158,7 @@ def test_table_files_and_notch(recording: Path, tmp_path: Path) -> None:
         assert text in out
     # the variant that was requested comes first
     assert out.index("FLTEA triple α") < out.index("FLTEA joint α")
-    assert "too short to separate an order" in out
+    assert "too short to separate a fractional order" in out
     assert list(read_models(model).axes) == ["gyro_x", "gyro_y"]
     assert "gyroscope_noise_density:" in yaml.read_text()
 
@@ -219,7 +219,7 @@ def test_of_a_refused_recording_there_is_no_report(name: str, recording: Path, t
             assert err == without
             assert list(out.iterdir()) == []
     assert err.endswith(without)
-    assert f"fltea: {out / 'report.html'}, and " in err
+    assert f"fltea: wrote {out / 'report.html'} and " in err
     page = (out / "report.html").read_text()
     assert f"<h2>{recording}</h2>" in page
     assert name in page

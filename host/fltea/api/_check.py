@@ -74,10 +74,12 @@ def in_python(text: str) -> str:
 
 
 def _call(command: str) -> str | None:
-    """Return the Python call for an `fltea identify` command, whose file and flags are `command`.
+    """Return the Python call for an `fltea identify` command in a message.
 
-    Return None if the text is not a complete command, for instance because a sentence goes on after the
-    file's name.
+    `command`: the text that follows `fltea identify` in the message, up to the end of the line.
+
+    Return None if this text is not a file followed by flags only. For instance, the message's sentence may go
+    on after the file's name.
     """
     try:
         path, *words = shlex.split(command)

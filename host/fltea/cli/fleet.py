@@ -138,7 +138,7 @@ class PrintOptions:
     ] = False
     every: Annotated[
         str | None,
-        typer.Option(metavar="TIME", help="With --json: print a line once in this time instead of ending."),
+        typer.Option(metavar="TIME", help="With --json: keep running, and print a line once every TIME."),
     ] = None
 
 

@@ -229,10 +229,11 @@ class ExportOptions:
         return None if self.for_program is None else exports.parse_program(self.for_program)
 
     def files(self) -> exports.Files:
-        """Return the files that the user asks for.
+        """Return the paths of the files to write for other programs, and the factors of --inflate.
 
         Raises:
-            UsageError: the factors of --inflate cannot be used.
+            UsageError: the factors of --inflate are no numbers or below 1, or --inflate is given without
+                --imu-yaml and without --for.
         """
         inflation = exports.parse_inflation(self.inflate, self.imu_yaml or self.for_program)
         return exports.Files(self.export_model, self.imu_yaml, self.gauss_markov, self.allan_csv, inflation)

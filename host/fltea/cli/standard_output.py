@@ -69,7 +69,10 @@ def _told_apart() -> Iterator[None]:
 
 
 def prepare() -> None:
-    """Prepare standard output: spell characters that it cannot encode, and raise `OutputFailed` on errors.
+    """Prepare standard output, so that a failed write raises `OutputFailed`.
+
+    A character that the encoding of standard output or standard error lacks is written as ASCII text
+    (`spelled`).
 
     Raises:
         UsageError: standard output is closed.
@@ -110,9 +113,9 @@ def silence_stdout() -> None:
 
 
 def spelled(error: UnicodeError) -> tuple[str, int]:
-    """Spell characters that cannot be encoded in ASCII: α as `alpha`, ² as `^2`.
+    """Return ASCII text in place of characters that cannot be encoded: `alpha` for α, `^2` for ².
 
-    This is an error handler for Python's codecs: it returns the spelling and the position to continue from.
+    This is an error handler for Python's codecs: it returns the ASCII text and the position to continue from.
 
     Raises:
         UnicodeError: `error` itself, if it is not about encoding.

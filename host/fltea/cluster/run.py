@@ -22,7 +22,7 @@ from fltea.records.errors import FlteaError, UsageError
 class Progress(msgspec.Struct):
     """Progress of a run.
 
-    `read`: number of bytes in finished files.
+    `read`: number of bytes in all files that were identified or have failed.
     `skipped`: number of files that were in the table already, or that the user named twice.
     `failed_before`: number of skipped files for which the table holds a failure.
     """
@@ -121,7 +121,12 @@ class _Loop(HandOut[_Task]):
         return _Task(cuts_of if large else identify_file, (file, self._ask), file)
 
     def settle(self, task: _Task, result: Any) -> None:
-        """Write the rows of a finished file to the table, or plan the pieces of a file that is to be cut."""
+        """Handle the result of a task.
+
+        The rows of an identified file are written to the table. If a file is so large that it was cut, each
+        of its pieces becomes a task. When the sums of all pieces are there, one more task fits them. A
+        failure is written to the table, too.
+        """
         file, pieces = task.file, task.pieces
         if pieces is not None and pieces.failed:
             return

@@ -51,9 +51,10 @@ differ by less.
 
 
 class AxisSums(msgspec.Struct, frozen=True):
-    """Sums over one axis of a piece.
+    """Sums over the samples of one sensor axis in one piece of a file.
 
-    `octaves`: saved sums of the spectrum by octaves. `lines`: parts of the spectrum that may hold peaks.
+    `octaves`: running spectrum by octaves, as bytes (`Octaves.save`). `lines`: spectra of the piece in which
+    peaks are searched for.
     """
 
     unit: str
@@ -68,7 +69,11 @@ class AxisSums(msgspec.Struct, frozen=True):
 
 
 class PieceSums(msgspec.Struct, frozen=True):
-    """Sums over one piece. `about`: facts for the row of results. `empty`: why it has no samples, else ""."""
+    """Sums over one piece of a file.
+
+    `about`: facts about the recording for the rows of the table. `empty`: why the piece has no samples; "" if
+    it has samples.
+    """
 
     rate_hz: float
     about: dict[str, object]

@@ -42,7 +42,7 @@ class Inflation(NamedTuple):
     of_axes: Mapping[str, float] = {}
     """Factors for single axes, which apply to their densities and random walks alike."""
     reasons: Sequence[str] = ()
-    """Sentences that explain the factors of these axes."""
+    """Sentences that explain the factors for single axes."""
 
     def densities(self, axes: Iterable[str]) -> dict[str, float]:
         """Return the factor of the noise density of each axis."""
@@ -121,16 +121,17 @@ def _about(inflation: Inflation) -> list[str]:
     if inflation == AS_MEASURED:
         return [
             "# These are figures of a sensor at rest. In motion come errors of scale, alignment and",
-            "# vibration, which Kalibr and VINS have no terms for: users write 5 to 20 times as much",
-            "# (fltea identify --inflate 10).",
+            "# vibration. Kalibr and VINS have no terms for these errors, so users write 5 to 20 times as",
+            "# much (fltea identify --inflate 10).",
         ]
     if inflation.reasons:
         return [f"# {line}" for said in inflation.reasons for line in wrap(f"Inflated: {said}", WIDTH)]
     return [
         f"# Inflated: noise densities {inflation.density:g} times and random walks "
         f"{inflation.random_walk:g} times what was measured at rest.",
-        "# That is for errors of scale, alignment and vibration in motion, which Kalibr and VINS have no",
-        "# terms for. The right factor is the least with which residuals lie within three deviations.",
+        "# These factors allow for errors of scale, alignment and vibration in motion, for which Kalibr",
+        "# and VINS have no terms. The right factor is the smallest with which the residuals lie within",
+        "# three standard deviations.",
     ]
 
 
@@ -161,7 +162,7 @@ def _entry(
 
 
 def _at_most(found: Mapping[str, Shown], scale: float) -> Iterator[str]:
-    """Yield a comment on the largest upper bound of the axes."""
+    """Yield a comment with the largest of the axes' upper bounds of a figure (N or K) that no axis has."""
     bounds = [one.at_most for one in found.values() if one.at_most is not None]
     if bounds:
         yield f"at most {scale * max(bounds):.2e}, with 95 % probability"
@@ -172,8 +173,8 @@ def _slower(found: Mapping[str, Shown], scale: float) -> Iterator[str]:
     worst = max(found, key=lambda axis: max((density for _, density in found[axis].slower), default=0.0))
     if slower := found[worst].slower:
         densities = ", ".join(f"{scale * density:.2e} at {tau_s:.2g} s" for tau_s, density in slower)
-        yield f"#   {worst} also has slower noise, which Kalibr has no term for: the density is {densities}"
-        yield "#   and longer. --gauss-markov writes all of it for a filter of your own."
+        yield f"#   {worst} also has slower noise, for which Kalibr has no term: the density is {densities}"
+        yield "#   and longer. --gauss-markov writes all this noise for a filter of your own."
 
 
 def _plain(topic: str) -> str:

@@ -77,12 +77,12 @@ class OffsetRelaxation(NamedTuple):
     """Factor by which the relaxation decays from one sample to the next."""
 
     def part(self, h: float) -> Relaxation:
-        """Return the relaxation as a part of the noise; `h`: sampling period [s]."""
+        """Return this relaxation as one part (component) of a noise model; `h`: sampling period [s]."""
         return Relaxation(math.sqrt(self.variance), -h / math.log(self.a))
 
 
 class OffsetWalk(NamedTuple):
-    """The possible drifts of an offset, with their weights.
+    """The possible drifts of an offset, each with its posterior probability as weight.
 
     Each index of the arrays is one possible drift.
     """
@@ -301,11 +301,12 @@ def offset_walk(
     bounds: Sequence[float] = BOUNDS,
     every: int = 1,
 ) -> OffsetWalk:
-    """Return the possible drifts of the offset of a noise, with their weights.
+    """Return the possible drifts of a noise's offset, each with its posterior probability as weight.
 
+    `bare`: state-space model of the noise without an offset. `samples`: number of samples in the record.
     `found`: step variance of the random walk that the fit of the spectrum has found; 0 if it has found none.
-    `bounds`: correlation times to try, as ratios to the length of the record. `every`: only one in `every`
-    values is tried.
+    `bounds`: correlation times to try for a bounded walk (a relaxation), as ratios to the length of the
+    record. `every`: only one in `every` values is tried.
     """
     level = float(bare.spectrum(np.array([LEVEL_AT]))[0])
     steps = [share * found for share in AROUND] if found else [one * level / samples**2 for one in SHARES]

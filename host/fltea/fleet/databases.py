@@ -41,7 +41,7 @@ SAYS = {
     "53100": ("disk_full", "is the server's disk full?"),
     "25006": ("history_lost", "is the server a standby now, or was it made read only?"),
     "42501": ("history_lost", "may this account still write to its tables?"),
-    "42": ("history_lost", "was a table dropped or changed? One that is missing is made at the next start."),
+    "42": ("history_lost", "was a table dropped or changed? A missing table is created at the next start."),
     "55P03": ("history_lost", "does another program hold the tables?"),
     "57014": ("history_lost", "is the server too busy, or does another program hold the tables?"),
 }
@@ -99,8 +99,8 @@ class Sqlite:
         tables = self.connection.execute("SELECT name FROM sqlite_master").fetchall()
         if owner != APPLICATION_ID and (tables or owner):
             raise UsageError(
-                f"{self.name}: is a database of another program, and is left as it is. Is the name right? "
-                "A file that does not exist is made."
+                f"{self.name}: is a database of another program, and was not changed. Check the name, or "
+                "give the name of a new file, which is then created."
             )
         _check_version(self.name, version)
 
@@ -300,4 +300,7 @@ Database = Sqlite | Postgres
 
 def _check_version(name: str, version: int) -> None:
     if version not in (0, SCHEMA_VERSION):  # a new database has version 0
-        raise UsageError(f"{name}: is a history of another version of fltea ({version}). Give a new file.")
+        raise UsageError(
+            f"{name}: is a history in the format of another version of fltea ({version}). Give a new file or "
+            "database."
+        )

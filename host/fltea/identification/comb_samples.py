@@ -64,7 +64,9 @@ class _Folded(NamedTuple):
     period: NDArray[np.intp]
     """Index of the period that contains each sample, (n,)."""
     values: Array
-    """Each sample minus the mean level of its period, (n,)."""
+    """Each sample minus the mean of the comb's period that contains it, (n,). The same constant is then
+    subtracted from all values, so that the median of `profile` is 0.
+    """
     profile: Array
     """Mean of `values` at each phase, (phases,)."""
     spread: float

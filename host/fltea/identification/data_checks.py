@@ -173,7 +173,8 @@ def _too_short(n: int, h: float, longer: str) -> Iterator[DataCheck]:
         yield DataCheck(
             "short",
             "note",
-            f"{seconds:.3g} s, {n} samples: too short to separate an order from relaxations.",
+            f"{seconds:.3g} s, {n} samples: too short to separate a fractional order from "
+            "relaxations (Gauss-Markov processes).",
             f"Record {longer}, at rest; bias instability and rate random walk show even later.",
         )
 

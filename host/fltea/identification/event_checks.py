@@ -48,7 +48,10 @@ def event_checks(events: AxisEvents, unit: str, *, is_left_out: bool = True) -> 
             if is_left_out
             else "All figures include the steps: there are too few samples between them."
         )
-        remedy = "Was the sensor knocked, or did its supply or temperature change? If not, the sensor steps."
+        remedy = (
+            "Was the sensor knocked, or did its supply or temperature change? If not, the steps come from "
+            "the sensor itself."
+        )
         found.append(DataCheck(STEPS, "warning", f"{_stepped(events.steps, unit)} {then}", remedy))
     return tuple(found)
 

@@ -84,7 +84,7 @@ def _said(
     as_written: tuple[float, float],
     t_s: float,
 ) -> str:
-    """Return a sentence on the relaxations that are included in N or K.
+    """Return sentences on the relaxations that are included in N or K.
 
     `as_written`: the figures N and K that include them.
     """
@@ -101,10 +101,11 @@ def _said(
         for part, what in ((fast, "white noise"), (slow, "a walk"))
         if part
     ]
-    more = "that error" if ratio < 1.05 else f"{ratio:.2g} times that error"
+    more = "about" if ratio < 1.05 else f"{ratio:.2g} times"
     return (
-        f"{' and '.join(forms)}, since this program has no term of its own for that. So the heading's "
-        f"error is not underestimated: after {duration(t_s)} these figures predict {more}."
+        f"{' and '.join(forms)}, since these settings have no terms for relaxations. This does not "
+        f"underestimate the heading's error: after {duration(t_s)} these figures predict {more} the error of "
+        "the complete noise model."
     )
 
 

@@ -128,14 +128,15 @@ class FlteaFits(NamedTuple):
 
 
 def fltea_fits(axes: Sequence[FlteaAxis], h: float) -> list[FlteaFits]:
-    """Run both variants of FLTEA over all axes.
+    """Run both variants of FLTEA, "triple" and "joint", over all axes.
 
     The result for each axis is the same as if it were run alone.
 
     `h`: sampling period [s].
 
     Raises:
-        ValueError: as `FlteaAxis.why_not`.
+        ValueError: no filter works with the settings of an axis, or fewer than a hundred samples follow its
+        start-up window.
     """
     lanes = [_lane(one) for one in axes]
     found: list[dict[Variant, tuple[FlteaFit, Innovations | None]]] = [{} for _ in axes]
@@ -171,7 +172,8 @@ class _Lane(NamedTuple):
 def _lane(axis: FlteaAxis) -> _Lane | str:
     """Return the input of the engine for an axis, or a text that says why FLTEA cannot be run over it.
 
-    Raises ValueError as `FlteaAxis.why_not` does.
+    Raises ValueError if fewer than `LEAST` samples follow the start-up window, or if the axis's settings of
+    bias and R are not valid.
     """
     begin, end = longest_epoch(len(axis.y), axis.gaps)
     y, gaps, config = axis.y[begin:end], axis.gaps.within(begin, end), axis.config

@@ -22,23 +22,29 @@ With a smaller ratio, the hump near 0 cannot be told from the white noise.
 EDGE = 1.1
 """The hump near frequency 0 ends where the spectral density is this multiple of the white noise's density."""
 WIDEST = 0.3
-"""The hump may cover at most this proportion of the frequency range."""
+"""The hump near frequency 0 may cover at most this proportion of the frequency range."""
 ON_ITS_SHOULDER = 0.1
-"""Where the density has fallen to this proportion of the density near frequency 0, the hump's main part ends.
+"""The aliased line makes a hump in the spectrum near frequency 0. The hump's main part ends where the density
+has fallen to this proportion of the density near frequency 0.
 
-Averaging must not suppress oscillations of the frequency at which the main part ends.
+The ratio of moments is computed from averages of a few samples each. The averages must be short enough to
+keep oscillations of the frequency at which the main part ends.
 """
 AVERAGED = 6
-"""Number of averaged values in one period of the fastest oscillations in the hump's main part."""
+"""Number of averages of samples in one period of the fastest oscillations in the hump's main part
+(`ON_ITS_SHOULDER`).
+"""
 PARTS = 16
 """Number of parts into which the record is divided, to find the error of the ratio of moments."""
 FEWEST_PERIODS = 100
-"""The record must hold at least this many periods of the fastest oscillations in the hump's main part.
+"""The record must hold at least this many periods of the fastest oscillations in the hump's main part
+(`ON_ITS_SHOULDER`).
 
 The power of a random walk is in slower oscillations, of which the record has fewer periods.
 """
 BETWEEN, SURE = (1.2, 2.3), 5.0
-"""Range of the ratio of moments for a line, and by how many standard errors it must be below 3.
+"""Range of the ratio of moments for a line, and by how many standard errors the ratio must be below 3. The
+ratio is the fourth moment divided by the squared second moment.
 
 The range excludes 1, which is the ratio for noise that jumps between two values.
 """

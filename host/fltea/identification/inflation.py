@@ -20,13 +20,13 @@ from fltea.records.errors import UsageError
 from fltea.spectrum.wording import duration
 
 LEAST_S = 10.0
-"""Shortest time span that counts [s]. Over shorter time spans, white noise causes nearly all of the heading's
-error.
+"""The longest time span that is used must be at least this long [s]. Over shorter time spans, white noise
+causes nearly all of the heading's error.
 """
 
 
 class Foretold(Protocol):
-    """An axis whose forecast was checked: its second half judged the model of its first half."""
+    """An axis whose forecast, by the model of its first half, was compared with its second half."""
 
     @property
     def unit(self) -> str:
@@ -38,11 +38,12 @@ class Foretold(Protocol):
 
 
 def own_inflation(axes: Mapping[str, Foretold], up_to_s: float) -> Inflation:
-    """Return the factor for each axis, with sentences that explain it.
+    """Return the factor for the noise figures of each axis, with sentences that explain the factors.
 
     Args:
         axes: axes with their forecasts.
-        up_to_s: longest time span that is checked [s]. A time span counts if it has at least `MANY` pieces.
+        up_to_s: longest time span that is checked [s]. A time span is used only if the second half of the
+            record can be divided into at least `MANY` pieces of this length.
 
     Raises:
         UsageError: the second half of an axis is too short to judge, or there is no forecast for it.
@@ -70,7 +71,7 @@ def _forecast(name: str, axis: Foretold) -> Forecast:
 
 
 def _counted(name: str, found: Forecast, up_to_s: float) -> tuple[list[Piece], list[Piece]]:
-    """Return two lists: the time spans that count, and longer ones for which the recording is too short."""
+    """Return two lists: the time spans that are used, and longer ones with too few pieces."""
     asked = [one for one in found.judged if one.t_s <= max(up_to_s, LEAST_S)]
     counted = [one for one in asked if one.pieces >= MANY]
     if not counted or counted[-1].t_s < LEAST_S:

@@ -229,11 +229,14 @@ def _power(model: System, always: Array, lam: Array, samples: int) -> Array:
 
 
 def _heading_variance(model: System, part: Array, always: Array, P: Array, h: float, times_s: Array) -> Array:
-    """Return the mean square of the heading's error at each time, if `part` of the state x is subtracted.
+    """Return the mean square of the heading's error at each time, if the estimated bias is subtracted.
 
-    After t seconds the angle is row @ x plus noise. The angle that is subtracted is t part @ E x, where E x
-    is the estimate of x at the record's end. Their difference is (row - t part) @ x, whose mean square is
-    stationary, plus t part @ (x - E x), where the error x - E x has the covariance P with x.
+    x is the state of the tracked system at the record's end, and E x is its estimate. `part`: row vector;
+    part @ x is the bias. `always`: stationary mean squares of x. `P`: covariance of the error x - E x, which
+    is also the covariance of this error with x.
+
+    After t seconds the angle is row @ x plus noise. The angle that is subtracted is t part @ E x. So the
+    heading's error is the sum of three terms: (row - t part) @ x, t part @ (x - E x), and the noise.
     """
     moving = model.a < 1.0
     found = []
@@ -245,7 +248,10 @@ def _heading_variance(model: System, part: Array, always: Array, P: Array, h: fl
 
 
 def _spectra(tau_s: Sequence[float], h: float, lam: Array) -> Array:
-    """Return what N², K², the bias's variance and each σ² contribute to the spectrum, as columns."""
+    """Return the spectra of a filter's noises, one noise in each column.
+
+    The columns are for N² = 1, K² = 1, a variance of the bias of 1, and σ² = 1 of each Gauss-Markov state.
+    """
     phi = np.exp(-h / np.array(tau_s))
     states = (1 - phi**2) / (1 - 2 * phi * np.cos(lam)[:, None] + phi**2)
     walk = h / (4 * np.sin(lam / 2) ** 2)
@@ -253,7 +259,10 @@ def _spectra(tau_s: Sequence[float], h: float, lam: Array) -> Array:
 
 
 def _headings(tau_s: Sequence[float], h: float, times_s: Array) -> Array:
-    """Return what N², K², the bias's variance and each σ² contribute to the heading's variance."""
+    """Return the variances of the heading that a filter's noises cause, one noise in each column.
+
+    The columns are for N² = 1, K² = 1, a variance of the bias of 1, and σ² = 1 of each Gauss-Markov state.
+    """
     tau = np.array(tau_s)
     over = times_s[:, None] / tau
     states = 2 * tau**2 * (over + np.expm1(-over))
@@ -261,7 +270,10 @@ def _headings(tau_s: Sequence[float], h: float, times_s: Array) -> Array:
 
 
 def _solved(target: _Target, tau_s: Sequence[float], h: float) -> tuple[Array, float]:
-    """Return the squares of N, K, bias_std and each σ, and the relative error of both curves."""
+    """Return the squares of N, K, bias_std and the σ of each state, and the relative error of the fit (RMS).
+
+    Two curves are fitted: the spectrum, and the heading's variance over time.
+    """
     rows = np.vstack(
         [
             _spectra(tau_s, h, target.lam) / target.power[:, None],
@@ -275,7 +287,10 @@ def _solved(target: _Target, tau_s: Sequence[float], h: float) -> tuple[Array, f
 
 
 def _fitted(target: _Target, tau_s: list[float], h: float) -> tuple[Array, list[float]]:
-    """Return the squares of N, K, bias_std and of each σ, and the correlation times that matter."""
+    """Return the squares of N, K, bias_std and the σ of each state, and the correlation times of the states.
+
+    States that the fit does not need are left out.
+    """
     found, least = _solved(target, tau_s, h)
     used = found[3:] > 0
     tau_s, found = (

@@ -42,8 +42,8 @@ class AxisModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     parts: tuple[AnyPart, ...]
     resonances: tuple[Lorentzian, ...] = ()
-    """Spectral lines and resonances that were left out of the fit. Events at equal intervals are not
-    included.
+    """Spectral lines and resonances that were left out of the fit of `parts`. The model does not contain
+    combs, which are the spectral lines of events at equal intervals.
     """
     offset_walk: float = 0.0
     """K of the offset's random walk per √s, which the forecast has in addition to the parts.
