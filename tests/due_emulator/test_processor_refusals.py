@@ -7,8 +7,8 @@ import pytest
 from tests.rig.machine_support import Bench, fault_of, program, run
 
 COMPUTE = " ldr r7, =300\n1: subs r7, #1\n bne 1b\n"
-"""A loop that makes no access for so long that the fast processor takes over
-(`tools/due_emulator/README.md`).
+"""A loop of 600 instructions that does not use a peripheral. After 100 such instructions, the emulator
+changes from its exact to its fast processor (`tools/due_emulator/README.md`).
 """
 ODD = "ldr r0, =0x20080001\n ldr r4, =0x20080001\n"
 WORDS, HALFWORD = "holds 0x20080001, no multiple of 4", "holds 0x20080001, which is odd"
@@ -70,7 +70,7 @@ def test_an_exclusive_halfword_at_an_odd_address_ends_the_run(instruction):
 
 @pytest.mark.parametrize("way", _each(WAYS))
 def test_an_odd_address_is_found_in_whatever_way_it_came_about(way):
-    """The fast processor checks registers at the start of a block of code.
+    """The emulator's fast processor checks registers at the start of a block of code.
 
     So changes of the registers within a block have to be tracked.
     """
@@ -79,8 +79,8 @@ def test_an_odd_address_is_found_in_whatever_way_it_came_about(way):
 
 
 def test_a_copy_of_words_that_are_aligned_runs_on_the_second_processor():
-    """A program that only copies aligned words runs on the fast processor. On the exact one, each run would
-    take several times as long.
+    """A program that only copies aligned words runs on the emulator's fast processor. On the exact processor,
+    each run would take several times as long.
     """
     bench = run(
         f"""ldr r0, =0x20080000

@@ -18,11 +18,10 @@ from tests.rig.plain_decoder import decoded
 def test_the_stand_in_begins_again_for_a_program_that_empties_the_port_late(
     processes: Processes, tmp_path: Path
 ) -> None:
-    """The simulated device starts again with a HELLO when a program empties its port, because the first bytes
-    that it sent are then lost.
+    """When pyserial opens a port, it discards the bytes that the port has already received. On a busy
+    machine, it does so late. The first bytes of the simulated device are then lost.
 
-    When pyserial opens a port, it discards the bytes that the port has received. On a busy machine, it does
-    so late.
+    So the simulated device boots again, with a new HELLO, if a program discards the received bytes.
     """
     link = tmp_path / "device"
     processes.stand_in(link)

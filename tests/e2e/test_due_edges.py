@@ -326,5 +326,8 @@ def test_the_bus_keeps_the_times_of_fast_mode() -> None:
 
 
 def test_the_flash_reads_ahead_again_once_the_identifier_is_known() -> None:
-    """The bit SCOD, which has to be set for reading the identifier, slows the program down."""
+    """SCOD is a bit of the flash controller's register FMR that disables the optimised reading of sequential
+    code, so the program runs more slowly while it is set. The program sets SCOD to read the chip's unique
+    identifier, and has to clear it afterwards.
+    """
     assert with_fits()[0].board.flash_controllers[0].field("FMR", "SCOD") == 0

@@ -263,8 +263,9 @@ def test_the_command_writes_what_run_reads(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_the_offset_walks_in_a_simulation_as_in_the_forecast() -> None:
-    """The walk of the offset is not one of the parts of the noise in the model. The simulated recording still
-    gives the same forecast.
+    """The model has the random walk of the offset in addition to the parts of the noise. Recordings that are
+    simulated with the model have the forecast of the original recording, since the simulation includes this
+    walk.
     """
     y = draw(AxisModel((White(0.01), Walk(0.0007))), H, 60_000, np.random.default_rng(2))[0]
     found = identify_series(Series(y, GYRO_UNIT, None), H, OPTIONS, False)

@@ -23,8 +23,8 @@ inline bool same_sample(const fltea::SampleRow& row, const Frame& frame) {
            sample.temperature == row.sample.temperature && sample.flags == row.sample.flags;
 }
 
-// Collects the results of all calls of the decoder for one stream, and compares them with those of the
-// receiver.
+// Collects what the decoder returns in all its calls for one stream. fault() compares this with the results
+// of the receiver (../firmware/receiver.h), which has received the same stream.
 class Comparison {
   public:
     explicit Comparison(const Bytes& stream) : stream_(stream) {}

@@ -43,7 +43,7 @@ Numbers noise(std::size_t n) {
     return y;
 }
 
-// Applies the changes of an input to the numbers in `bytes`.
+// Changes the numbers in `bytes` as the fuzzer's input `data` prescribes, with four bytes for each change.
 void change(unsigned char* bytes, std::size_t size, const std::uint8_t* data, std::size_t n) {
     static const double kOdd[] = {0,
                                   1,

@@ -107,8 +107,9 @@ TEST_CASE(
             static_cast<float>(std::ldexp(static_cast<double>(count), exponent));
         const float found = fixed::to_float(count, exponent);
         if (count > -(INT64_C(1) << 53) && count < INT64_C(1) << 53) {
-            // A number half way between two floats may be rounded up instead of to the even float, so errors
-            // and not results are compared.
+            // A number half way between two floats may be rounded up, while the expected result is the even
+            // one of the two floats. Both are equally far from the exact value, so the distances from the
+            // exact value are compared and not the results.
             REQUIRE(std::fabs(found - std::ldexp(static_cast<double>(count), exponent)) <=
                     std::fabs(expected - std::ldexp(static_cast<double>(count), exponent)));
         } else {

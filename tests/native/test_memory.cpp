@@ -1,5 +1,6 @@
-// Tests that the memories of past states stay inside the storage that they request, and that their sums agree
-// with sums whose weights come from the explicit recurrence.
+// Tests of the memories of past states, which compute the weighted sums of past states in the fractional
+// difference. A memory has to stay inside the storage that it requests. Its sums have to agree with sums
+// whose weights are computed one after another, by the recurrence of the binomial coefficients.
 #include <doctest/doctest.h>
 #include <stdlib.h>
 
@@ -37,8 +38,9 @@ class Block {
 double x_at(std::size_t k) { return std::sin(double(k * k)); }
 double P_at(std::size_t k) { return 1.5 + std::cos(double(k)); }
 
-// Computes the sums S (of states) and V (of their variances) over the samples 0 .. k-1 by their definition.
-// Sample k-1 is the newest.
+// Computes the sums S (of states, with weights c) and V (of their variances, with weights c²) over the
+// samples 0 .. k-1 by their definition. The weights for the order a are binomial coefficients. Sample k-1 is
+// the newest.
 void exact(double a, std::size_t k, std::size_t window, double& S, double& V) {
     const std::size_t length = window > 0 && window < k ? window : k;
     double c = 1;

@@ -19,7 +19,8 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 using Texts = std::vector<std::string>;
 using Holes = std::vector<LinePrinter::Hole>;
 
-// A tracker and a bank of filters for tests. The numbers in their columns encode row and column.
+// Stands in for a tracker and a bank of filters, and makes up their results. Each number tells the column in
+// which the printer has to find it. The bank's numbers for the second axis are NaN.
 struct Numbered : TrackerPart, BankPart {
     void run(const double*, const double*, std::size_t, std::size_t rows, double* out, std::uint8_t* moving,
              std::vector<track::TrackerEvent>&) override {

@@ -1,4 +1,6 @@
-"""Emulated chips that are set up, and surroundings whose measured values encode the time."""
+"""Emulated sensor chips that are already set up, and a simulated environment for them. The values that a chip
+measures in this environment tell the time of the measurement.
+"""
 
 from tools.due_emulator.mpu9250 import Mpu9250
 from tools.due_emulator.noise import Constant, Motion
@@ -7,7 +9,9 @@ MS = 1_000_000
 
 
 class Ramp:
-    """Surroundings whose values encode the time: the rate x grows by 0x0123 LSB per ms, at ±2000 deg/s."""
+    """A simulated environment whose values tell the time. The rate x grows by 0x0123 LSB per ms, at ±2000
+    deg/s. The rates y and z and the acceleration x change by 1 LSB per ms.
+    """
 
     def at(self, now_ns):
         n = now_ns // MS

@@ -200,8 +200,9 @@ def test_a_last_fit_that_had_its_curves_is_not_said_twice() -> None:
 
 
 def test_the_last_fit_of_a_recording_is_judged_as_one_look() -> None:
-    """The last fit of a recording uses the significance level of a single test. It is published even if a fit
-    of all samples was just published at the level for repeated tests.
+    """While a recording grows, each fit tests the noise again. So these fits use a stricter significance
+    level, for repeated tests. The last fit uses the level for a single test. Therefore the last fit is
+    published even if a fit of the same samples was just published at the stricter level.
     """
     items, pipeline = run_pipeline([hello(), raw(range(100))], prompt=False)
     before, last, _ = pipeline.finish()

@@ -96,9 +96,11 @@ def _build(commit: str, root: Path, folder: Path) -> None:
         _make_environment(folder)
         python = str(folder / "bin/python")
         _pip("--python", python, "install", "--no-deps", "--no-index", *map(str, wheels.glob("*.whl")))
-        # This .pth file, which makes the packages of .venv available, is written after fltea is installed.
-        # Otherwise pip would take the fltea of .venv for the installed one. Python searches paths from a .pth
-        # file last, and does not follow .pth files there, such as that of the clone's own fltea.
+        # This .pth file makes the packages of .venv available. It is written after the commit's fltea is
+        # installed, since pip would otherwise see the fltea of .venv and take it for installed. Python
+        # searches the folders named in a .pth file last, so the commit's fltea comes first. Python ignores
+        # .pth files inside these folders. So the clone's fltea, to which a .pth file inside .venv leads, is
+        # not found at all.
         (_packages(folder) / "of_the_clone.pth").write_text(
             sysconfig.get_path("purelib") + "\n", encoding="utf-8"
         )

@@ -279,7 +279,7 @@ class OctaveLadder {
     int depth_, started_;
     Input origin_;
     Top top_;
-    Deep deep_[kLevels - 2];  // the last level is always kept as samples
+    Deep deep_[kLevels - 2];  // levels 1 to kLevels - 2; the last level has only samples, never Welch sums
     Whole whole_;
 };
 

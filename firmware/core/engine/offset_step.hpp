@@ -42,10 +42,11 @@ class OffsetStep {
     }
 
   private:
-    // `kSlack` is subtracted from each chunk's mean, and a sum beyond `kLimit` is a step. Both are in
-    // standard deviations of a chunk's mean. Noise alone exceeds a limit of 15 once in 1.3e7 chunks of 32
-    // samples (Siegmund 1985, eq. 2.57). For three axes at 100 Hz and steps in both directions, that is one
-    // false step in 13 days.
+    // Each cumulative sum grows by a chunk's mean minus `kSlack`, and never falls below 0. A sum that reaches
+    // `kLimit` is a step. Both constants are in standard deviations of a chunk's mean. With noise alone, one
+    // sum reaches the limit 15 once in 2.1e7 chunks (Siegmund 1985, eq. 2.57). Three axes at 100 Hz with
+    // chunks of 32 samples and two sums per axis add 3 * 2 * 100 / 32 = 18.75 chunks per second to a sum. So
+    // there is one false step in 2.1e7 / 18.75 s = 13 days.
     static constexpr float kSlack = 0.5f, kLimit = 15;
 
     float sums_[2];

@@ -33,7 +33,8 @@ class WholeStream {
         kMostMadeUp = Kind::kMostMadeUp
     };
 
-    // Where the stretches lie, and which values were filled in because they were not measured.
+    // Where each stretch (a run of samples without a break) begins and how long it is, and which of the
+    // stored values were filled in because they were not measured.
     struct Table {
         Stretch stretch[kMostStretches];
         int stretches, open;  // `open`: 1 if the last stretch has not ended
