@@ -1,12 +1,13 @@
-"""Describes how a file was understood: by answers with evidence, and by questions without an answer.
+"""Describes how a file was understood: answers with their evidence, and questions without an answer.
 
-There are five kinds of evidence, the strongest first. A fact without evidence is missing and is never
-guessed.
+There are five kinds of evidence. The strongest kind is first in this list. A fact without evidence is missing
+and is never guessed.
 
 - given: the user states it by an option;
 - stated: the file states it, by a name, a row of units, its head or its metadata;
 - dialect: the logger is recognized, and its documentation states it (`dialects.toml`);
-- convention: the format prescribes it, but programs can break it (messages of ROS are in rad/s);
+- convention: the file's format prescribes it, but programs that write such files can break the rule (for
+example, ROS prescribes rad/s);
 - measured: the numbers show it (for example, the steps between times give the rate, and gravity shows the
 accelerometer's unit).
 """
@@ -42,14 +43,17 @@ class Answer(msgspec.Struct, frozen=True):
 
 
 class Missing(msgspec.Struct, frozen=True):
-    """One missing fact: what is missing, and the option that states it, with `?` for the value."""
+    """One missing fact.
+
+    `what`: the fact. `option`: the option by which the user states it, with `?` in place of the value.
+    """
 
     what: str
     option: str
 
 
 OVERRULE = "If the file is wrong, add --overrule."
-"""Last sentence of a message about options that contradict the file."""
+"""If the user's options contradict the file, the message about this ends in this sentence."""
 
 ASK = "Say it, with the right value for each ?: "
 """Text before the options in a `NotStated` message. Callers insert the command to type after this text."""
@@ -83,7 +87,7 @@ def not_stated(
 
 
 def asked_with(where: str, first: Missing, known: Sequence[str], then: Callable[[], object]) -> NotStated:
-    """Return the error that asks for `first` and for all facts that the function `then` finds missing."""
+    """Return the error that asks the user for `first` and for all further facts whose lack `then` reports."""
     try:
         then()
     except NotStated as error:

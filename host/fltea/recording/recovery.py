@@ -26,7 +26,7 @@ class Recovered(NamedTuple):
 
 
 def recover(path: Path, *, in_place: bool, limits: Limits = DEFAULT_LIMITS) -> Recovered:
-    """Write the readable part of a damaged file to `NAME.recovered.mcap`, or replace the file.
+    """Write the readable part of a damaged file to `NAME.recovered.mcap`, or in place of the file.
 
     Raises:
         UsageError: the file does not exist, is no MCAP file or is still being written, the copy already

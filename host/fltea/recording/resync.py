@@ -1,4 +1,4 @@
-"""Finds the next record of an MCAP file after invalid bytes, such as a hole or a wrong length."""
+"""Finds the next record of an MCAP file after invalid bytes, such as a hole or a wrong length of a record."""
 
 import errno
 import os
@@ -16,18 +16,20 @@ DATA_END_BYTES = 4
 FOOTER = struct.Struct("<BQQQI")
 
 PACKERS = (b"\x04\x00\x00\x00zstd", b"\x03\x00\x00\x00lz4")
-"""Names of the two compressions, as chunks store them. The search for the next chunk looks for these names,
-so it cannot find chunks without compression.
+"""Names of the two methods of compression, as chunks store them. The search for the next chunk looks for
+these names, so it cannot find chunks that are not compressed.
 """
 
 PACKER_AT = HEAD.size + 28
-"""Offset in a chunk record at which the name of the compression stands, after times, size and checksum
-[bytes].
+"""Offset in a chunk record at which the name of the compression method begins [bytes]. Before it stand the
+chunk's times, size and checksum.
 """
 
 WINDOW_BYTES = 1 << 16
 IN_A_ROW = 3
-"""Number of consecutive valid headers that confirm the position of a record."""
+"""A position counts as the beginning of a record if this number of consecutive headers, from there on, are
+valid.
+"""
 
 
 LAST_KIND = Opcode.DATA_END
@@ -37,11 +39,12 @@ versions of MCAP.
 
 
 def begins_record(file: BinaryIO, at: int, size: int) -> bool:
-    """Return whether a record may begin at byte `at`, or whether the file ends there.
+    """Return True if a record may begin at byte `at`, or if the file ends there; else False.
 
     The length in a header takes eight bytes and must fit into the file, so other bytes rarely look like a
-    header. The last bytes of a time, followed by a small number, may look like a header with an unknown
-    opcode. Therefore such a header is accepted only if a record with a known opcode follows.
+    header. But the last bytes of a time, followed by a small number, may look like a header with an unknown
+    opcode. Therefore a header with an unknown opcode is accepted only if a record with a known opcode
+    follows.
     """
     file.seek(at)
     head = file.read(HEAD.size)
@@ -87,7 +90,10 @@ def _chunk_bytes(packer: int, packed: int) -> int:
 
 
 def behind_zeros(file: BinaryIO, at: int, size: int) -> int | None:
-    """Return the offset at which the zeros from byte `at` on end, if valid records follow them; else None."""
+    """Skip the zeros that begin at byte `at`.
+
+    Return the offset of the first byte after them if valid records begin there, else None.
+    """
     data_at = begin = _data_at(file, at, size)
     for _ in range(IN_A_ROW):
         if begin is None or not begins_record(file, begin, size):
@@ -103,7 +109,10 @@ def behind_zeros(file: BinaryIO, at: int, size: int) -> int | None:
 
 
 def next_chunk(file: BinaryIO, begin: int, size: int) -> int | None:
-    """Return the offset of the next compressed chunk whose two lengths (see `ChunkLength`) agree, or None."""
+    """Return the offset of the next compressed chunk whose two lengths (see `ChunkLength`) agree.
+
+    Return None if there is no such chunk.
+    """
     at = begin
     while (data_at := _data_at(file, at, size)) is not None:
         at = max(begin, data_at - PACKER_AT)

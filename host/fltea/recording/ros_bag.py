@@ -21,7 +21,7 @@ from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
 MOST_NOTES = 5
-"""Largest number of notes on damage that are reported one by one."""
+"""At most this number of notes on damage are reported one by one. Further notes are only counted."""
 
 
 def open_bag(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS) -> Stored:
@@ -124,16 +124,16 @@ def _answer(chosen: Topic, sensor: str | None, how: How) -> Answer:
 
 
 def _quota(path: Path, limits: Limits) -> Quota:
-    """Return the quota for decoding the messages in all files of a bag."""
+    """Return the quota (the limits of time and memory) for decoding the messages in all files of a bag."""
     try:
         files = files_of(path) if path.is_dir() else [path]
         return Quota(path, limits, sum(file.stat().st_size for file in files))
-    except OSError:  # the later opening of the file reports the error
+    except OSError:  # the error is reported when the file is opened later
         return Quota(path, limits, 0)
 
 
 def _named(topic: Topic, how: How) -> tuple[bool, str | None]:
-    """Return whether the user names this topic, as TOPIC or TOPIC:SENSOR, and which sensor the user names."""
+    """Return whether the user names this topic, as TOPIC or TOPIC:SENSOR, and the sensor after the colon."""
     name, given = topic.name.lstrip("/"), how.topic
     if given is None or given.lstrip("/") == name:
         return True, None

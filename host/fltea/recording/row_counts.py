@@ -1,4 +1,7 @@
-"""Counts the rows of a table, and its rows that are not samples, and says what is wrong with the latter."""
+"""Counts the rows of a table, and those of its rows that are not samples.
+
+Says what is wrong with the rows that are not samples.
+"""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -15,7 +18,7 @@ Place = Callable[[int], str]
 
 
 class RowCounts:
-    """Counts of a table's rows. `chosen`: the columns that are read of the table."""
+    """Counts of a table's rows. `chosen`: the columns of the table that are read."""
 
     def __init__(self, chosen: Chosen) -> None:
         self._chosen = chosen

@@ -1,6 +1,7 @@
-"""Numbers samples by their times.
+"""Gives each sample a number that follows from the sample's time.
 
-A long step between times means lost samples. `sample_times` states the rules.
+If the step from one time to the next is several sampling periods long, samples were lost between the two. The
+module `sample_times` states the rules.
 """
 
 import math
@@ -18,39 +19,39 @@ from fltea.recording.sample_times import (
 )
 
 LEAK, LEAK_OF_ROUNDED = 0.98, 0.998
-"""A step between times is a whole number of sampling periods and a remainder. The remainder is carried to the
-next step, so the sum of all remainders would grow with the error of the rate, which may be up to 0.1 %.
-Therefore the remainder is multiplied by LEAK at each step, or by LEAK_OF_ROUNDED if times are rounded.
+"""A step from one time to the next is a whole number of sampling periods, plus a remainder. The remainder is
+added to the next step. The rate has an error of up to 0.1 %, so the sum of the remainders would grow without
+end. Therefore the remainder is multiplied by LEAK at each step, or by LEAK_OF_ROUNDED if times are rounded.
 """
 
 FEW, STRETCH, FADED = 8, 256, 2048
-"""Numbers of steps between times that are processed together.
+"""Numbers of steps (from one time to the next) that are processed together.
 
 Up to FEW steps are processed one by one, and more steps in stretches of STRETCH steps. After FADED steps,
 what is left of a remainder is negligible.
 """
 
 NO_DOUBT = 0.499
-"""As long as remainders of steps are below this, rounding a step to whole sampling periods is certain to be
-right [sampling periods].
+"""If the remainder of each step, with what earlier steps have added to it, is below this, rounding each step
+to whole sampling periods is certainly right [sampling periods].
 """
 
 DOUBT_OF_ROUNDED = 0.6
 """Smallest remainder of a step that counts as a lost sample if times are rounded [sampling periods]. If times
 are not rounded, the smallest is 0.5.
 
-If times are rounded to 0.99 of a sampling period, a remainder of about 0.5 occurs at the longer steps without
-a loss.
+A smaller limit would find false losses: if times are rounded to multiples of 0.99 of a sampling period, a
+step may have a remainder of about 0.5 although no sample is lost.
 """
 
 
 class Numbered(NamedTuple):
-    """Numbered samples. `kept`: marks (rows,) of the rows that are samples.
+    """Samples with their numbers. `kept`: an array (rows,) that is True for the rows that are samples.
 
     All other fields have one item for each sample.
 
-    `begins`: marks of samples that begin a new run of the sender. `elapsed`: strictly increasing times of the
-    samples.
+    `begins`: True for samples with which a new run of the sender begins. `elapsed`: strictly increasing times
+    of the samples.
     """
 
     kept: Marks
@@ -60,7 +61,7 @@ class Numbered(NamedTuple):
 
 
 class Numbering:
-    """Numbers samples from 0 by the times since the first row.
+    """Numbers samples, from 0 on, by their times since the first row.
 
     `period`: sampling period in the unit of the times. `rate_hz`: sampling rate. `is_rounded`: whether the
     times are rounded to a large part of the period.
@@ -78,8 +79,8 @@ class Numbering:
     def add(self, elapsed: Floats, begins: Marks) -> Numbered:
         """Number the samples in the next rows (at least one).
 
-        `elapsed`, `begins`: times since the first row, and marks of rows that begin a new run, both as
-        returned by `Elapsed.add`.
+        `elapsed`: times since the first row. `begins`: True for rows with which a new run of the sender
+        begins. `Elapsed.add` returns both.
         """
         before = elapsed[0] - self._period if self._last is None else self._last
         steps = differences(elapsed, before)
@@ -100,7 +101,10 @@ class Numbering:
         return Numbered(kept, sequence, begins, elapsed)
 
     def _whole(self, periods: Floats) -> Ints:
-        """Return steps between times as whole numbers of periods, at least 1. Remainders are carried over."""
+        """Return steps between times as whole numbers of periods, at least 1.
+
+        The remainder of a step is added to the next step.
+        """
         off = periods - 1
         if len(off) > FEW and abs(self._ahead) + np.abs(off).max() / (1 - self._leak) < NO_DOUBT:
             last = off[-FADED:]
@@ -115,7 +119,8 @@ class Numbering:
         return found
 
     def _of_stretch(self, periods: Floats, rounded: Ints) -> Ints:
-        if len(periods) > FEW:  # Each step may be rounded alone if all remainders stay below half a period
+        # Each step may be rounded by itself if all remainders stay below half a period
+        if len(periods) > FEW:
             weights = self._leak ** np.arange(1, len(periods) + 1)
             ahead = weights * (self._ahead + np.cumsum((periods - rounded) / weights))
             if (np.abs(ahead) < NO_DOUBT).all():

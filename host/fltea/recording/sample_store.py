@@ -1,7 +1,9 @@
-"""Gathers in temporary files the samples of a recording that another program made, within limits of memory.
+"""Collects the samples of a recording that another program made.
 
-Tables and bags are gathered in the same way. `table` and `bag_gather` decide, each in its own way, which rows
-are samples and when they were taken.
+The samples are kept in temporary files, so that the memory is limited.
+
+Samples of tables and of bags are collected in the same way. The modules `table` and `bag_gather` decide which
+rows or messages are samples, and when the samples were taken.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -20,14 +22,20 @@ from fltea.settings.limits import Limits
 
 
 class BadAccel:
-    """Counts samples whose acceleration no sensor gives. `first`: position of the first in words, or None."""
+    """Counts samples whose acceleration is beyond what sensors give.
+
+    `first`: position of the first such sample in words, or None.
+    """
 
     def __init__(self) -> None:
         self.count = 0
         self.first: str | None = None
 
     def add(self, accel: Floats, place: Callable[[int], str]) -> None:
-        """Count the accelerations (n, 3) that no sensor gives. `place`: as for `SampleStore.add`."""
+        """Count the accelerations (n, 3) that are beyond what sensors give.
+
+        `place`: as for `SampleStore.add`.
+        """
         good = is_of_sensor(accel)
         if not good.all():
             self.count += int(np.count_nonzero(~good))
@@ -35,15 +43,15 @@ class BadAccel:
 
 
 class SampleStore:
-    """The samples that have been gathered. `len` of a store is the number of these samples.
+    """The samples that have been collected. `len` of a store is the number of these samples.
 
     `chosen`: the columns that are read, for messages. `numbers`: how many numbers are stored for each sample.
 
-    `spool`: the stored columns. These are `gyro` and `accel`, as in the file or scaled, and those that the
-    caller of `add` names.
-    `plausible`: whether the rates fit a gyroscope. `bad_accel`: count of the samples without a usable
-    acceleration, among all that were added. `moving`: which of the columns `gyro` and `accel` have had a
-    value other than 0. `is_whole`: whether all rates are whole numbers.
+    `spool`: the stored columns. These are `gyro` and `accel`, with numbers as in the file or scaled, and the
+    columns that the caller of `add` names.
+    `plausible`: whether a gyroscope can have given the rates. `bad_accel`: count of the samples without a
+    usable acceleration, among all samples that were added. `moving`: those of the columns `gyro` and `accel`
+    in which a value was not 0. `is_whole`: whether all rates are whole numbers.
     """
 
     def __init__(self, chosen: Chosen, numbers: int, limits: Limits) -> None:

@@ -1,9 +1,9 @@
-"""States how the times of samples determine the rate, lost samples, and the beginnings of runs.
+"""States how the rate, lost samples, and the beginnings of runs follow from the times of samples.
 
 Times come from two kinds of clock. Times in columns of text or of tables, and the time stamps of a driver,
-come from the **sensor's own clock**. Stamps of messages in a bag come from a **computer**, and are late
-whenever the computer was busy. The rules for a sensor's own clock are the same for live text, text files,
-tables and Linux IIO:
+come from the **sensor's own clock**. The time stamps of messages in a bag come from a **computer's clock**,
+and are late whenever the computer was busy. The rules for a sensor's own clock are the same for live text,
+text files, tables and Linux IIO:
 
 - **Unit.** The user gives it, or the column's name or a row of units states it. Otherwise the unit is taken
   to be seconds if this gives a sampling rate that is usual for gyroscopes (5 Hz to 10 kHz). If a stated unit
@@ -12,23 +12,24 @@ tables and Linux IIO:
 - **Rate.** The sampling period is the mean of all steps between times that are within a fifth of the median
   step. A file is examined as a whole; of live text, the first 2 s decide. Times may be rounded to a large
   part of the period, so that steps are alternately 2 and 3 ms at 400 Hz. Then the rate follows from the
-  duration of long stretches of samples, and the stretches of shortest duration count, since they contain no
-  lost sample (`clocks`).
+  duration of long stretches with equal numbers of samples. Only the stretches of shortest duration are used,
+  since they contain no lost sample (`clocks`).
 - **Even steps.** Nine steps in ten have to be near the median step, or near two, three or four times this
-  step. Otherwise the times are those of arrival at a computer, not of a sensor's clock. Bursts of rows with
-  long pauses show the same. Times of arrival are refused, and the user is asked for the rate.
+  step. Otherwise the times do not come from a sensor's clock: they are times of arrival at a computer. Bursts
+  of rows with long pauses between them are a sign of times of arrival, too. Times of arrival are refused, and
+  the user is asked for the rate.
 - **Lost samples.** A step of n periods counts as n - 1 lost samples. A remainder that is no whole period is
   carried to the next step, so that rounded times cause no gaps.
 - **A long step**, of more than a minute and more than ten periods, begins a new run and does not count as a
   loss, since it is unknown whether the sensor was running.
 - **A step backwards** begins a new run, except when a 32-bit counter (`millis()`, `micros()`) wraps or a
   clock restarts at 0 s at midnight.
-- **A step of an hour**, forwards or backwards, occurs at a change to or from daylight saving time. It begins
-  a new run like any step of this size, and the user is warned of the likely cause.
-- **Times of day without colons** (hhmmss): the step from 95959.99 to 100000.00 is 0.01 s, not a gap of an
-  hour.
-- **A repeated time** means a repeated sample, which is left out and counted. If the values differ, the row
-  counts as an uneven step, since the clock is then too coarse.
+- **A step of an hour**, forwards or backwards, occurs at a change to or from daylight saving time. Like any
+  step of this size, it begins a new run. The user is told the likely cause.
+- **Times of day without colons** (hhmmss) are read as numbers. The step from 95959.99 to 100000.00 is then
+  0.01 s, not a gap of an hour.
+- **A repeated time** means a repeated sample, which is left out and counted. If two rows with the same time
+  hold different values, the clock is too coarse, and the second row counts as an uneven step.
 - **A rate that the user gives** has priority. The times still number the samples, by their own period. If the
   times are uneven, the order of the rows numbers the samples instead, and the user is warned.
 
@@ -51,8 +52,8 @@ Marks = NDArray[np.bool_]
 SECONDS: dict[TimeUnit, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 EVENNESS, EVEN_SHARE = 0.2, 0.9
-"""Times are from a sensor's clock if at least nine in ten steps between them differ by less than a fifth from
-the median step.
+"""Times count as those of a sensor's clock if at least nine in ten steps from one time to the next differ by
+less than a fifth from the median step.
 """
 
 PLAUSIBLE_HZ = 5.0, 10_000.0
@@ -79,11 +80,10 @@ NEAR_TURN_S [s].
 """
 
 SAME_TIME = 4 * float(np.finfo(np.float64).eps)
-"""Largest relative difference up to which two times count as equal."""
+"""Two times count as equal if their relative difference is at most this."""
 
 SAME_RATE = 0.1
-"""Largest relative difference between the user's sampling rate and the measured rate up to which they count
-as equal.
+"""The user's sampling rate and the measured rate count as equal if their relative difference is at most this.
 """
 
 
@@ -97,8 +97,8 @@ class Elapsed:
     `backwards`: number of steps backwards. `first`: number of the first row whose time is not later than the
     time of the row before, or None. `of_day`: number of times that passed to the next minute, in times of day
     written as hhmmss. `hours`: number of steps of one hour, to within a second, in either direction.
-    `longest`: length of a step above which a new run begins, in the unit of the times; infinite if this unit
-    is unknown.
+    `longest`: a step longer than this begins a new run, in the unit of the times; infinite if this unit is
+    unknown.
     `unit_s`: length of the unit of the times [s].
     """
 
@@ -125,7 +125,7 @@ class Elapsed:
         return 0.0 if self._last is None else self._last[1]
 
     def add(self, time: Floats, values: Floats, numbers: Ints | None = None) -> tuple[Floats, Marks]:
-        """Return, for the next rows, the times since the first row (n,), and marks of where new runs begin.
+        """Return the times of the next rows since the first row (n,), and marks: True where a new run begins.
 
         `values`: other numbers in the rows (n, columns), which show whether rows with equal times differ.
         `numbers`: indices of the rows, for messages.
@@ -167,7 +167,7 @@ class Elapsed:
         return elapsed, begins
 
     def _minutes(self, time: Floats, steps: Floats) -> Floats | None:
-        """Return corrections of the steps at which times of day, written as hhmmss, pass to the next minute.
+        """Return what to add to the steps at which times of day, written as hhmmss, pass to the next minute.
 
         Return None if there are no such steps.
         """
@@ -177,7 +177,7 @@ class Elapsed:
         off_s = np.abs(np.abs(steps[turns]) * self.unit_s - HOUR_S)
         self.hours += int((off_s < NEAR_TURN_S).sum())
         after_s, before_s = time[turns] * self.unit_s, (time[turns] - steps[turns]) * self.unit_s
-        # this is NaN if the two numbers of a step are no times of day
+        # the true step is NaN if one of the two numbers is no time of day
         real_s = (_of_day(after_s) - _of_day(before_s)) % DAY_S
         ends = (before_s % 100 >= 60 - NEAR_TURN_S) & (after_s % 100 < NEAR_TURN_S)
         is_turn = ends & (real_s > 0) & (real_s < 2 * NEAR_TURN_S)
@@ -187,7 +187,7 @@ class Elapsed:
         return jump if is_turn.any() else None
 
     def _wrap_of(self, time: Floats) -> tuple[float, float]:
-        """Return the value at which times restart at 0, and the longest step within a run.
+        """Return the value at which times restart at 0, and the length of the longest step within a run.
 
         Times that are only fractions of a second restart after 1 s.
         """
@@ -206,7 +206,7 @@ def _of_day(times: Floats) -> Floats:
 def differences(values: Floats, before: float) -> Floats:
     """Return the differences between successive values. The first one is from `before` to the first value.
 
-    For a few values, this is faster than `np.diff` with `prepend`.
+    If there are few values, this function is faster than `np.diff` with `prepend`.
     """
     found = np.empty(len(values))
     found[0] = values[0] - before
@@ -217,7 +217,7 @@ def differences(values: Floats, before: float) -> Floats:
 class TimeColumn(NamedTuple):
     """A column of times. `unit`: unit of the times, None if unknown.
 
-    `ticks`: number of units for which the number 1 in the column stands.
+    `ticks`: how many units of time the number 1 in the column stands for.
 
     `rate_hz`: sampling rate that the user or the file states; `is_given`: whether the user states it.
     `overrule`: whether the user's rate is used even if the times contradict it.
@@ -232,11 +232,11 @@ class TimeColumn(NamedTuple):
 
 
 def between(times: Floats, period: float) -> Marks:
-    """Mark surplus rows between two samples of an even clock: rows whose two neighbours are one period apart.
+    """Mark surplus rows: rows between two samples of an even clock that are only one period apart.
 
-    `times`: elapsed times (n,) in the unit of `period`; repeated times are skipped. If either of two
-    neighbouring rows could be surplus, only the row farther from the expected time of the next sample is
-    marked.
+    `times`: elapsed times (n,) in the unit of `period`; repeated times are skipped. If one of two
+    neighbouring rows is surplus, but it is not clear which one, the row farther from the expected time of the
+    next sample is marked.
     """
     marks = np.zeros(len(times), np.bool_)
     places = np.flatnonzero(np.diff(times, prepend=-math.inf) > 0)

@@ -35,14 +35,16 @@ from fltea.records.small_file import open_file
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
 CHUNK_HEAD_BYTES = 1 << 10
-"""Largest number of bytes that precede the data in a chunk."""
+"""The data in a chunk begin after at most this number of bytes."""
 
 INDEX_HEAD = struct.Struct("<HI")
-"""Binary format of the first fields of a message index: its channel, and the length of its entries [bytes].
+"""Binary format of the first two fields of a message index: the channel of the messages, and the length of
+all entries of the index [bytes].
 """
 
 MAX_DESCRIPTION_BYTES = 16 << 20
-"""Longest metadata, schema or channel record [bytes]; fltea's records are a thousand times shorter.
+"""Longest metadata, schema or channel record that is read [bytes]. Those in fltea's own files are a thousand
+times shorter.
 
 Reading a record needs ten times as much memory as the record is long.
 """
@@ -90,7 +92,10 @@ class Messages:
 
 
 class Damage(NamedTuple):
-    """An unreadable record or a hole. `size`: number of bytes that are skipped because of the damage."""
+    """An unreadable record, or a hole in the file.
+
+    `size`: number of bytes that are skipped because of the damage.
+    """
 
     offset: int
     text: str
@@ -105,7 +110,7 @@ class Damage(NamedTuple):
 
 
 class ChunkEnd(NamedTuple):
-    """States that all messages of a chunk have been yielded."""
+    """This item is yielded after the last message of a chunk."""
 
 
 Item = Schema | Channel | Messages | Metadata | Damage | ChunkEnd
@@ -114,10 +119,10 @@ Item = Schema | Channel | Messages | Metadata | Damage | ChunkEnd
 class Scan:
     """One pass through an MCAP file; only one chunk is in memory at a time.
 
-    After the pass, `whole` tells whether the file was finished properly, and `lost_bytes` how many bytes at
-    its end are unreadable. `why` says what is wrong at the end of the file. It is empty if the file merely
-    ends early. `has_writer` tells whether a program was writing the file when the pass began. This is
-    examined only if `asks_for_writer` is true, else `has_writer` is False.
+    The following is known after the pass. `whole`: whether the file was finished properly. `lost_bytes`:
+    number of unreadable bytes at the end of the file. `why`: text on what is wrong at the end of the file;
+    empty if the file merely ends early. `has_writer`: whether a program was writing the file when the pass
+    began; False if `asks_for_writer` is False, since this is not examined then.
     """
 
     def __init__(self, path: Path, limits: Limits = DEFAULT_LIMITS, *, asks_for_writer: bool = False) -> None:
@@ -175,10 +180,11 @@ class Scan:
             self.lost_bytes = size - at
 
     def _true_length(self, file: BinaryIO, at: int, kind: int, length: int) -> int | None:
-        """Return the true length of a chunk or a message index whose header states a wrong length, else None.
+        """Return the true length of a chunk or message index if its header states a wrong one, else None.
 
-        The fields of the record give its true length, if another record follows there. Without this check,
-        chunks could be lost unnoticed, if the wrong length leads to the beginning of a later record.
+        The length follows from the fields of the record. It is true if another record begins where this
+        length ends. Without this function, chunks could be lost unnoticed: a wrong length may lead to the
+        beginning of a later record, and the chunks in between would be skipped.
         """
         if kind == Opcode.CHUNK:
             found = chunk_length(file, at)
@@ -196,7 +202,7 @@ class Scan:
     def _hole(self, file: BinaryIO, at: int, kind: int, length: int) -> tuple[Damage | None, int]:
         """Return the damage at byte `at`, and the offset at which to continue reading.
 
-        The damage is None if nothing readable follows after it.
+        The damage is None if nothing readable follows after byte `at`.
         """
         room = self._size - at - HEAD.size
         self.why = (
@@ -216,7 +222,7 @@ class Scan:
             self.whole, begin = True, end
         self._known = max(self._known, begin + 1)
         last, claimed = self._last
-        if begin < at:  # a wrong length led to this position, past readable records
+        if begin < at:  # a wrong length has led to byte `at`, past readable records
             at, text = last, f"a record that claims {claimed} bytes, and no record follows there"
         else:
             what = "zeros" if kind == 0 else f"a record of {length} bytes, of which the file has {room},"

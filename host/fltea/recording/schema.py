@@ -1,8 +1,9 @@
 """Makes JSON schemas for the record channels of an MCAP file, which Foxglove and PlotJuggler can read.
 
 Foxglove's reader of JSON schemas accepts objects, lists and scalars. It does not accept references, nor
-alternatives such as "number or null". So references are resolved. A field that may be null gets the type of
-its other values in the schema. If the field is null in a message, the field is left out of the message.
+alternatives such as "number or null". So each reference is replaced by the schema to which it refers. A field
+that is a number or null, for example, is declared as a number. If it is null in a message, it is left out of
+the message.
 """
 
 import functools
@@ -14,14 +15,15 @@ import msgspec
 from fltea.records.records import ACCEL_AXES, AXES
 
 NAMED = {"axes": AXES + ACCEL_AXES}
-"""Fields of records that are objects with a value for each axis, and the names of the axes.
+"""The keys are fields of records. Each of these fields is an object that holds a value for each axis. The
+values are the names of the axes.
 
 The schema lists these names, since a program that plots a value has to offer them.
 """
 
 NULL = re.compile(rb',"\w+":null|"\w+":null,?')
-"""Matches a field that is null in compact JSON. The expression never matches within a text, since quotation
-marks in texts are escaped.
+"""Matches a field that is null in compact JSON. The expression never matches inside a text value, since
+quotation marks in text values are escaped.
 """
 
 _encode = msgspec.json.Encoder().encode
@@ -42,7 +44,10 @@ def encode_message(record: msgspec.Struct) -> bytes:
 
 
 def _plain(schema: dict[str, Any], definitions: dict[str, Any]) -> dict[str, Any] | None:
-    """Return a JSON schema without references and alternatives; None if the value may have several types."""
+    """Return a JSON schema without references and alternatives.
+
+    Return None if the value may have several types besides null.
+    """
     if "$ref" in schema:
         return _plain(definitions[schema["$ref"]], definitions)
     if "anyOf" in schema:
@@ -56,7 +61,7 @@ def _plain(schema: dict[str, Any], definitions: dict[str, Any]) -> dict[str, Any
                 schema["items"] or schema["prefixItems"][0], definitions
             )  # in fltea's records, all items of a tuple have the same type
             return None if items is None else {"type": "array", "items": items}
-        case None:  # a schema without a type is that of an enumeration of words
+        case None:  # only the schema of an enumeration of words states no type
             words = [word for word in schema["enum"] if word is not None]
             return {"type": "string", "enum": words}
         case kind:

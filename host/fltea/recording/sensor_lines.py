@@ -1,7 +1,7 @@
-"""Selects the text lines of one of several sensors.
+"""Selects the lines of one sensor from a text that holds the lines of several sensors.
 
-The lines are told apart by a column that names the sensor, or by their order if the sensors alternate
-regularly.
+A column that names the sensor shows which sensor a line is from. If there is no such column, and the sensors
+alternate regularly, the order of the lines shows this.
 """
 
 import math
@@ -21,8 +21,9 @@ from fltea.records.errors import UsageError
 from fltea.settings.how import How
 
 FEWEST_LINES, LOOKS, MOST_LINES = 64, 4, 2000
-"""Live text is checked for several sensors after FEWEST_LINES lines, and then each time that the number of
-lines has grown by the factor LOOKS, up to MOST_LINES.
+"""It is checked whether live text comes from several sensors. The first check is made after FEWEST_LINES
+lines, and a further check each time that the number of lines has grown by the factor LOOKS. After MOST_LINES
+lines, no more checks are made.
 """
 
 
@@ -57,7 +58,7 @@ class SensorLines:
             self._sensor = OneSensor(self._where, chosen.names[place], value, given_options(self._how))
 
     def look_again(self, lines: int, facts: Callable[[list[str]], Facts]) -> None:
-        """Check again whether the lines so far are from several sensors, since few lines were known before.
+        """Check again whether the lines so far are from several sensors, since more lines have come.
 
         Raises:
             NotStated: there are several sensors, and the user named none.
@@ -78,7 +79,7 @@ class SensorLines:
         return None if self._sensor is None else self._sensor.why_none()
 
     def only(self, layout: Layout, data: bytes) -> bytes:
-        """Return the lines with those of other sensors made empty. Line numbers stay the same.
+        """Return all lines. Lines of other sensors are made empty, so that line numbers stay the same.
 
         Raises:
             NotStated: there are several sensors, and the user named none.
@@ -94,17 +95,21 @@ class SensorLines:
         return b"\n".join(lines)
 
     def in_turn(self, rows: list[Rows]) -> list[Rows]:
-        """Return the rows of the sensor to read among `rows`, if the rows of several sensors alternate."""
+        """Return the rows of the sensor to read.
+
+        If the rows of several sensors alternate, they are selected from `rows`; otherwise all `rows` are
+        returned.
+        """
         turns = self._turns
         return rows if turns is None else [one for some in rows for one in turns.take(some)]
 
     def finish(self) -> list[Rows]:
-        """Return the rows that were held back until more rows come; to be called at the end of the text."""
+        """Return the rows that were held back until more rows come. Call this at the end of the text."""
         return [] if self._turns is None else self._turns.finish()
 
 
 def _value(layout: Layout, place: int, line: bytes) -> str | None:
-    """Return what a line holds in the column that distinguishes sensors; None if the line is too short."""
+    """Return the text that stands in a line's column that names the sensor; None if the line is too short."""
     if layout.parse is not None:
         try:
             value = layout.parse(decoded(line)).get(layout.chosen.names[place])

@@ -23,23 +23,27 @@ readable even if a channel's description is lost.
 """
 
 OVERFLOW = "overflow"
-"""Kind of a gap that the recorder caused because it was too slow; the lost items were not counted."""
+"""Kind of a gap in a recording. The recorder caused the gap because it was too slow, and the lost items were
+not counted.
+"""
 
 LATEST_NS = (1 << 62) - 1
 """Latest accepted time, in the year 2116 [ns]; sums and differences of such times fit into 64 bits."""
 
 Whole = Annotated[int, msgspec.Meta(ge=-LATEST_NS, le=LATEST_NS)]
-"""A whole number from a file, limited to this range, since Python would accept a million digits."""
+"""A whole number that is read from a file. Its range is limited, since Python would accept a number with a
+million digits.
+"""
 
 LOWEST_RATE_HZ, HIGHEST_RATE_HZ = 1e-6, 1e7
 LOWEST_SCALE, HIGHEST_SCALE = 1e-6, 1e12
-"""Limits for rates and for scales in a HELLO message. They are far beyond those of any sensor, and keep
-numbers that are computed from them finite.
+"""Limits for the sampling rate and for the scales in a HELLO message. They are far beyond those of any
+sensor. Within these limits, all numbers that are computed from rate and scales are finite.
 """
 
 WIRE_WRAP = 1 << 32
-"""Sequence numbers of messages with raw bytes restart at 0 after this value minus 1, since MCAP's field for
-them has 32 bits.
+"""Sequence numbers of messages with raw bytes are counted modulo this number, since MCAP's field for them has
+32 bits.
 """
 
 
@@ -61,7 +65,7 @@ class PartInfo(msgspec.Struct, frozen=True):
     hello: Hello | None = None
 
     def to_metadata(self) -> dict[str, str]:
-        """Return the metadata as a dictionary of texts, in the form that MCAP stores."""
+        """Return the metadata as a dictionary of texts, the only form in which MCAP can store metadata."""
         fields = {name: str(value) for name, value in msgspec.structs.asdict(self).items() if name != "hello"}
         hello = {} if self.hello is None else {"hello": msgspec.json.encode(self.hello).decode()}
         return {"format": str(FORMAT), **fields, **hello}
@@ -89,7 +93,7 @@ def from_metadata(metadata: dict[str, str]) -> PartInfo:
 
 
 def check_hello(hello: Hello) -> None:
-    """Raise an error for a HELLO that no sensor can have sent.
+    """Raise an error if no sensor can have sent this HELLO.
 
     Raises:
         ValueError: no sensor has this rate or scale.
@@ -103,7 +107,7 @@ def check_hello(hello: Hello) -> None:
 
 
 class LinkMessage(msgspec.Struct, frozen=True, omit_defaults=True):
-    """An event of the serial port or of the recorder.
+    """An event of the serial port or of the recorder, as it is stored in a recording.
 
     `kind`, `message`: kind and description of a failure. For a gap in the recording, `kind` is the reason.
     `chunks` and `bytes` are the numbers of serial reads and of bytes that are missing, as far as they were

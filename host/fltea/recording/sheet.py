@@ -1,4 +1,4 @@
-"""Defines tables of named columns from a file of any format, and makes a recording from such a table.
+"""Defines tables of named columns, which are made from files of any format, and makes recordings from them.
 
 A new file format needs one module in `readers` whose `read` returns a `Sheet`, and a row in `formats`.
 """
@@ -39,14 +39,17 @@ from fltea.settings.how import How
 from fltea.settings.limits import Limits
 
 SAMPLE_ROWS, MOST_SAMPLED = 60, 64
-"""Numbers of a table's first rows, and first columns, that are examined to choose the columns to read."""
+"""To choose the columns to read, this number of a table's first rows, and of its first columns, are examined.
+"""
 
 FEW = 10
-"""An array with fewer rows than this, next to longer arrays, is taken for a calibration, not for samples."""
+"""An array with fewer rows than this counts as a calibration, not as samples, if the file also holds longer
+arrays.
+"""
 
 RATE_TOLERANCE = 0.01
-"""Largest relative difference between two statements of the same sampling rate that still agree. The clocks
-of sensors are wrong by about 5 ‰ at most.
+"""Two statements of a sampling rate agree if their relative difference is at most this. The clocks of sensors
+are wrong by about 5 ‰ at most.
 """
 
 
@@ -60,10 +63,10 @@ class SheetHead(msgspec.Struct, frozen=True):
     date. `rates`: stated sampling rates [Hz]. The key is the name of the fact that states the rate: `imu.fs`
     applies to all columns in `imu`, and `imu.gyro@fs` to one array. `doubts`: reasons why the numbers of
     columns may be wrong.
-    `changed`: for columns whose numbers may need a further scale or offset, a text that says so. `topic`: the
-    sensor that is read if the file holds several, else "". `sample`: first rows of the first columns, null
-    where there is no number. `words`: for columns of words that distinguish sensors, the words for the
-    numbers 0, 1, ….
+    `changed`: for each column whose numbers may need a further scale or offset, a text that says so. `topic`:
+    the sensor that is read if the file holds several sensors, else "". `sample`: first rows of the first
+    columns, null where there is no number. `words`: columns of words that distinguish sensors are stored as
+    numbers; here are, for each such column, the words that the numbers 0, 1, … stand for.
     """
 
     names: list[str]
@@ -84,7 +87,7 @@ class SheetHead(msgspec.Struct, frozen=True):
     def called(self, place: int, values: Sequence[float]) -> list[str]:
         """Return numbers of a column as texts.
 
-        A number that stands for a word becomes the word, else digits.
+        If the number stands for a word, the text is this word. Otherwise the text is the number in digits.
         """
         words = self.words.get(self.names[place])
         return [words[int(v)] if words and 0 <= v < len(words) else as_word(v) for v in values]
@@ -95,7 +98,10 @@ class SheetHead(msgspec.Struct, frozen=True):
 
 
 class Sheet(SheetHead, frozen=True, kw_only=True):
-    """A table. `blocks`: function that yields the rows of the given columns, (n, columns) at a time."""
+    """A table with its rows.
+
+    `blocks`: function that yields the rows of the given columns in blocks (n, columns).
+    """
 
     blocks: Callable[[Sequence[int]], Iterator[Floats]]
 
@@ -120,7 +126,7 @@ class Sheet(SheetHead, frozen=True, kw_only=True):
 
 
 class TextHead(msgspec.Struct, frozen=True):
-    """Facts about a file that is read as text, such as a workbook.
+    """Facts about a file that is not a text, such as a workbook, and is converted to text before it is read.
 
     `topic`: name of the part of the file, such as a sheet, that the user chose. `parts`: names of the parts
     from which the user has to choose. `head`: lines of other parts of the file, which describe the part that
@@ -174,7 +180,10 @@ def open_sheet(path: Path, sheet: Sheet, how: How, limits: Limits) -> Stored:
 
 
 def _by_names(names: Sequence[str], how: How) -> How:
-    """Return the user's options with the names of columns where the user gave positions."""
+    """Return the user's options.
+
+    Where the user gave the position of a column, its name is put in place of it.
+    """
 
     def named(one: str) -> str:
         known = one not in names and one.isdecimal() and 1 <= int(one) <= len(names)
@@ -187,7 +196,9 @@ def _by_names(names: Sequence[str], how: How) -> How:
 def _choose(where: str, sheet: Sheet, how: How) -> tuple[Sheet, Chosen, How]:
     """Return the columns that belong to one gyroscope, the choice among them, and the changed options.
 
-    The options lose a sensor that was chosen here, and gain the only column of dates as the column of times.
+    Two options may change. If the sensor was chosen here, the option for the sensor is removed. If the user
+    names no column of times, no column has the name of one, and the table has only one column of dates, this
+    column is the column of times.
     """
     sheet = of_one_gyroscope(where, sheet, how)
     how = replace(how, topic=None) if sheet.topic else how
@@ -220,7 +231,7 @@ def _facts(where: str, sheet: Sheet) -> Facts:
 
 
 def _in_turn(rows: Iterator[Rows], chosen: Chosen) -> Iterator[Rows]:
-    """Yield the rows of the sensor to read, if the rows of several sensors alternate."""
+    """Yield the rows of the sensor to read, from a table in which the rows of several sensors alternate."""
     turns = Turns(*chosen.turn, chosen.time_at)
     for some in rows:
         yield from turns.take(some)
@@ -246,7 +257,7 @@ def _rows(where: str, sheet: Sheet, chosen: Chosen, how: How) -> Iterator[Rows]:
 
 
 def _check_rate(where: str, sheet: Sheet, who: str, rate_hz: float | None, how: How) -> None:
-    """Raise UsageError if a sampling rate contradicts one that the file states.
+    """Raise UsageError if a sampling rate contradicts a sampling rate that the file states.
 
     `who`: source of the rate, for messages.
     """
@@ -296,9 +307,9 @@ class _Gyroscope(NamedTuple):
 def of_one_gyroscope(where: str, sheet: Sheet, how: How) -> Sheet:
     """Return a table of the columns that belong to the axes, with the sampling rate stated for the axes.
 
-    These columns are as long as the axes, and belong to no other gyroscope. Columns in the groups around the
-    axes get short names: `imu.t` becomes `t`. An axis that has another length or no numbers is kept, so that
-    the later error message can name it.
+    All columns are returned that are as long as the axes and belong to no other gyroscope. Columns in the
+    groups around the axes get short names: `imu.t` becomes `t`. An axis without numbers, or with another
+    length than the other axes, is returned too, so that the later error message can name it.
 
     Raises:
         UsageError: several groups have a gyroscope, or several rates are stated for the same samples.

@@ -27,10 +27,12 @@ class _Column(NamedTuple):
 
 
 class Spool(contextlib.AbstractContextManager["Spool"]):
-    """Named columns of numbers in temporary files. A column's first block determines its type and width.
+    """Named columns of numbers in temporary files.
 
-    The temporary files are deleted at the end of a `with` statement, or with the last reference to the spool.
-    If `folder` is given, the files get names in this folder and are not deleted.
+    The first block that is appended to a column determines the column's type and width.
+
+    The temporary files are deleted when a `with` statement of the spool ends, or when nothing refers to the
+    spool any more. If `folder` is given, the files get names in this folder and are not deleted.
     """
 
     def __init__(self, folder: Path | None = None) -> None:
@@ -125,7 +127,7 @@ class Spool(contextlib.AbstractContextManager["Spool"]):
 
 def _close(columns: dict[str, _Column]) -> None:
     for column in columns.values():
-        # Closing writes what is left in the buffer, and fails if the disk is full. An earlier write has
-        # reported a full disk already.
+        # Closing the file writes what is left in the buffer, and fails if the disk is full. This failure is
+        # ignored, since an earlier write has reported the full disk already.
         with contextlib.suppress(TemporaryFailed, OSError):
             column.file.close()

@@ -28,8 +28,8 @@ from fltea.recording.timing import Timing, check_given, timing
 from fltea.settings.limits import Limits
 
 FEWEST_BETWEEN = 20
-"""Surplus rows (see `sample_times.between`) are left out only if a recording has at least this many. Fewer
-rows may look surplus because of jitter of the clock.
+"""Surplus rows (see `sample_times.between`) are left out only if a recording has at least this many of them.
+If there are fewer, they may only look surplus because of the clock's jitter.
 """
 
 STEPS_AT_ONCE = 1 << 16
@@ -42,8 +42,8 @@ class Rows(NamedTuple):
 
     `numbers`: (n,) number of each row or line in the file, for messages. `values`: (n, columns), in the order
     of `Chosen.places` and scaled by `Chosen.scale`; NaN: no number. `ordinal`: (n,) index of each row, from
-    0, among all samples including the lost ones. `begins`: whether the sender restarted before the first of
-    these rows.
+    0, in the sequence of all samples, including lost samples. `begins`: whether the sender restarted before
+    the first of these rows.
     """
 
     numbers: Ints
@@ -63,7 +63,9 @@ def joined(pieces: Sequence[Rows]) -> Rows:
 
 
 class Samples(NamedTuple):
-    """The rows that are samples. `time`: (n,) times as in the file, or None. `accel`: (n, 3) [m/s²], or None.
+    """Those rows of a block that are samples.
+
+    `time`: (n,) times as in the file, or None. `accel`: (n, 3) [m/s²], or None.
 
     `left_out`: for each reason in `text_numbers.REASONS`, the first row that was left out and the number of
     such rows.
@@ -78,7 +80,7 @@ class Samples(NamedTuple):
 
 
 def samples_of(rows: Rows, chosen: Chosen) -> Samples:
-    """Return the rows that are samples: those that have all needed numbers, and no impossible numbers."""
+    """Return the rows that are samples. A sample has all needed numbers, and no impossible numbers."""
     values, numbers, ordinal = rows.values, rows.numbers, rows.ordinal
     axes, needed = len(chosen.gyro), len(chosen.needed)
     largest = LARGEST_DPS * (chosen.lsb or 1.0)
@@ -139,7 +141,7 @@ class _Runs:
         self._is_due = False
 
     def add(self, row: int, marks: Marks | None, block: Rows) -> None:
-        """Add the samples of a block; `marks` is None if the block has none."""
+        """Add the samples of a block. `marks` is None if no new run begins in the block."""
         self._is_due |= block.begins
         if marks is None:
             return
@@ -218,7 +220,7 @@ class _Table:
             self._notes.append(Note("missing_numbers", text))
 
     def _count_between(self, period: float) -> int:
-        """Count the surplus rows between samples, and report them to the user; return 0 if they are few."""
+        """Count the surplus rows between samples, and report them to the user. If there are few, return 0."""
         blocks = self._samples.spool.blocks(["time"], AT_ONCE)
         count = sum(int(between(times, period).sum()) for (times,) in blocks)
         if count < FEWEST_BETWEEN:
@@ -237,11 +239,15 @@ class _Table:
         return self._chosen.rate_hz if self._chosen.is_given else None
 
     def _timing(self) -> tuple[Timing, Ints]:
-        """Return how rows are numbered, and where new runs begin; note for the user what the times show."""
+        """Return how rows are numbered, and where new runs begin.
+
+        Warn the user if the times show something unusual.
+        """
         chosen, spool, elapsed = self._chosen, self._samples.spool, self._elapsed
         by_headers = np.array(self._runs.by_headers, np.int64)
         if chosen.time is None:
-            assert chosen.rate_hz is not None  # `choose` requires a column of times or a rate
+            # if there is no column of times, there is a rate: `choose` has required one of the two
+            assert chosen.rate_hz is not None
             check_given(str(self._path), chosen.rate_hz, overrule=chosen.overrule)
             return Timing(chosen.rate_hz, None), by_headers
         clock = clock_of(lambda: (times for (times,) in spool.blocks(["time"], STEPS_AT_ONCE)), elapsed)
@@ -269,7 +275,8 @@ def _blocks(
 ) -> Iterator[Recording]:
     """Yield blocks of the recording's samples.
 
-    `given`: whether the user gives the rate. If so, the times follow from sequence numbers and rate.
+    `given`: whether the user gives the rate. If so, the samples' times are computed from sequence numbers and
+    rate.
     `has_between`: whether surplus rows between two samples are left out.
     """
     rate_hz, by_times = timing.rate_hz, timing.period is not None and "time" in spool

@@ -7,7 +7,7 @@ from fltea.recording.text_forms import BEGINNING, YAML, YamlDocuments
 
 BEGIN_BYTES, MOST_HELD = 256, 4096
 """The first BEGIN_BYTES bytes of a text are kept as `TextDecoder.begin`. At most MOST_HELD bytes are held
-back until they show whether the text consists of YAML documents.
+back while it is unclear whether the text consists of YAML documents.
 """
 
 
@@ -31,7 +31,7 @@ class TextDecoder:
         return self._yaml is not None and self._yaml.is_cut
 
     def drop(self) -> None:
-        """Delete the bytes that are held back; call this when bytes after them were lost."""
+        """Delete the bytes that are held back. Call this when bytes that came after them were lost."""
         self._held = b""
 
     def feed(self, data: bytes, *, hold: bool = True) -> bytes:
@@ -45,7 +45,7 @@ class TextDecoder:
         return self._lines(data)
 
     def release(self) -> bytes:
-        """Return the decoded bytes that were held back; call this at the end of the text."""
+        """Return the bytes that were held back, in decoded form. Call this at the end of the text."""
         held, self._held = self._held, b""
         return self._lines(held)
 

@@ -1,4 +1,4 @@
-"""Splits lines of text into fields: finds the separator, lines of the same kind, and the numbers in lines."""
+"""Splits lines of text into fields. Finds the separator, lines of the same kind, and the numbers in lines."""
 
 import contextlib
 import csv
@@ -49,7 +49,7 @@ def all_numbers(line: str) -> bool:
 
 
 def separator_of(line: str, columns: int = 0) -> str | None:
-    """Return the separator between the fields of a row, None for white space.
+    """Return the separator between the fields of a row. None means that white space separates the fields.
 
     `columns`: number of columns, if known.
     """
@@ -77,7 +77,7 @@ def split(line: str, separator: str | None) -> list[str]:
 
 
 def words_with_units(line: str) -> list[str]:
-    """Return the words of a line separated by blanks; a unit in brackets belongs to the word before it."""
+    """Return the words of a line, which blanks separate. A unit in brackets belongs to the word before it."""
     return _WORDS.findall(line) if "[" in line or "(" in line else split(line, None)
 
 
@@ -95,7 +95,7 @@ def units_in(line: str) -> list[str] | None:
     fields = bare_fields(line)
     filled = [
         field for field in fields if field not in ("", "1")
-    ]  # the unit of a quantity without a dimension is 1
+    ]  # "1" stands for the unit of a quantity without a dimension
     known = sum(map(is_unit, filled))
     if any(map(is_number, filled)) or not known or 2 * known < len(filled):
         return None
@@ -109,14 +109,14 @@ _MAY_HAVE_THOUSANDS = re.compile(r"\d[.,]\d{3}[.,]\d")
 
 
 class Thousands:
-    """Finds numbers with a decimal sign between thousands, as in `1.000.010`, in a growing list of lines."""
+    """Finds numbers with signs between their thousands, as in `1.000.010`, in a growing list of lines."""
 
     def __init__(self) -> None:
         self._seen = 0
         self._first: dict[int, str] = {}
 
     def check(self, where: str, lines: Sequence[str]) -> None:
-        """Check the lines that were added since the last call.
+        """Check the lines that were added to the list since the last call.
 
         Raises:
             UsageError: a column has several different numbers of this form, so that 53.456 may mean 53456.
@@ -146,9 +146,9 @@ class Kinds:
         self._found: dict[str, int] = {}
 
     def of(self, lines: Sequence[str]) -> dict[str, int]:
-        """Examine the new lines, and return the first words of all rows with the rows' numbers of fields.
+        """Examine the new lines. Return each word with which a row begins, with the row's number of fields.
 
-        Return nothing if there are too many different words.
+        If there are too many different words, return an empty result.
         """
         for line in lines[self._seen :] if len(self._found) <= MOST_KINDS else ():
             fields = [] if is_comment(line) else split(line, separator_of(line))
@@ -200,7 +200,7 @@ def sample_of(lines: Sequence[str], names: Sequence[str] | None, width: int, tag
 def cells_of(
     lines: Sequence[str], names: Sequence[str] | None, width: int, tag: str, place: int
 ) -> list[str]:
-    """Return the texts of a column in the rows that `sample_of` reads."""
+    """Return what stands in one column of the rows that `sample_of` reads, as texts."""
     found = (row[place] for row in _rows(tuple(lines), tuple(names or ()), width, tag))
     return [as_word(one) if isinstance(one, float) else "" if one is None else str(one) for one in found]
 
@@ -211,7 +211,7 @@ def _has(found: Mapping[str, Any], line: str, names: set[str]) -> bool:
 
 @lru_cache(maxsize=2)
 def _named(lines: Sequence[str]) -> list[Mapping[str, Any]]:
-    """Return the numbers of each line by name, for lines that are JSON objects or have labels."""
+    """Return the numbers in lines by their names. The lines are JSON objects, or label each number."""
     named: list[Mapping[str, Any]] = []
     for line in lines:
         try:

@@ -1,8 +1,8 @@
-"""Converts lines in the forms that various programs print to plain lines of numbers.
+"""Converts lines that various programs print in forms of their own to plain lines of numbers.
 
-Python prints bytes, lists, tuples, dicts and arrays. Messages of NMEA and VectorNav end in a checksum. Each
-of these texts stays one line. `ros2 topic echo` prints a YAML document for each message, which becomes a JSON
-object.
+Python programs print bytes, lists, tuples, dicts and arrays. Messages of NMEA and VectorNav end in a
+checksum. A line of these kinds becomes one line of numbers. `ros2 topic echo` prints each message as a YAML
+document of several lines, which becomes a JSON object in one line.
 """
 
 import re
@@ -41,7 +41,7 @@ _COLOUR = re.compile(rb"\x1b\[[0-9;]*m")
 
 
 def plain_lines(data: bytes) -> bytes:
-    """Return lines with their numbers freed from the syntax of Python or NMEA around them.
+    """Return lines with plain numbers: the syntax of Python or NMEA around the numbers is removed.
 
     If the checksum of an NMEA message is wrong, its numbers are removed, so that the message counts as a lost
     sample.
@@ -50,7 +50,7 @@ def plain_lines(data: bytes) -> bytes:
         data = data.replace(MINUS, b"-")
     if b"\x1b" in data:
         data = _COLOUR.sub(b"", data)
-    # searching for the single byte `b` before the pair is ten times faster
+    # searching for the single byte `b` first, and only then for the pair, is ten times faster
     if b"b" in data and (b"b'" in data or b'b"' in data):
         data = _BYTES.sub(_unescaped, data)
     if b"p" in data and b"np." in data:
@@ -92,8 +92,8 @@ YAML = re.compile(
 """Matches the beginning of the first YAML document in a text."""
 
 BEGINNING = re.compile(_BEFORE + rb"(?:" + _KEY + rb"(?:[ \t\r]*|[ ]*\{[^\n]{0,256})\n)?[^\n]{0,256}")
-"""Matches the first bytes of a text if they may be the beginning of a YAML document, which only shows when
-the next line is complete.
+"""Matches the first bytes of a text if they may be the beginning of a YAML document. Whether they are shows
+only when the next line is complete.
 """
 
 LONGEST_DOCUMENT, LONGEST_LINE = 1 << 20, 1 << 14
@@ -114,8 +114,8 @@ DEEPEST = 8
 class YamlDocuments:
     """Converts YAML documents in the form that ROS prints, each to one JSON object.
 
-    `is_cut`: whether the last document was left out as incomplete, since its end is missing, or values that
-    the first document has.
+    `is_cut`: whether the last document was left out as incomplete. A document is incomplete if its end is
+    missing, or if it lacks values that the first document has.
     """
 
     def __init__(self) -> None:

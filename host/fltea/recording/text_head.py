@@ -98,7 +98,7 @@ class Head(NamedTuple):
 
 @lru_cache(maxsize=16)
 def stated_in(head: str) -> Head:
-    """Return all sampling rates and units that the lines of a head state.
+    """Return all sampling rates and units that the lines of a text's head state.
 
     If the head states several rates or units, they contradict each other.
 

@@ -1,4 +1,4 @@
-"""Reads lines that name each number: JSON objects, and numbers with labels as boards print them.
+"""Reads lines that name each number: JSON objects, and numbers with labels, as boards print them.
 
 `gx:1.2,gy:3.4` has a label for each number; `Gyro X: 1.2 Y: 3.4 Z: 5.6 rad/s` has a group and one unit;
 `Gyr (DPS) [ 0.1, 0.2, 0.3 ]` has one label for three numbers.
@@ -40,7 +40,7 @@ DEEPEST = 4
 
 
 def decode_object(line: str | bytes) -> dict[str, Any]:
-    """Read a JSON object. A name in a nested object becomes `gyro.x`.
+    """Read a JSON object. The name `x` in a nested object `gyro` becomes `gyro.x`.
 
     The numbers in a list of three get the names `gyro_x`, `gyro_y` and `gyro_z`.
 
@@ -70,7 +70,10 @@ def _flatten(name: str, value: Any, flat: dict[str, Any], depth: int) -> None:
 
 
 def units_beside(found: Mapping[str, Any]) -> list[str]:
-    """Return, for each name in an object, the unit that a text in the object states; "" if no text does."""
+    """Return the unit of each name in an object.
+
+    A text in the object may state the unit, else the unit is "".
+    """
     units = units_of(found)
     return [_fitting(name, unit_of(units, name, without_axis(name), 0, 1)) if units else "" for name in found]
 
@@ -81,9 +84,10 @@ def without_axis(name: str) -> str:
 
 
 def _fitting(name: str, unit: str) -> str:
-    """Return a unit if it fits the quantity that a name means, else "".
+    """Return `unit` if it is a unit of the quantity that `name` means, else "".
 
-    The unit that an object states for a sensor may be that of another quantity in the object.
+    This check is needed because an object may state only one unit for a sensor, which may be that of another
+    quantity in the object.
     """
     is_rate = axis_of(name, unit) and (rate_unit(unit) or unit.startswith("lsb:"))
     is_other = (accel_axis_of(name, unit) and accel_unit(unit)) or (is_time(name) and time_scale(unit))
@@ -108,7 +112,8 @@ def labelled(line: str) -> Labelled | None:
     group, end = "", 0
     for found in _PAIR.finditer(line):
         text, start = found["label"], found.start()
-        if text.count("(") > text.count(")"):  # the text before a bracket names the group of the numbers
+        # the text before a bracket is the name of the group to which the numbers belong
+        if text.count("(") > text.count(")"):
             start += text.rfind("(") + 1
             text = text.rpartition("(")[2]
         before = _GROUP_BEFORE.search(line[max(end, start - LONGEST_LABEL) : start])

@@ -42,7 +42,7 @@ SEPARATORS = ("\t", ";", ",", None)
 """Possible separators of fields in a line; None is white space."""
 
 MOST_BEFORE = 200
-"""Largest number of lines before the first row that are kept, since one of them may name the columns."""
+"""At most this number of lines before the first row are kept. One of them may name the columns."""
 
 WORDS = re.compile(r"[\s,;:={}\[\]]+")
 
@@ -50,7 +50,7 @@ ONE_WITH_UNIT = re.compile(r"[^\[\]()]+[\[(][^\[\]()]*[\])]")
 
 
 class Layout(NamedTuple):
-    """The layout of the rows in a text: where the numbers stand in a row.
+    """The layout of the rows in a text, which says where in a row each number stands.
 
     `separator`: text between two fields; None means white space. `parse`: function that returns the numbers
     in a line by name, for JSON objects and labelled lines; else None. `usual`: number of fields in the first
@@ -95,8 +95,8 @@ class _Header(NamedTuple):
 class LayoutFinder:
     """Examines lines one after the other until a line is a row.
 
-    `where`: file, for messages. `how`: the user's options. `sample`: function that returns the first lines of
-    the text, as far as they are known.
+    `where`: file, for messages. `how`: the user's options. `sample`: function that returns those of the first
+    lines of the text that have been read so far.
     `before`: finder of the previous header, if the text has several headers.
     `is_other`: whether the newest line is neither empty, nor a comment, nor a part of a header.
 
@@ -167,14 +167,15 @@ class LayoutFinder:
         return next(self._headers(line), None)
 
     def _headers(self, line: str) -> Iterator[_Names]:
-        """Yield the names of columns in a line, once for each separator by which the line may be split."""
-        text = line.strip(" \r\n")  # tabs stay, since a leading tab follows a first column without a name
+        """Yield the names of columns in a line, once for each separator that may stand between names."""
+        # tabs are not stripped: a tab at the beginning means that the first column has no name
+        text = line.strip(" \r\n")
         for mark in COMMENTS:
             text = text.removeprefix(mark) if len(mark) > 1 else text.lstrip(mark)
         if any(mark in text for mark in "\t;,"):
             separators = [separator for separator in SEPARATORS if separator is None or separator in text]
-        # the separator "\n" occurs in no line: then the whole line is one name with blanks, which is likely
-        # if it ends in a unit
+        # With the separator "\n", which occurs in no line, the whole line is one name that contains blanks.
+        # This is tried first if the line ends in a unit.
         else:
             separators = ["\n", None] if ONE_WITH_UNIT.fullmatch(text) else [None, "\n"]
         for separator in separators:
@@ -211,7 +212,7 @@ class LayoutFinder:
         return refusal(self._where, self._how, lines, self._kinds(), self.facts)
 
     def facts(self, names: Sequence[str] | None, width: int = 0, tag: str = "") -> Facts:
-        """Return what is known of the file in addition to the names of its columns.
+        """Return everything that is known of the file, except the names of its columns.
 
         `tag`: first field of the rows to read, if there are several kinds of rows.
         """
@@ -226,7 +227,7 @@ class LayoutFinder:
     def _choose_named(self, line: str) -> None:
         """Choose the columns by the header and by the line after it, which shows the number of fields."""
         self._thousands.check(self._where, self._sample())
-        header, self._header = self._header, None  # if an error is raised below, the header is forgotten
+        header, self._header = self._header, None  # if an error is raised below, the header stays forgotten
         assert header is not None
         fields = split(line, separator_of(line))
         if 2 * sum(map(is_number, fields)) > len(fields):
@@ -344,7 +345,7 @@ def _by_names(chosen: Chosen | None, parse: Callable[[str], Mapping[str, Any]], 
 
 
 def _fit(header: _Names, row: str) -> bool:
-    """Return whether a row has as many fields as a header has names, not counting empty fields at its end."""
+    """Return whether a row has as many fields as a header has names. Empty fields at the end do not count."""
     count = len(header.names)
     rows = (split(row, separator) for separator in {separator_of(row, count), header.separator})
     return any(len(fields) >= count and not any(fields[count:]) for fields in rows)
@@ -367,7 +368,7 @@ def _layout(
 
 
 def why_too_many(fields: Sequence[str], columns: int) -> str:
-    """Return the reason to refuse a row that has numbers in more fields than there are columns, else "".
+    """Return why a row is refused if it has numbers in more fields than there are columns, else "".
 
     The commas of such a row may be decimal commas.
     """
@@ -380,7 +381,7 @@ def why_too_many(fields: Sequence[str], columns: int) -> str:
 
 
 def why_no_row(chosen: Chosen, fields: Sequence[str], separator: str | None) -> str:
-    """Return why the needed numbers cannot be read from a row's fields; "" if they can.
+    """Return why the needed numbers cannot be read from a row's fields; "" if they can be read.
 
     Words for missing numbers, such as `nan`, can be read.
     """

@@ -25,11 +25,13 @@ few fields.
 """
 
 LEAST_AT_ONCE, MOST_AT_ONCE = 1 << 9, 1 << 18
-"""Smallest and largest number of bytes that are read as plain rows (lines of numbers only) at a time."""
+"""Plain rows (lines that hold numbers only) are read in pieces of at least, and of at most, this number of
+bytes.
+"""
 
 MOST_LEFT_OUT = 1000
-"""Largest number of different lines without a sample that are remembered, to skip them quickly when they
-repeat.
+"""At most this number of different lines without a sample are remembered, so that they are skipped quickly
+when they occur again.
 """
 
 REASONS = {
@@ -44,8 +46,8 @@ REASONS = {
     "too_large": "is beyond what a gyroscope measures; are the units right?",
     "time": "has a time that cannot be",
 }
-"""Reasons why a line holds no sample. The keys are those of the counts in `link.bad_frames`. The values are
-words for the user.
+"""Reasons why a line holds no sample. The keys are the same as those of the counts in `link.bad_frames`. The
+values say to the user what is wrong with the line.
 
 The last three reasons are found by `fltea.recording.table`, when it turns rows into samples.
 """
@@ -86,7 +88,7 @@ class RowParser:
         self._left_out: dict[bytes, WhyNot] = {}
 
     def plain(self, data: bytes, begin: int = 0) -> Plain:
-        """Read the lines from byte `begin` on, as far as they are plain rows.
+        """Read the lines from byte `begin` on, up to the first line that is no plain row.
 
         The last line in `data` has no line feed.
         """
@@ -105,11 +107,11 @@ class RowParser:
         return Plain(begin + after, passed, rows, values, goes_on and stop < len(data))
 
     def left_out(self, line: bytes) -> WhyNot | None:
-        """Return why the same line was left out before; None if it was not."""
+        """Return why the same line was left out earlier; None if it has not been left out yet."""
         return self._left_out.get(line)
 
     def leave_out(self, line: bytes, why: WhyNot) -> None:
-        """Remember why a line holds no sample. The line must not name columns."""
+        """Remember why a line holds no sample. This must not be called for a line that names columns."""
         if len(self._left_out) < MOST_LEFT_OUT:
             self._left_out[line] = why
 
@@ -129,7 +131,10 @@ class RowParser:
         return Plain(begin, passed, np.array(rows, np.int64), np.array(values))
 
     def one(self, text: str) -> list[float] | WhyNot | None:
-        """Return the numbers in a line, or why the line holds no sample; None if it is empty or a comment."""
+        """Return the numbers in a line, or why it holds no sample.
+
+        Return None for an empty line or a comment.
+        """
         layout = self.layout
         if layout.parse is not None:
             return None if self._is_empty(text) else _of_named(layout, layout.parse, text)
@@ -202,7 +207,8 @@ def _of_named(
     chosen = layout.chosen
     names = chosen.read[: len(chosen.needed)]
     if lacking := [name for name in names if name not in found]:
-        # a line without any needed label is skipped, since boards write other quantities on separate lines
+        # a line without any needed label is skipped without a warning, since boards write other quantities on
+        # separate lines
         if parse is values_in:
             return (
                 None if len(lacking) == len(names) else ("fields", f"has no number for {shown(lacking[0])}.")

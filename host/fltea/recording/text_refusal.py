@@ -37,9 +37,9 @@ NamesAbove = tuple[int | None, list[str] | None, list[str] | None]
 def refusal(
     where: str, how: How, lines: Sequence[str], kinds: Mapping[str, int], facts: FactsOf
 ) -> UsageError:
-    """Return the error that says why none of the first lines is a row.
+    """Return the error that tells the user why none of a text's first lines is a row.
 
-    `kinds`: number of fields of each kind of rows, by the first field of the rows.
+    `kinds`: the key is the first field of the rows of one kind, and the value is their number of fields.
     """
     wanted = wanted_of(how)
     has_numbers = any(is_number(field) for line in lines for field in bare_fields(line))
@@ -67,7 +67,7 @@ def refusal(
 def _choose_row(
     where: str, how: How, row: str, lines: Sequence[str], kinds: Mapping[str, int], facts: FactsOf
 ) -> None:
-    """Choose the columns of a row. This raises an error that asks the user for the missing facts."""
+    """Choose the columns of a row in order to raise the error that asks the user for the missing facts."""
     fields = split(row, separator_of(row))
     if len(kinds) > 1 and fields[0] in kinds and how.topic is None:
         raise _which_rows(where, how, lines, kinds)
@@ -101,7 +101,7 @@ def names_above(lines: Iterable[tuple[int, str]], width: int) -> NamesAbove:
         found = bare_fields(line)
         if len(found) != width or all_numbers(line) or is_number(found[0]) or WRONG_SUM in found:
             continue
-        # such a line states a rate or a unit in words, and is no list of names
+        # such a line is no list of names: it states a rate or a unit in words
         if separator_of(line) is None and any(stated_in(line)):
             continue
         if units is None and units_in(line) is not None:

@@ -1,7 +1,8 @@
 """Reads text as rows of numbers, from bytes in pieces of any length: from a file, a pipe, or a board.
 
-A line without a sample is counted by its reason and left out. A line that was meant as a sample and is
-unreadable stands for a lost sample, so it takes a sequence number.
+A line without a sample is left out, and is counted under the reason why it holds no sample. If such a line
+was meant as a sample, it stands for a lost sample. Then it gets a sequence number of its own, so that the
+numbers show the loss.
 """
 
 import math
@@ -30,8 +31,8 @@ from fltea.records.errors import UsageError
 from fltea.settings.how import How
 
 SAMPLE_LINES, SAMPLE_BYTES = 2000, 1 << 18
-"""Largest number of a text's first lines, and of bytes taken from one piece of the text, that are kept to
-find out what the columns hold.
+"""To find out what the columns hold, at most SAMPLE_LINES of a text's first lines are kept, and at most
+SAMPLE_BYTES bytes of each piece of the text.
 """
 
 ONE_DOCUMENT = re.compile(rb'\s*(?:\[\s*[\[{]|\{\s*\n|\{\s*"[^"]*"\s*:\s*(?:\[\s*["\[{]|\{\s*"0"))')
@@ -40,8 +41,8 @@ object over several lines, or columns as pandas writes them.
 """
 
 MOST_CHECKS, MOST_HEADERS = 200, 64
-"""Largest number of lines in a block that are examined whether they are headers, and largest number of
-different headers in a file.
+"""At most MOST_CHECKS lines in a block are examined to find out whether they are headers. A file may have at
+most MOST_HEADERS different headers.
 """
 
 NO_NAME = "0123456789+-."
@@ -75,8 +76,8 @@ class TextReader:
         self._finder = LayoutFinder(where, how, lambda: self._sample)
         self._finder.head += head
         self._parser: RowParser | None = None
-        # layout below each line of column names; None if these columns do not fit those of the first such
-        # line
+        # The key is a line of column names. The value is the layout of the rows below it, or None if its
+        # columns do not fit those of the first line of column names.
         self._layouts: dict[str, Layout | None] = {}
         self._checks = 0
         self._sensors = SensorLines(where, how)
@@ -96,7 +97,7 @@ class TextReader:
 
     @property
     def pending_bytes(self) -> int:
-        """Number of bytes that were received of a line that has not ended yet."""
+        """Number of received bytes of the newest line, which has not ended yet."""
         return self._buffer.pending_bytes
 
     def resume(self, *, within_line: bool) -> None:
@@ -107,7 +108,7 @@ class TextReader:
         self._buffer.resume(within_line=within_line)
 
     def with_columns(self, error: UsageError) -> UsageError:
-        """Return the same error with a table of what the first rows hold."""
+        """Return `error` with a table added to its text, which shows what the first rows hold."""
         chosen = self.chosen
         if chosen is None:
             return error
@@ -143,7 +144,10 @@ class TextReader:
         return self._sensors.in_turn(self._feed(self._buffer.feed(data)))
 
     def _feed(self, whole: bytes | None) -> list[Rows]:
-        """Read whole lines, if `whole` is not None, and count a pending line that is too long."""
+        """Read the lines in `whole`, if it is not None.
+
+        If the line that has not ended yet is too long, count it.
+        """
         found = [] if whole is None else self._take(whole)
         if self._buffer.drops_too_long():
             self.lines += 1
@@ -173,7 +177,7 @@ class TextReader:
         return found
 
     def _take(self, data: bytes) -> list[Rows]:
-        """Read whole lines; the last one has no line end."""
+        """Read whole lines. The last line in `data` has no line end."""
         data = plain_lines(data)
         if b":" in data and A_CLOCK.search(data):
             data = self._clocks.with_seconds(decoded(data)).encode()
@@ -208,7 +212,7 @@ class TextReader:
         return _by_run(pieces)
 
     def _find(self, data: bytes, begin: int) -> int | None:
-        """Find the first row after a header; return the offset of the row, or None if there is none."""
+        """Find the first row after a header. Return the offset of the row, or None if no row has come yet."""
         while begin <= len(data):
             if self.chosen is None and self.lines >= self.most_before:
                 raise self.refusal()
@@ -253,7 +257,7 @@ class TextReader:
         return LayoutFinder(self._where, self._how, lambda: self._sample, self._finder)
 
     def _is_as_before(self, chosen: Chosen) -> bool:
-        """Return whether columns chosen for a new header can continue the columns that were read before."""
+        """Return whether the columns of a new header can continue those that were read before this header."""
 
         def kind(of: Chosen) -> tuple[object, ...]:
             return len(of.gyro), of.lsb, of.time is None, of.time_unit, len(of.accel)
@@ -342,7 +346,7 @@ class TextReader:
         pieces.append(Rows(self.lines + 1 + rows, layout.chosen.scale(values), ordinal, begins))
 
     def _is_header(self, parser: RowParser, text: str) -> bool:
-        """Return whether a line in the middle of a text names columns again.
+        """Return whether a line in the middle of a text is a further line of column names.
 
         Only a limited number of lines is examined, since the examination is slow.
         """
@@ -354,7 +358,7 @@ class TextReader:
 
 
 def _by_run(pieces: list[Rows]) -> list[Rows]:
-    """Join successive `Rows`, so that one is left for each run of the sender."""
+    """Join successive `Rows`, so that there is one `Rows` for each run of the sender."""
     found: list[list[Rows]] = []
     for piece in pieces:
         if piece.begins or not found:

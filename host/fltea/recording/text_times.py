@@ -1,7 +1,7 @@
-"""Converts dates and times of day in text to seconds, before lines are read further.
+"""Converts dates and times of day in a text to seconds, before the rest of each line is read.
 
 Seconds are Unix time if there is a date, else seconds since midnight. The number of lines does not change, so
-blocks of lines are converted at once. Arduino's monitor writes `22:13:20.123 -> ` before each line.
+many lines can be converted at a time. Arduino's monitor writes `22:13:20.123 -> ` before each line.
 """
 
 import re
@@ -44,7 +44,8 @@ _SECONDS = re.compile(r"\s*(\d+)(?:[.,](\d+))?\s*")
 _MINUTES = re.compile(r"(?<![\w:.])\d{1,3}$")
 
 A_CLOCK = re.compile(rb"\d:[0-5]?\d[:.,]")
-"""Matches bytes that may belong to a time of day, as a quick test before the conversion."""
+"""Matches bytes that may belong to a time of day. Lines without a match are not converted, which saves time.
+"""
 
 _DECIMAL_COMMAS = re.compile(r"[;\t][-+ ]*\d+,\d")
 """Matches a number with a decimal comma in a line whose fields have other separators."""
@@ -64,8 +65,9 @@ class Clocks:
     """Converts the times of one text to seconds, a block of whole lines at a time.
 
     Digits after the seconds are a fraction, unless they turn out to be milliseconds without leading zeros:
-    the SDK of WitMotion writes 5 ms as `9:46:40.5`. Digits after a third colon, as WitMotion's programs
-    write, are milliseconds, unless there are always two digits, which may number the frames of a film.
+    the SDK of WitMotion writes 5 ms as `9:46:40.5`. Digits after a third colon, as WitMotion's programs write
+    them, are milliseconds. If there are always two digits after the third colon, they may be the number of a
+    film's frame, and do not count as milliseconds.
     """
 
     def __init__(self) -> None:
@@ -100,11 +102,12 @@ class Clocks:
         return _ARROW.sub(_before_line, turned) if " -> " in turned else turned
 
     def _examine(self, text: str) -> None:
-        """Find out how fractions of seconds are written.
+        """Find out how the text writes fractions of seconds.
 
         Milliseconds without leading zeros have one to three digits and never begin with a zero. If these
-        digits were read as fractions, they would end in zeros or decrease within a second. True fractions of
-        different lengths never end in zeros, since programs that write them drop final zeros.
+        digits were read as fractions, they would end in zeros or decrease within a second. If true fractions
+        have different lengths, they never end in zeros, since programs that write such fractions drop final
+        zeros.
         """
         for clock, sign, digits in _LAST.findall(text):
             if sign == ":":
@@ -154,9 +157,9 @@ def with_seconds(text: str) -> str:
 
 
 def points_of_time(texts: Sequence[str | None], *, is_known: bool = False) -> NDArray[np.datetime64] | None:
-    """Return the times in a column of dates or times of day; None if it is no such column.
+    """Return the times in a column of dates or times of day; None if the column holds neither.
 
-    Times of day continue after midnight.
+    After midnight, a day is added to times of day, so that the times go on rising.
 
     `is_known`: whether the column is known to hold times. If so, texts that are no times count as missing.
     """
@@ -186,9 +189,9 @@ class _DayMonth:
     """Order of day and month in dates such as 03/05/2023, the same for a whole text.
 
     A number above 12 shows the order. Otherwise the next different date shows the order, since successive
-    dates are near each other. Until the order is known, the month is taken to stand first. If this proves
-    wrong, later dates are shifted so that they continue the earlier dates. The shift does no harm, since only
-    steps between dates are used.
+    dates are near each other. Until the order is known, the month is assumed to stand first. If this turns
+    out to be wrong, all later dates are shifted, so that they follow on the earlier dates, which were read in
+    the wrong order. The shift does no harm, since only steps between dates are used.
     """
 
     def __init__(self) -> None:
@@ -197,7 +200,10 @@ class _DayMonth:
         self._newest: tuple[int, int] | None = None
 
     def days(self, month_first: int | None, day_first: int | None) -> int | None:
-        """Return the days from 1970 to a date, or None. The arguments are these days by both orders."""
+        """Return the number of days from 1970 to a date, or None if there is no such date.
+
+        `month_first`, `day_first`: these days if the month, or the day, stands first in the text of the date.
+        """
         newest = self._newest
         if self._is_day_first is None and (month_first is None or day_first is None):
             self._is_day_first = month_first is None
@@ -214,11 +220,12 @@ class _DayMonth:
 
 
 class _Hour(NamedTuple):
-    """A date and an hour, as they stand before the minutes in a text.
+    """The date and the hour that stand before the minutes in a text.
 
-    `begin`: index in the text at which the date begins. `days`: days from 1970 to the date, if the month
-    stands first and if the day stands first; None if there is no such date. `is_either`: whether both orders
-    are possible.
+    `begin`: index in the text at which the date begins. `days`: two numbers of days from 1970 to the date.
+    The first holds if the month stands before the day, the second if the day stands before the month. None in
+    place of a number means that there is no such date. `is_either`: whether the form of the date allows both
+    orders.
     """
 
     begin: int
@@ -260,9 +267,10 @@ def _day(year: str, month: str, day: str) -> int | None:
 
 
 def _before_line(found: re.Match[str]) -> str:
-    """Return a line after an arrow, with the time before the arrow as one more column.
+    """Return a line that follows after a time and an arrow. The time becomes one more column of the line.
 
-    The time has the form of the line: a number, a labelled number, or the name `time` among names.
+    The time is written in the same form as the line's other columns: as a number, or as a number with a
+    label. In a line of names, the name `time` is added.
     """
     seconds, line = found[1], found[2]
     if re.match(r'\s*[-+\d.,"]', line):

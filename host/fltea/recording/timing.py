@@ -23,19 +23,23 @@ from fltea.records.errors import UsageError
 from fltea.settings.how import TimeUnit
 
 POSSIBLE_HZ = 2.0, 50_000.0
-"""Range of sampling rates that are accepted from times with a stated unit [Hz]. A rate outside this range
-suggests that the stated unit is wrong.
+"""If the unit of a column of times is stated, the sampling rate by these times must be in this range [Hz]. A
+rate outside this range suggests that the stated unit is wrong.
 """
 
 LEAST_HZ = 0.01
-"""Lowest rate that the user may give without --overrule [Hz]; lower rates are likely mistakes."""
+"""A rate that the user gives must be at least this, unless the user adds --overrule [Hz]. Lower rates are
+likely mistakes.
+"""
 
 LIKE_MEAN = 1.5
-"""Largest accepted ratio between the user's rate and the mean rate of uneven times, in either direction."""
+"""If times are uneven, the user's rate and the mean rate of the times may differ by at most this factor, in
+either direction.
+"""
 
 
 class Timing(NamedTuple):
-    """How rows get sample numbers and times.
+    """How the rows of a table get sample numbers and times.
 
     `period`: sampling period in the unit of the column of times. None if rows are numbered by their order
     instead of by times. `unit_s`: length of the column's unit [s].
@@ -58,14 +62,14 @@ def timing(
     elapsed: Elapsed,
     place: Callable[[int], str] = str,
 ) -> Timing:
-    """Return the sampling rate of rows, and how the rows are numbered.
+    """Return the sampling rate of a table's rows, and how the rows are numbered.
 
     `where`: file, for messages. `elapsed`: converter of the times from which `clock` was measured. `place`:
     function that returns the position of a row in words, for messages.
 
     Raises:
-        UsageError: no rate is given and the times tell none, or the rate by the times contradicts the rate
-            that the user gives or the file states.
+        UsageError: no rate is given and none follows from the times, or the rate by the times contradicts the
+            rate that the user gives or the file states.
     """
     where_column = f"{where}: column '{column.name}'"
     if column.is_given and column.rate_hz is not None:
@@ -106,7 +110,7 @@ def check_given(where: str, rate_hz: float, *, overrule: bool) -> None:
 
 
 def rate_of(times: Floats, unit: TimeUnit | None) -> float | None:
-    """Return the sampling rate that times give if they are even; else None.
+    """Return the sampling rate that follows from times, if the times are even; else None.
 
     Times without a unit are taken as seconds.
     """
@@ -185,7 +189,10 @@ def _uneven(
 
 
 def _turns(where: str, name: str, count: int, at: str, mean: str) -> NotStated:
-    """Return the error that asks whether times that each stand in `count` rows are from `count` sensors."""
+    """Return the error for times that stand in `count` rows each.
+
+    It asks whether the rows are from `count` sensors.
+    """
     what = f"whether {count} sensors take turns, or the clock is coarser than the samples"
     table = [
         f"Each time in '{name}' stands {count} times{at}:",
@@ -196,7 +203,10 @@ def _turns(where: str, name: str, count: int, at: str, mean: str) -> NotStated:
 
 
 def _mean(column: TimeColumn, rate_hz: float) -> str:
-    """Return a remark on the mean rate of uneven times. Such a rate is no evidence of the sampling rate."""
+    """Return a remark for the user on the mean rate of uneven times.
+
+    The remark says that the sampling rate may be another one.
+    """
     if column.unit is None and not _is_within(PLAUSIBLE_HZ, rate_hz):
         return "the times tell no rate"
     return f"in the mean these times give {rate_hz:.4g} Hz, which is wrong if rows are missing"
@@ -218,7 +228,7 @@ def _is_within(limits: tuple[float, float], rate_hz: float) -> bool:
 
 
 def _widened(limits: tuple[float, float]) -> tuple[float, float]:
-    """Return limits widened by the rounding error of a computed rate."""
+    """Return limits that are wider by the rounding error of a computed rate."""
     return limits[0] * (1 - 1e-6), limits[1] * (1 + 1e-6)
 
 
@@ -242,7 +252,7 @@ def _with_rate(
     if clock is None:
         return Timing(rate_hz, None)
     if unit is not None and clock.even and not _is_within(POSSIBLE_HZ, 1 / (clock.typical * SECONDS[unit])):
-        unit = None  # the rate by the stated unit is impossible, so the unit is ignored
+        unit = None  # the stated unit gives an impossible rate, so this unit is ignored
     own_s = 1 / (rate_hz * clock.typical) if clock.typical > 0 else 1.0
     by_times = Timing(rate_hz, clock.typical, own_s, is_rounded=clock.is_rounded)
     nearest = math.nan
@@ -255,7 +265,7 @@ def _with_rate(
         mean_hz = math.nan if unit is None else _mean_hz(clock, elapsed, SECONDS[unit])
         is_slower = (
             mean_hz > LIKE_MEAN * rate_hz
-        )  # the user's rate may exceed the mean rate if samples are lost
+        )  # the user's rate may be higher than the mean rate, since samples may be lost
         is_faster = _is_coarse(elapsed) and LIKE_MEAN * mean_hz < rate_hz
         if (is_slower or is_faster) and not column.overrule:
             raise _other_rate(where_column, mean_hz, rate_hz)

@@ -1,4 +1,7 @@
-"""Selects the rows of one of several sensors. Their rows alternate, and no column tells them apart."""
+"""Selects the rows of one sensor from a table in which the rows of several sensors alternate.
+
+No column of the table names the sensor.
+"""
 
 import numpy as np
 
@@ -6,8 +9,9 @@ from fltea.recording.sample_times import SAME_TIME, Floats, Ints, Marks
 from fltea.recording.table import Rows, joined
 
 LOOKED_AT, STEADY = 8, 0.2
-"""Number of rounds (one row of each sensor) in which the steps of time from sensor to sensor are measured,
-and largest deviation of a step from the measured one, as a fraction of the shortest measured step.
+"""A round is one row of each sensor. The steps of time from one sensor's row to the next sensor's row are
+measured in the first LOOKED_AT rounds. Later steps are steady if they differ from the measured steps by at
+most the fraction STEADY of the shortest measured step.
 """
 
 
@@ -31,7 +35,10 @@ class Turns:
         self._ordinal = 0
 
     def take(self, rows: Rows) -> list[Rows]:
-        """Return the sensor's rows among `rows` and those held back so far; hold the last few rows back."""
+        """Return the sensor's rows from the rows that were held back and from `rows`.
+
+        Hold the last few rows back.
+        """
         found = self.finish() if rows.begins else []
         self._held.append(rows)
         if self._time is not None and sum(len(one.values) for one in self._held) < LOOKED_AT * self._count:
@@ -39,7 +46,7 @@ class Turns:
         return found + self._release(is_last=False)
 
     def finish(self) -> list[Rows]:
-        """Return the rows that were held back; call this at the end of a run."""
+        """Return the sensor's rows from the rows that were held back. Call this at the end of a run."""
         found = self._release(is_last=True)
         self._are_groups = self._steps = self._last = None
         return found
@@ -60,7 +67,7 @@ class Turns:
             ours = self._turn_of(time) == self._which
         else:
             edges = np.flatnonzero(~same) + 1
-            if not is_last:  # more rows with the same time as the last row may still come
+            if not is_last:  # further rows with the same time as the last row may come in the next block
                 end = int(edges[-1]) if len(edges) else 0
                 self._held = [Rows(numbers[end:], values[end:], ordinal[end:], begins and not end)]
                 numbers, values, edges = numbers[:end], values[:end], edges[:-1]
@@ -69,7 +76,9 @@ class Turns:
         return _some(numbers[ours], values[ours], np.arange(first, self._ordinal), begins)
 
     def _of_groups(self, rows: int, edges: Ints) -> Marks:
-        """Mark the row of the sensor to read in each complete group of rows with equal times.
+        """Mark the row of the sensor to read in each group of rows with equal times.
+
+        Incomplete groups get no mark.
 
         Groups begin at row 0 and at `edges`.
         """
@@ -82,9 +91,10 @@ class Turns:
         return ours
 
     def _turn_of(self, time: Floats) -> Ints:
-        """Return for each row the index of its sensor. The steps between times show the sensor."""
+        """Return for each row the index of its sensor. The steps between the rows' times show the sensor."""
         if self._steps is None:
-            # the median is over few rounds, since all rounds after a missing row are shifted by one row
+            # The median is taken over few rounds only. If a row is missing, all rounds after this row are
+            # shifted by one row.
             rounds = min(len(time[1:]) // self._count, LOOKED_AT)
             steps = np.diff(time[: 1 + rounds * self._count])
             self._steps = np.nanmedian(steps.reshape(-1, self._count), axis=0)
@@ -105,9 +115,9 @@ class Turns:
         return turns
 
     def _after(self, turn: int, step: float) -> int:
-        """Return the index of the sensor whose row follows a row of sensor `turn` after the time `step`.
+        """Return the index of the sensor whose row comes a time `step` after a row of the sensor `turn`.
 
-        Rows of the sensors between these two may be missing.
+        Rows of other sensors may be missing between these two rows.
         """
         assert self._steps is not None
         around = float(self._steps.sum())

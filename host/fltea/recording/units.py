@@ -1,7 +1,8 @@
-"""Reads units as people write them, by a grammar: units of angle per time, of acceleration and of time.
+"""Reads units of angle per time, of acceleration and of time, in the spellings that people use.
 
-Blanks, brackets and multiplication signs make no difference. Capitals make none either, since no logger
-writes megaradians. Ambiguous words are not accepted: `rps` is revolutions or radians per second.
+Blanks, brackets and multiplication signs make no difference. Capital letters mean the same as small letters,
+since no logger writes megaradians. Ambiguous words are not accepted: `rps` may be revolutions or radians per
+second.
 """
 
 import math
@@ -63,14 +64,16 @@ TIME_UNITS: Mapping[str, TimeUnit] = {
     **dict.fromkeys(("us", "usec", "usecs", "micros", "microseconds", "microsecond"), "us"),
     **dict.fromkeys(("ns", "nsec", "nsecs", "nanos", "nanoseconds", "nanosecond"), "ns"),
 }
-"""Words for units of time that follow or replace the name of a column of times, in small letters."""
+"""Words for units of time, in small letters. Such a word may stand behind the name of a column of times, or
+in place of the name.
+"""
 
 _LONG_TIMES_S = {"min": 60.0, "h": 3600.0, "d": 86_400.0}
 _DAYS = dict.fromkeys(("d", "day", "days"), "d")
 
 AMBIGUOUS = ("rads",)
-"""Words that mean radians per second or just radians. The words are clear as the unit of a column that is
-known to be a gyroscope's, and ambiguous as the unit of a column `x`.
+"""Words that may mean radians per second, or just radians. If a column is known to be a gyroscope's, such a
+word as its unit means radians per second. As the unit of a column `x`, the word is ambiguous.
 """
 
 _OF_COUNTS = "- 1 lsb lsbs count counts raw adc digit digits bit bits tick ticks no_units unitless"
@@ -104,8 +107,8 @@ _SIGNS = str.maketrans(
         "â": "",
     }
 )
-"""Signs in units by their other spellings. The letter "â" is dropped, since it stands before a sign if UTF-8
-was read in the Windows encoding.
+"""Other spellings of signs in units, each with the sign that it stands for. The letter "â" is dropped: it
+appears before a sign if text in UTF-8 was read in the Windows encoding.
 """
 
 LONGEST_UNIT = 40
@@ -138,14 +141,14 @@ def _rate(text: str) -> str | None:
     if found is None:
         return None
     word = found["angle"].strip()
-    if found["p"] and word in ("d", "md", "ud"):  # the letter d means degree only in dps and similar words
+    if found["p"] and word in ("d", "md", "ud"):  # the letter d means degree only in dps and in similar words
         word += "eg"
     angle = _angle(word)
     return None if angle is None else f"{angle}/{_TIME_WORDS[found['time'] or found['of']]}"
 
 
 def parse_units(text: str) -> tuple[float, float | None]:
-    """Return the size of a unit in deg/s and None; for counts, 1 and the number of counts in 1 deg/s.
+    """Return the size of a unit [deg/s], and None. For counts, return 1, and the number of counts in 1 deg/s.
 
     Raises:
         UsageError: the unit is unknown.
@@ -188,7 +191,9 @@ def time_unit(text: str) -> TimeUnit | None:
 
 
 def time_scale(text: str) -> tuple[TimeUnit, float] | None:
-    """Return the unit of times that a text means, and how many of this unit the number 1 means.
+    """Return the unit of times that a text means, and how many of this unit the text means.
+
+    For example, a minute is 60 s.
 
     Minutes, hours and days are given as multiples of s. Return None if the text is no unit of time.
     """
@@ -200,12 +205,12 @@ def time_scale(text: str) -> tuple[TimeUnit, float] | None:
 
 
 def is_angle(text: str) -> bool:
-    """Return whether a text is a unit of angles. Such a unit is not one of angular rates."""
+    """Return whether a text is a unit of angles, and thus not a unit of angular rates."""
     return len(text) <= LONGEST_UNIT and _angle(_bare(text)) is not None
 
 
 def is_unit(text: str) -> bool:
-    """Return whether a text is the unit of some quantity of an IMU, or states that there is no unit."""
+    """Return whether a text is a unit of any quantity of an IMU, or states that there is no unit."""
     return _is_unit(text[: LONGEST_UNIT + 1])
 
 
@@ -217,7 +222,7 @@ def _is_unit(text: str) -> bool:
 
 
 def is_physical(text: str) -> bool:
-    """Return whether a text is the unit of a physical quantity, and not of counts or mere numbers."""
+    """Return whether a text is the unit of a physical quantity. Counts and mere numbers are none."""
     return is_unit(text) and _bare(text) not in ("", *_OF_COUNTS.split())
 
 

@@ -19,10 +19,11 @@ MISSING = ("", "nan", "-nan", "+nan", "na", "n/a", "null", "none")
 
 
 class Wanted(NamedTuple):
-    """The columns that the user names.
+    """The columns that the user names by options.
 
-    `columns`: names of the axes' columns. None if the user names none; then their names or the dialect
-    decide. `time`: name of the column of times, or None.
+    `columns`: names of the axes' columns. It is None if the user names no such columns. Then the axes are
+    found by the names of the columns, or by the logger's dialect. `time`: name of the column of times, or
+    None.
     """
 
     columns: list[str] | None
@@ -45,8 +46,8 @@ class Wanted(NamedTuple):
     def is_at(self, fields: Sequence[str]) -> bool:
         """Return whether a line in a text without a header is a row.
 
-        If the user gives positions, numbers have to stand there. If the user gives only names of axes, the
-        line must consist of as many numbers as there are names.
+        If the user gives positions of columns, numbers have to stand at these positions. If the user gives
+        only names of axes, the line must consist of as many numbers as there are names.
         """
         if self.by_position:
             found = [fields[p - 1] for p in map(int, self.names) if p <= len(fields)]
@@ -61,7 +62,7 @@ class Wanted(NamedTuple):
     def lacking(self, header: Sequence[str] | None, line: str = "") -> str:
         """Return a text that says which of the user's columns a header lacks.
 
-        `line`: words to add to "no header" in the text.
+        `line`: if there is no header, the text says "no header", followed by these words.
         """
         lacking = [name for name in self.names if header is None or name not in header]
         has = f"no header{line}" if header is None else listed(header)

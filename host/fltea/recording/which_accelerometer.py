@@ -1,6 +1,7 @@
 """Chooses the columns of the accelerometer's axes, and their unit.
 
-If the choice is unclear, no accelerometer is read, since only the gyroscope is needed.
+If it is unclear which columns or which unit are right, no accelerometer is read, since only the gyroscope is
+needed.
 """
 
 from fltea.recording import candidates
@@ -13,7 +14,8 @@ from fltea.recording.units import accel_unit, parse_accel_unit
 from fltea.records.errors import UsageError
 
 Accelerometer = tuple[tuple[int, ...], float]
-"""Columns of the axes x, y, z, empty if no accelerometer is read, and the size of these columns' unit [m/s²].
+"""The columns of the accelerometer's axes x, y, z, and the size of their unit [m/s²]. There are no columns if
+no accelerometer is read.
 """
 
 
@@ -53,7 +55,8 @@ def choose_accelerometer(choice: Choice, taken: set[int | None]) -> Acceleromete
     measured: list[str] = []
     if values is not None and len(values) and not stated:
         measured = candidates.gravity_units(values[:, list(accel)])
-    # a unit in counts that the length of gravity shows is not used, since the scale would be uncertain
+    # A unit in counts can be computed from the length of gravity, but is not used, since its scale would be
+    # uncertain.
     if len(measured) == 1 and not measured[0].startswith("lsb:"):
         choice.answer(
             "accelerometer", f"{shown} in {measured[0]}", "measured", "their length is that of gravity"

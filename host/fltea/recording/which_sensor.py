@@ -1,4 +1,4 @@
-"""Finds the column that distinguishes several sensors, and chooses the sensor to read."""
+"""Finds the column that shows which of several sensors a row is from, and chooses the sensor to read."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -16,7 +16,9 @@ from fltea.records.errors import UsageError
 
 MOST_TURNS = 16
 MOST_SHOWN, MOST_FIGURES = 8, 6
-"""Largest numbers of sensors, and of columns, in the table that shows the sensors to the user."""
+"""The table that shows the sensors to the user has at most MOST_SHOWN sensors, and at most MOST_FIGURES
+columns.
+"""
 
 
 def choose_sensor(choice: Choice, tag: str, gyro: Sequence[int]) -> tuple[int, str | None] | None:
@@ -92,7 +94,10 @@ def _place_of(choice: Choice, column: str) -> int | None:
 
 
 def _named(choice: Choice) -> list[int]:
-    """Return the columns that, by name or dialect, distinguish sensors, and those that state units."""
+    """Return the columns that name the sensor of a row, and those that state units.
+
+    The columns' names, or the dialect, show this.
+    """
     pattern = choice.dialect.sensor if choice.dialect is not None else ""
     if pattern and (found := columns_of([[pattern]], choice.names)):
         return [found[0]]
@@ -106,7 +111,7 @@ def _named(choice: Choice) -> list[int]:
 
 
 def _counts(choice: Choice, place: int) -> bool:
-    """Return whether the values in a column are those of a counter, or too many to be names of sensors."""
+    """Return whether the values in a column count up, or are too many to be names of sensors."""
     cells = _cells(choice, place)
     if len({*cells}) > MOST_SENSORS:
         return True
@@ -115,7 +120,10 @@ def _counts(choice: Choice, place: int) -> bool:
 
 
 def _measured(choice: Choice, gyro: Sequence[int]) -> Iterator[int]:
-    """Yield columns whose values alternate like numbers of sensors. Times and measurements are excluded."""
+    """Yield the columns whose values alternate as numbers of sensors would.
+
+    Times and measurements are left out.
+    """
     values, names = choice.first_rows(), choice.names
     if values is None:
         return
@@ -143,7 +151,7 @@ def _cells(choice: Choice, place: int) -> Sequence[str]:
 
 
 def _only(choice: Choice, marks: Marks) -> None:
-    """Keep only the chosen sensor's rows among the first rows, by which later choices are made."""
+    """Keep only the chosen sensor's rows of the first rows. All later choices are made by these rows."""
     values = choice.facts.sample()
     if len(marks) == len(values) and marks.any():
         values, all_cells = values[marks], choice.facts.cells
@@ -155,7 +163,7 @@ def _only(choice: Choice, marks: Marks) -> None:
 
 
 def _ask(choice: Choice, place: int, gyro: Sequence[int]) -> None:
-    """Ask for the sensor, and show what the first rows of each sensor hold."""
+    """Ask the user which sensor to read, and show what the first rows of each sensor hold."""
     cells, values, name = np.array(_cells(choice, place)), choice.facts.sample(), choice.names[place]
     counts = Counter(cells[cells != ""].tolist())
     choice.missing.append(which_of(name, counts))
@@ -178,7 +186,7 @@ def _figures(name: str, values: Floats) -> str:
 
 
 def _turns(given: str) -> tuple[int, int] | None:
-    """Return the index of a sensor, from 0, and the number of alternating sensors by a text such as `1/2`.
+    """Return the index of a sensor, from 0, and the number of sensors that a text such as `1/2` states.
 
     Return None for other texts.
     """

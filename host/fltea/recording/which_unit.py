@@ -16,11 +16,12 @@ from fltea.recording.units import is_physical, parse_units, rate_unit
 from fltea.records.errors import UsageError
 
 ALIKE = 0.02
-"""Largest relative difference up to which two scales count as equal. Files state rounded scales."""
+"""Two scales count as equal if their relative difference is at most this, since files state rounded scales.
+"""
 
 Unit = tuple[str, float, float | None]
-"""Name of a unit, factor by which numbers are converted to deg/s or to counts, and number of counts in 1
-deg/s, None if the numbers are no counts.
+"""Three facts about a unit: its name, the factor that converts numbers to deg/s or to counts, and the number
+of counts in 1 deg/s. The last one is None if the numbers are no counts.
 """
 
 _ASKED: Unit = ("", 1.0, None)
@@ -65,8 +66,8 @@ def choose_unit(choice: Choice, gyro: tuple[int, ...]) -> Unit:
 def _ask(choice: Choice, gyro: Sequence[int], stated: Sequence[str | None]) -> None:
     """Ask the user for the unit.
 
-    If the axes are unknown and the user is asked for them, the unit is asked for only if no column states a
-    unit of angular rate.
+    If the axes are unknown, the user is asked which columns they are. Then the unit is asked for only if no
+    column states a unit of angular rate.
     """
     if any(one.option.startswith("--units ?") for one in choice.missing):
         return
@@ -80,13 +81,13 @@ def _ask(choice: Choice, gyro: Sequence[int], stated: Sequence[str | None]) -> N
 
 
 def _use_head(choice: Choice, gyro: Sequence[int]) -> None:
-    """Use the unit of the axes that the lines before the column names state.
+    """Use the unit of the axes that the head of the file (the lines before the column names) states.
 
     Raise UsageError if this unit contradicts the one in the axes' names or in the row of units.
     """
     units = dict(stated_in(choice.facts.head).units)
-    # Numbers with fractions are not counts. A number of counts per deg/s that the head states is then the
-    # sensor's, and not that of the numbers in the file.
+    # Numbers with fractions are not counts. If the head states a number of counts per deg/s all the same,
+    # this is the scale of the sensor, and not of the numbers in the file.
     if not _is_whole(choice, gyro):
         units = {line: unit for line, unit in units.items() if not unit.startswith("lsb:")}
     beside = [choice.units[p] or (rate_unit_of(choice.names[p]) or "") for p in gyro]
@@ -163,9 +164,9 @@ def _check_given(
 
 
 def _of_dialect(choice: Choice, gyro: Sequence[int]) -> Unit | None:
-    """Return the dialect's unit.
+    """Return the unit that the logger's dialect prescribes, or None.
 
-    If the dialect has a scale, multiply the unit by the scale in the file's head.
+    If the dialect says that the file's head states a scale, the unit is multiplied by this scale.
     """
     dialect = choice.dialect if choice.is_of_dialect(gyro) else None
     scale = None if dialect is None else choice.scale(dialect.gyro_scale)
@@ -191,7 +192,7 @@ def _check_against_dialect(choice: Choice, gyro: Sequence[int], unit: str) -> No
 
 
 def _refuse_other_units(choice: Choice, gyro: Sequence[int]) -> None:
-    """Raise UsageError if an axis has the unit of another quantity than angular rate."""
+    """Raise UsageError if the unit of an axis is that of a quantity other than angular rate."""
     for place in gyro if not choice.how.overrule else ():
         unit = unit_in(choice.names[place]) or choice.units[place]
         if is_physical(unit) and rate_unit(unit) is None:
@@ -202,7 +203,7 @@ def _refuse_other_units(choice: Choice, gyro: Sequence[int]) -> None:
 
 
 def _changed(choice: Choice, places: Sequence[int]) -> str:
-    """Return a text on the columns that, as the file states, may need a further scale or offset."""
+    """Return a text that names the columns whose numbers, as the file states, may need a scale or offset."""
     found = {name: what for p in places if (what := choice.facts.changed.get(name := choice.names[p]))}
     return f"{listed([*found])} may have to be changed by {listed([*{*found.values()}])}" if found else ""
 
@@ -210,9 +211,10 @@ def _changed(choice: Choice, places: Sequence[int]) -> str:
 def _whole(
     choice: Choice, parsed: tuple[float, float | None], gyro: Sequence[int]
 ) -> tuple[float, float | None]:
-    """Return the factor by which the axes' numbers are converted, and for counts their number per deg/s.
+    """Return the factor that converts the numbers to deg/s or counts, and the counts in 1 deg/s.
 
-    If the numbers have fractions, they are no counts, and `lsb:N` only gives the factor.
+    If the numbers have fractions, they are no counts. Then the N of the unit `lsb:N` only becomes part of the
+    factor, and None is returned as number of counts.
     """
     factor, lsb = parsed
     return (factor, lsb) if lsb is None or _is_whole(choice, gyro) else (factor / lsb, None)

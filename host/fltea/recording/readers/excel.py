@@ -14,7 +14,7 @@ from fltea.recording.text_fields import units_in
 from fltea.recording.wanted import is_number
 
 HEAD_ROWS, FEW_ROWS = 200, 10
-"""Number of first rows of a sheet that are examined. A sheet with at most FEW_ROWS rows holds no table of
+"""The first HEAD_ROWS rows of each sheet are examined. A sheet with at most FEW_ROWS rows holds no table of
 samples, but only facts such as the sampling rate.
 """
 
@@ -49,7 +49,8 @@ class _Part:
 
     def __init__(self, sheet: Any) -> None:
         self.title: str = sheet.title
-        # some programs state too few rows for a sheet; openpyxl would not read the others
+        # some programs state too few rows for a sheet, and openpyxl would not read the rows beyond that
+        # number
         sheet.reset_dimensions()
         self._rows = map(_fields, sheet.iter_rows(values_only=True))
         self.head = list(islice(self._rows, HEAD_ROWS))
@@ -67,14 +68,17 @@ class _Part:
         self._begin, self._width = begin, len(self.head[begin]) if self.head else 0
 
     def says(self) -> list[str]:
-        """Return the lines of a sheet that consists only of names and values, such as `fs: 100`, else []."""
+        """Return the lines of a sheet that consists only of names and values, such as `fs: 100`.
+
+        For any other sheet, return [].
+        """
         is_said = len(self.head) < HEAD_ROWS and all(len(row) <= 2 for row in self.head)
         return [": ".join(row) for row in self.head if len(row) == 2] if is_said else []
 
     def lines(self) -> Iterator[bytes]:
         """Yield all rows of the sheet as text.
 
-        Rows of the table that are shorter than its first row are filled up with empty cells.
+        If a row of the sheet's table is shorter than the table's first row, empty cells are added at its end.
         """
         lines: list[str] = []
         for k, row in enumerate(chain(self.head, self._rows)):

@@ -1,7 +1,8 @@
 """Reads units, rates, scales and column names that a file states in attributes or in arrays next to the data.
 
-Each fact has a name. `imu.gyro@units` is an attribute of the array `imu.gyro`. The arrays `imu.gyro_units`
-and `imu.units.gyro` describe only the array `imu.gyro`, and `imu.units` describes all arrays in `imu`.
+Each fact has a name. For example, `imu.gyro@units` is an attribute of the array `imu.gyro`. Facts may also be
+arrays: `imu.gyro_units` and `imu.units.gyro` describe only the array `imu.gyro`, and `imu.units` describes
+all arrays in the group `imu`.
 """
 
 import math
@@ -22,8 +23,8 @@ from fltea.recording.wanted import NUMBER
 UNITS = "units?|unit_string|ni_unitdescription"
 COLUMNS = "columns?(?:_names?)?|labels?|channels?(?:_names?)?|axes"
 COUNTS = "(?:lsb|counts)_per_(?:dps|deg_s)"
-"""Matches names of facts that state the number of counts in 1 deg/s. The names of other scales do not tell
-whether to multiply or to divide by the scale.
+"""Matches names of facts that state the number of counts in 1 deg/s. Such a scale can be applied. The names
+of other scales do not tell whether to multiply or to divide by the scale.
 """
 
 SCALES = "scale(?:_?factor)?|scaling|gain|sensitivity|offset|multiplier|factor|lsb|slope|resolution"
@@ -57,7 +58,7 @@ def texts_of(value: Any) -> list[str]:
 def number_of(value: Any, other: float = math.nan) -> float:
     """Return the single number in the value of a fact.
 
-    Return NaN if the value holds no number or several, and `other` if the value is None.
+    If the value holds no number or several numbers, return NaN. If the value is None, return `other`.
     """
     try:
         return float(other if value is None else np.asarray(value, np.float64).reshape(()))
@@ -66,7 +67,9 @@ def number_of(value: Any, other: float = math.nan) -> float:
 
 
 def rate_of(name: str, value: Any, unit: str = "") -> float | None:
-    """Return the sampling rate [Hz] that a number, or a text such as `100 Hz`, states; else None.
+    """Return the sampling rate [Hz] that a number, or a text such as `100 Hz`, states.
+
+    Return None if it states no rate.
 
     `name`: name of the fact that holds the number or text. `unit`: unit that another fact states for it.
     """
@@ -90,7 +93,10 @@ def rate_of(name: str, value: Any, unit: str = "") -> float | None:
 
 
 def rates_of(facts: Mapping[str, Any]) -> dict[str, float]:
-    """Return the stated sampling rates [Hz], by the names of the facts that state them."""
+    """Return the sampling rates [Hz] that the file states.
+
+    The key of each rate is the name of the fact that states the rate.
+    """
     units = {owner: texts_of(facts[name])[:1] for name, owner in _owners(facts, UNITS)}
     found = {}
     for name, value in facts.items():
@@ -104,12 +110,13 @@ def rates_of(facts: Mapping[str, Any]) -> dict[str, float]:
 def units_of(facts: Mapping[str, Any]) -> dict[str, list[str]]:
     """Return the units that the file states.
 
-    The key is the name of the array with this unit, or the name of the group of arrays followed by a dot.
+    The key of a unit is the name of the array with this unit. If the unit applies to a group of arrays, the
+    key is the name of the group, followed by a dot.
 
     An array has one unit, or one unit for each of its columns.
 
-    If the file states no unit, but the number of counts in 1 deg/s, this number is returned as the unit
-    `lsb:N`.
+    If the file states no unit, but does state the number N of counts in 1 deg/s, the unit `lsb:N` is
+    returned.
     """
     found = {owner: texts for name, owner in _owners(facts, UNITS) if any(texts := texts_of(facts[name]))}
     for name, owner in _owners(facts, COUNTS):
@@ -165,7 +172,7 @@ class Near:
 
 
 def columns_of(facts: Mapping[str, Any], array: str, width: int) -> tuple[list[str], str]:
-    """Return the names that the file states for an array's columns, and what is wrong with these names.
+    """Return the names that the file states for an array's columns, and a text on errors in these names.
 
     The list is empty if the file states no usable names. The text is empty if nothing is wrong.
     """
@@ -196,7 +203,7 @@ def scale_of(
 ) -> str:
     """Return the fact by which an array's numbers may have to be scaled or shifted.
 
-    An example is `gyro_scale 0.0153`. Return an empty text if there is no such fact.
+    The fact is returned as a text such as `gyro_scale 0.0153`, which is empty if there is no such fact.
 
     `labels`: columns of the array; a scale with a gyroscope's name applies to every array of a gyroscope.
     `unit`: unit of the columns. `is_whole`: whether the columns hold whole numbers. Only then a fact called
@@ -222,9 +229,9 @@ def scale_of(
 
 
 def _owners(facts: Mapping[str, Any], words: str) -> Iterator[tuple[str, str]]:
-    """Yield the facts whose names match `words`, each with the name of what it describes.
+    """Yield the facts whose names match `words`. Each fact comes with the name of what the fact describes.
 
-    This is the name of an array, or the name of a group followed by a dot.
+    A fact describes an array, or a group of arrays. The name of a group is followed by a dot.
     """
     for name in facts:
         array, mark, key = name.rpartition("@")

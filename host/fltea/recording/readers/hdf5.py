@@ -1,6 +1,6 @@
 """Reads HDF5 files: tables of pandas, and data sets with attributes, such as those of netCDF and NWB.
 
-The file may state that data of a data set lie in other files. Such data are not read.
+An HDF5 file may state that the data of a data set are stored in other files. Such data are not read.
 """
 
 import math
@@ -23,9 +23,10 @@ from fltea.records.errors import UsageError
 
 MISSING = "_fillvalue", "missing_value"
 NETCDF, NWB = ("scale_factor", "add_offset"), ("conversion", "offset")
-"""Names of the attributes that hold the factor and the offset to apply to a data set's numbers, in netCDF and
-in NWB. Sources: https://cfconventions.org (8.1 Packed Data) and https://nwb-schema.readthedocs.io
-(TimeSeries). The attribute `resolution` of NWB changes no numbers.
+"""Two pairs of attribute names, one of netCDF and one of NWB. The first attribute of a pair holds the factor,
+and the second holds the offset, that have to be applied to a data set's numbers. Sources:
+https://cfconventions.org (8.1 Packed Data) and https://nwb-schema.readthedocs.io (TimeSeries). The attribute
+`resolution` of NWB changes no numbers.
 """
 
 NOT_READ = "copy it into this file: h5repack or h5py write it"
@@ -85,7 +86,7 @@ def read(path: Path, _: str) -> Sheet:
 def outside(item: Any) -> str:
     """Return a text that says in which other file a data set lies.
 
-    The text continues a sentence whose subject is the data set.
+    The caller writes the name of the data set in front of the text, so that both together are a sentence.
 
     Return an empty text if the data set lies in this file.
     """
@@ -102,7 +103,7 @@ def outside(item: Any) -> str:
 
 
 def _links_elsewhere(file: Any) -> dict[str, str]:
-    """Return the links that lead out of the file, directly or through other links.
+    """Return the links in the file that lead to another file, directly or through other links.
 
     The key is the path of a link in the file. The value is a text that names the other file.
     """
@@ -127,9 +128,9 @@ def _links_elsewhere(file: Any) -> dict[str, str]:
 
 
 def _parts_elsewhere(group: Any) -> str:
-    """Return a text that says which part of a pandas table lies outside the file, and where.
+    """Return a text that says which part of a pandas table is stored in another file, and in which one.
 
-    Return an empty text if no part does.
+    Return an empty text if the whole table is in this file.
     """
     import h5py
 
@@ -144,9 +145,9 @@ def _parts_elsewhere(group: Any) -> str:
 def _attributes_of(item: Any) -> dict[str, Any]:
     """Return the attributes of an HDF5 object, by their names in small letters.
 
-    Attributes that hold many values are left out.
+    Attributes that hold many values are left out, since they do not describe columns.
 
-    Attributes of many values do not describe columns.
+    Attributes with more values than this are not read, since they do not describe columns.
     """
     sizes = {key: np.size(one) for key, one in item.attrs.items()}  # np.size is None for an empty attribute
     return {key.lower(): item.attrs[key] for key, size in sizes.items() if 0 < (size or 0) <= MOST_SENSORS}
@@ -155,7 +156,8 @@ def _attributes_of(item: Any) -> dict[str, Any]:
 def _parts_of(path: str, data: Any) -> Iterator[tuple[str, Any]]:
     """Yield a data set with its path.
 
-    For a MATLAB array of structures, yield the data sets to which the array refers instead.
+    A MATLAB array of structures is a data set of references. In its place, the data sets to which it refers
+    are yielded.
     """
     import h5py
 
@@ -170,7 +172,7 @@ def _parts_of(path: str, data: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _read_as(data: Any, attributes: dict[str, Any], scaled_by: tuple[str, str]) -> tuple[Any, str]:
-    """Return a data set converted as its attributes state, and a text on what is wrong with the attributes.
+    """Return a data set with its factor and offset applied, and a text on errors in its attributes.
 
     The text is empty if nothing is wrong.
 

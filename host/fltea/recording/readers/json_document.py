@@ -27,11 +27,11 @@ BESIDE = {"meta", "metadata", "info", "header", "head", "attrs", "attributes", "
 """Names of objects whose content is read as if it stood in the object around them."""
 
 NS = 10**6, 10**3, 1
-"""Nanoseconds in a millisecond, a microsecond and a nanosecond."""
+"""Number of nanoseconds in one unit of time: in a millisecond, in a microsecond and in a nanosecond."""
 
 FIRST_NS, LAST_NS = 10**17, 4 * 10**18
-"""Range of Unix times, from 1973 to 2096 [ns]. A whole number is a time in this range in at most one of the
-units ms, µs and ns, so the range shows the unit.
+"""Unix times from 1973 to 2096 are in this range [ns]. A whole number without a unit may count ms, µs or ns.
+At most one of these units gives a time in this range, so the range shows the unit.
 """
 
 
@@ -88,15 +88,18 @@ def _values(name: str, value: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _is_part(value: Any) -> bool:
-    """Return whether a value in an object is a long list, or a list of objects.
+    """Return whether a value in a JSON object is a long list, or a list of objects.
 
-    Such a value belongs to a sensor, not to a row.
+    Such a value belongs to a whole sensor, not to a single row.
     """
     return isinstance(value, list) and (len(value) > MOST_WIDE or any(isinstance(one, dict) for one in value))
 
 
 def _called(row: Any, place: int) -> str:
-    """Return the name that an item in a list of sensors states for its sensor, or else its position."""
+    """Return the name of the sensor that an item in a list of sensors describes.
+
+    If the item states no name, return the item's position in the list.
+    """
     names = [row[key] for key in NAMES if isinstance(row.get(key), str)] if isinstance(row, dict) else []
     return names[0] if names else str(place)
 
@@ -109,7 +112,7 @@ def _columns_of(rows: list[dict[str, Any]]) -> dict[str, list[Any]]:
 
 
 def _of_pandas(found: dict[str, Any]) -> Any:
-    """Convert the output forms of pandas' `to_json` to lists by column name, or to rows.
+    """Convert an object from pandas' `to_json` to a mapping from names to columns, or to a list of rows.
 
     Objects in other forms stay unchanged.
     """
@@ -136,7 +139,7 @@ def _of_pandas(found: dict[str, Any]) -> Any:
 
 
 def _split(found: dict[str, Any]) -> dict[str, Any] | None:
-    """Convert an object with rows in one list, and column names in another list, to columns by name.
+    """Convert an object with a list of rows and a list of column names to a mapping from names to columns.
 
     Return None for an object in another form.
     """
@@ -185,7 +188,7 @@ def _in_order(rows: Mapping[str, Any]) -> list[str] | None:
 def _index(keys: Sequence[str]) -> dict[str, Any]:
     """Return the keys under which an object holds its rows, as a column `index`.
 
-    Return no column if the keys only count the rows.
+    If the keys are 0, 1, 2 and so on, they only count the rows, and no column is returned.
 
     Keys that are Unix times become dates.
     """

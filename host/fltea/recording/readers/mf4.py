@@ -19,7 +19,8 @@ def read(path: Path, _: str) -> Sheet:
     from asammdf import MDF
     from asammdf.blocks import mdf_v3, mdf_v4
 
-    for module in (mdf_v3, mdf_v4):  # asammdf writes temporary files, which a reader process may not write
+    # asammdf would write temporary files, but this reader process is not allowed to
+    for module in (mdf_v3, mdf_v4):
         vars(module)["NamedTemporaryFile"] = lambda **_: io.BytesIO()
     found: dict[str, Any] = {}
     units: dict[str, str] = {}
@@ -49,7 +50,7 @@ def read(path: Path, _: str) -> Sheet:
 
 
 def _values(file: Any, group: int, index: int) -> tuple[Any, str]:
-    """Return the numbers of a channel, with NaN for invalid ones, and the unit of the channel."""
+    """Return the numbers of a channel, with NaN in place of invalid numbers, and the unit of the channel."""
     signal = file.get(group=group, index=index, ignore_invalidation_bits=True)
     values, invalid = signal.samples, signal.invalidation_bits
     if invalid is not None and values.dtype.kind in "biuf" and values.ndim == 1:

@@ -1,4 +1,7 @@
-"""Reads tables of pandas in HDF5 files, in the layout of PyTables: blocks of columns of one type."""
+"""Reads tables that pandas has written to HDF5 files by means of PyTables.
+
+The columns of a table that have the same type are stored together, as a block.
+"""
 
 import pickletools
 from collections.abc import Iterator
@@ -72,7 +75,7 @@ def _of_rows(group: Any, table: Any) -> Iterator[tuple[str, BlockColumn]]:
 
 
 def _of_index(data: Any, field: str | None, kind: str, name: str) -> Iterator[tuple[str, BlockColumn]]:
-    name = "" if name == "N." else name  # "N." is the pickle of None
+    name = "" if name == "N." else name  # "N." is what pickling None gives
     if name or kind.startswith("datetime64"):
         yield name or "time", BlockColumn(data, field, None, kind)
 

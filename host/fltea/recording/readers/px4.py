@@ -17,13 +17,14 @@ from fltea.recording.sheet import Sheet
 from fltea.records.errors import UsageError
 
 TOPICS = "sensor_combined", "sensor_gyro", "sensor_gyro_fifo", "vehicle_angular_velocity"
-"""Topics that are read if the user names no topic; the first of them in the log is used."""
+"""If the user names no topic, the first of these topics that the log contains is read."""
 
 FIFO = "sensor_gyro_fifo"
 
 EVEN = 0.2
-"""A FIFO message states its sampling period (`dt`). If this period differs by less than the fraction EVEN
-from the interval since the previous message, divided by the number of samples, the interval gives the period.
+"""A FIFO message states a nominal sampling period (`dt`). The time since the previous message, divided by the
+number of samples in the message, is the measured period. The measured period is used if it differs from `dt`
+by less than the fraction EVEN.
 """
 
 

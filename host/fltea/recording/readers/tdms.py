@@ -42,7 +42,10 @@ def read(path: Path, _: str) -> Sheet:
 
 
 class _Channel:
-    """A channel as an array of scaled values."""
+    """A channel of a TDMS file that can be read like an array.
+
+    The channel's own scale is applied to the values.
+    """
 
     def __init__(self, channel: Any) -> None:
         self._channel, self.shape = channel, (len(channel),)
@@ -55,7 +58,7 @@ class _Channel:
 
 
 def _segments(path: Path) -> int:
-    """Return the number of segments of a file."""
+    """Return the number of segments (parts that were written one after the other) of a TDMS file."""
     count, at = 0, 0
     with path.open("rb") as file:
         while len(head := file.read(_LEAD_IN.size)) == _LEAD_IN.size:

@@ -43,21 +43,22 @@ KINDS = re.compile(rb"[ACDFILMOPQRS]")
 """Matches a letter that is, by PX4's documentation, a kind of message."""
 
 SURE, ANY_LENGTH, TELLING = b"ADIMPQS", b"CL", b"AF"
-"""Three sets of message kinds: those that random bytes rarely resemble, those without a fixed length, and
-those that describe other messages.
+"""Three sets of message kinds. SURE: random bytes rarely look like these messages. ANY_LENGTH: these messages
+have no fixed length. TELLING: these messages describe other messages.
 """
 
 PADDING = "_padding"
 
 FLAGS_AT = FILE_HEAD_BYTES + HEAD.size
 APPENDED_AT, APPENDED = FLAGS_AT + 8, struct.Struct("<B7x3Q")
-"""Data may have been appended to the log after a crash. These are the offset and the binary format of the
-flags that say so, and of the offsets of the appended data.
+"""After a crash of the logger, data may have been appended to the log. Flags in the log say so, and the
+offsets of the appended data follow these flags. APPENDED_AT is where the flags stand in the log. APPENDED is
+the binary format of flags and offsets.
 """
 
 
 class Mended(NamedTuple):
-    """Result of the check of a log, with the log without its damaged parts.
+    """Result of the check of a log, and a copy of the log without its damaged parts.
 
     `data`: the log without its holes; b"" if the log is intact. `holes`: number of holes; `lost_bytes`: total
     length of the holes; `first`: offset of the first hole. `cut_bytes`: length of a truncated last message.
@@ -80,14 +81,20 @@ class Mended(NamedTuple):
 
 
 def mended(content: bytes | mmap) -> Mended:
-    """Check all messages of a log, and return the log without its damaged parts."""
+    """Check all messages of a log.
+
+    Return the result, which contains a copy of the log without its damaged parts.
+    """
     scan = _LogScan(content)
     scan.run()
     return scan.found()
 
 
 class _Topic(NamedTuple):
-    """A topic with numbered messages. `size`: length of a message; `padded`: length with padding [bytes]."""
+    """A topic to which the log has given a number.
+
+    `size`: length of one of its messages without padding [bytes]. `padded`: this length with padding [bytes].
+    """
 
     name: str
     sensor: int
@@ -268,7 +275,7 @@ class _LogScan:
     def _next_kind(self, at: int) -> int | None:
         """Return the next offset at which a message may begin, or None.
 
-        Two bytes after this offset stands the letter of a message kind.
+        The letter of a message kind stands two bytes after this offset, behind the message's length.
         """
         found = KINDS.search(self._content, at + 2)
         return None if found is None else found.start() - 2
@@ -309,7 +316,7 @@ class _LogScan:
         return found[1].decode(), [(kind, int(many or 1), name) for kind, many, name in fields]
 
     def _sizes(self, name: str) -> tuple[int, int]:
-        """Return two lengths of the messages of a format, without and with padding at the end.
+        """Return two lengths of a format's messages: without the padding at their end, and with the padding.
 
         Both include the two bytes of the topic number [bytes].
 
@@ -330,7 +337,7 @@ class _LogScan:
         Return 0 if the type is unknown or contains itself.
         """
         if kind not in self._lengths:
-            self._lengths[kind] = 0  # if the format contains itself, its length is found to be this 0
+            self._lengths[kind] = 0  # a format that contains itself, of unknown length, then finds this 0
             fields = self._forms.get(kind, []) if most_nested else []
             sizes = [self._length(inner, most_nested - 1) * many for inner, many, _ in fields]
             self._lengths[kind] = 0 if 0 in sizes or sum(sizes) > MOST_BYTES else sum(sizes)
