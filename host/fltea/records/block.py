@@ -1,6 +1,6 @@
 """Blocks: consecutive samples of one device and their estimates, passed from the pipeline to the outputs.
 
-An output converts to records only those rows (samples) of a block that it writes.
+Each row of a block is a sample. An output makes records only of those rows that it writes.
 """
 
 import math
@@ -59,8 +59,8 @@ class AxisColumns(NamedTuple):
 
     `null_p`, `whiteness`: results of the newest fit, one for each axis.
     `state`, `innovation`: in `unit`.
-    `settled`: whether the innovations are white and, if the live fit is to tune the filters, it has tuned
-    them.
+    `settled`: whether the innovations are white. If the live fit is to tune the filters, it must also have
+    tuned them.
     """
 
     axes: tuple[str, ...]
@@ -87,8 +87,8 @@ class AxisColumns(NamedTuple):
 
         `tracked`: tracker results of the same axes.
         """
-        # A column is converted for all axes in one call, since in a block of one row the calls take most of
-        # the time.
+        # Each call converts a column for all axes, since the number of calls determines the time if a block
+        # has only one row.
         of_paper = list(map(FlteaEstimate, *map(values.nullable, self[4:10]), *map(values.of, self[10:])))
         rows = len(of_paper) // len(self.axes)
         known = _tracked(tracked, values, rows, len(self.axes))
@@ -124,7 +124,7 @@ class TrackedColumns(NamedTuple):
 
 
 Tracked = tuple[TrackedColumns, ...]
-"""Tracker results of each sensor."""
+"""Results of the bias trackers, one `TrackedColumns` for each sensor."""
 
 C = TypeVar("C", AxisColumns, TrackedColumns)
 
@@ -135,7 +135,7 @@ def _in_unit(sensors: Sequence[C], unit: str) -> C | None:
 
 
 def _by_axis(axes: tuple[str, ...], values: Iterator[T]) -> Iterator[dict[str, T]]:
-    """Yield for each row a dictionary with each axis's value. `values`: all values, row after row."""
+    """Yield for each row a dictionary from axes to values. `values`: all values, row after row."""
     return (dict(zip(axes, row, strict=True)) for row in zip(*[values] * len(axes), strict=True))
 
 
@@ -153,7 +153,7 @@ COLUMNS = ("seq", "device_us", "host_ns", "gyro_dps", "accel_ms2", "temperature_
 """Fields of a block that have one row for each sample."""
 
 
-# Over 12 attributes: each is one column of the samples, or one fact that holds for all of them.
+# Over 12 attributes: each is one column of the samples, or one fact that holds for all samples.
 @dataclass(frozen=True)
 class Block:
     """n consecutive samples of one epoch; each column has n rows.
@@ -164,7 +164,7 @@ class Block:
     `accel_ms2` (n, 3), `temperature_c` (n,), `flags` (n,): each is None if the device does not send it.
     `variant`: variant of the estimator, "triple" or "joint".
     `estimates`: estimates of each sensor with filters; empty while the start-up window fills.
-    `every`: records are written for samples whose number is a multiple of `every`.
+    `every`: records are written only for samples whose number is a multiple of `every`.
     `corrected`: whether records of corrected rates are written too.
     `tracked`: tracker results of each sensor.
     """
@@ -268,7 +268,7 @@ class Block:
 
     @cached_property
     def corrected_dps(self) -> Array | None:
-        """Rates of the axes with a bias tracker, minus the biases; None if they are not written."""
+        """Rates minus biases of the axes with a bias tracker; None if corrected rates are not written."""
         if not self.corrected:
             return None
         tracked = _in_unit(self.tracked, GYRO_UNIT)

@@ -6,13 +6,13 @@ The monotonic clock counts on while the computer sleeps, if the system offers su
 import time
 
 SECOND_NS = 10**9
-"""One second [ns]. Statistics are published at the beginning of each second, between two blocks of samples.
-So no block may span the end of a second.
+"""One second [ns]. Statistics are published at the beginning of each second, and never within a block of
+samples. So each block of samples ends at the latest when a second ends.
 """
 
 END_OF_DATES_NS = 4_102_444_800 * SECOND_NS
-"""The year 2100 as Unix time [ns]. A later date means that the clock is not set. Recordings can contain dates
-up to 2116 only.
+"""The year 2100 as Unix time [ns]. A later date means that the clock is not set. There is a limit since
+recordings can contain dates up to 2116 only.
 """
 
 _CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)

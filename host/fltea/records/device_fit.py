@@ -1,4 +1,4 @@
-"""Define the result of a device's own fit of one axis, a part of the record `device_fit`."""
+"""Define the part of the record `device_fit` that holds the result of a device's own fit of one axis."""
 
 from typing import Literal
 
@@ -18,7 +18,7 @@ class DeviceSpectrum(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     density: list[float]
     """One-sided noise density at these frequencies [(deg/s)/√Hz]."""
     ordinates: list[float]
-    """Effective number of periodogram ordinates in each bin."""
+    """Effective number of periodogram ordinates that are averaged in each bin."""
 
 
 # Over 12 attributes: each is one field of the published record.
@@ -27,8 +27,10 @@ class DeviceAxisFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     verdict: DeviceVerdict
     """`none`: the axis is constant or has too many gaps; `white`: white noise is not rejected at 5 %;
-    `fractional`: white noise is rejected, and a relaxation is worse by more than 6 in 2 log L; `relaxation`:
-    white noise is rejected, and a relaxation describes the noise no worse than the fractional model."""
+    `fractional`: white noise is rejected, and the 2 log L of a relaxation (a first-order Gauss-Markov
+    process) is more than 6 below that of the fractional model; `relaxation`: white noise is rejected, and the
+    2 log L of a relaxation is not that far below.
+    """
     number: int
     """Number of fits of the axis since the device's start-up window, modulo 65,536."""
     age: int
@@ -42,7 +44,9 @@ class DeviceAxisFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     evaluations: int
     """Number of evaluations of the likelihood."""
     searched: bool
-    """Whether the fit began with a grid of orders, since there was no earlier fit to begin with."""
+    """Whether the fit began by trying a grid of orders. It does so if there was no earlier fit from which to
+    begin.
+    """
     tuned: bool
     """Whether the device's filters now use `s2` and `R` as Q and R (in firmware built with
     `FLTEA_TUNED=true`).
@@ -52,7 +56,7 @@ class DeviceAxisFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     ratio_white: float
     """2 log L of the fractional model with orders up to 1, minus 2 log L of white noise."""
     ratio_relaxation: float
-    """2 log L of the fractional model minus 2 log L of a relaxation."""
+    """2 log L of the fractional model minus 2 log L of a relaxation (a first-order Gauss-Markov process)."""
     alpha: Interval = Interval()
     """Order α. The value is null for `none` and `white`. An end of the interval is null if the data do not
     determine this end.
@@ -70,8 +74,8 @@ class DeviceAxisFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     host_verdict: VerdictKind | None = None
     """Verdict of the newest record `fit`; null before the first one."""
     spectrum: DeviceSpectrum | None = None
-    """The bins that were fitted. The first fit and every tenth fit are recorded a second time, with their
-    bins.
+    """The bins that were fitted; null in most records. The first fit and every tenth fit are published twice,
+    and the second record has the bins.
     """
     alpha_of_bins: float | None = None
     """Order α by this computer's fit of the bins in `spectrum`, in double precision; null without

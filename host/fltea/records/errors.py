@@ -11,7 +11,7 @@ import errno
 from collections.abc import Sequence
 
 MOST_SHOWN = 300
-"""Largest number of characters that an error message quotes from a library's own text."""
+"""An error message quotes at most this number of characters from a library's own text."""
 
 OF_NAMES = frozenset(
     (
@@ -39,7 +39,7 @@ class Implausible(UsageError):
 
 
 class NoNumbers(UsageError):
-    """No row of a recording, or of a piece of one, has all numbers of a sample.
+    """No row of a recording, or of a piece of a recording, has all numbers of a sample.
 
     `rows`: number of rows in the recording or piece.
     """
@@ -60,14 +60,14 @@ class Incomplete(FlteaError):
 
 
 class SourceFailed(FlteaError):
-    """A live source failed, and the user asked not to wait for it (`--once`)."""
+    """A live source failed, and the user asked that the program does not wait for its return (`--once`)."""
 
 
 def of_input(error: BaseException) -> FlteaError | None:
-    """Return a `FlteaError` for an error that the user's command line or files cause.
+    """Convert an error that the user's command line or files caused to a `FlteaError`.
 
-    This function is for errors that no other code has explained to the user. It returns None for an error
-    that has another cause: such an error is a fault of the program and keeps its traceback.
+    This function is for errors that no other code has explained to the user. If an error has another cause,
+    it is a fault of the program and keeps its traceback, and None is returned.
     """
     kind: type[FlteaError] = UsageError
     happened = "the command line, or a file that it names, cannot be used"

@@ -32,7 +32,7 @@ class Chunk(NamedTuple):
 class Reads(NamedTuple):
     """The bytes of successive reads of a port, with the time of each read.
 
-    `end`: where the bytes of each read end in `data` (reads,).
+    `end`: for each read, the offset in `data` at which the bytes of the read end (reads,).
     `host_ns`: monotonic time of each read; it never decreases [ns] (reads,).
     `unix_offset_ns`: offset from `host_ns` to Unix time [ns] (reads,).
     """
@@ -150,7 +150,7 @@ def block_of(samples: Sequence[RawSample]) -> RawBlock:
 
 
 class DeviceTracker(NamedTuple):
-    """Bias and state of one axis by the device's tracker, as the device sends them.
+    """Bias and state of one axis by the device's bias tracker, as the device sends them.
 
     The numbers may be NaN or infinite.
     """
@@ -195,7 +195,7 @@ class DeviceAxis(NamedTuple):
 
 # Over 12 attributes: each is one field of a message of the protocol.
 class DeviceEstimator(NamedTuple):
-    """The settings with which the device estimates, and its own counters.
+    """The settings with which the device estimates, and the counters of its estimator.
 
     Tuples have one entry for each of `AXES`; states are in deg/s, variances in (deg/s)². `parameter0` and the
     other settings of the parameter are about h^α f with the variant "joint", and about f with "triple".
@@ -276,7 +276,7 @@ class DeviceBins(NamedTuple):
 class Trouble(NamedTuple):
     """Something is wrong with the source.
 
-    `kind`: one of the `error` kinds of host/docs/reference/errors.md.
+    `kind`: one of the kinds of errors in host/docs/reference/errors.md.
     `fatal`: whether this trouble ends the command if `--once` is set.
     """
 
@@ -287,26 +287,32 @@ class Trouble(NamedTuple):
 
 
 class LinkDown(NamedTuple):
-    """The connection was lost. Later samples may come from another device, so they need a new HELLO first."""
+    """The connection was lost.
+
+    Later samples may come from another device, so they cannot be used until a new HELLO has come.
+    """
 
     host_ns: int
 
 
 class Break(NamedTuple):
-    """A recording states that an epoch begins with the next sample."""
+    """A recording states that a new epoch begins with the sample that follows in the recording."""
 
     reason: EpochReason
     host_ns: int
 
 
 class Tick(NamedTuple):
-    """Nothing has arrived for a while. This event lets the pipeline publish statistics on time."""
+    """Nothing has arrived for a while.
+
+    This event is sent so that the pipeline still publishes statistics on time.
+    """
 
     host_ns: int
 
 
 DeviceSays = DeviceAxis | DeviceEstimator | DeviceFit | DeviceBins
-"""The events of a device that runs its own estimator."""
+"""The events that only a device with its own estimator sends."""
 
 Event = Hello | RawBlock | DeviceStatus | DeviceSays | Trouble | LinkDown | Break | Tick
 """The events of a source."""

@@ -41,7 +41,7 @@ class Interval(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Level(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """White-noise density N and random walk K of the bias, of one axis.
+    """White-noise density N of one axis, and random walk K of the bias of this axis.
 
     N is in the unit of the samples per √Hz, and K in the unit of the samples per √s. A value that is not
     known is null.
@@ -50,11 +50,13 @@ class Level(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     N: Interval = Interval()
     """White-noise density of the accepted noise model."""
     K: Interval = Interval()
-    """Random walk of the bias, by the bias tracker. The tracker also uses drift that is too slow for the
-    spectrum.
+    """Random walk of the bias, as the bias tracker estimates it. The tracker also sees drift that is too slow
+    for the spectrum.
     """
     knee_hz: float | None = None
-    """If N is not known: corner frequency of the fastest relaxation, at most half the sampling rate [Hz]."""
+    """If N is not known: corner frequency of the fastest relaxation (first-order Gauss-Markov process) in the
+    model, at most half the sampling rate [Hz].
+    """
     knee_density: float | None = None
     """Noise density at `knee_hz`, in the unit of N."""
     K_at_most: float | None = None
@@ -62,7 +64,7 @@ class Level(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def reason(self) -> str:
-        """Text on why N is not known, and what is known instead; empty if N is known."""
+        """Text that says why N is not known, and what is known in its place; empty if N is known."""
         if self.N.value is not None:
             return ""
         if self.knee_hz is None:
@@ -77,10 +79,10 @@ class Until(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Time until α's interval is as narrow as the user wants."""
 
     target: float
-    """Wanted half-width of α's interval: the setting `live.target`."""
+    """Half-width of α's interval that the user wants: the setting `live.target`."""
     seconds: float | None = None
-    """Time until the half-width of α's interval is `target` [s]; 0 if it is no larger now; null if the time
-    cannot be predicted.
+    """Time until the half-width of α's interval has fallen to `target` [s]; 0 if it already has; null if the
+    time cannot be predicted.
     """
 
 
@@ -107,7 +109,7 @@ class FitAllan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """
     K: float | None = None
     """Rate random walk. In a live fit it follows from the Allan deviation; for a recording the tracker gives
-    it. Null if there may be no random walk [`unit`/√s].
+    it. Null if the data do not show that there is a random walk [`unit`/√s].
     """
 
 
@@ -123,7 +125,7 @@ class FitSpectrum(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class FitLowPass(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A low-pass filter that all of the noise has passed."""
+    """A low-pass filter through which the whole noise has passed before it was sampled."""
 
     corner_hz: float
     """Frequency at which the filter passes half of the power; may be above half the sampling rate [Hz]."""
@@ -132,7 +134,7 @@ class FitLowPass(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class FitHighPass(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A high-pass filter that all of the noise has passed: AC coupling, or an auto-zero."""
+    """A high-pass filter through which the whole noise has passed: AC coupling, or an auto-zero."""
 
     corner_hz: float
     """Frequency at which the filter passes half of the power [Hz]."""
@@ -141,7 +143,7 @@ class FitHighPass(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Curves(msgspec.Struct, frozen=True, kw_only=True):
-    """The curves of an axis; each is None if there are too few samples, or if no curves are wanted."""
+    """The curves of an axis. Each curve is None if there are too few samples, or if no curves are wanted."""
 
     allan: FitAllan | None = None
     """The Allan deviation. It is present in the last fit, and in one fit every 10 s, or every 4 ·
@@ -176,7 +178,7 @@ class FittedAxis(Curves, frozen=True):
     R: Interval = Interval()
     """Variance of the white noise [`unit` squared]."""
     odds: float | None = None
-    """Odds that the noise is fractional (has an order) against the opposite; null if the noise is
+    """Odds that the noise is fractional (has an order), against that it is not; null if the noise is
     indistinguishable from white noise, or if no fractional model fits.
     """
 
@@ -187,8 +189,9 @@ class AxisFit(FittedAxis, frozen=True, forbid_unknown_fields=True):
     rate_left_out: list[tuple[float, float]] = []
     """Frequency bands of spectral lines and resonances, which are left out of the fit [Hz]."""
     left_out: dict[str, int] = {}
-    """Number of samples that are not used, by cause (`lost`, `knocked`, `moved`, …), and numbers of `bridged`
-    and `limited` samples; a restart counts as nine lost samples.
+    """Number of samples that the fit does not use, by cause (`lost`, `knocked`, `moved`, …). `bridged` counts
+    lost samples in whose place the fit uses a straight line. `limited` counts used samples whose size was
+    reduced to a limit. A restart counts as nine lost samples.
     """
     breaks: dict[str, int] = {}
     """Number of interruptions of the samples by cause: `gaps`, `knocks` (each leaves 128 samples out),
@@ -205,6 +208,6 @@ class AxisFit(FittedAxis, frozen=True, forbid_unknown_fields=True):
     until_s: Until | None = None
     """Time until α's interval is as narrow as the user wants."""
     stable: bool = True
-    """Whether the verdict is stable: two fits agreed, of which the later had a tenth more samples, or the fit
-    used a whole recording.
+    """Whether the verdict is stable. It is stable if two fits agreed, and the later one had a tenth more
+    samples, or if the fit used a whole recording.
     """

@@ -1,6 +1,6 @@
 """Limit the number of device identities.
 
-So a board that changes its name again and again cannot fill the memory.
+With this limit, a board that changes its name again and again cannot fill the memory.
 """
 
 from collections.abc import Hashable
@@ -33,7 +33,7 @@ class FewIdentities:
         return True
 
     def is_to_tell(self, now_ns: int) -> bool:
-        """Return whether to report a refusal now. After True, it returns False for `PERIOD_NS`."""
+        """Return whether to report a refusal now. After a True, all calls return False for `PERIOD_NS`."""
         if self._sent_ns is not None and now_ns - self._sent_ns < PERIOD_NS:
             return False
         self._sent_ns = now_ns

@@ -7,7 +7,10 @@ from typing import NamedTuple
 
 
 class ErrorKind(NamedTuple):
-    """What a kind of error means in general, and the remedy. The text of the record has the details."""
+    """What a kind of error means in general, and what to do about it.
+
+    The text of each `error` record has the details.
+    """
 
     meaning: str
     remedy: str

@@ -1,7 +1,9 @@
 """Write the odds of an order as text for people."""
 
 MOST = 50.0
-"""Larger odds are shown as "more than 50 : 1", since the calibration was not checked beyond this value."""
+"""Larger odds are shown as "more than 50 : 1", since the calibration of the odds was not checked beyond this
+value.
+"""
 
 
 def odds(value: float) -> str:

@@ -35,7 +35,7 @@ def plus_minus(value: float | None, std: float | None) -> str:
 
 
 def angle_within(std: float) -> str:
-    """Return "±" with the half-width of an angle's 95 % interval, or a text that the heading is unknown.
+    """Return "±" with the half-width of an angle's 95 % interval, or say that the heading is unknown.
 
     `std`: standard deviation of the angle [deg].
     """

@@ -45,13 +45,13 @@ class Latency:
         self.sum_ms = 0.0
 
     def add(self, ms: float, weight: int) -> None:
-        """Count `weight` records that took `ms` milliseconds."""
+        """Count `weight` records, each of which was written `ms` milliseconds after its sample arrived."""
         self.counts[bisect.bisect_left(LATENCY_BOUNDS_MS, ms)] += weight
         self.sum_ms += ms * weight
 
 
 class OutputView(Protocol):
-    """The name, latency and counts of a running output."""
+    """What others may ask of a running output: its name, its latency and its counts."""
 
     latency: Latency
 
@@ -64,7 +64,7 @@ class OutputView(Protocol):
 
 
 class Departed(NamedTuple):
-    """The program gets no more samples from `device`.
+    """Tells the outputs that the program gets no more samples from `device`.
 
     `moved`: whether another program serves the device now.
     """
@@ -102,8 +102,9 @@ Item = AnyRecord | Block | Printed | TransportEvent | Reads
 """Types of items that a sink receives. Only sinks with `takes_wire` receive transport events and `Reads`."""
 
 Report = Callable[[str, str], None]
-"""Function that reports an error to all outputs, by kind and text. Any thread may call it; it returns at
-once."""
+"""Function that reports an error to all outputs. Its arguments are the kind and the text of the error. Any
+thread may call it, and it returns at once.
+"""
 
 
 class SinkClosed(Exception):
@@ -123,10 +124,11 @@ class Sink:
     `lossless`: a replay that is faster than real time waits for this sink instead of dropping records.
     `takes_wire`: the sink also receives the undecoded `Opened`, `Chunk`, `Reads` and `Failed`.
     `together`: one thread serves all sinks with this name, so none of them may wait for long.
-    `prints`: which records of samples the sink takes as text (`Printed`); None if it takes blocks instead.
+    `prints`: which records of samples the sink takes as text (`Printed`). None if it takes samples as blocks
+    instead.
     `capacity`: number of items that may wait in the queue; when it is full, newer items are dropped.
-    `rest_s`: pause between two writings [s], so that the records of many devices are written together and the
-    threads are switched less often.
+    `rest_s`: pause after each writing [s]. Records of many devices that come in the pause are written
+    together, so that the computer switches between threads less often.
     """
 
     name: str = "output"
@@ -156,16 +158,16 @@ class Sink:
         """Release the data kept for a device, so that they do not grow as devices come and go."""
 
     def on_overflow(self, count: int) -> None:
-        """Handle that `count` items were dropped, since this sink was too slow."""
+        """Note that `count` items were dropped, since this sink was too slow. Called after the loss."""
 
     def close(self) -> None:
         """Write pending items and release all resources, within half a second."""
 
 
 class RecordingView(NamedTuple):
-    """The state of the recording of one device.
+    """The state of one device's recording, for the live page.
 
-    `fixed`: whether the recording runs as long as the program, so that the live page cannot stop it.
+    `fixed`: whether the recording runs as long as the program; the live page cannot stop such a recording.
     `file`: name of the newest file.
     `size_bytes`, `seconds`: size and duration of all files of this session.
     `lost`: number of items that were written to no file.

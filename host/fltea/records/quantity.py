@@ -26,7 +26,7 @@ _ACCEL = {
     "mg": 1e3 / STANDARD_GRAVITY_MS2,
     "µg": 1e6 / STANDARD_GRAVITY_MS2,
 }
-"""The value of 1 deg/s, or of 1 m/s², in each unit of the same quantity."""
+"""For each unit of the same quantity, how many of this unit equal 1 deg/s, or 1 m/s²."""
 
 
 class CoefficientUnits(NamedTuple):
@@ -38,7 +38,10 @@ class CoefficientUnits(NamedTuple):
 
 
 class _Kind(NamedTuple):
-    """A quantity: its name, and for each of its units how many of them make 1 of the first unit."""
+    """A quantity: its name and its units.
+
+    The number after a unit says how many of this unit equal 1 of the first unit.
+    """
 
     what: str
     units: dict[str, float]
@@ -136,7 +139,8 @@ def coefficient_units(unit: str) -> CoefficientUnits:
 def shown_units(unit: str) -> CoefficientUnits:
     """Return the units in which N, B and K of samples in `unit` are shown.
 
-    For a gyroscope they are the units of data sheets; for other sensors those of `coefficient_units`.
+    For a gyroscope these are the units of data sheets. For another sensor they are those of
+    `coefficient_units`.
     """
     return _OF_DATA_SHEETS.get(unit) or coefficient_units(unit)
 
@@ -156,7 +160,9 @@ class Quantity(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Unit of `value`, `low`, `high` and `at_most`."""
 
     def to(self, unit: str) -> "Quantity":
-        """Return the quantity in another unit, as in `axis.N.to("rad/s/√Hz")`; "sqrt(Hz)" is read as √Hz.
+        """Return the quantity in another unit, as in `axis.N.to("rad/s/√Hz")`.
+
+        The spelling "sqrt(Hz)" means √Hz.
 
         Raises:
             ValueError: `unit` is no unit of this quantity; the text lists its units.
@@ -197,8 +203,8 @@ POWERS_OF_TEN_FROM = 1e6
 def texts(one: Quantity) -> tuple[str, str]:
     """Return the value or its bound as a text without the unit, and the interval in brackets.
 
-    All texts for people write N, B and K by this rule. The second text is empty if neither end of the
-    interval is known; one end that is not known is left blank.
+    All texts for people write N, B and K by this rule. The text of the interval is empty if neither end is
+    known. If only one end is unknown, its place is left blank.
     """
     if one.value is None:
         return ("not known" if one.at_most is None else f"at most {number(one.at_most)}"), ""
@@ -218,7 +224,10 @@ def number(value: float, digits: int = FEWEST_DIGITS) -> str:
 
 
 def _digits(value: float, half: float) -> int:
-    """Return how many significant digits of `value` show two digits of the half-width `half`."""
+    """Return how many significant digits `value` needs to end where two digits of `half` end.
+
+    `half`: half-width of the interval.
+    """
     if value == 0 or half <= 0:
         return FEWEST_DIGITS
     digits = math.floor(math.log10(abs(value))) - math.floor(math.log10(half)) + 2

@@ -29,10 +29,14 @@ ACCEL_AXES = ACCELEROMETER.axes
 GYRO_UNIT, ACCEL_UNIT = GYROSCOPE.unit, ACCELEROMETER.unit
 
 Whiteness = Literal["not rejected", "rejected"]
-"""Result of the test for white noise in the newest fit. While white noise is not rejected, α is undefined."""
+"""Result that the test for white noise has in the newest fit. As long as white noise is not rejected, α is
+undefined.
+"""
 
 WhyNot = Literal["device_not_valid", "host_not_valid", "other_start", "device_skipped", "other_settings"]
-"""Why a device's estimate cannot be compared with the host's; the module `why_not` has the texts."""
+"""Reasons why a device's estimate cannot be compared with the host's. The module `why_not` explains each
+reason to the user.
+"""
 
 EpochReason = Literal["start", "restart", "sensor_restart", "discontinuity", "gap", "silence", "resumed"]
 
@@ -41,7 +45,7 @@ class Record(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=
     """Base class of all records that sinks write."""
 
     device: str | None = None
-    """Name that the source of the record, a device or a recording, has in this program."""
+    """Name in this program of the device or recording that the record is from."""
 
 
 # Over 12 attributes: each is one field of the published record.
@@ -64,7 +68,7 @@ class Hello(Record, frozen=True, tag="hello"):
     schema_hash: str | None = None
     """Hash of the layout of the protocol's messages."""
     boot_id: int | None = None
-    """Identifier of the device's boot; it is another one after each restart."""
+    """Identifier of the device's boot. After each restart it has another value."""
     device_id: str | None = None
     """Unique identifier of the microcontroller, hexadecimal."""
     firmware_version: str | None = None
@@ -76,11 +80,11 @@ class Hello(Record, frozen=True, tag="hello"):
     sensor_starts: int | None = None
     """Number of times that the device has set up its sensor since boot; 0 before the first time."""
     gyro_range_dps: float | None = None
-    """Full scale of the gyroscope, plus and minus [deg/s]."""
+    """Full scale of the gyroscope: it measures rates from minus to plus this value [deg/s]."""
     gyro_lsb_per_dps: float | None = None
     """Sensitivity of the gyroscope [LSB per deg/s]."""
     accel_range_g: float | None = None
-    """Full scale of the accelerometer, plus and minus [g]."""
+    """Full scale of the accelerometer: it measures from minus to plus this value [g]."""
     accel_lsb_per_g: float | None = None
     """Sensitivity of the accelerometer; null where the source gives m/s² [LSB per g]."""
     gyro_dlpf_hz: float | None = None
@@ -97,9 +101,9 @@ class Placed(Record, frozen=True):
     device_us: int
     """Device time, unwrapped [µs]."""
     host_ns: int
-    """Host time of sampling, by regression on arrival times. For a device it is Unix time by the machine's
-    date at the beginning of the epoch. For a recording it is the host time that the recording holds, or else
-    the time since its beginning [ns].
+    """Host time at which the sample was taken, by regression on arrival times [ns]. For a device it is Unix
+    time, based on the machine's date at the beginning of the epoch. For a recording it is the host time that
+    the recording holds. If it holds none, it is the time since the beginning of the recording.
     """
 
 
@@ -147,7 +151,9 @@ class FlteaEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     alpha: float | None = None
     """Order α."""
     alpha_std: float | None = None
-    """Standard deviation of α; once the live fit tunes the filters, it includes the fit's uncertainty."""
+    """Standard deviation of α. As soon as the live fit tunes the filters, it includes the uncertainty of the
+    fit.
+    """
     f: float | None = None
     """Parameter f [s^-α]."""
     f_std: float | None = None
@@ -159,14 +165,14 @@ class FlteaEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     valid: bool = False
     """False if the estimate diverged, the axis was constant, or a device sent a number that is not finite."""
     settled: bool = False
-    """False while the filter settles, so that its figures say little about the noise. For a device's filters:
-    whether they use the variances of the device's own fit.
+    """False while the filters settle: α and f then say little about the noise. For the filters of a device,
+    it says whether they use the variances of the device's own fit.
     """
 
 
 # Over 12 attributes: each is one field of the published record.
 class AxisEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The estimates of one axis after one sample; null for an unknown value."""
+    """The estimates of one axis after one sample. A value that is not known is null."""
 
     verdict: VerdictKind | None
     """Kind of the noise by the newest fit whose verdict is stable; null before the first such fit."""
@@ -236,8 +242,9 @@ class DeviceAxisEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True
     tracker_state_std: float | None = None
     """Standard deviation of `tracker_state` [deg/s]."""
     tracker_bias_difference: float | None = None
-    """`tracker_bias` minus `bias` of `estimate` after the same sample; the two come from different fits
-    [deg/s]."""
+    """`tracker_bias` minus the `bias` in `estimate` after the same sample [deg/s]. The two values come from
+    different fits.
+    """
     alpha_difference: float | None = None
     """The device's α minus this computer's after the same sample; null where they cannot be compared."""
     f_difference: float | None = None
@@ -249,7 +256,7 @@ class DeviceAxisEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True
     [deg/s].
     """
     why_not: WhyNot | None = None
-    """Why there are no differences. `device_not_valid`: the device's estimate is not valid; `host_not_valid`:
+    """Why the differences are null. `device_not_valid`: the device's estimate is not valid; `host_not_valid`:
     this computer's estimate is not valid; `other_start`: the device began at another sample;
     `device_skipped`: the device has skipped samples; `other_settings`: the settings differ, or the device
     uses the variances of its own fit.
@@ -257,11 +264,11 @@ class DeviceAxisEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True
 
 
 class DeviceEstimates(Placed, frozen=True, tag="device_estimate"):
-    """The device's own estimates after a sample; those of this computer are in `estimate`.
+    """The device's own estimates after a sample. The record `estimate` has the estimates of this computer.
 
     This record comes only with `--estimate-on both`; with `--estimate-on device`, the records `estimate` hold
-    the device's estimates. The record comes later than the sample, by the delay of the device. An axis whose
-    message was lost in transit is left out.
+    the device's estimates. The record comes later than its sample, since the device needs time to estimate.
+    An axis whose message was lost in transit is left out.
     """
 
     variant: str
@@ -276,8 +283,8 @@ class DeviceFits(Placed, frozen=True, tag="device_fit"):
     """The device's own maximum-likelihood fit of one axis, every three seconds or later.
 
     This record comes only with `--estimate-on device` or `both`. `seq` is the number of the newest sample at
-    the time at which the fit arrived. A fit for which the device also sends the spectrum comes twice: first
-    at once, and then with `spectrum`.
+    the time at which the fit arrived. If the device also sends the spectrum of a fit, the record comes twice:
+    at once without `spectrum`, and later with `spectrum`.
     """
 
     axes: dict[str, DeviceAxisFit]
@@ -288,15 +295,16 @@ class Fit(Placed, frozen=True, tag="fit"):
     """The noise of every axis, by maximum likelihood over all samples so far.
 
     This record comes whenever the number of samples has grown by a hundredth, once a second at most and once
-    a minute at least. It also comes within a second after a step or a change of power. If `live.period_s` is
-    given, it comes once in that time instead. It comes once more, with curves, at the end of a recording or
-    of `--once`. A fit uses the samples up to `seq` and is published a little later; estimates use it from the
-    next sample on. A replay gives the same records as the live run.
+    a minute at least. It also comes within a second after a step of the bias or a change of the noise's
+    power. If `live.period_s` is given, the record comes once in each such period instead. A last record, with
+    curves, comes at the end of a recording or of `--once`. A fit uses the samples up to `seq` and is
+    published a little later; estimates use it from the next sample on. A replay gives the same records as the
+    live run.
     """
 
     samples: int
-    """Number of samples received from the same sensor in all epochs, including samples that are left out, and
-    with `--state` including the earlier run.
+    """Number of samples received from the same sensor in all epochs. Samples that the fit leaves out count,
+    too. With `--state`, the samples of the earlier run count as well.
     """
     axes: dict[str, AxisFit]
     """The fit of each axis, by the name of the axis."""
@@ -344,12 +352,15 @@ class Motion(Placed, frozen=True, tag="motion"):
     begins: bool
     """True where a motion begins; false where it has ended."""
     by: str
-    """What showed the motion: a sensor or an axis, such as `accel` or `gyro_z`, or `caller` for the program
-    that passed the samples."""
+    """What showed that the sensor moved: a sensor or an axis, such as `accel` or `gyro_z`. `caller` means
+    that the program that passed the samples said so.
+    """
     samples: int | None
     """Duration of the motion in samples; null where the motion begins."""
     largest: float | None
-    """Largest rate minus its bias, of any axis, during the motion; null where the motion begins [deg/s]."""
+    """Largest rate of any axis during the motion, minus the bias of this axis [deg/s]; null where the motion
+    begins.
+    """
 
 
 class EstimatorInfo(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -364,20 +375,20 @@ class EstimatorInfo(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     (exact).
     """
     guard: str
-    """Variant of the guard that keeps the filters from running away: `off` (the paper's algorithm without a
-    guard), `faithful` or `consistent`.
+    """The guard that keeps the filters from diverging: `off` (no guard, as in the paper), `faithful` or
+    `consistent`.
     """
     window: int
     """Length L of the filters' memory in samples; 0 means unlimited."""
     startup_samples: int
     """Length of the start-up window in samples; 0 if none is needed."""
     bias: tuple[float, ...]
-    """Bias that is subtracted from each axis, or one number for all axes. If empty, it is the mean of the
-    start-up window [deg/s, of the accelerometer m/s²].
+    """Bias that is subtracted from each axis, or one number for all axes [deg/s, for the accelerometer m/s²].
+    An empty list means that the bias is the mean of the start-up window.
     """
     R: tuple[float, ...]
-    """Measurement variance of each axis, or one number for all axes. If empty, it is the variance of the
-    start-up window [(deg/s)², of the accelerometer (m/s²)²].
+    """Measurement variance of each axis, or one number for all axes [(deg/s)², for the accelerometer
+    (m/s²)²]. An empty list means that it is the variance of the start-up window.
     """
     tuning: str = "startup"
     """`startup`: Q and R stay as at the start; `live`: Q and R come from the live fit as soon as it knows
@@ -422,10 +433,12 @@ class Stats(Record, frozen=True, tag="stats"):
     host_ns: int
     """Time of this record [ns]."""
     rate_hz: float | None
-    """Sampling rate by the host's clock, computed from sequence numbers, so losses do not lower it [Hz]."""
+    """Sampling rate by the host's clock [Hz]. It is computed from sequence numbers, so lost samples do not
+    lower it.
+    """
     clock_ppm: float | None
-    """Relative rate by which the device's clock is faster than the host's; null at first, and for a recording
-    without a host clock [1e-6].
+    """How much faster the device's clock runs than the host's, as a fraction [1e-6]. Null at first, and for a
+    recording without host times.
     """
     startup_remaining: int
     """Number of samples until the start-up window is full."""
@@ -443,12 +456,13 @@ class Stats(Record, frozen=True, tag="stats"):
     device_estimator: DeviceEstimatorStats | None = None
     """State of the device's own estimator; null without `--estimate-on device` or `both`."""
     fit_period_s: float | None = None
-    """Shortest time between fits: 1 s, or with more than 12 devices a twelfth of a second for each device;
-    null where nothing is fitted [s]."""
+    """Shortest time between fits [s]. It is 1 s, or with more than 12 devices as many twelfths of a second as
+    there are devices. Null where nothing is fitted.
+    """
 
 
 class Error(Record, frozen=True, tag="error"):
-    """A message to a person about a problem; the program continues unless `--once` was given."""
+    """A message to a person about a problem. The program continues, unless `--once` was given."""
 
     kind: str
     """Kind of the problem: see Errors and exit codes."""

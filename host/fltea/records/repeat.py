@@ -6,9 +6,10 @@ REPEAT_NS = 60 * 10**9
 
 
 class OnceAMinute:
-    """Remembers when each message was sent last.
+    """Remembers when each message was last sent.
 
-    The program chooses the keys of the messages, so a device cannot fill the memory with them.
+    The keys of the messages are chosen by the program, never by a device, so no device can fill the memory
+    with them.
     """
 
     def __init__(self) -> None:

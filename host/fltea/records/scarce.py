@@ -20,9 +20,9 @@ memory.
 
 
 def least_of(what: int, ours: int) -> int:
-    """Return the limit `ours`, or the limit that the system has set already if the latter is smaller.
+    """Return the smaller of two limits: `ours`, and the one that the system has set already.
 
-    `what`: which limit, a constant of the module `resource`.
+    `what`: which limit of the system, as a constant of the module `resource`.
     """
     return min([ours, *(limit for limit in resource.getrlimit(what) if limit != resource.RLIM_INFINITY)])
 

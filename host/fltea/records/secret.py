@@ -24,8 +24,8 @@ class Kind(NamedTuple):
 
 SERVER = r"@"
 FILE = r"^[^/]*@|^[^/@]*:(?!\d*(?:/|$))[^@]*@"
-"""Regular expression that finds a secret in an address whose scheme is not in `KINDS`. An @ in the path is
-allowed, and a number after a colon is a port.
+"""Regular expression that finds a secret in an address whose scheme is not in `KINDS`. An @ in the path does
+not count as one, and neither does a number after a colon, which is a port.
 """
 
 PASSWORD = r"(?:^|[\s?&])(?:ssl)?password\s*="
@@ -41,7 +41,9 @@ KINDS = {
     "postgresql": Kind(rf"^[^@]*:[^@]*@|{PASSWORD}", "The password comes from PGPASSWORD or ~/.pgpass."),
     "hwgrep": Kind(r"(?!)", ""),
 }
-"""Kinds of addresses by their scheme. Only a PostgreSQL address may contain a user, without a password."""
+"""Kinds of addresses by their scheme. Only a PostgreSQL address may contain a user, and it must not contain a
+password.
+"""
 
 SAME = {"mqtts": "mqtt", "postgres": "postgresql", **dict.fromkeys(("tcp", "tls", "ws", "wss"), "dask")}
 OTHERS = Kind(FILE, "Credentials come from the environment, of workers too (host/docs/guide/cluster.md).")

@@ -1,6 +1,7 @@
 """Declare what the axes, units and fields of gyroscopes and of accelerometers are called.
 
-A loop over `SENSOR_KINDS` treats gyroscope and accelerometer alike. `wire/sensors.py` lists the chips.
+Code that loops over `SENSOR_KINDS` treats gyroscope and accelerometer in the same way. Chips, such as the
+MPU-9250, are listed in `wire/sensors.py`.
 """
 
 from typing import NamedTuple, Protocol
@@ -43,7 +44,7 @@ class SensorKind(NamedTuple):
     scale_field: str
     """Field of `Hello` that states the sensor's scale, the number of counts in 1 deg/s or in 1 g."""
     scale_size: float
-    """Size of the quantity to which `scale_field` refers, 1 deg/s or 1 g, in `unit`."""
+    """The field `scale_field` counts per 1 deg/s or per 1 g; this is the size of 1 deg/s or 1 g in `unit`."""
 
     def resolution(self, hello: WithScales) -> float | None:
         """Return the size of one count in `unit`; None if the scale is not known or samples are no counts."""
@@ -52,7 +53,7 @@ class SensorKind(NamedTuple):
 
     @property
     def samples_field(self) -> str:
-        """Name of the field of records and blocks that has this sensor's samples: gyro_dps, accel_ms2."""
+        """Name of the field in which records and blocks hold this sensor's samples: gyro_dps or accel_ms2."""
         return f"{self.name}_{self.column_unit}"
 
 

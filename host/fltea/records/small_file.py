@@ -1,4 +1,4 @@
-"""Open a user's files without waiting for ever, and read small files, such as settings, as a whole."""
+"""Open a user's files without waiting forever, and read small files, such as settings, as a whole."""
 
 import contextlib
 import errno
@@ -14,8 +14,8 @@ from fltea.records.errors import UsageError
 
 MOST_BYTES = 4_000_000
 PATIENCE_S = 5.0
-"""Longest time to wait for a pipe [s]. A pipe that no program opens for writing would be waited for
-forever.
+"""Longest time to wait for a pipe [s]. Without a limit, the program would wait forever if no other program
+opens the pipe for writing.
 """
 
 
@@ -91,7 +91,7 @@ def open_stream(path: Path) -> BinaryIO:
         return opened.result(PATIENCE_S)
     except TimeoutError:
         opened.add_done_callback(lambda late: late.exception() or late.result().close())
-        # opens the pipe for writing, so that the thread that waits for a writer ends
+        # this opens the pipe for writing: the other thread, which waits for a writer, then ends
         with contextlib.suppress(OSError):
             os.close(os.open(path, os.O_WRONLY | os.O_NONBLOCK))
         raise UsageError(

@@ -15,7 +15,9 @@ CAUSE_WORDS = {
     "state_bound": "the state held near the sample",
     "memory_order": "an order beyond the memory's range",
 }
-"""Causes for which the guard of the filters intervenes: for each key in records, words for people."""
+"""Causes for which the guard of the filters intervenes. The keys stand in records, and the values are the
+words that people read.
+"""
 
 
 class DeviceStatus(msgspec.Struct, frozen=True):
@@ -36,7 +38,7 @@ class DeviceStatus(msgspec.Struct, frozen=True):
     cpu_share_percent: float | None = None
     """Share of the time in which the board's main loop was busy [%]."""
     longest_step_us: int | None = None
-    """Longest pass of the device's main loop since the last report [µs]."""
+    """Longest duration of one pass of the device's main loop since the device's last report [µs]."""
 
 
 class LinkStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -84,12 +86,14 @@ class SampleStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class BiasCheck(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Comparison of Bias(T) with the mean of the next T seconds, for all such periods at rest so far."""
+    """Comparison of Bias(T) with the mean of the T seconds after it, over all such periods at rest so far."""
 
     pieces: int
     """Number of periods of T seconds that were compared."""
     rms: float
-    """Root mean square of the differences, each divided by its σ; 1 if Bias(T) and its σ are right."""
+    """Root mean square of the differences, each of which is divided by its σ. It is 1 if Bias(T) and its σ
+    are right.
+    """
 
 
 # Over 12 attributes: each is one field of the published record.
@@ -111,10 +115,12 @@ class TrackerStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
     moved: int
     """Number of samples in motion, during which the tracker only predicted the bias."""
     restarts: int
-    """Number of restarts of the tracker because the offset had another value for ten seconds."""
+    """Number of restarts of the tracker. It restarts if the offset differs for ten seconds from the tracker's
+    value.
+    """
     K: Interval = Interval()
-    """Random walk of the offset, estimated from the samples in the time domain; null if the offset may be
-    constant [`unit`/s/√s].
+    """Random walk of the offset, estimated from the samples in the time domain [`unit`/s/√s]; null if the
+    offset may be constant.
     """
     heading_std: dict[int, float] = {}
     """Standard deviation of the heading, by the number of seconds since the last sample at rest: 1, 10, 60,
@@ -128,9 +134,9 @@ class TrackerStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
     moving: bool = False
     """Whether the sensor is moving at the newest sample."""
     checked: dict[int, BiasCheck] = {}
-    """Comparison of Bias(T) with the mean of the next T seconds, by T: 1, 10, 60 s."""
+    """Comparisons of Bias(T) with the mean of the T seconds that followed. The keys are T: 1, 10, 60 s."""
     bias_for_s: float = 1.0
-    """Time over which the published bias is the expected mean [s]."""
+    """The published bias is the mean that is expected over this time [s]."""
 
 
 class AxisStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -164,8 +170,9 @@ class AxisStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     (`estimator.tuning`).
     """
     describes_noise: bool | None = None
-    """False if the filters' α and f do not describe the noise: the innovations are not white (Ljung–Box p
-    below 0.001), the fit has no order, or α is outside the fit's interval. Null at first.
+    """False if the filters' α and f do not describe the noise, for one of three reasons: the innovations are
+    not white (Ljung–Box p below 0.001), the fit has no order, or α is outside the fit's interval. Null at
+    first.
     """
     tracker: TrackerStats | None = None
     """State of the tracker of the axis's bias; null if there is no tracker."""
@@ -184,7 +191,9 @@ class DeviceEstimatorStats(msgspec.Struct, frozen=True, forbid_unknown_fields=Tr
     queue: int
     """Number of samples that wait for the device's estimator."""
     skipped: int
-    """Samples since the device's boot that its estimator skipped, because it had fallen behind."""
+    """Number of samples that the device's estimator has skipped since the device's boot, because it had
+    fallen behind.
+    """
     longest_axis_us: int
     """Longest computing time of one step of one axis since the device's boot [µs]."""
     estimates: int
@@ -192,7 +201,7 @@ class DeviceEstimatorStats(msgspec.Struct, frozen=True, forbid_unknown_fields=Tr
     lost: int
     """Number of estimates that the device sent and that did not arrive."""
     unplaced: int
-    """Number of estimates that arrived but belong to no known sample: the sample was lost, precedes the
+    """Number of estimates that arrived but belong to no known sample. Such a sample was lost, precedes the
     epoch, or is more than 256 samples old.
     """
     restarts: dict[str, int]
@@ -208,7 +217,7 @@ class DeviceEstimatorStats(msgspec.Struct, frozen=True, forbid_unknown_fields=Tr
     fits_refused: int = 0
     """Number of fits with impossible numbers, or that arrived before the first sample."""
     longest_slice_us: int = 0
-    """Longest time without a pause that a fit has computed since the device's boot [µs]."""
+    """Longest time for which a fit has computed without a pause since the device's boot [µs]."""
 
 
 class OutputStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

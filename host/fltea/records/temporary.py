@@ -1,8 +1,8 @@
 """Make all temporary files of the program.
 
 Most temporary files have no name, so the system removes them when their process ends, even if it is killed.
-Files that other code must open by their names are in a work folder. The process holds a lock on its work
-folder. A work folder without a lock was left by a killed process and is removed.
+Files that other code must open by name are kept in a work folder, on which the process holds a lock. If a
+work folder has no lock, its process was killed, and the folder is removed.
 """
 
 import contextlib
@@ -23,8 +23,8 @@ from typing import Any, BinaryIO, cast
 from fltea.records.errors import FlteaError
 
 PREFIX, NEW_PREFIX = "fltea-work-", "fltea-new-"
-"""Prefixes of the names of work folders: one of locked folders, and one of new folders that are not locked
-yet.
+"""Two beginnings of the names of work folders. The first is for folders that are locked, and the second for
+new folders that are not locked yet.
 """
 
 YOUNG_S = 60.0
@@ -55,7 +55,10 @@ def _failed(folder: object, error: OSError) -> TemporaryFailed:
 
 
 class _File(io.FileIO):
-    """A temporary file that raises `TemporaryFailed` in place of OSError, which the recording raises too."""
+    """A temporary file that raises `TemporaryFailed` in place of OSError.
+
+    Reading the recording itself may raise OSError, too, and the two causes can so be told apart.
+    """
 
     def __init__(self, file: Any, mode: str, folder: object) -> None:
         super().__init__(file, mode)

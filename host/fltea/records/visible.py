@@ -8,7 +8,7 @@ The characters are made visible when the text is written to a terminal, a journa
 
 
 def visible(text: str) -> str:
-    r"""Return the text as one line, with an escape such as `\x1b` for every unprintable character."""
+    r"""Return the text as one line. Every unprintable character is replaced by an escape such as `\x1b`."""
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)

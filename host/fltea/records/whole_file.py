@@ -1,4 +1,4 @@
-"""Write files whole or not at all, in folders that other programs may write to as well."""
+"""Write each file as a whole or not at all, even in folders to which other programs may write."""
 
 import contextlib
 import io
@@ -13,8 +13,8 @@ from fltea.records.errors import FlteaError, UsageError
 from fltea.records.temporary import TemporaryFailed, nameless_file
 
 KEPT_OF_NAME = 40
-"""Number of characters of a file's name that the name of its temporary file contains. There is a limit since
-names may have 255 bytes.
+"""The name of a temporary file contains at most this number of characters of the final file's name. There is
+a limit since names may have at most 255 bytes.
 """
 
 NEW = os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_WRONLY | os.O_CLOEXEC
@@ -54,7 +54,7 @@ def _check_replaceable(out: Path) -> None:
     """Refuse to replace anything but a file: root could replace /dev/null and so break the system."""
     try:
         mode = os.lstat(out).st_mode
-    except (OSError, ValueError):  # there is no such file, or its later opening reports what is wrong
+    except (OSError, ValueError):  # there is no such file, or opening it later will report what is wrong
         return
     in_dev = out.absolute().parent == Path("/dev")
     if not (stat.S_ISREG(mode) or (stat.S_ISLNK(mode) and not in_dev)):
