@@ -37,8 +37,8 @@ if TYPE_CHECKING:
 def run(configs: Sequence[Config]) -> None:
     """Run the program until its end.
 
-    The program ends when every source has ended, a signal arrives, the program that reads the only output
-    ends, or, with `--once`, a live source fails.
+    The program ends in four cases: every source has ended, a signal arrives, the program that reads the only
+    output ends, or a live source fails and `--once` is given.
 
     Raises:
         UsageError: the configuration does not describe a source or an output, or a recording cannot be used.
@@ -50,7 +50,7 @@ def run(configs: Sequence[Config]) -> None:
             failure, done = _Run(configs, stop).run()
         except KeyboardInterrupt:  # a signal arrived while sources and outputs were being opened
             return
-    if not done:  # a normal exit would wait for a thread that hangs in an output
+    if not done:  # `os._exit` is used, since a normal exit would wait for a thread that hangs in an output
         if failure is not None:
             _last_words(f"error: {failure}")
         os._exit(failure.exit_code if failure else 0)
@@ -59,10 +59,12 @@ def run(configs: Sequence[Config]) -> None:
 
 
 LOOK_S = 1.0
-"""Time between two checks that all sources still handle events, for the service manager [s]."""
+"""Time between two checks whether the events of all sources are still handled [s]. The result is reported to
+the service manager.
+"""
 
 STUCK_S = 20.0
-"""Time without an event after which a device stream counts as hanging [s].
+"""If a device stream has handled no event for this time, it counts as hanging [s].
 
 Even a silent live source gives two events a second.
 """
@@ -88,7 +90,7 @@ class _Run:
     def run(self) -> tuple[FlteaError | None, bool]:
         """Run until the end of the program.
 
-        Return the first failure or None, and whether all threads and outputs ended in time.
+        Return two values: the first failure, or None, and whether all threads and outputs ended in time.
         """
         ending = Ending(self._is_asked, lambda: self._stop.count, _last_words)
         for config in self._configs:
@@ -132,11 +134,13 @@ class _Run:
         return self._outcome(sources, ending.lost), not ending.left
 
     def _single(self) -> list[Config]:
-        """Return the configurations of the sources that are a single device, not a broker of many devices."""
+        """Return the configurations of sources that are one device each, not a broker with many devices."""
         return [config for config in self._configs if not is_shared(config.source)]
 
     def _open(self, sources: list[Source]) -> StateFile | None:
-        """Open everything that the configurations name, and return the file of snapshots or None.
+        """Open everything that the configurations name.
+
+        Return the file of snapshots, or None if there is none.
 
         Each source is added to `sources` as soon as it is open, so that the caller can close the open sources
         if another source cannot be opened.
@@ -160,7 +164,7 @@ class _Run:
         return state
 
     def _threads(self) -> tuple[PortLoop | None, list[threading.Thread]]:
-        """Return the loop of all ports, if there are any, and the threads that handle the events."""
+        """Return the loop of all serial ports (None without ports), and the threads that handle events."""
         on_ports = [stream for stream in self._streams if has_port(stream)]
         pressure = Pressure(self._fit_worker, self._hub.report())
         port_loop = PortLoop(on_ports, self._end, self._hub, pressure) if on_ports else None
@@ -177,7 +181,8 @@ class _Run:
     def _outcome(self, sources: Sequence[Source], lost: Sequence[str]) -> FlteaError | None:
         """Return the first failure of the run.
 
-        Without a failure, return an error if some data were not written or not read, or else None.
+        If there was no failure, but some data were not written or not read, return an error that says so.
+        Otherwise return None.
         """
         if self._failure is not None:
             return self._failure
@@ -208,7 +213,7 @@ class _Run:
         self._wait(lambda: False)
 
     def _pump(self, stream: DeviceStream) -> None:
-        """Handle all events of one source; runs in a separate thread for each source."""
+        """Handle all events of one source. Each source has a separate thread, in which this method runs."""
         try:
             for event in stream.source.events():
                 stream.take(event)
@@ -229,9 +234,10 @@ class _Run:
         return Ingest(config, self._hub, receiver_of(config), self._end, self._fit_worker)
 
     def _end(self, stream: "DeviceStream | Ingest", error: Exception | None) -> None:
-        """Note that a source has ended.
+        """Note that the device stream or shared source `stream` has ended.
 
-        An error in one source ends the whole program, so that nobody believes that it still works.
+        An error in one source ends the whole program. Otherwise a user might believe that all sources still
+        work.
         """
         failure: FlteaError | None = None
         if isinstance(error, FlteaError):
@@ -257,7 +263,7 @@ class _Run:
 def _begun(close: Callable[[], object], name: str, *, kept: bool = False) -> Awaited:
     """Call `close`, which may be slow, in a new thread.
 
-    Return a task to wait for, which ends with that thread.
+    Return a task for which the program can wait. The task ends when that thread ends.
     """
     thread = threading.Thread(target=close, daemon=True)
     thread.start()
@@ -278,7 +284,7 @@ def _closing(sources: "Sequence[Source | Ingest]") -> list[Awaited]:
 
 
 def _check_filters(config: Config) -> None:
-    """Refuse settings with which no filter can start, although each setting alone is valid."""
+    """Refuse settings that are valid one by one, but with which together no filter can start."""
     for name in ("estimator", "accel"):
         try:
             LaneSettings(getattr(config, name), h=1.0, R=1.0).table(1)

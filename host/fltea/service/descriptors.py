@@ -12,21 +12,21 @@ from fltea.settings.config import Config
 from fltea.sources.serial import SerialSource
 
 RESERVE = 64
-"""Number of file descriptors that are reserved for outputs and their clients, the file of snapshots, a
-recording's next file, and serial ports that are opened again.
+"""This number of file descriptors is reserved for outputs and their clients, for the file of snapshots, for
+the next file of a recording, and for opening serial ports again.
 """
 
 OF_OTHERS = 4
-"""Largest number of file descriptors of a source that is no serial port. A serial port has one."""
+"""A source that is no serial port needs at most this number of file descriptors. A serial port needs one."""
 
 MOST = 1 << 16
-"""Largest limit of file descriptors that this program asks the system for. Some systems would allow a
+"""This program asks the system for at most this limit of file descriptors. Some systems would allow a
 thousand million.
 """
 
 
 def check_descriptors(sources: Sequence[Source], configs: Sequence[Config]) -> None:
-    """Raise this process's limit of file descriptors, and check that the limit is enough for all devices.
+    """Raise the limit on this process's file descriptors, and check that the limit is enough for all devices.
 
     Raises:
         UsageError: the limit is too low.

@@ -24,13 +24,13 @@ from fltea.stream.pipeline import Pipeline
 from fltea.stream.snapshot import DeviceState
 
 CHANGES_TEXT = {Stop.EPOCH, Stop.FIT_COUNTS}
-"""The native device (C++) processes samples until something else has to be handled. These reasons for its
-stops may change fields that are equal in all records of samples.
+"""The native device (C++) processes samples, and stops when something else has to be handled. Some fields are
+equal in all records of samples. If the native device stops for one of these reasons, such fields may change.
 """
 
 
 class DeviceStream:
-    """Moves everything from a source through its pipeline to the outputs, in the thread of the caller.
+    """Passes everything from a source through the source's pipeline to the outputs, in the caller's thread.
 
     `failure`: error that ends the stream, set only with `--once`. `moved_s`: monotonic time at which the last
     event was handled [s]; infinity once the stream has ended.
@@ -90,7 +90,7 @@ class DeviceStream:
     def took(self, arrived_ns: Ints, rows: Rows, *, unprinted: bool) -> None:
         """Publish samples that the native device (C++) has processed.
 
-        `unprinted`: whether native code has not converted these samples to text.
+        `unprinted`: True if native code has not converted these samples to text.
         """
         found = list(self._pipeline.took(rows, arrived_ns))
         is_printed = not (unprinted or self._pipeline.has_board)
@@ -100,9 +100,9 @@ class DeviceStream:
             self._print_as(next(one for one in found if isinstance(one, Block)))
 
     def stopped(self, stop: Stop, now_ns: int, details: Any) -> None:
-        """Handle a stop of the native device (C++).
+        """Handle what has stopped the native device (C++).
 
-        It processes samples until something else has to be handled.
+        The native device processes samples, and stops when something else has to be handled.
 
         `now_ns`: arrival time of the sample at which the native device stopped [ns].
         """
@@ -111,15 +111,15 @@ class DeviceStream:
             self._check_words()
 
     def check(self) -> None:
-        """Save a snapshot if one is due."""
+        """Save a snapshot of the device's estimators if one is due."""
         if self._state is not None and clock.host_ns() >= self._save_ns:
             self._save_ns = clock.host_ns() + self._save_period_ns
             self._deposit(self._state)
 
     def wants(self) -> tuple[bool, bool, bool]:
-        """Return for three forms of the samples whether any output takes them.
+        """Return three flags: whether any output takes samples as blocks, as printed text, as bytes.
 
-        The forms are blocks, printed text, and bytes.
+        Printed text means records as lines of text.
         """
         has_board, texts = self._pipeline.has_board, self._hub.printing(self.name)
         takes_blocks = has_board or self._hub.takes_blocks(self.name)
@@ -127,13 +127,13 @@ class DeviceStream:
 
     @property
     def device(self) -> Device:
-        """The native device (C++) that processes the samples, for native code that feeds it directly."""
+        """The native device (C++) that processes the samples. Native code that reads ports feeds it."""
         return self._pipeline.device
 
     def _printed(self, items: Iterable[AnyRecord | Block]) -> tuple[list[AnyRecord | Block], ByText]:
-        """Return the records and blocks as they are, and once more with blocks as text.
+        """Return the records and blocks unchanged, and in addition with their blocks converted to text.
 
-        There is one text version for each kind of printed text that an output takes.
+        For each kind of printed text that an output takes, there is one version with text.
         """
         texts = () if self._pipeline.has_board else self._hub.printing(self.name)
         found: list[AnyRecord | Block] = []
@@ -157,9 +157,9 @@ class DeviceStream:
         return found, printed
 
     def _lines_of(self, block: Block, text: Wanted | None) -> tuple[list[Block | Printed], int]:
-        """Return a block's rows as text that native code has printed, and the number of rows without text.
+        """Return a block's rows as text that native code has made, and the number of rows without text.
 
-        The rows without text are returned as a block after the text.
+        The rows for which there is no text stand after the text, as a block.
         """
         printer = self._printers.get(text)
         if printer is None:
@@ -171,13 +171,14 @@ class DeviceStream:
     def _print_as(self, block: Block) -> None:
         """Let the native device (C++) convert later samples to text.
 
-        The text of later samples contains those values of fields that are equal in all rows of this block.
+        Some fields are equal in all rows of `block`. The text of later samples contains the values of these
+        fields.
         """
         self._printers = {text: run_printer(block, text) for text in self._hub.printing(self.name)}
         self.device.set_printers(list(self._printers.values()))
 
     def _check_words(self) -> None:
-        """Stop the printing of samples by native code if a field that all samples share has a new value."""
+        """Stop native code from converting samples to text if a field that all samples share has changed."""
         if (words := self._pipeline.words) != self._words:
             self._words = words
             self._printers = {}
@@ -198,7 +199,7 @@ class DeviceStream:
         return self._pipeline.hello
 
     def save(self) -> DeviceState | None:
-        """Return a snapshot of the device's estimators; None while there is nothing to keep."""
+        """Return a snapshot of the device's estimators; None as long as there is nothing to save."""
         return self._pipeline.save()
 
     def finish(self, *, whole: bool = False, now_ns: int = 0) -> None:
@@ -208,7 +209,8 @@ class DeviceStream:
         """
         self.moved_s = math.inf
         self._pipeline.came_to(now_ns)
-        # if a user ends a live source, no last fit of all samples is made, since the user waits for the end
+        # if a user ends a live source, the last fit of all samples is not made, since the user would have to
+        # wait for it
         ended = self._once or not self.source.live
         last = list(self._pipeline.finish(last_fit=ended, whole=whole))
         self._hub.publish(self.name, last, wait=not self.source.prompt)
@@ -218,7 +220,7 @@ class DeviceStream:
     def _make_wire(self, event: Event) -> None:
         """Encode an event in the wire protocol, and pass the bytes to outputs that record bytes.
 
-        This is for sources that do not use the wire protocol themselves.
+        This is done for sources that do not themselves use the wire protocol.
         """
         if not self._tap.wanted:
             self._as_wire = None
@@ -235,5 +237,5 @@ class DeviceStream:
 
 
 def _is_vain(record: AnyRecord | Block) -> TypeGuard[Error]:
-    """Return whether a record reports that this device cannot give the estimates that the user wants."""
+    """Return whether a record says that this device cannot deliver the estimates that the user wants."""
     return isinstance(record, Error) and record.kind == "no_device_estimates"

@@ -5,11 +5,13 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 KEEP_S = 40.0
-"""Time limit, after a signal to end, for writing snapshots and recordings. Their data exist nowhere else [s].
+"""After a signal to end, writing snapshots and recordings may take this long [s]. The limit is long, since
+their data exist nowhere else.
 """
 
 OTHER_S = 10.0
-"""Time limit, after a signal to end, for sources, device streams and other outputs, which may hang [s].
+"""After a signal to end, the program waits this long for sources, device streams and other outputs to end,
+since they may hang [s].
 
 `KEEP_S` and `OTHER_S` together are less than the 90 s after which a service manager kills the program.
 """
@@ -32,7 +34,9 @@ class Awaited(NamedTuple):
 
 
 class Ending:
-    """Waits for tasks to end, with a time limit as soon as a signal or a failure asks for the end.
+    """Waits for tasks to end.
+
+    As soon as a signal or a failure asks for the end, the waiting has a time limit.
 
     `asked`: function that returns whether a signal or a failure has asked for the end. `signals`: function
     that returns the number of signals received. Once a message says that the program waits, one more signal

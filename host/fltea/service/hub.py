@@ -13,10 +13,11 @@ from fltea.service.ending import Awaited
 from fltea.service.sink_queue import SinkQueue, SinkThread
 
 ESSENTIAL = "stdout"
-"""Name of the output whose failure or end ends the program, if no other output is left."""
+"""Name of an output. If this output fails or ends, and no other output is left, the program ends."""
 
 ByText = Mapping[Wanted | None, Sequence[AnyRecord | Block | Printed]]
-"""Records of a device for each kind of printed text. Samples that were converted to text stand as this text.
+"""The records of a device, once for each kind of printed text. Samples that were converted to text appear as
+this text.
 """
 
 NOTHING_PRINTED: ByText = MappingProxyType({})
@@ -43,7 +44,7 @@ class Hub:
     def add(self, sink: Sink, device: str | None = None) -> SinkQueue:
         """Add an output for one device, or for all devices if `device` is None.
 
-        The program may be running already.
+        This may be called while the program is running.
         """
         thread = None
         if sink.together:
@@ -58,13 +59,13 @@ class Hub:
         return sink_queue
 
     def remove(self, sink_queue: SinkQueue, device: str) -> None:
-        """Remove a device's output. The output still writes its queued records, and is then closed."""
+        """Remove an output of a device. The output first writes its queued records, and is then closed."""
         self._of = self._of | {device: [one for one in self._of.get(device, []) if one is not sink_queue]}
         self.changes += 1
         sink_queue.close()
 
     def add_log(self, sink: Sink) -> None:
-        """Add the log. It does not count as an output, and the records written to it are not counted."""
+        """Add the log. It does not count as an output, and the records that it writes are not counted."""
         self._log = SinkQueue(sink, lambda sink_queue, error: None)
         self._log.start()
 
@@ -81,7 +82,8 @@ class Hub:
         """Queue a device's records.
 
         `printed`: the same records, with samples as text, for outputs that take printed text (see
-        `printing`). `wait`: whether to wait while the queue of an output that must not lose records is full.
+        `printing`). `wait`: if an output must not lose records and its queue is full, whether to wait until
+        there is room.
         """
         for sink_queue in (*self._shared, *self._of.get(device, ())):
             own = printed.get(sink_queue.sink.prints, records)
@@ -92,7 +94,7 @@ class Hub:
                 self._log.put(errors)
 
     def printing(self, device: str) -> dict[Wanted, list[SinkQueue]]:
-        """Return, for each kind of printed text, the outputs that take the device's samples as such text."""
+        """For each kind of printed text, return the outputs that take the device's samples in this form."""
         found: dict[Wanted, list[SinkQueue]] = {}
         for sink_queue in (*self._shared, *self._of.get(device, ())):
             if sink_queue.sink.prints is not None:
@@ -100,41 +102,43 @@ class Hub:
         return found
 
     def print(self, text: Wanted, printed: Printed) -> None:
-        """Queue text with records of many devices for the shared outputs that take this kind of text."""
+        """Queue a text with records of many devices for the shared outputs that take this kind of text."""
         for sink_queue in self._shared:
             if sink_queue.sink.prints == text:
                 sink_queue.put((printed,))
 
     def takes_blocks(self, device: str) -> bool:
-        """Return whether any output of a device takes the samples in another form than printed text."""
+        """Return whether any output of a device takes the samples in a form other than printed text."""
         return any(
             sink_queue.sink.prints is None for sink_queue in (*self._shared, *self._of.get(device, ()))
         )
 
     def wait_for_room(self, timeout_s: float) -> bool:
-        """Wait until the queues of all shared outputs have room; return False if the time runs out."""
+        """Wait until the queues of all shared outputs have room. Return False if they have none in time."""
         return all(sink_queue.wait_for_room(timeout_s) for sink_queue in self._shared)
 
     def written(self) -> Callable[[], bool]:
-        """Return a function that returns whether the shared outputs have written all that is queued now."""
+        """Return a function that tells whether the shared outputs have written all that is queued now."""
         queued = [(sink_queue, sink_queue.progress()[0]) for sink_queue in self._shared]
         return lambda: all(sink_queue.progress()[1] >= count for sink_queue, count in queued)
 
     def full(self) -> list[str]:
-        """Return the names of the shared outputs whose queues have no room."""
+        """Return the names of those shared outputs whose queues have no room."""
         return [sink_queue.name for sink_queue in self._shared if not sink_queue.wait_for_room(0)]
 
     def depart(self, device: str, *, moved: bool) -> None:
-        """Notify the shared outputs that a device is gone. `moved`: another program now serves the device."""
+        """Tell the shared outputs that a device is gone. `moved`: whether another program serves it now."""
         for sink_queue in self._shared:
             sink_queue.put((Departed(device, moved),))
 
     def tap(self, device: str, *, wait: bool) -> "Tap":
-        """Return the function to which all bytes and events from a device's wire have to be passed."""
+        """Return the `Tap` to which all bytes and events from a device's wire have to be passed."""
         return Tap(lambda: self._of.get(device, []), wait)
 
     def report(self, device: str | None = None) -> Callable[[str, str], None]:
-        """Return a function that sends a record `error`, by kind and text, to outputs and to the log.
+        """Return a function that sends a record `error` to outputs and to the log.
+
+        Its arguments are the kind and the text of the error.
 
         `device`: name of the device whose outputs get the record; None: all outputs get it.
         """
@@ -170,12 +174,15 @@ class Hub:
         }
 
     def release(self) -> None:
-        """End all waiting for room in queues. From now on, an output whose queue is full drops records."""
+        """End all waiting for room in queues.
+
+        From now on, records for an output whose queue is full are dropped.
+        """
         for _, sink_queue in self.sink_queues():
             sink_queue.release()
 
     def close(self) -> list[Awaited]:
-        """Let every output write its queued records and then close; return the tasks to wait for."""
+        """Let every output write its queued records and then close. Return the tasks for which to wait."""
         sink_queues = self.sink_queues()
         for _, sink_queue in sink_queues:
             sink_queue.close()

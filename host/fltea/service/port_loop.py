@@ -21,17 +21,17 @@ from fltea.wire.transport import QUEUE_BYTES
 
 WAIT_S = 0.5
 PATIENCE_NS = 1_000_000
-"""If there are many devices, blocks of samples, or bytes, wait for this time, multiplied by the number of
-devices, until more of the same device arrive [ns]. An output that takes blocks or bytes then gets at most a
-thousand of them a second.
+"""If there are many devices, a device's blocks of samples, and its bytes, wait for more from the same device.
+They wait this long, multiplied by the number of devices [ns]. So an output that takes blocks or bytes gets at
+most a thousand of them a second.
 """
 
 
 class PortStop(IntEnum):
-    """Events of a port that Python handles, with the numbers that host/native/port_stream.hpp gives them."""
+    """Events of a port that Python handles. Their numbers are those in host/native/port_stream.hpp."""
 
     ITEM = 1
-    """An item of the wire protocol has arrived that native code does not handle."""
+    """A message of the wire protocol has arrived that native code does not handle."""
     STOP = 2
     """The native device (C++) has stopped, for one of the reasons in `Stop`."""
     ROWS = 3
@@ -45,7 +45,7 @@ class PortStop(IntEnum):
 
 
 def has_port(stream: DeviceStream) -> bool:
-    """Return whether the operating system can report that this stream's source has something to read."""
+    """Return whether this stream's source has a port on which the operating system can wait for data."""
     return isinstance(stream.source, SerialSource) and stream.source.port.has_descriptor
 
 
@@ -125,7 +125,7 @@ class PortLoop:
             self._happened(index, HANDLERS[kind], details)
 
     def _hand_on(self, indices: Iterable[int]) -> None:
-        """Process all data that were already received from some ports, whose device streams then end."""
+        """Process all data that some ports have received. The device streams of these ports then end."""
         waiting = set(indices)
         for index in waiting:
             self._round.wants(index, *self.streams[index].wants(), 0)
@@ -135,8 +135,8 @@ class PortLoop:
     def _check(self, now_ns: int) -> None:
         """Do the regular work of the loop.
 
-        The regular work is to ask which forms of samples the outputs take, to save snapshots that are due,
-        and to check whether this machine is fast enough.
+        This work is to find out in which forms the outputs take samples, to save snapshots that are due, and
+        to check whether this machine is fast enough.
         """
         self._changes = self._hub.changes
         many = len(self.streams) if len(self.streams) > DEVICES_A_SECOND else 0

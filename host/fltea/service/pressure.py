@@ -4,15 +4,14 @@ from fltea.records.ports import Report
 from fltea.stream.fit_worker import FitWorker
 
 CHECK_NS = 10**9
-"""Time between two checks of all devices. A check looks, among other things, at how long samples wait [ns].
-"""
+"""Time between two checks of all devices [ns]. Among other things, it is checked how long samples wait."""
 
 LATE_NS = 10**9
-"""If samples wait longer than this, refits take too much of the processor's time [ns]."""
+"""If samples wait longer than this, refits are assumed to take too much of the processor's time [ns]."""
 
 LOOKS = 3
-"""Number of successive checks that must find late samples before refits become less frequent. Late samples in
-a single check are normal when many devices begin together.
+"""Refits become less frequent if this number of successive checks have found late samples. Late samples in a
+single check are normal when many devices begin at the same time.
 """
 
 CALM_NS = LATE_NS // 4

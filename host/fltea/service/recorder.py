@@ -26,7 +26,7 @@ FAULT = "The recording stopped because of a fault: see the list of events."
 
 
 class RecorderOfHub:
-    """Adds recordings, which are outputs of one device, to the hub, and removes them again.
+    """Adds recordings to the hub, and removes them again. A recording is an output of one device.
 
     `settings`: settings of `--record`. `folder`: folder for recordings if these settings name none.
     `replays`: names of the devices whose source is itself a recording.
@@ -44,7 +44,7 @@ class RecorderOfHub:
         self._free: tuple[float, int | None] = (-FREE_EVERY_S, None)
 
     def adopt(self, device: str, sink_queue: SinkQueue) -> None:
-        """Note a recording that runs as long as the program, and so cannot be stopped."""
+        """Note that a device has a recording that runs as long as the program, and so cannot be stopped."""
         self._fixed[device] = sink_queue
         self._began_s[device] = time.monotonic()
 

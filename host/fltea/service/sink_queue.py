@@ -1,6 +1,6 @@
 """Put a bounded queue and a thread before an output (sink).
 
-Thus a slow or broken output loses only its own records.
+Therefore a slow or broken output loses only its own records, and does not disturb the others.
 """
 
 import threading
@@ -18,7 +18,7 @@ from fltea.records.stats import OutputStats
 IDLE_S = 0.5
 
 MOST_WAITING = 1_000_000
-"""Largest number of records that may wait in all queues of one thread together. The more devices there are,
+"""At most this number of records may wait in all queues of one thread together. The more devices there are,
 the more queues share this number, and the fewer records fit into each queue.
 """
 
@@ -37,8 +37,8 @@ def weight(item: Item | Departed) -> int:
 class SinkThread:
     """Writes the items of several queues to their outputs, one queue after the other, until all are closed.
 
-    `wake_up`: rung when a queue receives an item. `hurry`: set when a queue closes, so that the thread does
-    not pause.
+    `wake_up`: is rung when a queue receives an item. `hurry`: is set when a queue closes, so that the thread
+    makes no more pauses.
     """
 
     def __init__(self, name: str) -> None:
@@ -51,7 +51,7 @@ class SinkThread:
     def room(self, capacity: int) -> int:
         """Return the largest number of records that may wait in a queue.
 
-        `capacity`: the number that may wait if the thread serves no other queue.
+        `capacity`: number of records that may wait if the thread serves no other queue.
         """
         return min(capacity, MOST_WAITING // max(1, len(self._sink_queues)))
 
@@ -104,7 +104,7 @@ class SinkQueue:
         self.done = threading.Event()
         self._on_end = on_end
         self._queue: deque[tuple[Item | Departed, int | None]] = deque()
-        # number of all records that were queued so far, and number of records that still wait
+        # `_queued`: number of all records that were ever queued. `_waiting`: number of those that still wait.
         self._queued = self._waiting = 0
         self.thread = thread or SinkThread(f"sink {sink.name}")
         self._changed = self.thread.changed
@@ -112,8 +112,8 @@ class SinkQueue:
         self._written = self._dropped = self._overflow = 0
         self._in_hand = 0
         self._idle_s = 0.0
-        # number of records that the output had lost before the batch that is now written; None between two
-        # batches
+        # number of records that the output had already lost when it began to write the present batch; None
+        # between two batches
         self._lost_before: int | None = None
 
     @property
@@ -155,14 +155,14 @@ class SinkQueue:
         self.thread.wake_up.ring()
 
     def wait_for_room(self, timeout_s: float) -> bool:
-        """Wait until the queue is less than half full, or has ended; return False if the time runs out."""
+        """Wait until the queue is less than half full, or has ended. Return False if this takes too long."""
         with self._changed:
             return self._changed.wait_for(
                 lambda: self._waiting < self.sink.capacity // 2 or self._ended or self.closing, timeout_s
             )
 
     def progress(self) -> tuple[int, int]:
-        """Return how many records were queued so far, and how many of these are written or dropped."""
+        """Return how many records were ever queued, and how many of them were written or dropped."""
         with self._changed:
             return self._queued, self._queued - self._waiting - self._in_hand
 
@@ -224,7 +224,9 @@ class SinkQueue:
                 self.sink.depart(item)
             else:
                 self.sink.write(item)
-        if overflow:  # items are dropped only while the queue is full, so they came after all queued items
+        # items are dropped only while the queue is full, so the dropped items came after all items that are
+        # queued
+        if overflow:
             self.sink.on_overflow(overflow)
         self.sink.flush()
         with self._changed:

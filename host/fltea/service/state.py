@@ -19,7 +19,9 @@ from fltea.settings.outputs import StateConfig
 from fltea.stream.snapshot import DeviceState
 
 MOST_BYTES = 1 << 30
-"""Largest size of the file of snapshots [bytes]: enough for many devices whose filters keep every sample."""
+"""Largest size of the file of snapshots [bytes]. It is enough for many devices, even if their filters keep
+every sample.
+"""
 
 VERSION = 5
 """Version of the file's format, and of the states of native estimators in the file.
@@ -28,8 +30,8 @@ Up to version 4, the state of each native estimator had a header.
 """
 
 LOOK_S = 1.0
-"""Longest time from a new snapshot until it is in the file [s]. The setting `period_s` says how often a
-snapshot is made.
+"""A new snapshot is in the file after at most this time [s]. The setting `period_s` says how often a snapshot
+is made.
 """
 
 
@@ -96,7 +98,7 @@ class StateFile:
             return {}
 
     def refuse(self, name: str) -> None:
-        """Set the file aside for inspection, since an estimator has refused a device's snapshot.
+        """Rename the file and keep it for inspection, since an estimator has refused a device's snapshot.
 
         The snapshots of the other devices are written to a new file.
         """
@@ -109,7 +111,7 @@ class StateFile:
         refused = self._path.with_name(self._path.name + ".refused")
         try:
             self._path.replace(refused)
-        except FileNotFoundError:  # the file was already set aside because of another device
+        except FileNotFoundError:  # the file was already renamed because of another device
             return
         except OSError as error:
             self._report("state_failed", f"{why}; the file cannot be kept as {refused} ({error}).")

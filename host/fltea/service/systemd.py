@@ -9,7 +9,7 @@ PERIOD_S = 5.0
 
 
 class ServiceManager:
-    """Reports to systemd that the program is ready, that it works, and that it ends, if systemd runs it."""
+    """If systemd runs the program, reports to systemd that the program is ready, works, and ends."""
 
     def __init__(self) -> None:
         name = os.environ.get("NOTIFY_SOCKET", "")
@@ -21,7 +21,10 @@ class ServiceManager:
         self._say("READY=1")
 
     def alive(self) -> None:
-        """Report that every device stream works. If this report stays away, systemd restarts the service."""
+        """Report that every device stream works.
+
+        If this report does not come in time, systemd restarts the service.
+        """
         if time.monotonic() - self._said_s >= PERIOD_S:
             self._said_s = time.monotonic()
             self._say("WATCHDOG=1")

@@ -9,14 +9,14 @@ from typing import Generic, Literal, NamedTuple, TypeVar
 from fltea.settings.device_name import NAME
 
 CANDIDATES = 50_000
-"""Largest number of names from which one message has come, and which wait for a second message. They take
-about 10 MB.
-"""
+"""At most this number of names wait for a second message after their first one. They take about 10 MB."""
 
 CANDIDATE_NS = 60 * 10**9
 
 FIRST_BYTES = 8_000_000
-"""Largest size of all first messages [bytes] that are kept until their devices send a second one."""
+"""A first message is kept until its device sends a second one. All first messages that are kept together have
+at most this size [bytes].
+"""
 
 M = TypeVar("M")
 
@@ -36,18 +36,20 @@ class _Candidate(NamedTuple, Generic[M]):
 Verdict = Literal["in", "new", "candidate", "once", "full", "bad_name"]
 """Verdict on a message of a device: what is done with the message.
 
-"in": the device is known, and the message is accepted. "new": the device is admitted now. "candidate": the
-message is the first one under its name, and waits for a second one. "once": no second message of its name
-came in time. "full": there are too many devices. "bad_name": no device may have the name.
+"in": the device is known, and the message is accepted. "new": the device is admitted with this message.
+"candidate": the message is the first one under its name, and is kept until a second one comes. "once": no
+second message came under this name in time. "full": there are too many devices. "bad_name": no device may
+have this name.
 """
 
 
 class Admission(Generic[M]):
     """Admits each device with its second message, and at most `limit` devices at a time.
 
-    So a name that is made up for one message costs only an entry in a bounded list, and keeps no device out.
-    `reserved`: a name that no device may have. `turned_away`: for each reason, the number of messages that
-    were not accepted, or not yet.
+    A name that somebody makes up for a single message thus takes only an entry in a list of limited length.
+    It keeps no device out.
+    `reserved`: a name that no device may have. `turned_away`: for each verdict other than "in" and "new", the
+    number of messages that were refused or still wait.
     """
 
     def __init__(self, limit: int, reserved: str = "") -> None:
@@ -64,8 +66,9 @@ class Admission(Generic[M]):
     def judge(self, name: str, now_ns: int, message: M, size: int) -> tuple[Verdict, M | None, int]:
         """Judge a message of `size` bytes, and count it if it is not accepted.
 
-        Return the verdict, and for a new device also its first message, or the size of the first message if
-        that message was not kept.
+        Return the verdict, a message and a size. For a new device, the message is its first one. If its first
+        message was not kept, the message is None, and the size is that of the first message. In all other
+        cases the values are None and 0.
         """
         if name in self._admitted:
             return "in", None, 0

@@ -1,7 +1,7 @@
-"""Follow how late a worker reads its partitions, and which messages it processes twice.
+"""Follow how late a worker reads the messages of its partitions, and which messages it processes twice.
 
 A partition is the messages of a fixed part of the devices. When a worker takes a partition over, it begins
-some messages before the end of what the worker before it has processed.
+some messages earlier than the previous worker has stopped, so it processes these messages a second time.
 """
 
 from dataclasses import dataclass
@@ -43,15 +43,16 @@ class CatchingUp:
         self._again[partition] = _Again(done)
 
     def forget(self, partition: int) -> None:
-        """Forget a partition, since this worker serves it no more, or begins with it again."""
+        """Forget a partition, since this worker no longer serves it, or begins with it anew."""
         self._caught_up.discard(partition)
         self._again.pop(partition, None)
 
     def shows_pressure(self, partition: int, waited_ns: int, now_ns: int) -> bool:
-        """Note how long a message waited; return whether this time tells if this machine is too slow.
+        """Note how long a message waited. Return whether this time shows how fast this machine is.
 
-        The waiting time tells nothing until the worker has caught up with messages that waited for other
-        reasons, for example because no worker served the partition.
+        At first, messages may have waited for another reason, for example because no worker served the
+        partition. Until the worker has caught up with these messages, the time does not show how fast the
+        machine is.
         """
         if waited_ns >= WAITED_NS:
             self._behind_ns[partition] = now_ns
@@ -62,7 +63,7 @@ class CatchingUp:
         return False
 
     def is_behind(self, partition: int, now_ns: int) -> bool:
-        """Return whether more messages of the partition may still wait to be read."""
+        """Return whether further messages of the partition may still wait to be read."""
         return now_ns - self._behind_ns.get(partition, 0) < BEHIND_NS
 
     def walked_again(self, partition: int, mark: int) -> int:

@@ -1,6 +1,6 @@
 """Keep a device stream for each device that publishes to a broker.
 
-A device that is silent for too long is given up.
+If a device is silent for too long, its device stream is ended.
 """
 
 from collections.abc import Callable
@@ -22,20 +22,24 @@ from fltea.stream.fit_worker import FitWorker
 from fltea.stream.snapshot import DeviceState
 
 TICK_NS = 2 * 10**9
-"""Time without a message after which a device is checked for silence; also the time between checks [ns]."""
+"""If no message of a device comes for this time, it is checked whether the device is silent. This is also the
+time between two such checks [ns].
+"""
 
 STATS_S = 10
-"""Time between two records `stats` of a device [s]. Each second, a tenth of the devices publishes such a
-record.
+"""Time between two records `stats` of a device [s]. The devices take turns: each second, records of a tenth
+of the devices are published.
 """
 
 FAULT_NS = 60 * 10**9
-"""Time after which a device whose stream failed, by a fault or unsuitable settings, is tried again [ns]."""
+"""If the stream of a device failed, because of a fault or unsuitable settings, a new stream is tried after
+this time [ns].
+"""
 
 
 @dataclass
 class OpenDevice:
-    """An open device with its device stream.
+    """A device whose device stream is open.
 
     `partition`: number of the device's partition, if the broker has partitions. `mark`: number of the
     device's last processed message. `kept_ns`: time of the device's last snapshot. `is_whole`: whether that
@@ -109,7 +113,7 @@ class Devices:
     def feed(self, name: str, item: Chunk | Reads | None) -> None:
         """Process what came from a device. Give the device up if an error occurs.
 
-        `item`: None if nothing came and only time has passed.
+        `item`: None if nothing came and the stream is only told the time.
         """
         device = self.opened[name]
         try:
@@ -126,16 +130,18 @@ class Devices:
     def finish(self, name: str, *, moved: bool) -> None:
         """End a device stream with its last `stats` record.
 
-        `moved`: another worker continues with the device.
+        `moved`: whether another worker continues with the device.
         """
         self.opened[name].stream.finish()
         self._give_up(name, moved=moved)
 
     def check(self, now_ns: int, is_silent: Callable[[OpenDevice], bool]) -> None:
-        """Tell the streams of silent devices the time, and give up devices that are silent for too long.
+        """Tell the streams of silent devices the time.
 
-        `is_silent`: function that returns whether a device without new messages is truly silent, since none
-        of its messages can still wait in the broker.
+        End the streams of devices that are silent for too long.
+
+        `is_silent`: function that returns whether a device without new messages is truly silent. It is not if
+        messages of it may still wait in the broker.
         """
         forget_ns = int(self._config.ingest.forget_s * 1e9)
         for name, device in list(self.opened.items()):
@@ -151,7 +157,7 @@ class Devices:
     def _give_up(self, name: str, *, moved: bool) -> None:
         device = self.opened.pop(name)
         if not moved and device.partition is not None and self._shared is not None:
-            # if the device's snapshot were kept, another worker would continue from it
+            # the device's snapshot is deleted, since another worker would otherwise continue from it
             self._shared.drop(device.partition, name)
         self._hub.depart(name, moved=moved)
         self._fit_worker.devices -= 1

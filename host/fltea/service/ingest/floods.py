@@ -1,26 +1,30 @@
 """Limit how many bytes one device may publish per second.
 
-The time of a message is when the broker's stream received it, not when it is read. Otherwise a worker that
-reads late, after an outage or in place of another worker, would find that hours of messages came at once.
+The time of a message is the time at which the broker's stream received it, not the time at which it is read.
+After an outage, or in place of another worker, a worker reads the messages of hours at once. By the time of
+reading, these messages would exceed the limit.
 """
 
 MESSAGE_BYTES = 200
-"""Bytes counted for each message in addition to its frames, since a message itself takes memory and time."""
+"""Each message counts as this number of bytes more than its frames have, since the message itself takes
+memory and time.
+"""
 
 SECOND_BYTES = 1 << 18
-"""Largest lasting rate of one device [bytes/s]. An MPU-9250 gives at most 8,000 filtered samples a second of
-28 bytes each, which is 224,000 bytes/s. A serial port of the wire protocol carries 25,000 bytes/s.
+"""One device may publish at most this number of bytes a second for a long time. An MPU-9250 gives at most
+8,000 filtered samples a second of 28 bytes each, which is 224,000 bytes/s. A serial port of the wire protocol
+carries 25,000 bytes/s.
 """
 
 BURST_BYTES = 64 * SECOND_BYTES
-"""Number of bytes of one device that may come at once, for example after a board or bridge has kept them
-during an outage. The number is enough for 1.5 hours of 100 samples a second, or five minutes of 2,000 samples
-a second.
+"""One device may publish at most this number of bytes at once, for example after a board or bridge has kept
+them during an outage. The number is enough for 1.5 hours of 100 samples a second, or five minutes of 2,000
+samples a second.
 """
 
 
 class Allowance:
-    """Number of bytes that each device may still publish.
+    """Keeps account of the number of bytes that each device may still publish.
 
     The number begins with `BURST_BYTES`, which is also its maximum, and grows by `SECOND_BYTES` every second.
     """

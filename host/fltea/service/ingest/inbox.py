@@ -12,17 +12,16 @@ from fltea.service.ingest.floods import MESSAGE_BYTES, Allowance
 from fltea.service.ingest.kept import Kept
 
 BATCH_BYTES = 8_000_000
-"""Largest size of the messages that `Inbox.take` returns at once [bytes].
+"""One call of `Inbox.take` stops taking messages as soon as they have this size in all [bytes].
 
-`Inbox.take` returns as many waiting messages as fit, so that the messages of each device are processed
-together.
+It takes many waiting messages at once, so that all messages of one device can be processed together.
 """
 
 LONGEST_SHOWN = 64
 
 
 class Message(NamedTuple):
-    """A message with frames of the wire protocol that a device has published together.
+    """A message from a device: one or more frames of the wire protocol that were published together.
 
     `arrived_ns`: monotonic time at which the broker received the message. If the broker keeps messages in a
     stream, `mark` is the number of the message in this stream, and `partition` is the number of the device's
@@ -39,7 +38,7 @@ class Message(NamedTuple):
 class Served(NamedTuple):
     """Item of the queue that says that this worker serves a partition from now on.
 
-    The partition's messages follow.
+    The messages of the partition follow after this item.
 
     `kept`: snapshots of the partition's devices. `done`: number of the last message that the previous worker
     has processed. `start`: number of the message before the first message of the partition that follows.
@@ -54,14 +53,14 @@ class Served(NamedTuple):
 class Resumed(NamedTuple):
     """Item of the queue that says that messages of a partition come again.
 
-    They were left out because the partition's lease had lapsed.
+    The partition's lease had lapsed, so these messages were left out when they came for the first time.
     """
 
     partition: int
 
 
 class Left(NamedTuple):
-    """Item of the queue that says that this worker serves a partition no more. Another may serve it."""
+    """Item of the queue that says that this worker no longer serves a partition. Another one may serve it."""
 
     partition: int
 
@@ -120,7 +119,7 @@ class Inbox:
             self._changed.notify_all()
 
     def post(self, item: Served | Resumed | Left) -> None:
-        """Queue an item that is no message behind all messages that wait."""
+        """Queue an item that is no message. It stands behind all messages that wait."""
         with self._changed:
             self._queue.append(item)
             self._changed.notify_all()
@@ -146,10 +145,12 @@ class Inbox:
         return bool(self._queue)
 
     def take(self, timeout_s: float) -> tuple[list[Message], Served | Resumed | Left | None]:
-        """Return the waiting messages in order, and the item after them that is no message, or None.
+        """Return the waiting messages in order.
 
-        If nothing waits, wait for an item at most `timeout_s`, or until `wake` is called. Between two calls
-        of `take` the reader may admit or forget devices.
+        Also return the first item after them that is no message, or None.
+
+        If nothing waits, wait until an item comes, `wake` is called, or `timeout_s` has passed. Between two
+        calls of `take`, the reader may admit or forget devices.
         """
         messages, size = list[Message](), 0
         behind: Served | Resumed | Left | None = None
@@ -187,13 +188,13 @@ class Inbox:
                 self.overflow_bytes[device] += len(each.data)
 
     def put_back(self, messages: Sequence[Message]) -> None:
-        """Put messages that were not processed back into the queue, in front of all others."""
+        """Put messages that were not processed back into the queue, in front of all waiting messages."""
         with self._changed:
             self._queue.extendleft(reversed(messages))
             self._bytes += sum(len(message.data) + MESSAGE_BYTES for message in messages)
 
     def end(self) -> int:
-        """Count all waiting and all later messages as lost; return how many bytes waited."""
+        """Count all waiting messages, and all later ones, as lost. Return how many bytes waited."""
         with self._changed:
             self._ended = True
             left = Counter[str]()

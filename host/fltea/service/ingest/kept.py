@@ -1,6 +1,6 @@
-"""Define what another worker needs to continue with a device.
+"""Define what a worker needs to continue with a device in place of another worker.
 
-Another worker needs the device's estimators, and the number of the device's last processed message.
+It needs the states of the device's estimators, and the number of the device's last processed message.
 """
 
 import zlib
@@ -12,7 +12,7 @@ from fltea.records.records import Hello
 from fltea.stream.snapshot import DeviceState
 
 LARGEST = 1_000_000
-"""Largest size of a snapshot [bytes], since a NATS server accepts messages of up to 1 MiB by default."""
+"""Largest size of a snapshot [bytes]. By default, a NATS server accepts messages of up to 1 MiB."""
 
 
 class Kept(msgspec.Struct, frozen=True):
@@ -35,9 +35,9 @@ def pack(kept: Kept) -> bytes | None:
 
 
 def unpack(data: bytes) -> Kept | None:
-    """Return the snapshot from bytes that `pack` has made.
+    """Return the snapshot that `pack` has converted to these bytes.
 
-    Return None for other bytes, such as those of another version of the program.
+    Return None for other bytes, such as those that another version of the program has stored.
     """
     try:
         unpacker = zlib.decompressobj()

@@ -1,8 +1,8 @@
 """Decide which worker serves which partition of the devices, by leases in a key-value store.
 
 Every `RENEW_S`, a worker writes its own entry and the entries of its leases, so that the revision numbers of
-these entries grow. For another worker, a lease is free once that worker has seen the same revision for
-`LEASE_S` by its own clock. So the clocks of the workers need not agree. A worker takes a free lease by
+these entries grow. If another worker sees the same revision of a lease for `LEASE_S`, by its own clock, the
+lease is free for that worker. So the clocks of the workers need not agree. A worker takes a free lease by
 writing it on the condition that the revision is still the same. If two workers try this, the store lets only
 one succeed.
 """
@@ -16,7 +16,8 @@ RENEW_S = 1.5
 LEASE_S = 6.0
 """Time after which other workers may take over a lease that was not renewed [s].
 
-The owner of the lease stops serving two renewals earlier, after `STOP_S`.
+If the owner of a lease cannot renew it, the owner stops serving the partition after `STOP_S`, which is two
+renewals earlier.
 """
 
 STOP_S = LEASE_S - 2 * RENEW_S
@@ -45,7 +46,7 @@ class Seen(NamedTuple):
 
 
 class Sightings:
-    """Remembers when this worker saw each entry of the key-value store change."""
+    """Remembers for each entry of the key-value store when this worker saw it change."""
 
     def __init__(self) -> None:
         self._seen: dict[str, Seen] = {}
@@ -72,7 +73,10 @@ class Sightings:
 
 
 def lease_of(data: bytes) -> Lease:
-    """Return the lease in the value of an entry. If the value is no lease, return a lease without owner."""
+    """Return the lease that an entry's value holds.
+
+    If the value holds no lease, return a lease without owner.
+    """
     try:
         return msgspec.json.decode(data, type=Lease)
     except msgspec.DecodeError:
@@ -85,7 +89,7 @@ def is_free(seen: Seen | None, now_s: float) -> bool:
 
 
 def share(partitions: int, workers: int) -> int:
-    """Return the largest number of partitions that one worker takes."""
+    """Return the number of partitions that one worker takes at most."""
     return -(-partitions // max(1, workers))
 
 

@@ -22,28 +22,30 @@ from fltea.settings.config import Config
 from fltea.stream.fit_worker import FitWorker
 
 STILL_NS = 5 * 10**9
-"""If the program stood still for longer than this, for example while the machine slept, no device counts as
-silent in that time [ns].
+"""If the program stood still for longer than this [ns], for example because the machine slept, no device
+counts as silent during that time.
 """
 
 BACK_NS = 15 * 10**9
-"""Time that devices get to connect again after an outage of the broker [ns]."""
+"""After an outage of the broker, devices have this time to connect again before they can count as silent
+[ns].
+"""
 
 WAIT_S, SLICE_S = 0.25, 0.1
 
 HELD_S = 10.0
-"""Time for which the outputs have had no room after which this is reported [s]. The waiting for room has no
-limit.
+"""If the outputs have no room for this time, this is reported [s]. The time for which the program waits for
+room has no limit.
 """
 
 DRAIN_S = 0.3
-"""Time at the end of the program in which messages that have already arrived are processed [s]. The rest is
-counted as lost.
+"""At the end of the program, messages that have already arrived are processed for this long [s]. Those that
+remain count as lost.
 """
 
 PIECE_BYTES = 1 << 16
-"""Largest number of bytes of a device that are processed at a time. It is far less than an output with room
-can take.
+"""At most this number of bytes of a device are processed at a time. An output that has room can take far
+more.
 """
 
 
@@ -55,7 +57,7 @@ class Hearing:
         self._deaf_until_ns = 0
 
     def check(self, connected: bool, now_ns: int) -> bool:
-        """Return whether messages could arrive during the whole time since the last call."""
+        """Return whether messages could arrive all the time since the last call."""
         if not connected:
             self._deaf_until_ns = now_ns + BACK_NS
         elif now_ns - self.checked_ns > STILL_NS:
@@ -101,7 +103,7 @@ class Ingest:
         self._held_ns = 0
         self._left_out = set[int | None]()
         self.walked: dict[int, int] = {}
-        """For each partition, the number of the message up to which all messages were processed."""
+        """For each partition, a message number: all messages up to this number were processed."""
         self._once_a_minute = OnceAMinute()
         self._ends_s: float | None = None
 
@@ -118,7 +120,7 @@ class Ingest:
             # if the broker has partitions, the next worker processes the remaining messages
             if self._receiver.partitions is None:
                 self._drain()
-            # report once more, for messages that were refused since the last report
+            # report a last time, since messages may have been refused since the last report
             self._report_losses(host_ns())
             for device in self.devices.opened.values():
                 device.stream.finish()
@@ -134,7 +136,7 @@ class Ingest:
         self._receiver.close()
 
     def take_all(self, timeout_s: float) -> None:
-        """Process the messages in the inbox, all messages of a device together.
+        """Process the messages in the inbox. All messages of one device are processed together.
 
         If the inbox is empty, wait at most `timeout_s` for a message.
         """
@@ -150,7 +152,10 @@ class Ingest:
             self._on_partition(behind)
 
     def _drain(self) -> None:
-        """Process messages that have already arrived, until the time runs out, and count the rest as lost."""
+        """Process messages that have already arrived until the time runs out.
+
+        Count those that remain as lost.
+        """
         while self.inbox.has_messages and not self._is_over():
             self.take_all(0)
         if left := self.inbox.end():
@@ -161,7 +166,7 @@ class Ingest:
         return self._ends_s is not None and time.monotonic() >= self._ends_s
 
     def _wait_for_room(self) -> None:
-        """Wait until the outputs have room. Meanwhile new messages wait in the broker."""
+        """Wait until the outputs have room. During this time, new messages wait in the broker."""
         began_s = time.monotonic()
         while not self._is_over() and not self._hub.wait_for_room(SLICE_S):
             self.moved_s, self._held_ns = time.monotonic(), host_ns()
@@ -223,8 +228,8 @@ class Ingest:
     def _serves(self, partition: int) -> bool:
         """Return whether messages of a partition may be processed.
 
-        Once a message of the partition was left out, none is processed until the messages that were left out
-        come again.
+        If a message of the partition was left out, no later one is processed either, until the messages that
+        were left out come again.
         """
         shared = self._receiver.partitions
         if shared is None or partition in self._left_out or not shared.serves(partition):
@@ -232,7 +237,7 @@ class Ingest:
         return partition not in self._left_out
 
     def _walk(self, groups: dict[str, list[Message]]) -> None:
-        """Process messages, which are grouped by device.
+        """Process messages. They are grouped by device.
 
         For each partition of which no message was left out, note the number of the last processed message.
         """
@@ -267,7 +272,7 @@ class Ingest:
         device.heard_ns = device.checked_ns = now_ns
         device.mark = last.mark
         for piece in _pieces(messages, offset_ns):
-            # if it is not, the device stream has failed on an earlier piece
+            # if the device is not open, its device stream has failed on an earlier piece
             if devices.opened.get(name) is device:
                 devices.feed(name, piece)
 
@@ -301,7 +306,10 @@ class Ingest:
 
 
 def _pieces(messages: Sequence[Message], offset_ns: int) -> Iterator[Reads]:
-    """Yield the bytes of a device's messages in pieces of limited size, in the form of reads of a port."""
+    """Yield the bytes of a device's messages in pieces of limited size.
+
+    Each piece has the form of a port's reads.
+    """
     chunks: list[Chunk] = []
     size, now_ns = 0, messages[0].arrived_ns
     for message in messages:

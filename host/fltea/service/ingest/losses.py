@@ -1,4 +1,4 @@
-"""Report messages that an inbox did not accept, at most once a minute for each reason."""
+"""Report the messages that an inbox did not accept. There is at most one report a minute for each reason."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -13,7 +13,7 @@ from fltea.service.ingest.inbox import Inbox
 class _Reason(NamedTuple):
     """Why messages are refused, as text for a report.
 
-    `fewest`: smallest number of messages refused for this reason that is reported.
+    `fewest`: at least this number of messages must have been refused for this reason, or it is not reported.
     """
 
     fewest: int
@@ -46,7 +46,7 @@ FLOODS = (
 
 
 class Losses:
-    """Reports devices that are refused or that publish too much.
+    """Reports devices that are refused, and devices that publish too much.
 
     `where`: URL of the broker, for the reports.
     """

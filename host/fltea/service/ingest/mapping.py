@@ -1,9 +1,9 @@
 """Check whether a NATS server assigns devices to partitions as fltea's settings say.
 
-A server whose settings lack the mapping of subjects, or have another number of partitions, accepts all
-frames, but no worker reads them. So test messages are published under names that no device can have. The
-subjects under which the test messages come back show the mapping. The header of a test message names a stream
-that does not exist, so no stream keeps the message.
+If the server's settings lack the mapping of subjects, or have another number of partitions, the server
+accepts all frames, but no worker reads them. To find this out, test messages are published under names that
+no device can have. The subjects under which the test messages come back show the mapping. The header of a
+test message names a stream that does not exist, so that no stream keeps the message.
 """
 
 import asyncio
@@ -14,14 +14,14 @@ from nats.aio.client import Client
 from nats.aio.msg import Msg
 
 NAMES = 32
-"""Number of names of devices under which test messages are published.
+"""Test messages are published under this number of device names.
 
-If the server has a wrong number of partitions, at most about half of the names get the right partition. So a
-wrong number is noticed.
+If the server has a wrong number of partitions, at most about half of the names get the right partition. With
+this number of names, a wrong number of partitions is noticed.
 """
 
 MOST = 4096
-"""Largest number of partitions that is tried to explain a wrong mapping."""
+"""If a mapping is wrong, numbers of partitions up to this one are tried to explain it."""
 
 ANSWER_S = 1.0
 

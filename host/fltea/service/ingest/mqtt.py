@@ -12,14 +12,14 @@ LEVEL = "frames"
 LONGEST_WAIT_S = 10.0
 
 SESSION_S = 600
-"""Time for which the broker is asked to keep messages after the connection is lost [s]."""
+"""The broker is asked to keep messages for this time after the connection was lost [s]."""
 
 
 class MqttFrames:
     """Receives frames from an MQTT broker, and connects again whenever the connection is lost.
 
-    While the inbox has no room, nothing is read from the connection, so messages wait at the broker. Retained
-    messages are left out, since the age of their frames is unknown.
+    While the inbox has no room, nothing is read from the connection, so messages wait at the broker. Messages
+    that the broker has retained are left out, since the age of their frames is unknown.
 
     `partitions`: None, since a single worker receives all messages.
 

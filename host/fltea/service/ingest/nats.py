@@ -3,8 +3,8 @@
 The server assigns each device to a partition by a mapping of subjects. The subject `fltea.NAME.frames`
 becomes `fltea.frames.PARTITION.NAME`, and a stream keeps the messages of the latter subjects. For each
 partition, one worker has the lease. This worker pulls the partition's messages in order, and stores snapshots
-of the devices, each with the number of the last message processed before the snapshot. Another worker that
-takes the partition over continues from these snapshots.
+of the devices, each with the number of the last message processed before the snapshot. If another worker
+takes the partition over, it continues from these snapshots.
 """
 
 import asyncio
@@ -81,7 +81,7 @@ class NatsFrames:
         while not self._stop.is_set():
             try:
                 asyncio.run(self._serve())
-            # whatever the network, TLS or the server raise, the connection is tried again
+            # whatever error the network, TLS or the server cause, the connection is tried again
             except Exception as error:
                 self.connected = False
                 if not self._stop.is_set():
@@ -103,7 +103,8 @@ class NatsFrames:
                 connect_timeout=5,
                 flush_timeout=LEASE_S,
                 allow_reconnect=False,
-                # this also limits the attempts at the first connection, of which the library would make 60
+                # this limit also applies to the first connection, for which the library would make 60
+                # attempts
                 max_reconnect_attempts=1,
                 error_cb=self._heard,
             )
@@ -123,17 +124,20 @@ class NatsFrames:
             await client.close()
 
     async def _heard(self, error: Exception) -> None:
-        """Note an error that the library reports. Errors of the connection are also raised elsewhere."""
+        """Note an error that the library reports.
+
+        Errors of the connection are also raised elsewhere.
+        """
         self._reports.refused(error)
 
     async def _serve_over(self, client: Client) -> None:
         """Serve partitions over one connection, until `close` is called."""
-        # A busy server has `LEASE_S` to answer. If the server takes longer, the leases end anyway.
+        # A busy server has the time `LEASE_S` to answer. If it takes longer, the leases have ended anyway.
         store = Store(self._settings, client.jetstream(timeout=LEASE_S))
         await store.prepare()
         self._reports.differences(store.differs)
         self.partitions.begin(store)
-        # renew() raises an error if the server's store is full; such a server is not reported as back
+        # renew() raises an error if the server's store is full, so that such a server is not reported as back
         await self.partitions.renew()
         renewed_s, probed_s = time.monotonic(), -PROBE_S
         self.connected = True
@@ -153,9 +157,9 @@ class NatsFrames:
 
 
 async def _end_others() -> None:
-    """Cancel all other tasks, again and again until they end.
+    """Cancel all other tasks of the event loop. Repeat this until they have ended.
 
-    A task of the library may ignore a cancellation while it waits.
+    This is needed since a task of the library may ignore a cancellation while it waits.
     """
     while others := asyncio.all_tasks() - {asyncio.current_task()}:
         for task in others:
@@ -164,7 +168,7 @@ async def _end_others() -> None:
 
 
 def _on_library_error(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-    """Ignore an error of a task that nobody waits for if a broken connection explains the error."""
+    """Ignore an error of a task that no code waits for, if a broken connection explains the error."""
     if not isinstance(context.get("exception"), OSError | NatsError | Unfit):
         loop.default_exception_handler(context)
 

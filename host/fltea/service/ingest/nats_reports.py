@@ -20,7 +20,8 @@ USER, PASSWORD = "FLTEA_NATS_USER", "FLTEA_NATS_PASSWORD"
 
 
 APART_NS = 5 * 10**9
-"""A difference between the server's and this machine's clock is reported if it is larger than this [ns]."""
+"""If the server's clock and this machine's clock differ by more than this, the difference is reported [ns].
+"""
 
 
 class Reports:
@@ -45,9 +46,10 @@ class Reports:
     def refused(self, error: Exception) -> None:
         """Note that the server refuses a request.
 
-        The server does not answer such a request, but reports the error separately.
+        The server does not answer such a request. It sends the reason for the refusal separately.
 
-        Refusals to publish frames are left to `mapping`, which reports them.
+        If the server refuses to publish frames, this is not noted here, since the module `mapping` reports
+        it.
         """
         text = str(error)
         if "permissions" in text.lower() and '"fltea.' not in text:
@@ -61,7 +63,8 @@ class Reports:
     def down(self, error: Exception) -> None:
         """Report an outage.
 
-        In one outage, it is reported once that no server can be used, and once that the server is unsuitable.
+        In each outage there are at most two reports: one that no server can be used, and one that the server
+        is unsuitable.
         """
         unfit = isinstance(error, Unfit)
         if unfit in self._down:
@@ -116,8 +119,8 @@ class Reports:
     def left(self, partition: int, error: BaseException) -> None:
         """Report that a partition is given back since its messages cannot be pulled.
 
-        Each reason is reported at most once a minute for all partitions together. A partition is soon taken
-        again and given back again, and would be reported each time.
+        For all partitions together, each reason is reported at most once a minute. A partition that was given
+        back is soon taken and given back again, and would otherwise be reported each time.
         """
         reason = type(error), getattr(error, "err_code", None)
         if self._once_a_minute.is_due(reason, host_ns()):
@@ -136,8 +139,8 @@ class Reports:
     ) -> None:
         """Report that this worker begins to serve a partition, and from which message.
 
-        `gone`: numbers of messages that the stream no longer has. `unreadable`: number of snapshots that
-        cannot be used.
+        `gone`: the numbers of those messages that the stream no longer has. `unreadable`: number of snapshots
+        that cannot be used.
         """
         whose = f"of {before.owner}, which has gone silent," if before.owner else "that was given back"
         if before.owner == worker:

@@ -22,23 +22,23 @@ from fltea.service.ingest.nats_reports import Reports
 from fltea.service.ingest.store import Store
 
 GRACE_S = 2 * RENEW_S
-"""Time after an outage in which no partition is taken [s]. Otherwise, the first worker that is back would
+"""For this time after an outage, no partition is taken [s]. Otherwise, the first worker that is back would
 take all of them.
 
 If the messages of a partition cannot be pulled, the partition is left to other workers for the same time.
 """
 
 STEADY_NS = 50_000_000
-"""Changes of the difference between the server's clock and ours are ignored up to this size [ns]. They may
-come from the time that the request takes.
+"""If the difference between the server's clock and this machine's clock changes by at most this, the change
+is ignored [ns]. It may come from the time that the request takes.
 """
 
 PULL, PULL_S = 64, 0.5
 LOOKS = 4
-"""After this number of requests without a message, it is checked that our consumer on the server still
-exists.
+"""After this number of requests that brought no message, it is checked that this worker's consumer on the
+server still exists.
 
-The server does not report if the consumer was deleted.
+The check is needed since the server does not report that a consumer was deleted.
 """
 
 PUTS = 64
@@ -55,7 +55,7 @@ class Held:
     """A partition that this worker serves.
 
     `before`: number of the last message that the previous worker has processed. `lapsed`: whether the lease
-    was not renewed in time. If so, messages are left out until all messages after the last processed one come
+    was not renewed in time. If so, all messages are left out until those after the last processed one come
     again.
     `resuming`: whether these messages were requested from the server.
     """
@@ -91,7 +91,9 @@ class Partitions:
         self._sightings = Sightings()
         self._takes_from_s = 0.0
         self._left_s: dict[int, float] = {}
-        """For each partition whose messages could not be pulled, the time at which it was given back."""
+        """For each partition that was given back since its messages could not be pulled, the time at which it
+        was given back.
+        """
         self._loop: asyncio.AbstractEventLoop | None = None
         self._puts: set[concurrent.futures.Future[None]] = set()
 
@@ -116,7 +118,7 @@ class Partitions:
         return not held.lapsed
 
     def resume(self, partition: int) -> None:
-        """Note that the messages of a partition that were left out come again from now on."""
+        """Note that those messages of a partition that were left out come again from now on."""
         held = self._held.get(partition)
         if held is not None:
             held.lapsed, held.resuming = not held.is_fresh(), False
@@ -128,15 +130,16 @@ class Partitions:
     def keep(self, partition: int, device: str, data: bytes) -> bool:
         """Store a snapshot of a device in the background.
 
-        Return False if too many snapshots are being stored already, or the partition is served no more.
+        Return False if too many snapshots are being stored already, or if this worker no longer serves the
+        partition.
         """
         return self._in_background(partition, device, data)
 
     def drop(self, partition: int, device: str) -> None:
         """Delete a device's snapshot in the background.
 
-        If the snapshot cannot be deleted, the next worker opens the device with it, and gives the device up
-        again since it is silent.
+        If the snapshot cannot be deleted, no harm is done: the next worker continues the device from the
+        snapshot, and gives the device up since it is silent.
         """
         self._in_background(partition, device, None)
 
@@ -177,7 +180,7 @@ class Partitions:
                 self._let_go(partition)
 
     async def _check_clock(self) -> None:
-        """Write this worker's entry, and compare the server's time for the entry with our clock."""
+        """Write this worker's entry. Compare the server's time for the entry with this machine's clock."""
         key, before_ns = f"worker.{self._worker}", host_ns()
         await self.store.leases.put(key, b"")
         written_ns = (before_ns + host_ns()) // 2
@@ -191,7 +194,7 @@ class Partitions:
         return max(held.before, self.done.get(partition, 0))
 
     async def share_out(self) -> bool:
-        """Give back failed and surplus partitions, and take free partitions, up to this worker's share.
+        """Give back partitions that failed or are beyond this worker's share; take free ones up to its share.
 
         Returns:
             False if no partition may be taken yet, since an outage has just ended.
@@ -241,7 +244,7 @@ class Partitions:
         marks = [one.mark for one in kept.values()]
         first, last = await self.store.ends()
         start = (min(marks) if marks else before.done) + 1
-        if start > last + 1:  # the stream was deleted and made anew after the snapshots
+        if start > last + 1:  # the stream was deleted and made anew after the snapshots had been stored
             held.before = 0
             start, kept = 1, {name: msgspec.structs.replace(one, mark=0) for name, one in kept.items()}
         self.done[partition] = start - 1
@@ -259,7 +262,7 @@ class Partitions:
     async def _pull_again(self, partition: int, held: Held) -> None:
         """Receive again all messages after the last processed one.
 
-        This is done after a lease was renewed too late, but before another worker has taken the lease.
+        This is done if the lease was renewed too late, but no other worker had taken it.
         """
         if held.task is not None:
             held.task.cancel()
@@ -284,13 +287,13 @@ class Partitions:
         await self.store.leases.delete(f"worker.{self._worker}")
 
     def let_go_of_all(self) -> None:
-        """Serve no partition any more, since the connection has ended."""
+        """Stop serving all partitions, since the connection has ended."""
         self._loop = None
         for partition in list(self._held):
             self._let_go(partition)
 
     def _let_go(self, partition: int) -> None:
-        """Serve a partition no more."""
+        """Stop serving a partition."""
         held = self._held.pop(partition)
         if held.task is not None:
             held.task.cancel()
@@ -302,9 +305,9 @@ async def _pull(
 ) -> None:
     """Put all messages of a partition from number `start` on into the inbox.
 
-    Whenever numbers are missing, since the library may lose messages of a request that it gave up, the
-    missing messages are requested again. `unix_offset_ns`: function that returns the present offset from
-    `host_ns` to the Unix time of the stream.
+    The library may lose messages of a request that it gave up. If message numbers are missing, the missing
+    messages are requested again. `unix_offset_ns`: function that returns the present offset from `host_ns` to
+    the Unix time of the stream.
     """
     while True:
         pulling = await store.consume(partition, start)

@@ -1,4 +1,4 @@
-"""Define what the code that processes messages of many devices needs from their receiver."""
+"""Define what a receiver of messages from many devices offers to the code that processes them."""
 
 from typing import Protocol
 
@@ -6,8 +6,8 @@ from typing import Protocol
 class Shared(Protocol):
     """This worker's part of the partitions of devices, with a store for snapshots of the devices.
 
-    `unix_offset_ns`: offset from `host_ns` to the Unix time of the stream. The Unix time of the stream is the
-    same for all workers, whatever their own clocks say.
+    `unix_offset_ns`: offset from `host_ns` to the Unix time of the stream. All workers use the same Unix time
+    of the stream, whatever their own clocks say.
     """
 
     unix_offset_ns: int
@@ -16,13 +16,13 @@ class Shared(Protocol):
         """Return whether this worker may still process messages of a partition."""
 
     def resume(self, partition: int) -> None:
-        """Note that messages of a partition come again that were left out while `serves` was False."""
+        """Note that the messages of a partition come again that were left out while `serves` was False."""
 
     def walked(self, partition: int, mark: int) -> None:
         """Note the number `mark` of the partition's last message that was processed."""
 
     def keep(self, partition: int, device: str, data: bytes) -> bool:
-        """Store a snapshot of a device in the background; return False if there is no room for it now."""
+        """Store a snapshot of a device in the background. Return False if there is no room for it now."""
 
     def drop(self, partition: int, device: str) -> None:
         """Delete the snapshot of a device that is given up, in the background."""

@@ -1,4 +1,4 @@
-"""Choose the receiver for a broker by the broker's URL, and load the library that it needs."""
+"""Choose the receiver for a broker by the broker's URL, and load the library that the receiver needs."""
 
 import re
 from collections.abc import Callable

@@ -1,8 +1,8 @@
-"""Take snapshots of a worker's devices, one after the other, so that another worker can continue with them.
+"""Take snapshots of a worker's devices, so that another worker can continue with these devices.
 
-A worker that takes over processes and publishes the messages after a snapshot again, but not the messages
-before the snapshot. So a snapshot is stored only after the outputs have written all records from before the
-snapshot.
+A worker that takes over begins at the snapshot of a device. It processes the device's messages after the
+snapshot again, and publishes their records again. It does not process the messages before the snapshot. So a
+snapshot is stored only after the outputs have written all records of the messages before it.
 """
 
 from collections import deque
@@ -27,7 +27,8 @@ MOST_TAKEN = 64
 class _Taken(NamedTuple):
     """A snapshot of a device that waits to be stored.
 
-    `is_written`: function that returns whether the outputs have written all records from before the snapshot.
+    `is_written`: function that returns whether the outputs have written all records of messages before the
+    snapshot.
     """
 
     name: str
@@ -52,7 +53,7 @@ class Snapshots:
         self._once_a_minute = OnceAMinute()
 
     def keep(self, name: str, device: OpenDevice, kept: Kept) -> None:
-        """Queue a snapshot. It is stored once the outputs have written all records from before it."""
+        """Queue a snapshot. It is stored as soon as the outputs have written all earlier records."""
         device.kept_ns = host_ns()
         data = pack(kept)
         if data is not None:
@@ -62,7 +63,7 @@ class Snapshots:
             self._report("snapshot_failed", text)
 
     def store(self, opened: Mapping[str, OpenDevice]) -> bool:
-        """Store the snapshots that may be stored now; return whether no snapshot waits any longer.
+        """Store the snapshots that may be stored now. Return True if no snapshot waits any longer.
 
         A snapshot is dropped if the stream of its device has ended, or another worker serves the device now.
         """
@@ -79,7 +80,7 @@ class Snapshots:
         return not self._taken
 
     def keep_due(self, opened: Mapping[str, OpenDevice], walked: Mapping[int, int], now_ns: int) -> None:
-        """Take the snapshots that are due.
+        """Take the snapshots of those devices for which one is due.
 
         `walked`: for each partition, the number of the last processed message.
         """

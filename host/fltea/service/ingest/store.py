@@ -26,8 +26,8 @@ from fltea.service.ingest.kept import Kept, unpack
 from fltea.settings.ingest import IngestConfig
 
 MOST_A_SECOND = 2
-"""Number of messages of each device that the stream keeps for each second of the setting `keep_s`. By this
-limit, a device that publishes too much drops only its own messages.
+"""Of each device, the stream keeps at most this number of messages for each second of the setting `keep_s`.
+If a device publishes more, the stream drops messages of this device, and of no other.
 """
 
 LEASES_BYTES = 16_000_000
@@ -37,7 +37,9 @@ DUPLICATE_S = 120.0
 """
 
 NO_ROOM = (10023, 10047)
-"""Error codes of JetStream for a lack of room, one for a message and one for a new stream."""
+"""Error codes of JetStream for a lack of room: the first if a message does not fit, the second if a new
+stream does not fit.
+"""
 
 FULL = 10077
 """Error code of JetStream for a full bucket."""
@@ -70,7 +72,7 @@ class Entry(NamedTuple):
 
 
 class Store:
-    """The stream and the buckets on a NATS server. If they are missing, they are created.
+    """The stream and the buckets on a NATS server. Those that are missing are created.
 
     `prepare` sets `leases` and `snapshots` to the buckets, and lists in `differs` how the server's limits
     differ from the settings.
@@ -175,7 +177,7 @@ class Store:
             try:
                 entry = await bucket.get(key)
                 found[key] = Entry(entry.revision or 0, entry.value or b"")
-            except NotFoundError:  # the entry was deleted, or has expired, after the keys were listed
+            except NotFoundError:  # the entry was deleted, or has expired, since the keys were listed
                 continue
         return found
 
@@ -209,7 +211,7 @@ class Store:
         return state.first_seq, state.last_seq
 
     async def has_consumer(self, partition: int) -> bool:
-        """Return whether the server still has the consumer of a partition, from which a worker reads."""
+        """Return whether the server still has the consumer through which a worker reads a partition."""
         try:
             await self._js.consumer_info(self._settings.stream, f"fltea-{partition}")
         except NotFoundError:
@@ -217,7 +219,7 @@ class Store:
         return True
 
     async def consume(self, partition: int, start: int) -> JetStreamContext.PullSubscription:
-        """Replace the consumer of a partition on the server; the previous worker then gets no more messages.
+        """Replace the consumer of a partition on the server. The previous worker then gets no more messages.
 
         Raises:
             Unfit: `start` is beyond the end of the stream, so the stream must have been made anew.
@@ -247,7 +249,7 @@ def _text(config: StreamConfig, key: str) -> object:
 
 
 def _of(config: StreamConfig, key: str) -> object:
-    """Return the setting `key` of a stream in a form in which wanted and existing streams can be compared."""
+    """Return the setting `key` of a stream in a form in which two streams can be compared."""
     value = getattr(config, key)
     if key == "subjects":
         return " ".join(sorted(value or []))
