@@ -1,4 +1,4 @@
-"""Read the configuration from defaults, a TOML file and flags; errors name the path of the wrong setting."""
+"""Read the configuration from defaults, a TOML file and flags. Errors name the path of the wrong setting."""
 
 import re
 import tomllib
@@ -27,8 +27,8 @@ MOST_BYTES = 250_000
 """Largest size of a settings file [bytes], enough for the tables of a thousand devices."""
 
 DOT, MOST_DOTS = re.compile(r"\.[^.]"), 50
-"""Largest number of dots in a line of a settings file. The limit is needed since tomllib's time and memory
-grow with the square of the number of parts of a key.
+"""A line of a settings file may have at most this number of dots. Dots divide a key into parts, and the time
+and memory that tomllib needs grow with the square of the number of parts.
 """
 
 MOST_MB = 1e9
@@ -198,8 +198,8 @@ SETTINGS = all_declared(Config())
 """All settings by their paths, such as `estimator.window`."""
 
 OF_A_DEVICE = ("source", "channels", "pace", "link", "replay", "estimator", "accel")
-"""Settings and tables that a table [device.NAME] of the file may hold. All other settings apply to the whole
-program.
+"""The settings and tables that a table [device.NAME] of the TOML file may hold. All other settings apply to
+the whole program.
 """
 
 
@@ -212,10 +212,11 @@ def load_config(file: Path | None, overrides: Mapping[str, Any]) -> Config:
 def load_configs(
     file: Path | None, overrides: Mapping[str, Any], sources: Iterable[str] = ()
 ) -> list[Config]:
-    """Merge defaults, a TOML file, its tables of devices, and flags; return one `Config` for each device.
+    """Merge defaults, a TOML file, its tables of devices, and flags. Return one `Config` for each device.
 
     `file`: the TOML file, or None for no file.
-    `overrides`: values that flags set, by the dotted path of the setting, such as {"estimator.window": 1500}.
+    `overrides`: values that flags set. The keys are the dotted paths of the settings: {"estimator.window":
+    1500}.
     `sources`: URLs given as flags, which replace the file's devices.
 
     Raises:
@@ -273,7 +274,8 @@ def _merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
 def parse_setting(text: str) -> tuple[str, Any]:
     """Split the text `path=value` of a --set flag.
 
-    The value is read as TOML. If the value is no TOML, it is read like the text after the setting's own flag.
+    The value is read as TOML. If it is no TOML, it is read in the same way as the text after the flag for
+    this setting.
 
     Raises:
         UsageError: the path or the value is missing.
@@ -289,7 +291,7 @@ def parse_setting(text: str) -> tuple[str, Any]:
 
 
 def of_flags(flags: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the values of flags, each by the path of its setting.
+    """Return the values of flags. The key of each value is the path of the setting that the flag sets.
 
     Texts are converted to the type of the setting. A flag with the value None was not given, and is left out.
     """
@@ -343,11 +345,12 @@ def _explain(message: str, tree: Mapping[str, Any]) -> str:
         key = joined(path, unknown[1])
         return f"{key}: there is no such setting. Known here: {', '.join(TABLES[path].__struct_fields__)}."
     setting = SETTINGS.get(re.sub(r"\[.*", "", path))
-    if setting is not None:  # in this case the value has a wrong type, or is none of the setting's words
+    # with this message, the value has a wrong type, or is none of the words that the setting allows
+    if setting is not None:
         return f"{setting.wrong(_value(tree, setting.path))}."
     if path in TABLES and reason.partition(" ")[0].rstrip(":") in TABLES[path].__struct_fields__:
-        # A table's own check begins its message with the setting's name only, since a table does not know its
-        # path.
+        # If a table's own check has failed, the message begins with the setting's name without the path,
+        # since a table does not know its path.
         return f"{of_sensor(path + '.', joined(path, reason))}."
     return f"{path}: {reason[:1].lower()}{reason[1:]}."
 

@@ -24,7 +24,7 @@ def device_name(url: str | None) -> str:
 
 
 def device_names(urls: list[str]) -> list[str]:
-    """Return a name for each address; a number is appended to names that would be equal."""
+    """Return a name for each address. Numbers are appended where names would be equal."""
     names: list[str] = []
     for url in urls:
         name, number = device_name(url), 2

@@ -15,7 +15,7 @@ MOST_S = 1e9
 def in_samples(value: Duration, rate_hz: float, least: int) -> int:
     """Return a duration as a number of samples at `rate_hz`.
 
-    A duration above 0 s that is given as a time becomes at least `least` samples.
+    If a duration is given as a time above 0 s, it becomes at least `least` samples.
     """
     if not isinstance(value, str):
         return value

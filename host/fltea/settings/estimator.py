@@ -8,18 +8,18 @@ from fltea.settings.duration import Duration, in_samples, known
 from fltea.settings.setting import Setting, Table
 
 LARGEST = 1e100
-"""Largest number or variance in a filter's settings. The smallest variance of a measurement is 1 /
-LARGEST.
+"""Largest number, and largest variance, that a filter's settings may have. The smallest allowed variance of a
+measurement is 1 / LARGEST.
 """
 
 LONGEST_WINDOW = 10_000_000
-"""Longest window (memory of the algorithm) [samples]: more than a day at 100 Hz. It fits into the memory of a
-small computer.
+"""Longest allowed window, which is the length of the algorithm's memory [samples]. It is more than a day at
+100 Hz, and still fits into the memory of a small computer.
 """
 
 LONGEST_GAP = 1_000_000
-"""Longest gap that the filters may bridge [samples]: three hours at 100 Hz. The filters make a step for each
-missing sample, so a gap of this length takes them seconds.
+"""Longest gap that the filters may bridge [samples]. It is three hours at 100 Hz. The filters make a step for
+each missing sample, so a gap of this length takes them seconds.
 """
 
 SQUARED = "(deg/s)²"
@@ -49,7 +49,7 @@ class StateSettings(Table, frozen=True):
 
 
 class OrderSettings(Table, frozen=True):
-    """Settings of KFo, the filter of the order, which has no unit. P0 = Q0 = 0 keeps the order at alpha0."""
+    """Settings of KFo, the filter of the order α. The order has no unit. P0 = Q0 = 0 keeps it at alpha0."""
 
     P0: Annotated[float, _variance("Initial variance P of the order.")] = 0.01
     Q0: Annotated[float, _variance("Initial variance Q of one step of the order, which walks at random.")] = (
@@ -71,7 +71,7 @@ class ParameterSettings(Table, frozen=True):
 
 
 class JointSettings(Table, frozen=True):
-    """Settings of the joint filter of α and β = h^α f, which both have no unit."""
+    """Settings of the joint filter, which estimates α and β = h^α f. Neither has a unit."""
 
     P0: Annotated[float, _variance("Initial variance P of α and of β.")] = 0.06
     Q0: Annotated[float, _variance("Initial variance Q of one step of α and of β, which walk at random.")] = (
@@ -86,11 +86,11 @@ EstimateOn = Literal["host", "device", "both"]
 """Which computer estimates the gyroscope's axes."""
 
 Tuning = Literal["live", "startup"]
-"""Where the filters get Q and R from while they run: from the live fit, or from the start-up window."""
+"""The source from which the filters get Q and R while they run: the live fit or the start-up window."""
 
 DEFAULT_TUNING: Tuning = "live"
-"""Default value of the setting `tuning`. With "live", errors are smaller for most noises, and σ agrees with
-the errors (host/docs/evaluation/live.md, Tuned live).
+"""Default value of the setting `tuning`. With "live", the estimates have smaller errors for most noises, and
+their σ agrees with these errors (host/docs/evaluation/live.md, Tuned live).
 """
 
 BY_DEVICE = ("device", "both")
@@ -216,7 +216,7 @@ class EstimatorConfig(Table, frozen=True):
 
     @property
     def tuned_by(self) -> Tuning:
-        """The value of the setting `tuning`, or the default if the setting is unset."""
+        """The value of the setting `tuning`. If the setting is unset, this is the default."""
         if self.tuning is not None:
             return self.tuning
         given = self.R != "auto" or self.state.Q != type(self)().state.Q
@@ -236,12 +236,12 @@ class EstimatorConfig(Table, frozen=True):
 
     @property
     def window_samples(self) -> int:
-        """The setting `window` in samples, which is known after `at` has converted the setting."""
+        """The setting `window` in samples. It is known as soon as `at` has converted the setting."""
         return known("window", self.window)
 
     @property
     def startup_samples(self) -> int:
-        """The setting `startup` in samples, which is known after `at` has converted the setting."""
+        """The setting `startup` in samples. It is known as soon as `at` has converted the setting."""
         return known("startup", self.startup)
 
     @property
@@ -253,8 +253,9 @@ class EstimatorConfig(Table, frozen=True):
 class AccelConfig(EstimatorConfig, frozen=True):
     """The settings of `EstimatorConfig` for the axes of the accelerometer, with m/s² in place of deg/s.
 
-    The default variances have the same ratio to the noise as in the paper: the variance of a resting
-    MPU-6050's accelerometer is 9e-4 (m/s²)², and that of the paper's gyroscope is 0.02 (deg/s)².
+    The default variances follow from those for the gyroscope by the ratio of the two sensors' noise. The
+    variance of a resting MPU-6050's accelerometer is 9e-4 (m/s²)², and that of the paper's gyroscope is 0.02
+    (deg/s)².
     """
 
     state: StateSettings = StateSettings(P0=0.00045, Q=0.00675)

@@ -23,10 +23,10 @@ def how_to_install(*extras: str) -> str:
 
 
 def load(module: str, library: str, extra: str, who_needs: str, otherwise: str = "") -> ModuleType:
-    """Import and return `module`: a module of fltea that needs `library`, or the library itself.
+    """Import `module` and return it. It is a module of fltea that needs `library`, or the library itself.
 
     `extra`: name of the extra that installs the library.
-    `who_needs`: beginning of the error message, such as "MCAP files need".
+    `who_needs`: first words of the error message, such as "MCAP files need".
     `otherwise`: end of the error message, which says what to do without the library.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Settings for reading a recording that does not itself state its columns, units or rate."""
+"""Settings by which users state the columns, units or rate of a recording that does not state them itself."""
 
 from collections.abc import Collection
 from typing import Annotated, Literal
@@ -9,7 +9,7 @@ TimeUnit = Literal["s", "ms", "us", "ns"]
 
 
 class How(Table, frozen=True, kw_only=True):
-    """The user's statements about a recording. The file itself must state everything that is unset here."""
+    """What the user states about a recording. Everything that is unset here, the file itself must state."""
 
     columns: Annotated[
         list[str] | None,

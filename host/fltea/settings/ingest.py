@@ -1,4 +1,4 @@
-"""Settings of shared sources, which have many devices each: the table `ingest` of the TOML file."""
+"""Settings of shared sources, through which many devices send: the table `ingest` of the TOML file."""
 
 import re
 from typing import Annotated, Literal
@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from fltea.settings.setting import Setting, Table
 
 SCHEMES = ("mqtt", "mqtts", "nats")
-"""URL schemes of shared sources, through which many devices send."""
+"""URL schemes of shared sources. Many devices send through one shared source."""
 
 MOST_KEPT_MB = 100_000_000
 DAY_S = 86400

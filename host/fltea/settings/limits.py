@@ -8,7 +8,7 @@ MB = 1_000_000
 
 
 class Limits(NamedTuple):
-    """The settings `replay.max_chunk_mb` and `replay.max_mb`, and a limit of processor time.
+    """The limits for reading a recording: `replay.max_chunk_mb`, `replay.max_mb`, and processor time.
 
     `max_chunk_mb`: largest decompressed size of one record of an MCAP file, since a whole record is in memory
     [MB]. `max_mb`: largest size of the numbers in an .npz or CSV file, at 8 bytes a number, and of NDJSON
@@ -34,11 +34,11 @@ class Limits(NamedTuple):
         return int(self.max_mb * MB)
 
     def chunk_too_large(self, place: str, size_bytes: int) -> UsageError:
-        """Return the error for a record of an MCAP file that is too large."""
+        """Return the error that says that a record of an MCAP file is too large."""
         return _too_large(place, size_bytes, "max_chunk_mb", self.max_chunk_mb)
 
     def whole_too_large(self, place: str, size_bytes: int) -> UsageError:
-        """Return the error for a file whose content is too large."""
+        """Return the error that says that the content of a file is too large."""
         return _too_large(place, size_bytes, "max_mb", self.max_mb)
 
 

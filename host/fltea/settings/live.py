@@ -1,4 +1,4 @@
-"""Settings of the live maximum-likelihood fit and of the live bias, the table `live` of the TOML file."""
+"""Settings of the live maximum-likelihood fit and of the live bias: the table `live` of the TOML file."""
 
 from typing import Annotated
 
@@ -6,11 +6,11 @@ from fltea.settings.duration import in_seconds
 from fltea.settings.setting import Setting, Table
 
 TUNED_WITHIN = 0.3
-"""Largest half-width of α's 95 % interval with which a fit tunes the filters.
+"""A fit tunes the filters only if the half-width of α's 95 % interval is at most this.
 
-If the interval is wider, the values with which the filters start are often nearer to the truth than the fit.
-If this limit were smaller, the first fits that tune the filters would often be those whose interval is too
-narrow by chance (host/docs/evaluation/live.md).
+If the interval is wider, the filters' own initial values are often nearer to the truth than the fit. If this
+limit were smaller, the first fit that tunes the filters would often be one whose interval is too narrow by
+chance (host/docs/evaluation/live.md).
 """
 
 

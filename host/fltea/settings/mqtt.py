@@ -83,7 +83,7 @@ class MqttConfig(Table, frozen=True):
             self.address()
 
     def address(self) -> BrokerAddress:
-        """Return the broker's host, port and whether TLS is used.
+        """Return the broker's host, its port, and whether TLS is used.
 
         Raises:
             ValueError: `broker` is no address; the error's text does not repeat it.

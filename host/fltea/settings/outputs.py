@@ -1,8 +1,9 @@
 """The settings of the outputs, named as in the TOML file, and the table of all outputs.
 
-A new output needs its settings, a field of `Outputs` and a row of `OUTPUTS` here, a module in `sinks` with
-its `open_output`, and a check in `machine/doctor/checks_outputs.py`. If one of these is missing,
-`tests/service/test_output_table.py` fails and names it. The guide for users is host/docs/guide/outputs.md.
+A new output needs a table of settings, a field of `Outputs` and a row of `OUTPUTS` in this module. It also
+needs a module in `sinks` that has a function `open_output`, and a check in
+`machine/doctor/checks_outputs.py`. If one of these is missing, `tests/service/test_output_table.py` fails and
+names it. The guide for users is host/docs/guide/outputs.md.
 """
 
 import ipaddress
@@ -29,13 +30,13 @@ Recorded = Literal[
     "stats",
     "error",
 ]
-"""Names of the kinds of records that a recording can hold in addition to the device's bytes."""
+"""Names of the kinds of records that a recording can hold. It always holds the device's bytes as well."""
 
 RECORDED: tuple[Recorded, ...] = get_args(Recorded)
 
 EACH_SAMPLE: tuple[Recorded, ...] = ("sample", "corrected", "estimate", "device_estimate")
 FEW_DEVICES = 32
-"""Largest number of devices with which recordings hold the records of `EACH_SAMPLE` by default.
+"""By default, recordings hold the records of `EACH_SAMPLE` only if there are at most this number of devices.
 
 With many devices, the records of `EACH_SAMPLE` would fill most of a file. A replay makes these records again
 from the recorded bytes.
@@ -45,7 +46,9 @@ LOOPBACK = "127.0.0.1"
 
 
 def listen_address(text: str) -> tuple[str, int]:
-    """Return host and port. The default host is the loopback, to which no other machine can connect.
+    """Return the host and the port in an address.
+
+    If it names no host, this is the loopback, to which no other machine can connect.
 
     Raises:
         ValueError: `text` is no address.
@@ -135,7 +138,7 @@ class RecordConfig(Table, frozen=True):
     ] = None
 
     def for_devices(self, count: int) -> "RecordConfig":
-        """Return these settings. If `channels` is unset, it gets the default for `count` devices."""
+        """Return these settings. If `channels` is unset, it is set to the default for `count` devices."""
         usual = RECORDED if count <= FEW_DEVICES else tuple(x for x in RECORDED if x not in EACH_SAMPLE)
         return msgspec.structs.replace(self, channels=usual if self.channels is None else self.channels)
 
@@ -153,7 +156,7 @@ def _address(what: str, flag: str, port: int) -> Setting:
 
 
 class Listening(Table, frozen=True):
-    """Base of the settings of a server that listens at an address. Without an address, there is no server."""
+    """Base of the settings of a server that listens at an address. Without an address there is no server."""
 
     address: str | int | None = None
     names: Annotated[
@@ -240,7 +243,7 @@ class StateConfig(Table, frozen=True):
 class Outputs(Table, frozen=True, kw_only=True):
     """The tables of settings of all outputs.
 
-    The tables are keyword-only, so that they follow the fields of `Config`, which inherits them.
+    The tables are keyword-only. `Config` inherits them, and so they may stand after its own fields.
     """
 
     output: OutputConfig = OutputConfig()

@@ -3,10 +3,10 @@
     target: Annotated[float, Setting("Half the width of α's interval.", least=0.001, most=1)] = 0.05
 
 The field gives the setting's name, type and default. Meaning, unit, range and flag are in a `Setting` that
-annotates the type. The reader of TOML, `--set`, the flags of `fltea run`, the checks, the tables of the
-documentation and the board's header all come from these declarations. The range is not declared by msgspec's
-`Meta`, for three reasons: `Meta` is ignored when a struct is made in Python, it accepts NaN, and its message
-states neither unit nor value.
+annotates the type. All of the following use these declarations: the reader of TOML, `--set`, the flags of
+`fltea run`, the checks, the tables of the documentation, and the generator of the board's header. The range
+is not declared by msgspec's `Meta`, for three reasons: `Meta` is ignored when a struct is made in Python, it
+accepts NaN, and its message states neither unit nor value.
 """
 
 import math
@@ -21,18 +21,19 @@ from msgspec import inspect as types
 from fltea.settings.duration import EXAMPLE, in_seconds
 
 END = 2.0**63
-"""Limit of a setting's numbers if the setting states no limit. Larger whole numbers do not fit into 64 bits.
+"""If a setting states no limit, its numbers may be up to this large. Larger whole numbers do not fit into 64
+bits.
 """
 
 MOST_SHOWN = 200
-"""Largest number of characters that a message quotes from a wrong value."""
+"""A message quotes at most this number of characters from a wrong value."""
 
 
 @dataclass(frozen=True)
 class Setting:
     """Declaration of a setting, except its name, type and default.
 
-    Numbers are allowed from `least` to `most`, both included, and only above `above`.
+    A number is allowed if it is at least `least`, at most `most`, and greater than `above`.
     """
 
     meaning: str
@@ -43,11 +44,13 @@ class Setting:
     above: float = -math.inf
     most: float = END
     text: str = ""
-    """description of a valid text, such as "the name of a folder"; if it is given, the text must not be
-    empty
+    """description of a valid text, such as "the name of a folder"; if there is a description, the text must
+    not be empty
     """
     time: bool = False
-    """whether a text is a time such as "30 s"; if `unit` is "s", the range applies to the time in seconds"""
+    """whether a text value is a time such as "30 s"; if `unit` is "s", the range applies to the time in
+    seconds
+    """
     flags: tuple[str, ...] = ()
     """flags of `fltea run` that set the setting"""
     metavar: str = ""
@@ -57,14 +60,17 @@ class Setting:
     """whether the default is also written to the board's header"""
 
     def contains(self, number: Any) -> Any:
-        """Return whether a number is in range, which also means that it is finite.
+        """Return whether a number is in the allowed range. A number that is not finite is never in range.
 
         For an array, return an array with the answer for each element.
         """
         return (number >= self.least) & (number > self.above) & (number <= self.most)
 
     def accepts(self, value: Any) -> bool:
-        """Return whether a value of the right type is allowed. A list is allowed if all values in it are."""
+        """Return whether a value of the right type is allowed.
+
+        A list is allowed if all its values are allowed.
+        """
         if isinstance(value, list | tuple):
             return all(map(self.accepts, value))
         if isinstance(value, str):
@@ -76,7 +82,7 @@ class Setting:
 
     @property
     def range(self) -> str:
-        """The range of allowed numbers in words, with a leading blank; empty if there is no range."""
+        """The range of allowed numbers in words, after a blank; empty if there is no range."""
         if self.least != -END:
             low = f"{self.least:.15g}"
             return f" from {low} to {self.most:.15g}" if self.most != END else f" of at least {low}"
@@ -158,7 +164,10 @@ class Declared(NamedTuple):
         return f"{self.path} must be {self.takes}, got {shown(value)}"
 
     def read(self, text: str) -> Any:
-        """Return the text after a flag as a number or list if the setting takes such values, else as text."""
+        """Return the value that the text after a flag means.
+
+        It is a number or list if the setting takes such values, else the text.
+        """
         lists = [kind for kind in self.kinds if isinstance(kind, types.ListType | types.VarTupleType)]
         scalars = tuple(map(type, self.kinds))
         if lists and ("," in text or not {types.IntType, types.FloatType} & {*scalars}):
@@ -170,7 +179,8 @@ class Declared(NamedTuple):
 class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Base of tables of settings.
 
-    If a setting has a value that is not allowed, making the table raises ValueError with the setting's name.
+    If a setting has a value that is not allowed, the constructor of the table raises a ValueError with the
+    setting's name.
     """
 
     def __post_init__(self) -> None:
@@ -191,7 +201,7 @@ def tables(table: Table, path: str = "") -> dict[str, Table]:
 
 
 def declared(table: Table, path: str = "") -> Iterator[Declared]:
-    """Yield the settings of a table, whose path is `path`, without those of tables inside it."""
+    """Yield the settings of a table, but not those of tables inside it. `path`: path of the table."""
     for name, kind, setting in _declared_in(type(table)):
         yield Declared(joined(path, name), kind, getattr(table, name), setting)
 
@@ -224,7 +234,7 @@ def joined(path: str, name: str) -> str:
 
 
 def of_sensor(path: str, text: str) -> str:
-    """Return a text about a setting with deg/s replaced by m/s² if the setting is the accelerometer's."""
+    """Return a text about a setting. If the setting is the accelerometer's, m/s² stands in place of deg/s."""
     return text.replace("deg/s", "m/s²") if path.startswith("accel.") else text
 
 

@@ -7,7 +7,7 @@ from fltea.sinks.changes import MOVES
 
 
 def bias_words(estimate: AxisEstimate | None, unit: str) -> str:
-    """Return the text for an axis's present bias, and for whether the sensor moves; "" if it is unknown."""
+    """Return an axis's present bias as text, which also says if the sensor moves; "" if there is no bias."""
     if estimate is None or estimate.bias is None:
         return ""
     moving = f", {MOVES}" if estimate.moving else ""

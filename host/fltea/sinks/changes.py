@@ -36,13 +36,13 @@ def size(step: Step) -> str:
 
 
 def signed_size(size: float, size_std: float, unit: str) -> str:
-    """Return the text for a step of `size` ± `size_std` in `unit`, with the sign of the step."""
+    """Return a text with the size of a step, its sign, its standard deviation and its unit."""
     sign = MINUS if size < 0 else "+"
     return f"{sign}{plus_minus(abs(size), size_std)} {unit.replace('^2', '²')}"
 
 
 def short_size(step: Step) -> str:
-    """Return the size of a step to two digits, without its standard deviation, for a mark in a diagram."""
+    """Return the size of a step in two digits, without its standard deviation, for a mark in a diagram."""
     return f"{step.size:+#.2g}".rstrip(".").replace("-", MINUS)
 
 

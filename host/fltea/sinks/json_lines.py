@@ -1,7 +1,10 @@
-"""Convert the columns of blocks to records as JSON lines, byte for byte as msgspec encodes the records.
+"""Convert the columns of blocks to records as JSON lines.
 
-One record is encoded with a gap in place of each number from the columns. The text between these gaps is
-reused for all blocks that differ only in these numbers.
+They are byte for byte what msgspec makes of the records.
+
+Most of the text is equal in all records of a kind. So one record is encoded with a gap in place of each
+number that comes from a column. The text between the gaps is used again for all blocks that differ only in
+these numbers.
 """
 
 import re
@@ -18,8 +21,8 @@ from fltea.records.ports import Wanted
 from fltea.records.records import ACCEL_UNIT
 
 MOST = 4096
-"""Largest number of devices and kinds of text for which the text between the numbers is kept. If there are
-more, all these texts are made again.
+"""The text between the numbers is kept for at most this number of pairs of a device and a kind of text. If
+there are more, all these texts are made again.
 """
 
 HOLE = re.compile(rb"\0(\d+) (\d+)\0")
@@ -52,14 +55,14 @@ class BlockLines:
 def run_printer(block: Block, wanted: Wanted) -> RunPrinter:
     """Return a native printer, which converts samples to JSON lines in C++.
 
-    The printer is valid as long as values that all records share do not change. `block`: an example of a
-    block that the native device has processed.
+    The printer can be used as long as the values that are equal in all records do not change. `block`: an
+    example of a block that the native device has processed.
     """
     return RunPrinter(_lines(block, wanted), block.every, block.weight_of_row, _shape(block))
 
 
 def _shape(block: Block) -> list[int]:
-    """Return how many columns of each sort the block has, as `_native.RunPrinter` needs it."""
+    """Return how many columns of each sort the block has, in the form that `_native.RunPrinter` takes."""
     accel_axes = 0 if block.accel_ms2 is None else block.accel_ms2.shape[1]
     shape = [block.gyro_dps.shape[1], accel_axes, block.temperature_c is not None, block.flags is not None]
     estimated = [one.unit for one in block.estimates]
@@ -91,7 +94,7 @@ def _columns(block: Block) -> list[Any]:
 
 
 class _Holes(Values):
-    """Converts columns so that a record gets a mark in place of each number.
+    """Converts columns so that each number in a record is replaced by a mark.
 
     A mark holds the index of the number's column, and the index of the number in a row of this column.
     """

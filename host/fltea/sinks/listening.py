@@ -1,9 +1,9 @@
 """Decide which requests the HTTP servers answer, by the header `Host` of the request.
 
-Another web site could let its name resolve to this machine (DNS rebinding). A page of that site could then
-read the answers of this server. Requests of such a page have the site's name as their `Host`, so they are
-refused. An IP address cannot be made to mean another machine, so requests with an address as their `Host` are
-answered.
+Another web site could let its own name resolve to this machine (DNS rebinding). A page of that site could
+then read this server's answers. Requests from such a page have the site's name as their `Host`, so they are
+refused. If the `Host` is an IP address, the request is answered, since an IP address cannot be redirected in
+this way.
 """
 
 import errno
@@ -16,7 +16,7 @@ from fltea.records.errors import FlteaError, UsageError
 
 
 def own_names(host: str, others: Collection[str]) -> set[str]:
-    """Return the names, in lower case, by which requests may address a server that listens at `host`."""
+    """Return the names that the `Host` of a request to a server at `host` may have, in lower case."""
     machine = socket.gethostname()
     names = {"localhost", host, machine, machine.partition(".")[0] + ".local", *others}
     return {name.lower() for name in names}
@@ -32,7 +32,7 @@ def is_own(host: str, names: Collection[str]) -> bool:
 
 
 def is_from_here(host: str, origin: str | None) -> bool:
-    """Return whether a request with the header `Host` comes from a page of this server, or from no page.
+    """Return whether a request comes from a page of this server, or from no page at all.
 
     `origin`: the header `Origin`, by which a browser names the page's server.
     """

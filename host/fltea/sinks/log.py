@@ -1,4 +1,4 @@
-"""Write errors, steps of the bias and motions to stderr, at a limited rate."""
+"""Write errors, steps of the bias and motions of the sensor to stderr, at a limited rate."""
 
 from collections.abc import Callable
 
@@ -10,7 +10,7 @@ from fltea.sinks.changes import sentence, time_of
 
 BURST = 5
 PERIOD_NS = 60 * 10**9
-"""Time in which at most `BURST` messages of one kind are written for a device [ns]. Further messages are only
+"""In this time, at most `BURST` messages of one kind are written for a device [ns]. Further messages are only
 counted.
 """
 
@@ -46,7 +46,7 @@ class LogSink(Sink):
         self._lines[key] = (since_ns, count + 1, silenced + (count >= BURST))
 
     def flush(self) -> None:
-        """Report how many messages were left out in periods that have ended."""
+        """Report how many messages were left out in each period that has ended."""
         now_ns = host_ns()
         for key, (since_ns, _, silenced) in list(self._lines.items()):
             if now_ns - since_ns >= PERIOD_NS:
@@ -54,7 +54,7 @@ class LogSink(Sink):
                 del self._lines[key]
 
     def close(self) -> None:
-        """Report how many messages were left out since the last report of this kind."""
+        """Report how many messages of this kind were left out since the last report."""
         for key, (_, _, silenced) in self._lines.items():
             self._report_silenced(key, silenced)
 

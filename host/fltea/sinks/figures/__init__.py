@@ -1,1 +1,1 @@
-"""Declare once, for each published number of a record, all outputs in which people see it."""
+"""Declare for each published number of a record, in one place, all outputs in which people see the number."""

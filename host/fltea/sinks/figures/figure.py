@@ -1,9 +1,9 @@
 """Define the declaration of a published figure (a number of a record): its field, and who shows it.
 
 The places where people may see a figure are the Prometheus metrics, the live page, the table in a terminal,
-Home Assistant, and the Grafana dashboard. For each place, the declaration says one of three things. The place
-shows the figure as the declaration says (`Metric`, `Row`, `Rows`, `Entity`), it shows the figure in its own
-layout (`Shown`), or it does not show the figure (`Hidden`).
+Home Assistant, and the Grafana dashboard. For each place, the declaration says one of three things: the place
+shows the figure as the declaration says (`Metric`, `Row`, `Rows`, `Entity`), the place shows the figure in a
+layout of its own (`Shown`), or the place does not show the figure (`Hidden`).
 """
 
 import types
@@ -51,11 +51,14 @@ class Shown(NamedTuple):
 
 
 class Metric(NamedTuple):
-    """A metric, named as Prometheus recommends: in base units, without the ending `_total` of counters.
+    """A metric.
+
+    Its name follows Prometheus' recommendations: base units, and no ending `_total`, which is added to
+    counters later.
 
     `text`: explanation of the metric. `factor`: factor from the field's unit to the base unit. `key`: name of
-    the label that holds the keys, if the field is a mapping. A field whose value is a word counts as a
-    mapping of that word to 1. `convert`: function that converts the field's value to a number.
+    the label that holds the keys, if the field is a mapping. If the field's value is a word, it counts as a
+    mapping from that word to 1. `convert`: function that converts the field's value to a number.
     """
 
     kind: Literal["counter", "gauge"]
@@ -101,7 +104,7 @@ class Row(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """Rows of the live page that are made from more than the value of one figure."""
+    """Rows of the live page that are made from more than one figure's value."""
 
     section: Section
     make: Callable[[Seen], Iterable[Cells]]
@@ -203,7 +206,9 @@ ROOTS: dict[type, Root] = {
     AxisFit: Root(Fit, "axes", "fit_"),
     DeviceAxisFit: Root(DeviceFits, "axes", "device_fit_"),
 }
-"""For each type of record, or of part of a record, that contains figures: its position in the record."""
+"""The keys are all types of records, and of parts of records, that contain figures. The values say where in a
+record such a part stands.
+"""
 
 
 def lookup(record: Any, path: str) -> Any:
@@ -239,7 +244,7 @@ def gauge(
     key: str | None = None,
     convert: Callable[[Any], float] | None = None,
 ) -> Metric:
-    """Declare a metric that may grow and fall."""
+    """Declare a metric that may rise and fall."""
     return Metric("gauge", name, text, factor, key, convert)
 
 

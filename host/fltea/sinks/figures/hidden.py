@@ -20,4 +20,4 @@ ONLY_METRIC = {
     "home_assistant": NO_ENTITY,
     "grafana": NO_PANEL,
 }
-"""Reasons why no other place shows a figure that is shown only as a metric."""
+"""For a figure that is shown only as a metric: the reasons why no other place shows it."""

@@ -39,7 +39,10 @@ _estimate = partial(Figure, DeviceAxisEstimate)
 
 
 def estimates_rate(stats: Stats | None, hello: Hello | None) -> str:
-    """Return the end of a text that says how many estimates a second the device sends; empty if unknown."""
+    """Return the last part of a text.
+
+    It says how many estimates a second the device sends, or is empty if this is unknown.
+    """
     own = stats.device_estimator if stats else None
     return (
         "" if own is None or hello is None or not own.every else f", {hello.rate_hz / own.every:g} a second"

@@ -1,4 +1,4 @@
-"""Declare the figures of an axis's filters of the paper, and the checks of their innovations."""
+"""Declare the figures of the paper's filters for an axis, and of the checks of their innovations."""
 
 from collections.abc import Iterator
 from functools import partial

@@ -28,7 +28,8 @@ def _parameter(
 ) -> tuple[Figure, ...]:
     """Return the figures of a fitted parameter: its value, and both ends of its 95 % interval.
 
-    `grafana`: two declarations, of how Grafana shows the value and of how it shows the ends of the interval.
+    `grafana`: two declarations. The first says how Grafana shows the value, and the second how it shows the
+    ends of the interval.
     """
     ends = home_assistant if isinstance(home_assistant, Hidden) else ATTRIBUTE
     return tuple(

@@ -1,4 +1,4 @@
-"""List all published figures, and all numbers of the records that are shown nowhere, with the reasons."""
+"""List all published figures, and all numbers of records that no place shows, with the reasons."""
 
 from collections.abc import Iterator
 
@@ -74,8 +74,8 @@ UNSHOWN: dict[tuple[type, str], str] = {
         )
     },
 }  # fmt: skip
-"""Numbers that no place shows. The key is the type of a record or of a part of a record, and the path to the
-number. The value is the reason.
+"""Numbers that no place shows. The key holds the type of a record, or of a part of a record, and the path to
+the number. The value is the reason why it is not shown.
 """
 
 

@@ -28,8 +28,8 @@ from fltea.sinks.metrics.tables import AXIS, DEVICE, Labelled, counter, families
 from fltea.wire import layout as wire
 
 FRESH_NS = 5 * 10**9
-"""Largest time since the arrival of an estimate that is shown [ns]. An older estimate is not shown, since its
-device is lost or has restarted.
+"""An estimate is shown only if it arrived at most this long ago [ns]. The device of an older estimate is lost
+or has restarted.
 """
 
 LAST = Values(slice(-1, None))
@@ -37,7 +37,8 @@ _BOUNDS_S = [repr(bound * 1e-3) for bound in LATENCY_BOUNDS_MS] + ["+Inf"]
 
 
 MOTIONS = (counter("motions", "Times that the sensor has begun to move."),)
-"""A counter that is no number of a record. It counts the records `motion` with which a motion begins."""
+"""A counter that is not the number in any record. It counts the records `motion` with which a motion begins.
+"""
 
 FACTS = "source", "device_id", "sensor", "firmware_version", "sampling_mode"
 """Fields of the record `hello` that become labels of one metric."""
@@ -47,8 +48,8 @@ FACTS = "source", "device_id", "sensor", "firmware_version", "sampling_mode"
 class Newest:
     """The newest record of each kind from one device.
 
-    `estimate_ns`, `device_estimate_ns`: monotonic arrival times of the newest estimate of this computer and
-    of the device. `motions`: number of motions that have begun.
+    `estimate_ns`: monotonic arrival time of this computer's newest estimate [ns]. `device_estimate_ns`: the
+    same for the device's own newest estimate. `motions`: number of motions that have begun.
     """
 
     hello: Hello | None = None
@@ -91,14 +92,17 @@ class Families(Collector):
         self._sink_queues = sink_queues
 
     def describe(self) -> list[Metric]:
-        """Return nothing, so that the library does not call `collect` when this collector is registered."""
+        """Return no metrics.
+
+        Without this method, the library would call `collect` when this collector is registered.
+        """
         return []
 
     def collect(self) -> Iterator[Metric]:
         """Yield every metric that has a value."""
         build = {"version": __version__, "protocol": f"{wire.PROTOCOL_MAJOR}.{wire.PROTOCOL_MINOR}"}
         yield InfoMetricFamily("fltea_build", "This program.", value=build)
-        # a copy, since the thread that receives records may be adding a device
+        # a copy is used, since the thread that receives records may be adding a device
         devices = list(self._newest.copy().items())
         yield _devices([(name, d.hello) for name, d in devices if d.hello])
         stats = [((name,), d.stats) for name, d in devices if d.stats]
@@ -132,7 +136,7 @@ def _figures(kind: type, labels: tuple[str, ...], records: Labelled) -> Iterator
 
 
 def _axes(records: Labelled) -> Labelled:
-    """Return, for each record, the part for each axis, with the axis as a further label."""
+    """Split each record into its parts for the axes. Each part gets the axis as a further label."""
     return [((*names, axis), one) for names, record in records if record for axis, one in record.axes.items()]
 
 

@@ -38,7 +38,7 @@ NOT_OURS = (
 
 
 class MetricsSink(Sink):
-    """Keeps the newest record of each kind from each device, and makes metrics of them at a request.
+    """Keeps the newest record of each kind from each device. On request, makes metrics of these records.
 
     `sink_queues`: function that returns all outputs, each with the name of its device, or with None if all
     devices share the output.
@@ -98,12 +98,12 @@ class MetricsSink(Sink):
                 newest.motions += 1
             case Hello():
                 newest.hello = self._introduced(item)
-            case Epoch():  # estimates and fits of the previous epoch do not apply to the new one
+            case Epoch():  # estimates and fits of the previous epoch do not apply to the new epoch
                 newest.estimate = newest.device_estimate = newest.fit = None
                 newest.device_fits = {}
 
     def depart(self, departed: Departed) -> None:
-        """Forget a device, so that its metrics end."""
+        """Forget a device, so that there are no more metrics of it."""
         self._newest.pop(departed.device, None)
         self._identities.pop(departed.device, None)
         for key in [key for key in self._errors if key[0] == departed.device]:
@@ -137,12 +137,12 @@ class MetricsSink(Sink):
 
 
 class _Handler(MetricsHandler):
-    """Answers a request for the metrics if its header `Host` names this machine."""
+    """Answers requests for the metrics if their header `Host` names this machine."""
 
     names: Collection[str] = ()
 
     def do_GET(self) -> None:
-        """Answer with the metrics, or with the reason why the request is refused.
+        """Answer a request with the metrics, or with the reason why it is refused.
 
         A request without `Host` is answered, since it does not come from a browser.
         """
@@ -162,7 +162,7 @@ class _Server(ThreadingHTTPServer):
     daemon_threads = True
 
     def server_bind(self) -> None:
-        """Bind as the base class does, but without looking up the machine's name, which may be slow."""
+        """Bind as the base class does, but do not look up the machine's name, which may take long."""
         socketserver.TCPServer.server_bind(self)
         self.server_name, self.server_port = "", self.server_address[1]
 

@@ -1,7 +1,10 @@
-"""Make families of metrics from records, in Prometheus' naming: base units, `_total` for counters.
+"""Make families of metrics from records.
 
-The table of figures (`fltea.sinks.figures`) declares which field of a record becomes which metric. A value
-that is unknown or not valid has no sample, so a graph shows a gap rather than a meaningless number.
+Their names follow Prometheus' rules: base units, `_total` for counters.
+
+The table of figures (`fltea.sinks.figures`) declares which field of a record becomes which metric. For a
+value that is unknown or not valid, Prometheus gets no sample, so that a graph shows a gap and not a
+meaningless number.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -17,15 +20,17 @@ from fltea.sinks.figures.table import FIGURES
 DEVICE, AXIS = ("device",), ("device", "axis")
 
 Labelled = Sequence[tuple[tuple[str, ...], Any]]
-"""Records or parts of records, each after the values of the labels that its metrics get."""
+"""Pairs of label values and a record or part of a record. The metrics of the record get these label values.
+"""
 
 
 class Row(NamedTuple):
     """Declares how a metric is made from a field of a record.
 
-    `of`: name of the field, if it differs from the metric's, or a function that returns the value from the
-    record. `factor`: factor from the field's unit to the base unit. `key`: name of the label that holds the
-    keys, if the field is a mapping. A field whose value is a word counts as a mapping of that word to 1.
+    `of`: name of the field, if it differs from the metric's name, or a function that computes the value from
+    the record. `factor`: factor from the field's unit to the base unit. `key`: name of the label that holds
+    the keys, if the field is a mapping. If the field's value is a word, it counts as a mapping from that word
+    to 1.
     """
 
     make: type[CounterMetricFamily] | type[GaugeMetricFamily]
@@ -51,7 +56,10 @@ def families(
 def filled(
     family: CounterMetricFamily | GaugeMetricFamily, values: Sequence[tuple[tuple[str, ...], float]]
 ) -> Metric:
-    """Add values to a metric, and return the metric. `values`: each value, after the values of its labels."""
+    """Add values to a metric, and return the metric.
+
+    `values`: pairs of the labels' values and the metric's value.
+    """
     for names, value in values:
         family.add_metric(names, value)
     return family

@@ -1,7 +1,7 @@
-"""Send messages to a broker, and count which of them wait, are not acknowledged, or are lost.
+"""Send messages to a broker, and count those that wait, are not acknowledged, or are lost.
 
-A broker does not acknowledge messages of QoS 0. When it acknowledges a later message of QoS 1 on the same
-connection, the earlier messages of QoS 0 have arrived, too.
+A broker does not acknowledge messages of QoS 0. But when it acknowledges a message of QoS 1, all messages of
+QoS 0 that were sent earlier on the same connection have arrived, too.
 """
 
 import time
@@ -14,21 +14,21 @@ from fltea.mqtt.link import Link
 from fltea.records.ports import Report
 
 BACKLOG = 1000
-"""Largest number of messages with rare records that wait while there is no connection. The oldest ones are
-dropped first.
+"""While there is no connection, at most this number of messages with rare records wait. If there are more,
+the oldest ones are dropped.
 """
 
 IN_FLIGHT = 2000
-"""Largest number of messages that were sent and not acknowledged yet. While there are as many, the network is
-too slow, and new frequent messages are lost.
+"""At most this number of messages may have been sent without an acknowledgement. As long as so many are
+unacknowledged, the network is too slow, and new frequent messages are lost.
 """
 
 
 class Message(NamedTuple):
     """A message to publish.
 
-    `retain`: whether the message is a state, which is published on each new connection. `again`: whether the
-    message is sent again if the connection is lost before the message is acknowledged.
+    `retain`: whether the message is a state, which is published again on each new connection. `again`: if the
+    connection is lost before the message is acknowledged, whether the message is sent again.
     """
 
     topic: str
@@ -50,7 +50,7 @@ class Flight:
 
     @property
     def messages(self) -> list[Message]:
-        """The messages of QoS 1, which a broker acknowledges, that are not acknowledged yet."""
+        """Those messages of QoS 1 that the broker has not acknowledged yet."""
         return [message for message, _ in self._unacknowledged.values()]
 
     def began(self, mid: int, message: Message) -> None:
@@ -63,7 +63,8 @@ class Flight:
     def arrived(self, mid: int) -> Message | None:
         """Return the message number `mid`, which is now acknowledged.
 
-        Return None for a message of QoS 0, of which only the writing to the socket is acknowledged.
+        Return None for a message of QoS 0. For it, the library only acknowledges that it was written to the
+        socket.
         """
         entry = self._unacknowledged.pop(mid, None)
         if entry is None:
@@ -75,7 +76,7 @@ class Flight:
     def end(self) -> tuple[int, list[Message]]:
         """Forget all messages, since the connection has ended.
 
-        Return the number of messages of QoS 0 that may be lost, and the unacknowledged messages of QoS 1.
+        Return how many messages of QoS 0 may be lost, and the unacknowledged messages of QoS 1.
         """
         unsure, messages = self._unsure - self._sure, self.messages
         self._unacknowledged, self._unsure, self._sure = {}, 0, 0
@@ -86,7 +87,7 @@ class Delivery:
     """Sends messages over the connection to a broker, and counts the lost ones.
 
     `introduce`: function that publishes the states of the device on a new connection. `lost`: number of
-    messages that no broker took, or whose arrival is uncertain.
+    messages that no broker accepted, or whose arrival is uncertain.
     """
 
     def __init__(self, link: Link, report: Report, introduce: Callable[[], None]) -> None:
@@ -98,9 +99,9 @@ class Delivery:
         self._refusal_reported = False
 
     def begin(self) -> None:
-        """Begin with another device.
+        """Begin to send the messages of another device.
 
-        If the broker refuses messages of this device too, that is reported again.
+        If the broker refuses messages of the new device, too, this is reported again.
         """
         self._refusal_reported = False
 
@@ -117,7 +118,8 @@ class Delivery:
         if self._link.up:
             self.lost += not (len(self._flight) < IN_FLIGHT and self._publish(message))
         elif not self._link.in_outage and len(self._waiting) < BACKLOG:
-            self._waiting.append(message)  # the first connection opens soon, so the message waits for it
+            # the first connection will soon be open, so the message waits for it
+            self._waiting.append(message)
         else:
             self.lost += 1
 
@@ -174,7 +176,7 @@ class Delivery:
         return True
 
     def _take_back(self) -> None:
-        """Count the messages that were lost with a connection; keep the messages to be sent again."""
+        """Count the messages that were lost with a connection. Keep those that have to be sent again."""
         unsure, messages = self._flight.end()
         self.lost += unsure
         waiting, self._waiting = self._waiting, deque()
@@ -199,7 +201,7 @@ class Delivery:
     def _on_up(self) -> None:
         away_s = self._link.end_outage()
         lost_before, self._lost_before = self._lost_before, None
-        self.send_waiting()  # waiting messages go first, since an older status may be among them
+        self.send_waiting()  # waiting messages are sent first, since an older status may be among them
         self._introduce()
         if away_s is not None and lost_before is not None:
             lost = self.lost - lost_before

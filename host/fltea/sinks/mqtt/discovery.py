@@ -60,7 +60,7 @@ def discovery(topics: str, level: str, hello: Hello, axes: dict[str, AxisStats])
 
 
 def _is_by_axis(figure: Figure, entity: Entity) -> bool:
-    """Return whether each axis has an entity for the figure. One with its own template is the device's."""
+    """Return whether each axis has an entity for the figure. An entity with a template is the device's."""
     return ROOTS[figure.kind].by_axis and not entity.template
 
 
@@ -86,7 +86,8 @@ def _component(
     }
     component |= {key: value for key, value in options.items() if value is not None}
     parent, _, leaf = figure.field.rpartition(".")
-    if leaf == "value":  # the figure is the value of an interval, whose ends become attributes
+    # the figure is the value of a parameter with an interval, and the ends of the interval become attributes
+    if leaf == "value":
         component["json_attributes_topic"] = topic
         component["json_attributes_template"] = f"{{{{ {base}.{parent} | tojson }}}}"
     return component
