@@ -263,7 +263,7 @@ def test_channels_of_tdms_with_different_steps_are_no_sensor(tmp_path: Path) -> 
         for k, (name, values) in enumerate(AXES.items()):
             step = {"wf_increment": 0.005 * (1 + k), "unit_string": "rad/s"}
             out.write_segment([nptdms.ChannelObject("IMU", name, values, step)])
-    with pytest.raises(UsageError, match=r"which rate is right .* 200, .* 100, "):
+    with pytest.raises(UsageError, match=r"which of the rates .* 200, .* 100, "):
         opened("tdms", path)
 
 
@@ -298,7 +298,9 @@ def test_groups_of_mf4_keep_their_clocks(tmp_path: Path) -> None:
         assert rates_of(found) == pytest.approx(np.degrees(values), rel=1e-6)
         assert found.rate_hz == pytest.approx(rate_hz)
     mixed = ["left.gyro_x", "right.gyro_y"]
-    with pytest.raises(UsageError, match="are of the groups left, right, and each has a clock of its own"):
+    with pytest.raises(
+        UsageError, match="belong to the groups left, right, and each group has a clock of its own"
+    ):
         opened("mf4", path, columns=mixed, time_column="left.time")
 
 

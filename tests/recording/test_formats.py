@@ -137,7 +137,9 @@ def test_rows_of_numbers_are_text_whatever_the_name_says(suffix: str, tmp_path: 
 def test_what_begins_as_a_document_in_a_file_is_not_called_a_stream(tmp_path: Path) -> None:
     path = tmp_path / "rest.txt"
     path.write_text("[[[{(1,2,3\n" * 50)
-    with pytest.raises(UsageError, match=r"begins as one document of JSON, which is read if its name ends"):
+    with pytest.raises(
+        UsageError, match=r"begins like one JSON document. Such a file is read if its name ends"
+    ):
         ReplaySource(path)
 
 

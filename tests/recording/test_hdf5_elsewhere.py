@@ -36,10 +36,10 @@ def link_by_way(file: Any, name: str, other: Path) -> None:
 
 
 KINDS: dict[str, tuple[Callable[..., None], str]] = {
-    "external storage": (external, r"gyro_x_dps: stands in other files \("),
+    "external storage": (external, r"gyro_x_dps: is stored in other files \("),
     "virtual": (
         virtual,
-        r"gyro_x_dps: is put together of other data sets \(.*\), which may be missing",
+        r"gyro_x_dps: is composed of other data sets \(.*\), which may be missing",
     ),
     "link": (link, r"gyro_dps is a link to another file \(\S*other\.h5\)"),
     "link by way": (link_by_way, r"gyro_dps is a link to another file"),
@@ -74,7 +74,7 @@ def test_a_pipe_is_not_opened(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file["time_s"] = np.arange(ROWS) / 100
         external(file, "gyro_dps", tmp_path / "pipe")
-    assert "stands in other files" in refusal(tmp_path / "a.h5")
+    assert "is stored in other files" in refusal(tmp_path / "a.h5")
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -172,12 +172,14 @@ def test_an_index_whose_wrong_length_ends_where_a_later_record_begins_costs_no_c
 def test_of_a_wrong_length_it_is_not_said_that_the_recording_is_short(case: Case) -> None:
     begin, end = case.chunks[3]
     case.lie(begin, 10**9, end)
-    wrong = f"has a wrong length at byte {begin} (a chunk that claims to have {10**9} bytes, and has "
+    wrong = f"has a wrong length at byte {begin} (a chunk that claims to have {10**9} bytes, but has "
     with pytest.raises(UsageError, match=re.escape(wrong)):
         replay(case.path)
     case.write(case.whole[: end - 10])
     length = end - begin - HEAD.size
-    with pytest.raises(UsageError, match=f"a record that claims {length} bytes, and {length - 10} are left"):
+    with pytest.raises(
+        UsageError, match=f"a record claims to have {length} bytes, but only {length - 10} are left"
+    ):
         replay(case.path)
 
 

@@ -239,7 +239,7 @@ def test_units_of_times_and_of_one_sensor_alone(tmp_path: Path) -> None:
 
 def test_two_facts_of_one_name_are_refused(tmp_path: Path) -> None:
     content = {"metadata": {"fs": 100}, "fs": 200, "samples": rows(DPS, "gx_dps gy_dps gz_dps", timed=False)}
-    assert "holds two different fs, and nothing says which counts" in refusal(tmp_path, content)
+    assert "holds two different fs, and nothing says which of them is right" in refusal(tmp_path, content)
 
 
 @given(

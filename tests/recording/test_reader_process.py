@@ -121,7 +121,7 @@ def test_json_in_json_without_end(tmp_path: Path) -> None:
     path.write_bytes(b'[{"a": 1},')
     assert refusal(path).endswith("a.json: cannot be read as JSON (Input data was truncated).")
     path.write_text(json.dumps([{"sensor": "Barometer", "seconds_elapsed": "1"}]))
-    assert "is of the app Sensor Logger, without a gyroscope; it has Barometer" in refusal(path)
+    assert "is a file of the app Sensor Logger, but has no gyroscope; it has Barometer" in refusal(path)
 
 
 @pytest.mark.parametrize("entry", [slow(""), ".", slow("here")], ids=["empty", "relative", "absolute"])

@@ -120,7 +120,7 @@ def test_a_document_of_json_is_read_from_a_file(tmp_path: Path, kind: str) -> No
 def test_a_document_of_json_that_comes_as_a_stream_is_called_so(kind: str) -> None:
     reader = TextReader("stdin", How())
     assert not reader.feed(DOCUMENTS[kind].encode() + b"\n") + reader.finish()
-    assert "is one document of JSON" in str(reader.refusal())
+    assert "is one JSON document" in str(reader.refusal())
 
 
 def test_a_stream_of_utf_16_is_read_like_a_file(tmp_path: Path) -> None:

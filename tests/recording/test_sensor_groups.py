@@ -52,9 +52,7 @@ def test_an_axis_that_cannot_be_used_is_named_and_no_other_moves_up(name: str, t
             continue  # MATLAB files hold a text as a table of letters
         text = refusal(read, tmp_path, arrays, rate_hz=100.0)
         assert "gyro_x_dps" in text
-        assert (
-            "not alike in length" if name == "one sample shorter" else "not one number in each row"
-        ) in text
+        assert ("differ in length" if name == "one sample shorter" else "not one number in each row") in text
     found = npz(tmp_path, arrays, rate_hz=100.0, columns=["gyro_y_dps", "gyro_z_dps"])
     assert (found.axes, found.whole().gyro.tolist()) == (("y", "z"), GYRO[:, 1:].tolist())
 
@@ -140,7 +138,7 @@ def test_columns_by_name_are_of_any_group_but_of_one_length(tmp_path: Path) -> N
     assert found.whole().gyro.tolist() == OTHER.tolist()
     mixed = ["left.gyro_x", *names[1:]]
     text = refusal(hdf5, tmp_path, SENSORS, units="dps", columns=mixed, rate_hz=100.0)
-    assert "not alike in length (left.gyro_x 300, right.gyro_y 600, right.gyro_z 600)" in text
+    assert "differ in length (left.gyro_x 300, right.gyro_y 600, right.gyro_z 600)" in text
 
 
 def test_a_calibration_is_no_second_sensor(tmp_path: Path) -> None:
@@ -198,7 +196,7 @@ def test_the_rate_of_the_group_counts(read: Callable[..., Stored], tmp_path: Pat
     assert rates(tmp_path, read, mic_fs=44100.0, fs=50.0).rate_hz == 50.0
     assert "nothing says the rate" in refusal(rates, tmp_path, read, mic_fs=44100.0)
     text = refusal(rates, tmp_path, read, imu_fs=200.0, imu_odr=400.0)
-    assert "which rate is right of those in Hz" in text
+    assert "which of the rates [Hz] that are stated" in text
     assert "imu.fs 200, imu.odr 400" in text
 
 

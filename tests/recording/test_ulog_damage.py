@@ -56,7 +56,7 @@ def test_a_length_that_is_wrong_costs_one_message(length: int, tmp_path: Path) -
     found = read(tmp_path, put(WHOLE, MIDDLE, struct.pack("<H", length)))
     assert found.whole().seq.tolist() == [k for k in range(N) if k != N // 2]
     assert (
-        f"is damaged: {MESSAGE} bytes in one place, at byte {MIDDLE}, are no message"
+        f"is damaged: {MESSAGE} bytes in one place, at byte {MIDDLE}, belong to no message"
         in told(found)["recording_gap"]
     )
 

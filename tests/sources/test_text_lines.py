@@ -179,7 +179,7 @@ def test_lines_without_the_columns_are_told() -> None:
         (RATE, b"gx\n", "has a header but no rows"),
         (RATE, b"gx\nx\n", "column 'gx': 'x' is not a number"),
         (RATE, b"gx\n,\n", "an empty field"),
-        (TIMES, b"t_ms,gx\n1,2\n", "tells none"),
+        (TIMES, b"t_ms,gx\n1,2\n", "does not show it"),
         (How(), b"gyro_x_dps\n1\n", "there is no column of times"),
     ],
 )

@@ -161,7 +161,7 @@ def _none(
 ) -> UsageError:
     why = "".join(f" {note.text}" for note in notes[:1])
     if not topics:
-        return UsageError(f"{path}: no messages can be read of this bag.{why}")
+        return UsageError(f"{path}: no messages of this bag can be read.{why}")
     if name is not None and any(layouts.values()):
         what = f"has no Imu messages of the topic {shown(name)}{has}"
     else:
@@ -191,7 +191,7 @@ def _few(notes: list[Note]) -> list[Note]:
     """Return the first notes on damage, and one note with the number of the remaining notes."""
     left = len(notes) - MOST_NOTES
     return notes[:MOST_NOTES] + (
-        [Note(notes[-1].kind, f"… and {left} more such places.")] if left > 0 else []
+        [Note(notes[-1].kind, f"… and {left} more places like these.")] if left > 0 else []
     )
 
 
@@ -206,7 +206,9 @@ def _batches(path: Path, limits: Limits) -> Iterator[Batch | Note]:
             about = file.stat()
             same = seen.setdefault((about.st_dev, about.st_ino), file)
             if same != file:
-                yield Note("bag_messages", f"{file}: is the same file as {same} (a link), and is read once.")
+                yield Note(
+                    "bag_messages", f"{file}: is the same file as {same} (a link), and is read only once."
+                )
                 continue
             with unpacked_file(file, limits) as unpacked:
                 with unpacked.open("rb") as opened:
@@ -218,7 +220,7 @@ def _batches(path: Path, limits: Limits) -> Iterator[Batch | Note]:
                 elif begin.startswith(SQLITE[: len(ROS1)]):
                     yield from read_sqlite(unpacked, limits)
                 else:
-                    raise ValueError("it begins like none of ROS 1, SQLite and MCAP")
+                    raise ValueError("it does not begin like a file of ROS 1, SQLite or MCAP")
         except (OSError, ValueError) as error:
             if len(files) == 1:
                 raise UsageError(f"{file}: cannot be read as a bag ({error}).") from error

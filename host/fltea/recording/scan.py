@@ -161,7 +161,7 @@ class Scan:
                 kind, length = HEAD.unpack(file.read(HEAD.size))
                 if (other := self._true_length(file, at, kind, length)) is not None:
                     what = "chunk" if kind == Opcode.CHUNK else "message index"
-                    text = f"a {what} that claims to have {length} bytes, and has {other}, which are read"
+                    text = f"a {what} that claims to have {length} bytes, but has {other}; these are read"
                     yield Damage(at, text, 0)
                     length = other
                 elif not begins_record(file, at, size):
@@ -206,7 +206,9 @@ class Scan:
         """
         room = self._size - at - HEAD.size
         self.why = (
-            "they are zeros" if kind == 0 else f"a record that claims {length} bytes, and {room} are left"
+            "they are zeros"
+            if kind == 0
+            else f"a record claims to have {length} bytes, but only {room} are left"
         )
         if self._spent_bytes > MOST_DAMAGED_FILES * self._size + MOST_DAMAGED_BYTES:
             self.why = "too much of the file is damaged"
@@ -265,7 +267,7 @@ class Scan:
             text = f"{type(error).__name__}: {error}"
             found = chunk_length(file, offset)
             if found is not None and found.by_fields > length:
-                text = f"a chunk that claims to have {length} bytes, and by its fields has {found.by_fields}"
+                text = f"a chunk that claims to have {length} bytes, but has {found.by_fields} by its fields"
             yield Damage(offset, text, HEAD.size + length)
 
 
@@ -285,11 +287,13 @@ def _unpacked(chunk: Chunk, limits: Limits, place: str) -> bytes:
         case "":
             data = chunk.data
         case _:
-            raise McapError(f"no reader for chunks that are packed by {chunk.compression[:20]!r}")
+            raise McapError(
+                f"this program cannot read chunks that are compressed by {chunk.compression[:20]!r}"
+            )
     if len(data) > limits.chunk_bytes:
         raise limits.chunk_too_large(place, max(chunk.uncompressed_size, len(data)))
     if len(data) != chunk.uncompressed_size:
-        raise McapError(f"a chunk that declares {chunk.uncompressed_size} bytes and does not hold as many")
+        raise McapError(f"a chunk that declares {chunk.uncompressed_size} bytes, but holds another number")
     if chunk.uncompressed_crc not in (0, zlib.crc32(data)):
         raise McapError("a chunk with a wrong checksum")
     return data

@@ -88,7 +88,7 @@ def from_metadata(metadata: dict[str, str]) -> PartInfo:
         check_hello(hello)
     info = msgspec.convert({**metadata, "hello": hello}, PartInfo, strict=False)
     if max(abs(info.offset_ns), abs(info.created_ns)) > LATEST_NS:
-        raise ValueError("its times are not in the years up to 2116: the clock of its recorder was wrong")
+        raise ValueError("its times are not between the years 1970 and 2116: the recorder's clock was wrong")
     return info
 
 
@@ -99,11 +99,11 @@ def check_hello(hello: Hello) -> None:
         ValueError: no sensor has this rate or scale.
     """
     if not LOWEST_RATE_HZ <= hello.rate_hz <= HIGHEST_RATE_HZ:
-        raise ValueError(f"the rate has to be positive and that of a sensor, not {hello.rate_hz:g} Hz")
+        raise ValueError(f"the rate must be positive and possible for a sensor, but is {hello.rate_hz:g} Hz")
     # a scale of 0 means that there is no accelerometer
     for lsb in (hello.gyro_lsb_per_dps, hello.accel_lsb_per_g or None):
         if lsb is not None and not LOWEST_SCALE <= lsb <= HIGHEST_SCALE:
-            raise ValueError(f"the scale has to be positive and that of a sensor, not {lsb:g} LSB")
+            raise ValueError(f"the scale must be positive and possible for a sensor, but is {lsb:g} LSB")
 
 
 class LinkMessage(msgspec.Struct, frozen=True, omit_defaults=True):

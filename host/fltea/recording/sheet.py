@@ -275,8 +275,8 @@ def _check_columns(where: str, sheet: Sheet, chosen: Chosen, how: How) -> None:
     if len({*lengths}) > 1:
         each = ", ".join(f"{name} {rows}" for name, rows in zip(chosen.read, lengths, strict=True))
         raise UsageError(
-            f"{where}: the columns that are read are not alike in length ({each}), so which of their numbers "
-            "belong together is not known. Mend the file, or name those that are alike with --columns."
+            f"{where}: the columns that are read differ in length ({each}), so it is not known which of "
+            "their numbers belong together. Mend the file, or name columns of equal length with --columns."
         )
     sensor = [] if chosen.sensor is None else [sheet.names[chosen.sensor[0]]]
     for name in chosen.read:
@@ -330,7 +330,7 @@ def of_one_gyroscope(where: str, sheet: Sheet, how: How) -> Sheet:
     inner = f"{of[0]}." if of else ""
     unread = [name for k, name in enumerate(names) if name.startswith((inner, *apart)) and k not in keep]
     unread = [name for name in unread if is_of_accelerometer(name)]
-    text = f"{where}: {listed(unread)}: not read, since the gyroscope has other times or {rows} rows."
+    text = f"{where}: {listed(unread)}: not read, since the gyroscope has other times, or {rows} rows."
     notes = (*sheet.notes, Note("reading", text)) if unread else sheet.notes
     called = {k: names[k] for k in keep} if found.is_of_dialect else short_names(names, of, fixed, keep)
     rates = _rates_of(where, sheet, found, how)
@@ -378,6 +378,6 @@ def _rates_of(where: str, sheet: Sheet, found: _Gyroscope, how: How) -> Mapping[
         rates = rates or {name: rate_hz for name, rate_hz in near.items() if "@" not in name}
     if len({*rates.values()}) > 1 and how.rate_hz is None:
         each = ", ".join(f"{name} {rate_hz:g}" for name, rate_hz in rates.items())
-        what = f"which rate is right of those in Hz that are stated for the same samples: {each}"
+        what = f"which of the rates [Hz] that are stated for the same samples is right: {each}"
         raise not_stated(where, [Missing(what, "--rate ? --overrule")], given_options(how))
     return dict(list(rates.items())[:1])

@@ -259,9 +259,9 @@ class _Table:
             self._notes.append(Note("row_times", f"{self._path}: {text}"))
         if elapsed.hours and elapsed.unit_s == found.unit_s:
             self._note_times(
-                f"{elapsed.hours} steps of an hour, at which a new run begins. In a night of daylight saving "
-                "a clock of local time has one, and then no sample is missing: write times in UTC, or with "
-                "their offset (+02:00)."
+                f"{elapsed.hours} steps of an hour; a new run begins at each. A clock of local time makes "
+                "such a step when daylight saving time begins or ends, and then no sample is missing: write "
+                "times in UTC, or with their offset (+02:00)."
             )
         if elapsed.repeated:
             self._note_times(

@@ -260,7 +260,7 @@ class LayoutFinder:
             if header.is_loose and (len(fields) < len(names) or any(fields[len(names) :])):
                 found = (
                     f"has {len(fields)} fields, and the header names {len(names)} columns ({listed(names)}). "
-                    "Write one name a column, or give positions: --columns 2,3,4."
+                    "Write one name for each column, or give positions: --columns 2,3,4."
                 )
             else:
                 found = why_too_many(fields, len(names))

@@ -173,7 +173,10 @@ class RowParser:
         if layout.separator != ",":
             self._note_decimal(chosen[: len(layout.chosen.needed)])
             if any(("." if self._decimal == "," else ",") in field for field in chosen):
-                return "number", f"{shown(begin)} has both decimal commas and points, or others than before."
+                return (
+                    "number",
+                    f"{shown(begin)} has both decimal commas and points, or changes the decimal sign.",
+                )
         return [_number(field, layout.separator) for field in chosen]
 
     def _note_decimal(self, fields: Sequence[str]) -> None:
@@ -216,7 +219,7 @@ def _of_named(
         return "columns", f"is an object without {shown(lacking[0])}."
     values = [found.get(name) for name in chosen.read]
     if not {type(value) for value in values[: len(names)]} <= {int, float, type(None)}:
-        return "number", f"{shown(text)} has other values than numbers."
+        return "number", f"{shown(text)} has values that are not numbers."
     try:
         return [float(value) if isinstance(value, int | float) else math.nan for value in values]
     except OverflowError:

@@ -120,13 +120,13 @@ class TextReader:
         is_document = ONE_DOCUMENT.match(self._buffer.begin) is not None
         if is_document and is_file:
             return UsageError(
-                f"{self._where}: begins as one document of JSON, which is read if its name ends in .json; of "
-                "other text only lines are read."
+                f"{self._where}: begins like one JSON document. Such a file is read if its name ends in "
+                ".json; any other text is read line by line."
             )
         if is_document:
             return UsageError(
-                f"{self._where}: is one document of JSON; of a stream only an object a line is read. "
-                "Write it to a file, and read that: cat > recording.json, then -s replay:recording.json"
+                f"{self._where}: is one JSON document; in a stream, each object must be one line. Write it "
+                "to a file, and read that: cat > recording.json, then -s replay:recording.json"
             )
         if (error := self._sensors.why_none()) is not None:
             return error

@@ -76,7 +76,9 @@ def timing(
         check_given(where, column.rate_hz, overrule=column.overrule)
         return _with_rate(where_column, column, clock, elapsed, column.rate_hz)
     if clock is None:
-        raise not_stated(where, [Missing(f"the rate; one time in '{column.name}' tells none", "--rate ?")])
+        raise not_stated(
+            where, [Missing(f"the rate; one time in '{column.name}' does not show it", "--rate ?")]
+        )
     if not clock.even:
         raise _uneven(where, column, clock, elapsed, place)
     unit_s = SECONDS[column.unit or "s"]
@@ -165,7 +167,7 @@ def _uneven(
         rate_hz = rows / (every * unit_s)
         why = (
             f"the rows come in bursts, {rows} every {every:.3g} {shown}, and the times in '{name}', "
-            f"{clock.typical:.3g} {shown} apart, are those of fetching them"
+            f"{clock.typical:.3g} {shown} apart, are those at which the rows were fetched"
         )
         if rows <= MOST_IN_TURNS:
             remark = (

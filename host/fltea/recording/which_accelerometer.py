@@ -84,7 +84,7 @@ def _axes(choice: Choice, taken: set[int | None]) -> tuple[tuple[int, ...], bool
     if several:
         _unread(choice, "several columns are called alike")
     elif elsewhere:
-        why = f"{listed(elsewhere)} stand on other lines, and which of them are of one sample is not known"
+        why = f"{listed(elsewhere)} stand on other lines, and it is unclear which of them are of one sample"
         choice.answer("accelerometer", "not read", "missing", why)
     return (), False
 

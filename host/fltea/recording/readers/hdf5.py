@@ -96,9 +96,11 @@ def outside(item: Any) -> str:
         return ""
     if item.is_virtual:
         names = sorted({source.file_name for source in item.virtual_sources()})
-        return f"is put together of other data sets ({listed(names)}), which may be missing; {NOT_READ}"
+        return f"is composed of other data sets ({listed(names)}), which may be missing; {NOT_READ}"
     if item.external:
-        return f"stands in other files ({listed(sorted({name for name, *_ in item.external}))}); {NOT_READ}"
+        return (
+            f"is stored in other files ({listed(sorted({name for name, *_ in item.external}))}); {NOT_READ}"
+        )
     return ""
 
 

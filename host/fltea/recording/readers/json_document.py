@@ -45,7 +45,8 @@ def read(path: Path, _: str) -> Sheet:
         is_word = isinstance(value, str) and not is_unit(value)
         if name in found and not is_word and found[name] != value:
             raise UsageError(
-                f"holds two different {listed([name])}, and nothing says which counts. Correct it."
+                f"holds two different {listed([name])}, and nothing says which of them is right. Correct the "
+                "file."
             )
         found.setdefault(name, value)
     return of_arrays({name: _array(name, value) for name, value in found.items()})
@@ -233,6 +234,6 @@ def _of_phone(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     sensor = next((name for name in PHONE_GYROSCOPES if name in sensors), None)
     if sensor is None:
         has = listed(sorted(sensors))
-        raise UsageError(f"is of the app Sensor Logger, without a gyroscope; it has {has}.")
+        raise UsageError(f"is a file of the app Sensor Logger, but has no gyroscope; it has {has}.")
     keys = {"seconds_elapsed": "time_s", **{axis: f"gyro_{axis}_rad_s" for axis in "xyz"}}
     return [{name: row.get(key) for key, name in keys.items()} for row in rows if row.get("sensor") == sensor]

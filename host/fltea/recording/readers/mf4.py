@@ -41,8 +41,8 @@ def read(path: Path, _: str) -> Sheet:
         used = sorted({groups[place] for place in places})
         if len(used) > 1:
             raise UsageError(
-                f"the columns that are read are of the groups {', '.join(used)}, and each has a clock "
-                "of its own. Name columns of one group with --columns."
+                f"the columns that are read belong to the groups {', '.join(used)}, and each group has a "
+                "clock of its own. Name columns of one group with --columns."
             )
         return blocks(places)
 

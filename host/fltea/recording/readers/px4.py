@@ -51,13 +51,13 @@ def read(path: Path, topic: str) -> Sheet:
     if len(devices := _devices(data)) > 1:
         raise UsageError(
             f"is a PX4 log whose {name} is of several sensors one after the other (device_id "
-            f"{listed(devices)}), so its samples are not of one. Name another topic by --topic."
+            f"{listed(devices)}), so its samples are not all of one sensor. Name another topic by --topic."
         )
     sheet = _unpacked(data) if name == FIFO else of_arrays(data)
     texts = []
     if name == TOPICS[0] and len(others := [one for one in log.data_list if one.name == "sensor_gyro"]) > 1:
         texts.append(
-            f"{name} has samples of the one of {len(others)} sensors that PX4 chose; --topic sensor_gyro:0 "
+            f"{name} has the samples of one of {len(others)} sensors, which PX4 chose; --topic sensor_gyro:0 "
             "reads the first sensor."
         )
     if lost_ms := [one.duration for one in log.dropouts]:
@@ -91,13 +91,13 @@ def _losses(path: Path, whole: Mended, log: Any) -> list[Note]:
     found = []
     if whole.holes:
         places = f"{whole.holes} places, the first" if whole.holes > 1 else "one place,"
-        text = f"is damaged: {whole.lost_bytes} bytes in {places} at byte {whole.first}, are no message"
-        found.append(("recording_gap", f"{text} and are left out; what stands before and behind is read."))
+        text = f"is damaged: {whole.lost_bytes} bytes in {places} at byte {whole.first}, belong to no message"
+        found.append(("recording_gap", f"{text} and are left out; the parts before and after them are read."))
     if whole.odd:
         many = "one message is" if whole.odd == 1 else f"{whole.odd} messages are"
         text = f"{many} of a kind or a topic that the log does not declare"
         found.append(
-            ("recording_gap", f"{text}, and are left out: it is damaged, or newer than this program.")
+            ("recording_gap", f"{text}, and are left out: the log is damaged, or newer than this program.")
         )
     read = sum(len(one.data["timestamp"]) for one in log.data_list)
     there = sum(whole.counts.get(of, 0) for of in {(one.name, one.multi_id) for one in log.data_list})
