@@ -299,7 +299,7 @@ def test_without_once_a_recording_stays_until_a_signal(form: str, tmp_path: Path
     (tmp_path / "rest.csv").write_text("gyro_x_dps\n" + "1\n2\n" * 100)
     flags = ["--rate", "100", "--format", form, *QUICK]
     with started("run", "-s", f"{tmp_path}/rest.csv", *flags) as process:
-        assert b"the recording is at its end" in process.stderr.readline()
+        assert b"the recording has ended" in process.stderr.readline()
         assert process.poll() is None
         output = ended_by(signal.SIGTERM, process)
     if form == "ndjson":

@@ -83,7 +83,7 @@ def test_devices_for_which_there_are_none_are_refused_before_anything_begins(
     code, errors = limited(RESERVE + 2 * 20).end(None)
     assert code == 2
     assert "40 devices need" in errors
-    assert "devices fit" in errors
+    assert "which is enough for" in errors
     assert "'ulimit -n" in errors
     assert "LimitNOFILE=" in errors
     assert not (tmp_path / "recording").exists()

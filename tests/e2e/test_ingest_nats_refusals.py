@@ -47,7 +47,7 @@ def test_what_an_account_may_not_do_is_told(
     monkeypatch.setenv("FLTEA_NATS_PASSWORD", "p")
     worker = start(server(more=f"authorization {{ users: [ {user} ] }}"))
     wait_until(lambda: any(one == kind for one, _ in worker.told), "word of it")
-    assert "this account may not do what a worker has to" in worker.texts(kind)
+    assert "this account lacks a permission that a worker needs" in worker.texts(kind)
     assert subject.lower() in worker.texts(kind)  # The NATS library writes the subject in lower case.
     assert not worker.texts("nats_back")
 

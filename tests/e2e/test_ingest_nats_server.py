@@ -121,7 +121,7 @@ def test_a_port_of_another_program_is_told() -> None:
         worker = Worker(f"nats://127.0.0.1:{other.getsockname()[1]}")
         wait_until(lambda: bool(worker.told), "word of it")
         worker.frames.close()
-    assert "does not talk like a NATS server" in worker.texts("nats_lost")
+    assert "does not answer like a NATS server" in worker.texts("nats_lost")
 
 
 def test_a_device_that_floods_the_stream_pushes_out_its_own_frames(server: Servers, start: Start) -> None:

@@ -142,7 +142,7 @@ def test_all_files_of_a_recording_are_used_or_named(
     for one in (["info"], IDENTIFY, [*REPLAY, "-s"]):
         done = fltea_here(*one, f"replay:{folder}" if one[-1] == "-s" else folder)
         assert done.returncode == 1
-        assert f"not all of the recording was read, the rest is used: {whole[1]}: " in done.stderr
+        assert f"a part of the recording could not be read; the rest is used: {whole[1]}: " in done.stderr
 
 
 def samples_of(folder: Path, lossless: bool) -> int:

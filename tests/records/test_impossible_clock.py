@@ -62,7 +62,7 @@ def test_times_count_from_the_start_of_the_machine_where_its_date_cannot_be() ->
 def test_what_is_recorded_then_is_read(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     config = load_configs(None, {"record.folder": str(tmp_path), "pace": "fast"}, ["synthetic:?n=60"])[0]
     record(config, None)
-    assert capsys.readouterr().err.count("clock_wrong: the machine's clock says the year") == 1
+    assert capsys.readouterr().err.count("clock_wrong: the machine's clock shows the year") == 1
     found = summarise(files(tmp_path), 100)
     assert (found.samples, found.whole, found.start_unix_ns) == (60, True, None)
 

@@ -57,7 +57,7 @@ def test_what_hangs_gets_no_more_time_together_than_one_alone(scene: Scene) -> N
     assert OTHER_S <= scene.wait(*hanging) < OTHER_S + 1
     assert scene.ending.left == ["a", "b", "c"]
     assert scene.ending.lost == []
-    assert scene.said[0] == "waits for a, up to 10 s; another signal ends it at once."
+    assert scene.said[0] == "waits for a, up to 10 s; another signal ends the waiting at once."
     assert scene.said[1:] == [f"{name} did not end in time; its last data are lost." for name in "abc"]
 
 
@@ -142,5 +142,5 @@ def test_a_state_that_cannot_be_written_in_time_is_a_failure(
     monkeypatch.setattr(StateFile, "_write", lambda file: held())
     failure, done = run_to_its_end("synthetic:", **{"state.file": str(tmp_path / "state")})
     held.go.set()
-    assert str(failure) == "not all data were written, since the program did not wait longer for: state."
+    assert str(failure) == "not all data were written, since these did not end within the time limit: state."
     assert not done

@@ -64,7 +64,7 @@ def test_names_that_are_made_up_take_nobodys_place_and_are_told() -> None:
     assert [m[:2] for m in inbox.take(0)[0]] == [("real", b"first"), ("real", b"second")]
     ((kind, text, *_),) = losses.check(0)
     assert kind == "devices_refused"
-    assert "301 names were heard once" in text
+    assert "301 names sent one message" in text
     assert not list(losses.check(1)), "once a minute"
 
 
@@ -206,7 +206,7 @@ def test_whoever_floods_loses_its_own_and_is_named(is_stream: bool, monkeypatch:
     ((kind, text, *_),) = losses.check(0)
     assert kind == "frames_overflow"
     assert f"flood ({(6000 - taken) * len(message)} bytes)" in text
-    assert "which floods" in text
+    assert "which publishes too much" in text
 
 
 def test_a_message_from_the_future_waits_for_nothing() -> None:

@@ -196,7 +196,7 @@ def test_another_worker_goes_on_with_the_very_same_estimates() -> None:
         assert found == whole[seq]
     (again,) = of(Error, second.sink.items)
     assert again.kind == "partition_caught_up"
-    assert "2 messages were processed again" in again.message
+    assert "2 messages were processed a second time" in again.message
 
 
 def test_a_device_whose_window_fills_begins_again_with_its_first_message() -> None:

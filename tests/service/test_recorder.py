@@ -119,7 +119,7 @@ def test_what_cannot_be_recorded_says_why_and_ends_nothing(tmp_path: Path) -> No
     with pytest.raises(UsageError, match="is a recording already"):
         recorder.start("old", hello())
     assert recorder.view("old").why_not == REPLAYED
-    with pytest.raises(UsageError, match="Nothing was heard"):
+    with pytest.raises(UsageError, match="No message has come"):
         recorder.start("due", None)
     with pytest.raises(UsageError, match="not counts"):
         recorder.start("due", msgspec.structs.replace(hello(), gyro_lsb_per_dps=None))

@@ -105,7 +105,7 @@ def test_a_file_that_cannot_be_read_is_named_and_makes_the_exit_code_1(
     command = [str(tmp_path / "out.csv") if word == "OUT" else word for word in command]
     done = fltea_here(*command, folder)
     assert done.returncode == 1
-    assert f"not all of the recording was read, the rest is used: {damaged}: " in done.stderr
+    assert f"a part of the recording could not be read; the rest is used: {damaged}: " in done.stderr
 
 
 def test_info_counts_it(damaged: Path) -> None:

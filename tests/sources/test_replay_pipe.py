@@ -111,7 +111,7 @@ def test_a_pipe_into_which_nobody_writes_is_told(
     words = {"PIPE": str(place), "FOLDER": str(fifo.parent), "replay:PIPE": f"replay:{place}"}
     done = fltea_here(*(words.get(word, word) for word in COMMANDS[command]))
     assert done.returncode == 2, done.stdout
-    text = "nobody writes into this pipe" if place == fifo else "is a pipe"
+    text = "no program has opened this pipe" if place == fifo else "is a pipe"
     assert str(place) in done.stderr
     assert text in done.stderr
 

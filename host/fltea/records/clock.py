@@ -49,7 +49,7 @@ def wrong_date() -> str:
         return ""
     year = 1970 + unix_ns // SECOND_NS // 31_556_952
     return (
-        f"the machine's clock says the year {year}, which is not believed: times "
-        "count from the machine's start, in the year 1970, until it is set. Has it a battery for its "
-        "clock, and does it reach a time server?"
+        f"the machine's clock shows the year {year}, which cannot be right. Until the clock is set, times "
+        "count from the machine's start, and are shown in the year 1970. Does the machine have a battery "
+        "for its clock, and can it reach a time server?"
     )

@@ -56,7 +56,7 @@ class Incomplete(FlteaError):
     """
 
     def __init__(self, why: Sequence[str]) -> None:
-        super().__init__(f"not all of the recording was read, the rest is used: {' '.join(why)}")
+        super().__init__(f"a part of the recording could not be read; the rest is used: {' '.join(why)}")
 
 
 class SourceFailed(FlteaError):
@@ -73,9 +73,9 @@ def of_input(error: BaseException) -> FlteaError | None:
     happened = "the command line, or a file that it names, cannot be used"
     match error:
         case RecursionError():
-            what = "something in it is nested too deeply"
+            what = "something in the file is nested too deeply"
         case UnicodeError():
-            what = "a name or a text in it is not UTF-8"
+            what = "a name or a text in the file is not UTF-8"
         case OSError() if error.errno == errno.ENOLCK:
             what, kind, happened = _said(error), FlteaError, "the file system has no locks, or none left"
         case OSError() if error.errno is not None and error.errno not in OF_NAMES:
@@ -89,7 +89,7 @@ def of_input(error: BaseException) -> FlteaError | None:
             return None
     shown = what if len(what) <= MOST_SHOWN else f"{what[:MOST_SHOWN]}…"
     return kind(
-        f"{happened}: {shown}. (If that cannot be, this is a fault of fltea: "
+        f"{happened}: {shown}. (If this cannot be the cause, it is a fault of fltea: "
         "`python -X dev -m fltea …` shows where.)"
     )
 

@@ -68,7 +68,7 @@ class Level(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         if self.N.value is not None:
             return ""
         if self.knee_hz is None:
-            return "White noise is too weak beside the other parts for N to be known."
+            return "N is not known, since white noise is too weak compared with the other parts of the noise."
         return (
             "White noise cannot be told from other fast noise, so N is not known: the density at the knee, "
             f"{self.knee_hz:.3g} Hz, is {self.knee_density:.3g} (unit/√Hz)."

@@ -61,12 +61,12 @@ def scarcity(error: BaseException | None = None) -> FlteaError:
     limit = address_space()
     if limit is None:
         return FlteaError(
-            f"the system gives no more memory or threads{said}. Close other programs, or raise what limits "
-            "this one: the memory of its container or service, or `ulimit -u`."
+            f"the system grants no more memory or threads{said}. Close other programs, or raise the limits "
+            "of this one: the memory of its container or service, or `ulimit -u`."
         )
     return FlteaError(
-        f"the system gives no more memory{said}: this session limits a process to {limit / MB:.0f} MB of "
-        "addresses (ulimit -v), of which libraries and threads reserve a few hundred. Raise that limit."
+        f"the system grants no more memory{said}: this session limits a process to {limit / MB:.0f} MB of "
+        "addresses (ulimit -v), and libraries and threads alone reserve a few hundred MB. Raise that limit."
     )
 
 

@@ -37,7 +37,9 @@ KINDS = {
         "(mqtt.password_file).",
     ),
     "nats": Kind(SERVER, "User and password come from FLTEA_NATS_USER and FLTEA_NATS_PASSWORD."),
-    "dask": Kind(SERVER, "A cluster knows its users by certificates, which Dask's own settings name."),
+    "dask": Kind(
+        SERVER, "A cluster recognizes its users by certificates; Dask's own settings name the certificates."
+    ),
     "postgresql": Kind(rf"^[^@]*:[^@]*@|{PASSWORD}", "The password comes from PGPASSWORD or ~/.pgpass."),
     "hwgrep": Kind(r"(?!)", ""),
 }

@@ -43,7 +43,9 @@ def read_small(path: Path, *, what: str = "", most_bytes: int = MOST_BYTES, priv
                 if not chunk:
                     return bytes(data)
                 data += chunk
-            raise UsageError(f"{name}: has more than {most_bytes} bytes, so it is another kind of file.")
+            raise UsageError(
+                f"{name}: has more than {most_bytes} bytes, so it is not the expected kind of file."
+            )
         finally:
             os.close(descriptor)
     except (OSError, ValueError) as error:  # ValueError is raised for a name that holds a NUL
@@ -95,5 +97,6 @@ def open_stream(path: Path) -> BinaryIO:
         with contextlib.suppress(OSError):
             os.close(os.open(path, os.O_WRONLY | os.O_NONBLOCK))
         raise UsageError(
-            f"{path}: nobody writes into this pipe, for {PATIENCE_S:g} s. Start what writes first."
+            f"{path}: no program has opened this pipe to write to it within {PATIENCE_S:g} s. First start "
+            "the program that writes."
         ) from None

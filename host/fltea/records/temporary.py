@@ -47,8 +47,8 @@ def _failed(folder: object, error: OSError) -> TemporaryFailed:
     what = "is full" if error.errno in FULL else "cannot be used"
     reason = error.strerror or str(error)
     failed = TemporaryFailed(
-        f"{folder}: the folder for temporary files {what} ({reason}). Nothing is wrong with what is read; "
-        "make room there, or name a larger folder with the variable TMPDIR."
+        f"{folder}: the folder for temporary files {what} ({reason}). The files that are read are not the "
+        "cause. Make room in that folder, or name a larger folder with the variable TMPDIR."
     )
     failed.reason = reason
     return failed

@@ -188,7 +188,8 @@ class _Run:
             return self._failure
         if lost:
             return FlteaError(
-                f"not all data were written, since the program did not wait longer for: {', '.join(lost)}."
+                "not all data were written, since these did not end within the time limit: "
+                f"{', '.join(lost)}."
             )
         unread = [why for one in sources if isinstance(one, ReplaySource) for why in one.unread]
         return Incomplete(unread) if unread else None
@@ -208,7 +209,10 @@ class _Run:
 
     def _stay(self) -> None:
         """Keep outputs such as the live page open after a recording, until the user ends the program."""
-        text = "fltea: the recording is at its end; Ctrl-C ends the program (--once does so automatically)."
+        text = (
+            "fltea: the recording has ended, and the outputs stay open; Ctrl-C ends the program (--once does "
+            "so automatically)."
+        )
         print(text, file=sys.stderr, flush=True)
         self._wait(lambda: False)
 

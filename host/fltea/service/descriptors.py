@@ -41,9 +41,10 @@ def check_descriptors(sources: Sequence[Source], configs: Sequence[Config]) -> N
     if needed > limit:
         fit = sum(one <= limit - others for one in accumulate(each))
         raise UsageError(
-            f"{len(each)} devices need {needed} file descriptors (one each, two with --record, {others} for "
-            f"all else), and this process may have {limit}: {fit} devices fit. Allow more: 'ulimit "
-            f"-n {needed}' before the program starts, or LimitNOFILE={needed} in its systemd unit."
+            f"{len(each)} devices need {needed} file descriptors (one for each device, or two with --record, "
+            f"and {others} for everything else), but this process may have only {limit}, which is enough for "
+            f"{fit} devices. Allow more: 'ulimit -n {needed}' before the program starts, or "
+            f"LimitNOFILE={needed} in its systemd unit."
         )
 
 

@@ -69,7 +69,9 @@ class Ending:
                     break
                 if waited_s >= SAY_S and self._patient_until is None:
                     self._patient_until = self._signals()
-                    self._say(f"waits for {name}, up to {most_s:g} s; another signal ends it at once.")
+                    self._say(
+                        f"waits for {name}, up to {most_s:g} s; another signal ends the waiting at once."
+                    )
 
     def _is_urged(self) -> bool:
         return self._patient_until is not None and self._signals() > self._patient_until

@@ -47,8 +47,8 @@ class Pressure:
             self._changed_ns = now_ns
             fit_worker.slower *= 2
             text = (
-                f"samples of {fit_worker.devices} devices wait for {longest_ns * 1e-9:.1f} s, so the live "
-                f"fits of all of them come {fit_worker.slower:g} times more rarely; no sample is left out."
+                f"samples of {fit_worker.devices} devices wait for {longest_ns * 1e-9:.1f} s, so live fits "
+                f"are made {fit_worker.slower:g} times less often for all devices; no sample is left out."
             )
             self._report("fits_slowed", text)
         elif fit_worker.slower > 1 and now_ns - max(self._late_ns, self._changed_ns) >= QUIET_NS:

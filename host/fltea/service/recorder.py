@@ -81,7 +81,9 @@ class RecorderOfHub:
             if device in self._replays:
                 raise UsageError(REPLAYED)
             if hello is None:
-                raise UsageError("Nothing was heard of the device yet; try again when its samples arrive.")
+                raise UsageError(
+                    "No message has come from the device yet; try again when its samples arrive."
+                )
             module = load("fltea.sinks.record", "mcap", "record", "recording needs")
             hello = msgspec.structs.replace(hello, device=None)
             sink = module.RecordSink(self._settings, device, self._hub.report(device), hello)
@@ -106,8 +108,8 @@ class RecorderOfHub:
             self._done[device] = None if sink.path is None else sink.path.name, sink.size_bytes
             if not finished:
                 raise FlteaError(
-                    f"The recording has not been finished within {FINISH_S:g} s: is the disk slow? "
-                    "It goes on writing what it has."
+                    f"The recording was not finished within {FINISH_S:g} s: is the disk slow? The program "
+                    "goes on writing the samples that it still holds."
                 )
 
     def _free_bytes(self) -> int | None:

@@ -87,14 +87,14 @@ class StateFile:
         if version != VERSION:
             self._report(
                 "state_unused",
-                f"{path} is of another version of fltea ({version}): the start-up window begins, "
-                "it is replaced.",
+                f"{path} is of another version of fltea ({version}): the start-up window begins again, and "
+                "the file is replaced.",
             )
             return {}
         try:
             return dict(msgspec.json.decode(data, type=_File).devices)
         except (ValueError, RecursionError) as error:
-            self._set_aside(f"{path} is damaged ({error}), so the start-up window begins")
+            self._set_aside(f"{path} is damaged ({error}), so the start-up window begins again")
             return {}
 
     def refuse(self, name: str) -> None:

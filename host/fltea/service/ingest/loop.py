@@ -173,7 +173,10 @@ class Ingest:
             if self.moved_s - began_s >= HELD_S and self._once_a_minute.is_due("output_slow", host_ns()):
                 slow = ", ".join(sorted(self._hub.full()))
                 url = self._receiver.url
-                self._report("output_slow", f"{slow} takes nothing now, so {url} has to keep the messages.")
+                self._report(
+                    "output_slow",
+                    f"{slow} takes no more data at the moment, so {url} has to keep the messages.",
+                )
 
     def check(self, now_ns: int) -> None:
         """Do the regular work, about once a second.
@@ -219,8 +222,8 @@ class Ingest:
             return False
         if again := self.catching_up.walked_again(partition, mark):
             text = (
-                f"partition {partition} has caught up: {again} messages were processed again; their "
-                "estimates and fits may have been published before."
+                f"partition {partition} has caught up: {again} messages were processed a second time, so "
+                "their estimates and fits may have been published twice."
             )
             self._report("partition_caught_up", text)
         return True

@@ -23,13 +23,13 @@ class _Reason(NamedTuple):
 REASONS: dict[Verdict, _Reason] = {
     "once": _Reason(
         100,
-        "names were heard once and not again within a minute: does somebody make them up? Give each device "
-        "an account that may write under its own name only",
+        "names sent one message, and no second one within a minute: does somebody make these names up? "
+        "Give each device an account that may write under its own name only",
     ),
     "full": _Reason(
         1,
-        "messages came of devices beyond the limit: raise ingest.devices, or find out who publishes under "
-        "invented names",
+        "messages came from devices beyond the largest number of devices: raise ingest.devices, or find "
+        "out who publishes under invented names",
     ),
     "bad_name": _Reason(
         1,
@@ -40,7 +40,7 @@ REASONS: dict[Verdict, _Reason] = {
 
 
 FLOODS = (
-    f"which floods: it publishes more than {SECOND_BYTES / 1000:.0f} kB a second, for longer than it takes "
+    f"which publishes too much: more than {SECOND_BYTES / 1000:.0f} kB a second, for longer than it takes "
     "to send what had waited."
 )
 

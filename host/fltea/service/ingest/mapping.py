@@ -55,14 +55,14 @@ def judge(subjects: Mapping[str, str | None], partitions: int) -> str | None:
         )
     if any(subject is None for subject in subjects.values()):
         return (
-            "what is published under fltea.NAME.frames does not arrive: the server maps it to other "
+            "messages that are published under fltea.NAME.frames do not arrive: the server maps it to other "
             f"subjects, or this account may not publish and read fltea.>; {wanted}"
         )
     for other in range(1, MOST + 1):
         if _are_mapped(subjects, other):
             text = f"the server maps devices to {other} partitions, and ingest.partitions is {partitions}"
-            return f"{text}, so frames are lost or not shared; set one of them: {wanted}"
-    return f"the server maps devices otherwise than these workers expect; {wanted}"
+            return f"{text}, so frames are lost or not shared among workers; change one of the two: {wanted}"
+    return f"the server assigns devices to other partitions than these workers expect; {wanted}"
 
 
 def _are_mapped(subjects: Mapping[str, str | None], partitions: int) -> bool:

@@ -63,4 +63,4 @@ class MqttFrames:
             self._inbox.put(levels[self._place] if len(levels) > self._place else "", payload)
 
     def _on_back(self) -> None:
-        self._report("broker_back", f"{self.url} is back; frames that it did not keep are lost.")
+        self._report("broker_back", f"{self.url} is back; frames that the broker did not keep are lost.")

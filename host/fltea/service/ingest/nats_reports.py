@@ -107,8 +107,8 @@ class Reports:
         side = "ahead of" if apart_ns > 0 else "behind"
         self._of_server(
             "nats_clock",
-            f"the server's clock is {abs(apart_ns) * 1e-9:.0f} s {side} this machine's. Times of records are "
-            "the server's; set both by NTP.",
+            f"the server's clock is {abs(apart_ns) * 1e-9:.0f} s {side} this machine's. Records have the "
+            "server's time. Set both clocks by NTP.",
         )
 
     def snapshot(self, key: str, error: NatsError) -> None:
@@ -152,14 +152,14 @@ class Reports:
         if gone:
             text += f" The stream no longer has {len(gone)} messages before {gone.stop}."
         if unreadable:
-            text += f" Snapshots of {unreadable} more cannot be read: were they of another version?"
+            text += f" Snapshots of {unreadable} further devices cannot be read: are they of another version?"
         self._report("partition_taken", text)
 
     def _explain(self, error: BaseException) -> str:
         if isinstance(error, TimeoutError) and self._refusal:
             return (
-                f"this account may not do what a worker has to ({self._refusal}). It publishes and reads "
-                "$JS.API.>, $KV.>, _INBOX.> and fltea.>: give it the permissions of a worker "
+                f"this account lacks a permission that a worker needs ({self._refusal}). A worker publishes "
+                "and reads $JS.API.>, $KV.>, _INBOX.> and fltea.>: give it the permissions of a worker "
                 "(python -m tools.nats_users writes one)."
             )
         return explain(error)
@@ -175,7 +175,7 @@ def explain(error: BaseException) -> str:
     if isinstance(error, ConnectionRefusedError | NoServersError):
         return "no server answers: is it running, and is the port right?"
     if isinstance(error, ssl.SSLError):
-        return f"TLS failed ({error.reason or error}); is ingest.ca the right authority?"
+        return f"TLS failed ({error.reason or error}); is ingest.ca the certificate of the right authority?"
     if isinstance(error, NatsError) and "authorization" in str(error).lower():
         return f"the server refuses user or password; they come from {USER} and {PASSWORD}."
     if isinstance(error, APIError) and error.err_code in NO_ROOM:
@@ -198,7 +198,8 @@ def explain_no_connection(error: BaseException) -> str:
         isinstance(error, NatsError) and ("INFO" in str(error) or "empty response" in str(error))
     ):
         return (
-            "what listens there does not talk like a NATS server: is it the port of its clients (4222), not "
-            "that of MQTT, of its cluster, or of another program? Does it speak TLS (ingest.ca)?"
+            "the program that listens at this address does not answer like a NATS server: is it the port of "
+            "its clients (4222), not that of MQTT, of its cluster, or of another program? Does it speak TLS "
+            "(ingest.ca)?"
         )
     return explain(error)

@@ -26,8 +26,8 @@ def receiver_of(config: Config) -> Callable[[Inbox, Report], Receiver]:
         # the message leaves the URL out, which may contain a password
         if not all(map(_is_address, source.split(","))):
             raise UsageError(
-                "--source nats: give nats://HOST[:PORT], PORT 1 to 65535, or several with commas between. "
-                "User and password come from FLTEA_NATS_USER and FLTEA_NATS_PASSWORD."
+                "--source nats: give nats://HOST[:PORT], PORT 1 to 65535, or several of these, separated by "
+                "commas. User and password come from FLTEA_NATS_USER and FLTEA_NATS_PASSWORD."
             )
         module = load("fltea.service.ingest.nats", "nats", "nats", "a source of NATS needs")
         return partial(module.NatsFrames, config)

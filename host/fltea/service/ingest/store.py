@@ -226,7 +226,9 @@ class Store:
         """
         s, name = self._settings, f"fltea-{partition}"
         if start > (await self.ends())[1] + 1:
-            raise Unfit(f"message {start} is beyond the end of {s.stream}: it was made again.")
+            raise Unfit(
+                f"message {start} is beyond the end of {s.stream}: the stream was deleted and made anew."
+            )
         with contextlib.suppress(NotFoundError):
             await self._js.delete_consumer(s.stream, name)
         wanted = ConsumerConfig(
