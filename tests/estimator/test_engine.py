@@ -225,7 +225,7 @@ def test_results_outlive_the_next_call() -> None:
         ({"h": 0}, "h must be a number from 1e-12 to 1000000000000 s, got 0"),
         ({"h": float("nan")}, "h must be"),
         ({"h": [0.01, 0.01, 0.01]}, r"h must .* 2 lanes, got shape \(3,\)"),
-        ({"window": 0}, "window 0 is an unlimited one"),
+        ({"window": 0}, "window 0 means an unlimited window"),
         ({"R": 0}, "R must be .* from 1e-100"),
         ({"R": [0.1, -0.1]}, "R must be"),
         ({"accuracy": 2}, "accuracy must be"),

@@ -87,7 +87,7 @@ def test_address_of_elsewhere_is_told_with_what_to_do(host: str) -> None:
     ("error", "code", "words"),
     [
         (OSError(errno.EADDRINUSE, ""), 1, "port 80 of pi is taken by another program .* give another port"),
-        (PermissionError(errno.EACCES, ""), 2, "need the rights of root: give a port above, not 80"),
+        (PermissionError(errno.EACCES, ""), 2, "need the rights of root: give a port from 1024 on, not 80"),
         (OSError(errno.ENFILE, "too many"), 2, "cannot listen on pi:80: .*too many"),
     ],
 )

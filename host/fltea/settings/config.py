@@ -52,8 +52,8 @@ class LinkConfig(Table, frozen=True):
     latency: Annotated[
         str,
         Setting(
-            "How long samples of a serial port may wait for more, which saves processor time; with 0 ms, "
-            "each is taken at once.",
+            "Samples of a serial port may wait this long for further samples, which saves processor time; "
+            "with 0 ms, each is read at once.",
             unit="s",
             least=0,
             most=1,
@@ -95,20 +95,20 @@ class ReplayConfig(How, frozen=True):
     shuffle: Annotated[
         int | None,
         Setting(
-            "Shuffle the samples of a recording, with this seed: shows the results for white noise of the "
-            "same power.",
+            "Shuffle the samples of a recording, with this seed. The results are then those for white "
+            "noise of the same power.",
             least=0,
             flags=("--shuffle",),
             metavar="SEED",
             example=1,
         ),
     ] = None
-    max_chunk_mb: Annotated[float, _memory("Most memory for one record of an MCAP file, decompressed.")] = (
-        DEFAULT_LIMITS.max_chunk_mb
-    )
-    max_mb: Annotated[float, _memory("Most memory for any other recording, 8 bytes a number.")] = (
-        DEFAULT_LIMITS.max_mb
-    )
+    max_chunk_mb: Annotated[
+        float, _memory("Largest memory that one record of an MCAP file may take after decompression.")
+    ] = DEFAULT_LIMITS.max_chunk_mb
+    max_mb: Annotated[
+        float, _memory("Largest memory that any other recording may take, at 8 bytes for each number.")
+    ] = DEFAULT_LIMITS.max_mb
 
     @property
     def limits(self) -> Limits:
@@ -131,7 +131,10 @@ class Config(Outputs, frozen=True):
     ] = None
     name: Annotated[
         str | None,
-        Setting("Name of the device, in all outputs. Unset: made from its address.", example="arm"),
+        Setting(
+            "Name of the device in all outputs. Unset: a name is made from the device's address.",
+            example="arm",
+        ),
     ] = None
     channels: Annotated[
         list[str] | None,
@@ -161,7 +164,7 @@ class Config(Outputs, frozen=True):
     once: Annotated[
         bool,
         Setting(
-            "End with the recording; with a device, fail instead of waiting for it.",
+            "End when the recording ends. With a device: if it fails, end instead of waiting for it.",
             flags=("--once",),
         ),
     ] = False

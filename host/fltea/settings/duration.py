@@ -27,7 +27,9 @@ def in_samples(value: Duration, rate_hz: float, least: int) -> int:
 def known(name: str, value: Duration) -> int:
     """Return a duration that is given in samples; raise ValueError if the duration is given as a time."""
     if isinstance(value, str):
-        raise ValueError(f"{name} is a time, {value}: `at` converts it to samples once the rate is known")
+        raise ValueError(
+            f"{name} is a time, {value}: `at` converts it to samples as soon as the rate is known"
+        )
     return value
 
 

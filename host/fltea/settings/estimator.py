@@ -131,8 +131,8 @@ class EstimatorConfig(Table, frozen=True):
     bias: Annotated[
         Literal["startup", "none"] | float | list[float],
         Setting(
-            "What is subtracted from every sample: `startup` (mean of the start-up window), `none`, a "
-            "number, or one for each axis: 0.1,0,-0.2.",
+            "The bias that is subtracted from every sample: `startup` (mean of the start-up window), "
+            "`none`, a number, or a number for each axis: 0.1,0,-0.2.",
             unit="deg/s",
             least=-LARGEST / 2,
             most=LARGEST / 2,
@@ -142,7 +142,8 @@ class EstimatorConfig(Table, frozen=True):
     R: Annotated[
         Literal["auto"] | float | list[float],
         Setting(
-            "Measurement variance: `auto` (variance of the start-up window), a number, or one for each axis.",
+            "Measurement variance: `auto` (variance of the start-up window), a number, or a number for "
+            "each axis.",
             unit=SQUARED,
             least=1 / LARGEST,
             most=LARGEST,
@@ -175,8 +176,8 @@ class EstimatorConfig(Table, frozen=True):
     guard: Annotated[
         Literal["off", "faithful", "consistent"],
         Setting(
-            "`off`: the algorithm as printed. `faithful`: with bounds. `consistent`: with bounds, and with "
-            "the variance that the printed algorithm leaves out.",
+            "`off`: the algorithm as in the paper. `faithful`: with bounds. `consistent`: with bounds, and "
+            "with the variance that the paper's algorithm leaves out.",
             flags=("--guard",),
             board=True,
         ),
@@ -184,7 +185,7 @@ class EstimatorConfig(Table, frozen=True):
     gate: Annotated[
         float,
         Setting(
-            "The guard softens larger innovations.",
+            "The guard reduces the effect of innovations larger than this.",
             unit="standard deviations",
             least=1,
             most=1000,
@@ -210,8 +211,8 @@ class EstimatorConfig(Table, frozen=True):
         super().__post_init__()
         if not self.window and self.memory == "direct":
             raise ValueError(
-                "window 0 is an unlimited one, which only memory compressed has: memory direct keeps every "
-                "sample of its window; give its length"
+                "window 0 means an unlimited window, which is possible only with memory compressed; memory "
+                "direct keeps every sample of its window, so give a length"
             )
 
     @property

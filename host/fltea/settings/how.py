@@ -57,8 +57,9 @@ class How(Table, frozen=True, kw_only=True):
     topic: Annotated[
         str | None,
         Setting(
-            "Which sensor, of a file with several: a topic of a bag or of a PX4 log (sensor_gyro:1), the "
-            "value in the column that tells them apart (1), or 1/2 for the first of two in turns.",
+            "Which sensor to read, if a file has several: a topic of a bag or of a PX4 log "
+            "(sensor_gyro:1), the value in the column that names the sensor (1), or 1/2 for the first of "
+            "two sensors whose rows alternate.",
             flags=("--topic", "--sensor"),
             metavar="NAME",
             example="/imu",

@@ -30,12 +30,12 @@ class IngestConfig(Table, frozen=True):
     """
 
     devices: Annotated[
-        int, Setting("Most devices at the same time.", unit="devices", least=1, most=100_000)
+        int, Setting("Largest number of devices at the same time.", unit="devices", least=1, most=100_000)
     ] = 2000
     forget_s: Annotated[
         float,
         Setting(
-            "A device that is silent for this time makes room for another.",
+            "If a device is silent for this time, it makes room for another device.",
             unit="s",
             least=10,
             most=7 * DAY_S,
@@ -50,11 +50,17 @@ class IngestConfig(Table, frozen=True):
             most=4096,
         ),
     ] = 64.0
-    stream: Annotated[str, Setting("Name of the JetStream stream; it is made if missing.")] = "FLTEA_FRAMES"
-    bucket: Annotated[str, Setting("Name of the key-value bucket; it is made if missing.")] = "fltea_lanes"
+    stream: Annotated[str, Setting("Name of the JetStream stream. If it is missing, it is created.")] = (
+        "FLTEA_FRAMES"
+    )
+    bucket: Annotated[str, Setting("Name of the key-value bucket. If it is missing, it is created.")] = (
+        "fltea_lanes"
+    )
     partitions: Annotated[
         int,
-        Setting("Partitions of the server's subject mapping.", unit="partitions", least=1, most=1024),
+        Setting(
+            "Number of partitions in the server's subject mapping.", unit="partitions", least=1, most=1024
+        ),
     ] = 16
     snapshot_s: Annotated[
         float,
@@ -84,11 +90,14 @@ class IngestConfig(Table, frozen=True):
     ] = 1000.0
     replicas: Annotated[
         Literal[1, 3, 5],
-        Setting("Replicas of stream and bucket; 3 need three nodes."),
+        Setting("Number of replicas of the stream and of the buckets; 3 replicas need three nodes."),
     ] = 1
     change_limits: Annotated[
         bool,
-        Setting("Give an existing stream and buckets these limits, instead of reporting differences."),
+        Setting(
+            "If an existing stream or bucket has other limits, change them to these. Otherwise the "
+            "differences are only reported."
+        ),
     ] = False
     ca: Annotated[
         str | None,

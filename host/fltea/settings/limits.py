@@ -48,7 +48,7 @@ DEFAULT_LIMITS = Limits()
 def _too_large(place: str, size_bytes: int, setting: str, limit_mb: float) -> UsageError:
     size_mb = size_bytes / MB
     return UsageError(
-        f"{place}: {size_mb:.6g} MB would be needed in memory, and the limit is {limit_mb:g} MB, since a "
-        "damaged or hostile file can claim any size. If you trust it, raise the limit: "
+        f"{place}: {size_mb:.6g} MB would be needed in memory, and the limit is {limit_mb:g} MB. There is a "
+        "limit since a damaged or hostile file can claim any size. If you trust the file, raise the limit: "
         f"--set replay.{setting}={-(-size_bytes // MB)}"
     )

@@ -32,7 +32,7 @@ class LiveConfig(Table, frozen=True):
     memory: Annotated[
         str | None,
         Setting(
-            "Time constant with which older samples are forgotten. Unset: none are.",
+            "Time constant with which older samples are forgotten. Unset: no samples are forgotten.",
             unit="s",
             least=10,
             most=366 * 86400,

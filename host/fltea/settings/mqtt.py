@@ -49,10 +49,17 @@ class MqttConfig(Table, frozen=True):
             least=1,
         ),
     ] = 10
-    sample_every: Annotated[int, Setting("The same for samples; 0: none.", unit="samples", least=0)] = 0
+    sample_every: Annotated[
+        int,
+        Setting(
+            "Publish every N-th sample (`seq` a multiple of N), as for estimates; 0: no samples.",
+            unit="samples",
+            least=0,
+        ),
+    ] = 0
     stream_qos: Annotated[
         Literal[0, 1],
-        Setting("Quality of service of estimates and samples; everything else has 1."),
+        Setting("Quality of service of estimates and samples; all other messages have 1."),
     ] = 0
     tls: Annotated[bool, Setting("Use TLS, as with mqtts://.")] = False
     ca: Annotated[
@@ -78,7 +85,7 @@ class MqttConfig(Table, frozen=True):
             raise ValueError("key belongs to a certificate: give cert too")
         tls_only = [name for name in ("ca", "cert", "insecure") if getattr(self, name)]
         if self.broker is not None and tls_only and not self.address().tls:
-            raise ValueError(f"{tls_only[0]} has no use without TLS: write mqtts://, or tls = true")
+            raise ValueError(f"{tls_only[0]} has an effect only with TLS: write mqtts://, or tls = true")
         if self.broker is not None:
             self.address()
 

@@ -111,19 +111,27 @@ class RecordConfig(Table, frozen=True):
     rotate_mb: Annotated[
         float,
         Setting(
-            "Start a new file beyond this size.", unit="MB", above=0, flags=("--rotate-mb",), metavar="MB"
+            "Start a new file when a file has reached this size.",
+            unit="MB",
+            above=0,
+            flags=("--rotate-mb",),
+            metavar="MB",
         ),
     ] = 256.0
     rotate_s: Annotated[
         float,
         Setting(
-            "Start a new file beyond this age.", unit="s", above=0, flags=("--rotate-s",), metavar="SECONDS"
+            "Start a new file when a file has reached this age.",
+            unit="s",
+            above=0,
+            flags=("--rotate-s",),
+            metavar="SECONDS",
         ),
     ] = 3600.0
     resume_mb: Annotated[
         float,
         Setting(
-            "Free space at which a recording continues that a full disk had stopped.",
+            "If a full disk has stopped a recording, it continues as soon as there is this much free space.",
             unit="MB",
             least=0,
         ),
@@ -131,8 +139,9 @@ class RecordConfig(Table, frozen=True):
     channels: Annotated[
         tuple[Recorded, ...] | None,
         Setting(
-            f"Decoded records that are written with the bytes. Unset: all; with more than {FEW_DEVICES} "
-            "devices none that come with each sample, since a replay makes them again from the bytes.",
+            "Kinds of decoded records that are written in addition to the bytes. Unset: all kinds; with "
+            f"more than {FEW_DEVICES} devices none that come with each sample, since a replay makes them "
+            "again from the bytes.",
             example=["epoch", "stats", "error"],
         ),
     ] = None
@@ -192,7 +201,7 @@ class DashboardConfig(Listening, frozen=True):
     record: Annotated[
         bool | None,
         Setting(
-            "Let pages start and stop recordings. Unset: if only this machine reaches them.",
+            "Let pages start and stop recordings. Unset: only if no other machine can reach the pages.",
             example=False,
         ),
     ] = None
@@ -224,19 +233,19 @@ class StateConfig(Table, frozen=True):
     file: Annotated[
         str | None,
         Setting(
-            "File that keeps the estimators over a restart.",
+            "File in which the state of the estimators is kept over a restart.",
             text="the name of a file",
             flags=("--state",),
             metavar="FILE",
             example="fltea.state",
         ),
     ] = None
-    max_age_s: Annotated[float, Setting("An older snapshot is not used.", unit="s", above=0, most=1e9)] = (
-        3600.0
-    )
+    max_age_s: Annotated[
+        float, Setting("A snapshot that is older than this is not used.", unit="s", above=0, most=1e9)
+    ] = 3600.0
     period_s: Annotated[
         float,
-        Setting("Time between snapshots; another is written at the end.", unit="s", above=0),
+        Setting("Time between two snapshots. A last snapshot is written at the end.", unit="s", above=0),
     ] = 60.0
 
 

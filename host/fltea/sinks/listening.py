@@ -54,7 +54,7 @@ def cannot_listen(option: str, host: str, port: int, error: Exception) -> FlteaE
     """
     if isinstance(error, PermissionError):
         return UsageError(
-            f"{option}: ports below 1024 need the rights of root: give a port above, not {port}."
+            f"{option}: ports below 1024 need the rights of root: give a port from 1024 on, not {port}."
         )
     number = getattr(error, "errno", None)
     if number == errno.EADDRINUSE:

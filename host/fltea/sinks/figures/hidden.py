@@ -2,17 +2,17 @@
 
 from fltea.sinks.figures.figure import Hidden
 
-SETTING = Hidden("it is a setting of the program or of the device, and no measurement")
-ESTIMATE = Hidden("the estimate after the newest sample, which every place shows, says it")
-FIT = Hidden("the newest fit, which every place shows, says it")
-PER_SAMPLE = Hidden("it changes with every sample, so one value in a thousand says nothing")
-OF_HOST = Hidden("this computer's figure, which it should equal, is shown")
+SETTING = Hidden("the number is a setting of the program or of the device, not a measurement")
+ESTIMATE = Hidden("every place shows the estimate after the newest sample, which has the same number")
+FIT = Hidden("every place shows the newest fit, which has the same number")
+PER_SAMPLE = Hidden("the number changes with every sample, so one value in a thousand says nothing")
+OF_HOST = Hidden("this computer's own figure is shown, and the device's figure should equal it")
 
 NO_METRIC = Hidden("it is no metric")
-NO_PANEL = Hidden("the dashboard has what explains an answer or a loss; a query of one's own shows the rest")
-NO_ROW = Hidden("it explains no answer of the page; a person who needs it has the metric and the record")
-NARROW = Hidden("a terminal has few lines: they are for the noise, the bias and the losses")
-NO_ENTITY = Hidden("Home Assistant gets the noise, the bias, steps, motion and lost samples of a sensor")
+NO_PANEL = Hidden("the dashboard shows only what explains an answer or a loss; users can query the rest")
+NO_ROW = Hidden("the number explains no answer of the page; the metric and the record have it")
+NARROW = Hidden("a terminal has only a few lines, which are needed for the noise, the bias and the losses")
+NO_ENTITY = Hidden("Home Assistant gets only a sensor's noise, bias, steps, motion and lost samples")
 
 ONLY_METRIC = {
     "page": NO_ROW,

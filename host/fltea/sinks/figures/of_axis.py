@@ -32,14 +32,14 @@ from fltea.sinks.figures.hidden import (
 from fltea.sinks.words import quantity
 
 PANEL = Shown("a panel")
-ROW = Shown("the row of the value that it belongs to")
+ROW = Shown("the row of the value to which this number belongs")
 SENTENCE = Shown("the sentence of the axis")
-OF_STATS = Hidden("Home Assistant takes it from `stats`, which comes once a second")
+OF_STATS = Hidden("Home Assistant takes the number from the record `stats`, which comes once a second")
 
 _axis, _estimate = partial(Figure, AxisStats), partial(Figure, AxisEstimate)
 
-LAG1 = "Correlation of an innovation with the one before; near 0 if the model fits."
-NIS = "Mean square of the innovations over their predicted variance; near 1 if the model fits."
+LAG1 = "Correlation of each innovation with the previous one; near 0 if the model fits."
+NIS = "Mean of the squared innovations, divided by their predicted variance; near 1 if the model fits."
 MOVES = """{% set moved = namespace(now=false) %}{% for axis in value_json.axes.values() %}\
 {% if axis.tracker and axis.tracker.moving %}{% set moved.now = true %}{% endif %}{% endfor %}\
 {{ 'ON' if moved.now else 'OFF' }}"""
@@ -158,20 +158,21 @@ FIGURES = (
         "tracker.holds",
         gauge(
             "tracker_holds",
-            "1: the tracker's last 1,000 innovations are white; 0: its model does not describe the noise.",
+            "1: the bias tracker's last 1,000 innovations are white; 0: the tracker's model does not "
+            "describe the noise.",
         ),
         **ONLY_METRIC,
     ),
     _axis(
         "tracker.restarts",
-        counter("tracker_restarts", "Times that the tracker of the bias began again."),
+        counter("tracker_restarts", "Number of restarts of the bias tracker."),
         **ONLY_METRIC,
     ),
     _axis(
         "tracker.heading_std",
         gauge(
             "heading_std_degrees",
-            "Standard deviation of the heading, by the seconds since the last sample at rest.",
+            "Standard deviation of the heading, by the number of seconds since the last sample at rest.",
             key="after_s",
         ),
         page=Shown("the heading after the rest so far, and its curve"),
@@ -182,7 +183,7 @@ FIGURES = (
     _axis("tracker.moved", counter("moved_samples", "Samples in motion."), **ONLY_METRIC),
     _axis(
         "tracker.bias_for_s",
-        gauge("bias_for_seconds", "Time over which the bias is the expected mean, in seconds."),
+        gauge("bias_for_seconds", "The bias is the mean that is expected over this time, in seconds."),
         page=Row("axis", "it is the mean expected over", lambda t_s: f"{t_s:g} s"),
         terminal=NARROW,
         home_assistant=NO_ENTITY,
@@ -192,8 +193,8 @@ FIGURES = (
         "tracker.checked.rms",
         gauge(
             "bias_error_ratio",
-            "Mean of the next T seconds minus the bias, over its deviation, root mean square by T; 1 if the "
-            "deviation is right.",
+            "Root mean square of (mean of the next T seconds minus the bias) / (its standard deviation), "
+            "by T; 1 if the deviation is right.",
             key="for_s",
         ),
         page=Rows("axis", _checked),
@@ -203,7 +204,11 @@ FIGURES = (
     ),
     _axis(
         "tracker.checked.pieces",
-        gauge("bias_error_pieces", "Pieces of T seconds that the ratio is computed from, by T.", key="for_s"),
+        gauge(
+            "bias_error_pieces",
+            "Number of pieces of T seconds from which the ratio is computed, by T.",
+            key="for_s",
+        ),
         page=ROW,
         terminal=NARROW,
         home_assistant=NO_ENTITY,
@@ -211,7 +216,7 @@ FIGURES = (
     ),
     _axis(
         "tracker.steps",
-        counter("steps", "Steps of its bias."),
+        counter("steps", "Number of steps of the axis's bias."),
         page=Row("axis", "steps of the bias", thousands),
         terminal=NARROW,
         home_assistant=Entity("steps", "steps of the bias", state_class="total_increasing"),

@@ -63,7 +63,9 @@ def _every(seen: Seen) -> Iterator[Cells]:
 FIGURES = (
     _board(
         "cpu_share_percent",
-        gauge("cpu_ratio", "Share of the last second that the device's main loop worked.", factor=1e-2),
+        gauge(
+            "cpu_ratio", "Proportion of the last second in which the device's main loop worked.", factor=1e-2
+        ),
         page=Row("own", "CPU share", lambda share: quantity(share, "%", 1), absent="–"),
         terminal=HEALTH,
         home_assistant=NO_ENTITY,
@@ -73,7 +75,7 @@ FIGURES = (
         "longest_step_us",
         gauge(
             "longest_step_seconds",
-            "Longest turn of the device's main loop within the last second.",
+            "Longest duration of one turn of the device's main loop within the last second.",
             factor=1e-6,
         ),
         page=Row("own", "longest turn of its loop", _milliseconds, absent="–"),
@@ -83,7 +85,11 @@ FIGURES = (
     ),
     _own(
         "longest_axis_us",
-        gauge("longest_axis_seconds", "Longest step of one axis on the device, since its boot.", factor=1e-6),
+        gauge(
+            "longest_axis_seconds",
+            "Longest computing time of one step of one axis on the device, since its boot.",
+            factor=1e-6,
+        ),
         page=Row("own", "longest step of an axis", _milliseconds),
         terminal=HEALTH,
         home_assistant=NO_ENTITY,
@@ -99,7 +105,7 @@ FIGURES = (
     ),
     _own(
         "startup_remaining",
-        Hidden("it counts down once, in the first seconds"),
+        Hidden("the number only counts down once, in the first seconds"),
         page=Row(
             "own",
             "start-up remaining",
@@ -112,7 +118,7 @@ FIGURES = (
     ),
     _own(
         "queue",
-        gauge("queue_samples", "Samples that wait for the device's estimator."),
+        gauge("queue_samples", "Number of samples that wait for the device's estimator."),
         page=Row("own", "samples that wait", thousands),
         terminal=NARROW,
         home_assistant=NO_ENTITY,
@@ -120,16 +126,26 @@ FIGURES = (
     ),
     _own(
         "skipped",
-        counter("skipped_samples", "Samples that the device's estimator could not take, since its boot."),
+        counter(
+            "skipped_samples",
+            "Number of samples that the device's estimator could not process, since the device's boot.",
+        ),
         page=loss("own", "skipped samples", "it had fallen behind"),
         terminal=HEALTH,
         home_assistant=NO_ENTITY,
         grafana=NO_PANEL,
     ),
-    _own("estimates", counter("estimates", "Estimates of an axis that came from the device."), **ONLY_METRIC),
+    _own(
+        "estimates",
+        counter("estimates", "Number of estimates (of one axis each) that arrived from the device."),
+        **ONLY_METRIC,
+    ),
     _own(
         "lost",
-        counter("estimates_lost", "Estimates of an axis that the device sent and that did not come."),
+        counter(
+            "estimates_lost",
+            "Number of estimates (of one axis each) that the device sent and that did not arrive.",
+        ),
         page=loss("own", "lost estimates"),
         terminal=NARROW,
         home_assistant=NO_ENTITY,
@@ -137,16 +153,23 @@ FIGURES = (
     ),
     _own(
         "unplaced",
-        counter("estimates_unplaced", "Estimates of an axis that came and fit no sample."),
+        counter(
+            "estimates_unplaced",
+            "Number of estimates (of one axis each) that arrived but belong to no sample.",
+        ),
         page=Row("own", "estimates of no sample", thousands),
         terminal=NARROW,
         home_assistant=NO_ENTITY,
         grafana=NO_PANEL,
     ),
-    _own("fits", counter("fits", "Fits of an axis that came from the device."), **ONLY_METRIC),
+    _own(
+        "fits",
+        counter("fits", "Number of fits (of one axis each) that arrived from the device."),
+        **ONLY_METRIC,
+    ),
     _own(
         "fits_refused",
-        counter("fits_refused", "Fits of an axis that came with numbers that no fit can have."),
+        counter("fits_refused", "Number of fits (of one axis each) that arrived with impossible numbers."),
         page=loss("own", "refused fits"),
         terminal=NARROW,
         home_assistant=NO_ENTITY,
@@ -154,7 +177,7 @@ FIGURES = (
     ),
     _own(
         "begun",
-        counter("begun", "Times that the device began to estimate, since its boot."),
+        counter("begun", "Number of times that the device began to estimate, since its boot."),
         page=Row(
             "own",
             "began",
@@ -166,7 +189,7 @@ FIGURES = (
     ),
     _own(
         "restarts",
-        Hidden("this computer's filters, which see the same samples, are in axis_restarts"),
+        Hidden("axis_restarts counts the restarts of this computer's filters, which see the same samples"),
         page=COMPARED,
         terminal=NARROW,
         home_assistant=NO_ENTITY,
@@ -174,7 +197,9 @@ FIGURES = (
     ),
     _own(
         "interventions",
-        Hidden("this computer's guard, with the same rules, is in axis_interventions"),
+        Hidden(
+            "axis_interventions counts the interventions of this computer's guard, which has the same rules"
+        ),
         page=COMPARED,
         terminal=NARROW,
         home_assistant=NO_ENTITY,
@@ -230,7 +255,7 @@ FIGURES = (
     ),
     _estimate(
         "tracker_bias",
-        gauge("bias", "What to subtract from a sample, by the device's own fit, in deg/s."),
+        gauge("bias", "Bias to subtract from a sample, by the device's own fit, in deg/s."),
         page=COMPARED,
         terminal=TABLE,
         home_assistant=NO_ENTITY,
@@ -246,7 +271,9 @@ FIGURES = (
     ),
     _estimate(
         "tracker_bias_difference",
-        gauge("bias_difference", "Bias: the device's minus the host's after the same sample, in deg/s."),
+        gauge(
+            "bias_difference", "Bias: the device's estimate minus the host's after the same sample, in deg/s."
+        ),
         page=COMPARED,
         terminal=TABLE,
         home_assistant=NO_ENTITY,

@@ -79,7 +79,8 @@ FIGURES = (
     _estimate(
         "fltea.settled",
         gauge(
-            "fltea_settled", "1: the filters' variances are known and their innovations white; 0: settling."
+            "fltea_settled",
+            "1: the filters' variances are known, and their innovations are white; 0: they still settle.",
         ),
         page=Rows("axis", _settled),
         terminal=TABLE,
@@ -96,7 +97,7 @@ FIGURES = (
     ),
     _estimate(
         "fltea.alpha_std",
-        gauge("fltea_alpha_std", "The order filter's own standard deviation."),
+        gauge("fltea_alpha_std", "Standard deviation of the order, by the filter of the order itself."),
         page=ROW,
         terminal=TABLE,
         home_assistant=NO_ENTITY,
@@ -112,7 +113,10 @@ FIGURES = (
     ),
     _estimate(
         "fltea.f_std",
-        gauge("fltea_f_std", "The parameter filter's own standard deviation, in s^-alpha."),
+        gauge(
+            "fltea_f_std",
+            "Standard deviation of the parameter f, by the filter of the parameter itself, in s^-alpha.",
+        ),
         page=ROW,
         terminal=TABLE,
         home_assistant=NO_ENTITY,
@@ -180,7 +184,7 @@ FIGURES = (
     ),
     _axis(
         "restarts",
-        counter("restarts", "Times that the axis began again in this epoch."),
+        counter("restarts", "Number of restarts of the axis's filters in this epoch."),
         page=Row("axis", "started again", absent="–"),
         terminal=NARROW,
         home_assistant=NO_ENTITY,
@@ -190,7 +194,8 @@ FIGURES = (
         "interventions",
         counter(
             "interventions",
-            "Samples since the axis's last start in which the guard stepped in, by cause.",
+            "Number of samples in which the guard intervened since the last start of the axis's filters, "
+            "by cause.",
             key="reason",
         ),
         page=Shown("the list of what the guard did"),
@@ -200,15 +205,18 @@ FIGURES = (
     ),
     _estimate(
         "null_p",
-        gauge("null_p", "How often white noise would look at least as unlike white as the samples."),
+        gauge(
+            "null_p",
+            "Probability that white noise looks at least as unlike white noise as the samples do (p-value).",
+        ),
         **ONLY_METRIC,
     ),
     _estimate(
         "whiteness",
         gauge(
             "not_white",
-            "1: the samples are not white noise, see fltea identify; 0: white noise is not rejected, no "
-            "order.",
+            "1: the samples are not white noise, see fltea identify; 0: white noise is not rejected, so "
+            "there is no order.",
             convert=lambda word: float(word == "rejected"),
         ),
         **ONLY_METRIC,

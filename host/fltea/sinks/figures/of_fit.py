@@ -13,7 +13,7 @@ SENTENCE = Shown("the sentence of the axis")
 OF_DEVICE = Shown("the device's own fit")
 ATTRIBUTE = Shown("an attribute of the parameter's entity")
 PANEL = Shown("a panel")
-CURVE = Hidden("it comes with the curves, which some fits have; Prometheus needs it with each")
+CURVE = Hidden("the number comes with the curves, in some fits only; Prometheus needs it with each fit")
 
 _axis, _fit, _device = partial(Figure, AxisFit), partial(Figure, Fit), partial(Figure, DeviceAxisFit)
 
@@ -52,7 +52,7 @@ def _parameter(
 FIGURES = (
     _axis(
         "verdict",
-        gauge("verdict", "1 for the verdict that the noise has.", key="verdict"),
+        gauge("verdict", "1 for the present verdict on the noise.", key="verdict"),
         page=ANSWER,
         terminal=SENTENCE,
         home_assistant=Entity("noise", "noise"),
@@ -87,7 +87,7 @@ FIGURES = (
     ),
     *_parameter(
         "R",
-        "Variance of the white part by maximum likelihood, in the axis's unit squared",
+        "Variance of the white noise by maximum likelihood, in the axis's unit squared",
         NO_ROW,
         NARROW,
         NO_ENTITY,
@@ -95,7 +95,10 @@ FIGURES = (
     ),
     _axis(
         "null_p",
-        gauge("null_p", "How often white noise would look at least as unlike white."),
+        gauge(
+            "null_p",
+            "Probability that white noise looks at least as unlike white noise as the samples do (p-value).",
+        ),
         page=NO_ROW,
         terminal=NARROW,
         home_assistant=NO_ENTITY,
@@ -105,7 +108,8 @@ FIGURES = (
         "until_s.seconds",
         gauge(
             "until_seconds",
-            "Seconds until the order is known as well as live.target asks; no value if unpredictable.",
+            "Seconds until the order is known as precisely as live.target asks; no value if this cannot be "
+            "predicted.",
         ),
         page=ANSWER,
         terminal=SENTENCE,
@@ -123,7 +127,9 @@ FIGURES = (
     _axis(
         "left_out",
         gauge(
-            "left_out_samples", "Samples that are not in the fit, and bridged ones, by cause.", key="reason"
+            "left_out_samples",
+            "Number of samples that the fit leaves out or replaces, by cause.",
+            key="reason",
         ),
         page=ANSWER,
         terminal=NARROW,
@@ -132,7 +138,7 @@ FIGURES = (
     ),
     _axis(
         "breaks",
-        gauge("breaks", "Interruptions of the samples, by cause.", key="reason"),
+        gauge("breaks", "Number of interruptions in the series of samples, by cause.", key="reason"),
         page=ANSWER,
         terminal=NARROW,
         home_assistant=NO_ENTITY,
@@ -140,7 +146,7 @@ FIGURES = (
     ),
     _axis(
         "stable",
-        Hidden("while it is false, the verdict of the estimates is the last stable one"),
+        Hidden("if the fit's verdict is not stable, the estimates show the last stable verdict"),
         page=ANSWER,
         terminal=SENTENCE,
         home_assistant=NO_ENTITY,
@@ -148,7 +154,7 @@ FIGURES = (
     ),
     _axis(
         "odds",
-        Hidden("it holds for two of the verdicts only, and the text of the verdict has it"),
+        Hidden("the number is known for two of the verdicts only, and the text of the verdict has it"),
         page=ANSWER,
         terminal=SENTENCE,
         home_assistant=NO_ENTITY,
@@ -175,7 +181,7 @@ FIGURES = (
     ),
     _fit(
         "samples",
-        gauge("samples", "Samples that the newest fit uses."),
+        gauge("samples", "Number of samples that the newest fit uses."),
         page=Shown("the line on the newest fit"),
         terminal=NARROW,
         home_assistant=NO_ENTITY,
@@ -223,7 +229,7 @@ FIGURES = (
     ),
     _device(
         "alpha_difference",
-        gauge("alpha_difference", "Order: the device's fit minus this computer's newest one."),
+        gauge("alpha_difference", "Order: by the device's fit, minus that of this computer's newest fit."),
         page=OF_DEVICE,
         terminal=OF_DEVICE,
         home_assistant=NO_ENTITY,
@@ -231,7 +237,7 @@ FIGURES = (
     ),
     _device(
         "half_widths",
-        Hidden("it is alpha_difference over the half-width of fit_alpha's interval"),
+        Hidden("the number is alpha_difference divided by the half-width of fit_alpha's interval"),
         page=OF_DEVICE,
         terminal=OF_DEVICE,
         home_assistant=NO_ENTITY,
@@ -239,7 +245,7 @@ FIGURES = (
     ),
     _device(
         "samples",
-        Hidden("the fits of both computers are of the same samples, which fit_samples counts"),
+        Hidden("both computers fit the same samples, which fit_samples counts"),
         page=OF_DEVICE,
         terminal=OF_DEVICE,
         home_assistant=NO_ENTITY,

@@ -62,7 +62,11 @@ FIGURES = (
     ),
     _stats(
         "clock_ppm",
-        gauge("clock_drift_ratio", "How much faster than the host's the device's clock runs.", factor=1e-6),
+        gauge(
+            "clock_drift_ratio",
+            "Relative amount by which the device's clock runs faster than the host's.",
+            factor=1e-6,
+        ),
         page=Row("link", "device clock", lambda ppm: f"{ppm:+.1f} ppm", absent="–"),
         terminal=HEALTH,
         home_assistant=NO_ENTITY,
@@ -70,7 +74,7 @@ FIGURES = (
     ),
     _stats(
         "sample_counts.delivered",
-        counter("samples_delivered", "Samples that went on to the estimator."),
+        counter("samples_delivered", "Number of samples that were passed to the estimator."),
         page=Row("link", "samples", thousands),
         terminal=HEALTH,
         home_assistant=NO_ENTITY,
@@ -78,7 +82,7 @@ FIGURES = (
     ),
     _stats(
         "sample_counts.lost",
-        counter("samples_lost", "Samples missing in gaps."),
+        counter("samples_lost", "Number of samples that are missing in gaps."),
         page=loss("link", "lost samples"),
         terminal=HEALTH,
         home_assistant=Entity("lost", "samples lost", state_class="total_increasing", category="diagnostic"),
@@ -94,7 +98,7 @@ FIGURES = (
     ),
     _stats(
         "sample_counts.duplicates",
-        counter("samples_duplicate", "Samples that came twice and were dropped."),
+        counter("samples_duplicate", "Number of samples that arrived a second time and were dropped."),
         page=loss("link", "duplicates"),
         terminal=NARROW,
         home_assistant=NO_ENTITY,
@@ -102,14 +106,17 @@ FIGURES = (
     ),
     _stats(
         "sample_counts.before_hello",
-        counter("samples_before_hello", "Samples before the first HELLO, which cannot be used."),
+        counter(
+            "samples_before_hello",
+            "Number of samples that arrived before the first HELLO and cannot be used.",
+        ),
         **ONLY_METRIC,
     ),
     _stats(
         "sample_counts.rate_differs",
         counter(
             "samples_rate_differs",
-            "Samples of a device whose clock contradicts its HELLO, which are not used.",
+            "Number of samples that were not used, since the device's clock contradicts its HELLO.",
         ),
         **ONLY_METRIC,
     ),
@@ -123,9 +130,9 @@ FIGURES = (
     ),
     _stats(
         "startup_remaining",
-        gauge("startup_remaining_samples", "Samples until the start-up window is full."),
+        gauge("startup_remaining_samples", "Number of samples until the start-up window is full."),
         page=Hidden("the page counts the samples of the epoch itself"),
-        terminal=Shown("in place of the estimates, before the first"),
+        terminal=Shown("the place of the estimates, before the first estimate"),
         home_assistant=NO_ENTITY,
         grafana=PANEL,
     ),
@@ -146,7 +153,7 @@ FIGURES = (
     ),
     _link(
         "reconnects",
-        counter("reconnects", "Times that the port was opened again."),
+        counter("reconnects", "Number of times that the port was opened again."),
         page=loss("link", "reconnects"),
         terminal=HEALTH,
         home_assistant=NO_ENTITY,
@@ -154,7 +161,7 @@ FIGURES = (
     ),
     _link(
         "bad_frames",
-        counter("bad_frames", "Damaged frames, by reason.", key="reason"),
+        counter("bad_frames", "Number of damaged frames, by reason.", key="reason"),
         page=Rows("link", _bad_frames),
         terminal=HEALTH,
         home_assistant=NO_ENTITY,
@@ -162,7 +169,7 @@ FIGURES = (
     ),
     _link(
         "unknown_type",
-        counter("unknown_frames", "Intact frames of an unknown type."),
+        counter("unknown_frames", "Number of intact frames of an unknown type."),
         page=Rows("link", _other_version),
         terminal=NARROW,
         home_assistant=NO_ENTITY,
@@ -170,7 +177,7 @@ FIGURES = (
     ),
     _link(
         "refused",
-        counter("refused_frames", "Frames of a device of another protocol version."),
+        counter("refused_frames", "Number of frames from a device with another version of the protocol."),
         page=Shown("the row of `unknown_type`"),
         terminal=NARROW,
         home_assistant=NO_ENTITY,
@@ -178,7 +185,7 @@ FIGURES = (
     ),
     _link(
         "overflow_bytes",
-        counter("overflow_bytes", "Bytes thrown away: the program was too slow."),
+        counter("overflow_bytes", "Number of bytes that were thrown away, since the program was too slow."),
         page=loss("link", "bytes thrown away"),
         terminal=NARROW,
         home_assistant=NO_ENTITY,
@@ -186,7 +193,7 @@ FIGURES = (
     ),
     _board(
         "i2c_errors",
-        counter("i2c_errors", "I2C transfers that failed, since the device's boot."),
+        counter("i2c_errors", "Number of I2C transfers that failed, since the device's boot."),
         page=loss("link", "I²C errors"),
         terminal=NARROW,
         home_assistant=NO_ENTITY,
@@ -194,7 +201,7 @@ FIGURES = (
     ),
     _board(
         "bus_recoveries",
-        counter("bus_recoveries", "Times that a held bus was freed, since the device's boot."),
+        counter("bus_recoveries", "Number of times that a blocked bus was freed, since the device's boot."),
         page=loss("link", "I²C bus freed"),
         terminal=NARROW,
         home_assistant=NO_ENTITY,
@@ -202,7 +209,9 @@ FIGURES = (
     ),
     _board(
         "sensor_reinits",
-        counter("sensor_reinits", "Times that the sensor was set up again, since the device's boot."),
+        counter(
+            "sensor_reinits", "Number of times that the sensor was set up again, since the device's boot."
+        ),
         page=loss("link", "sensor set up again"),
         terminal=NARROW,
         home_assistant=NO_ENTITY,
@@ -210,7 +219,7 @@ FIGURES = (
     ),
     _board(
         "overruns",
-        counter("overruns", "Sampling instants without a sample, since the device's boot."),
+        counter("overruns", "Number of sampling instants without a sample, since the device's boot."),
         page=loss("link", "overruns"),
         terminal=NARROW,
         home_assistant=NO_ENTITY,
@@ -218,7 +227,7 @@ FIGURES = (
     ),
     _board(
         "dropped_frames",
-        counter("dropped_frames", "Frames that the device could not send, since its boot."),
+        counter("dropped_frames", "Number of frames that the device could not send, since its boot."),
         page=loss("link", "frames dropped by the device"),
         terminal=NARROW,
         home_assistant=NO_ENTITY,
@@ -234,12 +243,12 @@ FIGURES = (
     ),
     _output(
         "written",
-        counter("written", "Records that an output has written."),
+        counter("written", "Number of records that an output has written."),
         **ONLY_METRIC,
     ),
     _output(
         "dropped",
-        counter("dropped", "Records that an output lost: too slow, or broken."),
+        counter("dropped", "Number of records that an output lost, since it was too slow or broken."),
         page=Rows("link", _dropped),
         terminal=NARROW,
         home_assistant=NO_ENTITY,
@@ -247,7 +256,7 @@ FIGURES = (
     ),
     _output(
         "queued",
-        gauge("queue_records", "Records that wait for an output."),
+        gauge("queue_records", "Number of records that wait for an output."),
         page=Shown("the row of `dropped`"),
         terminal=NARROW,
         home_assistant=NO_ENTITY,

@@ -28,14 +28,14 @@ FIGURES: tuple[Figure, ...] = tuple(
 )
 """All published figures, in the order of the page's rows and of Home Assistant's entities."""
 
-EVENT = "it tells an event, and people see the event as a sentence"
-_OF_MODEL = "it is for those who compare the device's fit with this computer's, who read the record"
-_SAME_FIT = "the newest fit, which has its own record, says it"
+EVENT = "the record reports an event, which people see as a sentence"
+_OF_MODEL = "people who compare the device's fit with this computer's read the record itself"
+_SAME_FIT = "the newest fit has the same number in a record of its own"
 
 WITHOUT_FIGURES: dict[type, str] = {
-    Placed: "its numbers only say to which sample a record belongs",
-    Hello: "it states once what the device is; the page lists all of it, and `fltea_device_info` names it",
-    Corrected: "it is for programs, which integrate each sample",
+    Placed: "the numbers only say to which sample a record belongs",
+    Hello: "it says once what the device is; the page shows all, and `fltea_device_info` the identity",
+    Corrected: "the record is for programs that integrate every sample",
     Gap: EVENT,
     Step: EVENT,
     Motion: EVENT,
@@ -45,23 +45,23 @@ WITHOUT_FIGURES: dict[type, str] = {
 """Types of records whose numbers are not published as figures, each with the reason."""
 
 UNSHOWN: dict[tuple[type, str], str] = {
-    (Stats, "fit_period_s"): "it is a setting, which only says how often to expect a fit",
-    (Sample, "flags"): "it is a property of one sample, and one sample in a thousand says nothing",
+    (Stats, "fit_period_s"): "the number is a setting, which only says how often a fit comes",
+    (Sample, "flags"): "the number is a property of one sample, and one sample in a thousand says nothing",
     (AxisStats, "Q_in_use"): "it is computed from the newest fit",
-    (AxisStats, "tuned"): "it is true from the first fit on that has an order",
-    (AxisStats, "tracker.K"): "a fit over the same samples has a value and a verdict; this one is for checks",
+    (AxisStats, "tuned"): "the flag is true from the first fit on that has an order",
+    (AxisStats, "tracker.K"): "the value of the fit, with its verdict, is shown; this one is for checks",
     (DeviceEstimatorStats, "fit_every"): "it is a setting of the device",
-    (DeviceEstimatorStats, "longest_slice_us"): "longest_axis_seconds bounds it while the device keeps up",
+    (DeviceEstimatorStats, "longest_slice_us"): "longest_axis_seconds limits it while the device keeps up",
     (AxisEstimate, "alpha"): _SAME_FIT,
     (AxisEstimate, "f"): _SAME_FIT,
     (AxisEstimate, "innovation"): "it changes with every sample, so one value in a thousand says nothing",
     (DeviceEstimates, "comparable"): "each axis says whether it is comparable, and why not",
-    (DeviceAxisEstimate, "age"): "it is for the comparison with this computer's estimate",
+    (DeviceAxisEstimate, "age"): "the number is for the comparison with this computer's estimate",
     (DeviceAxisEstimate, "fltea.alpha_std"): "this computer's, which it should equal, is shown",
     (DeviceAxisEstimate, "fltea.f_std"): "this computer's, which it should equal, is shown",
     (DeviceAxisEstimate, "fltea.state"): "its difference from this computer's is shown",
     (DeviceAxisEstimate, "fltea.innovation"): "it changes with every sample",
-    (DeviceAxisEstimate, "fltea.settled"): "the words for why estimates are not comparable say it",
+    (DeviceAxisEstimate, "fltea.settled"): "the words that say why estimates are not comparable say it",
     (DeviceAxisEstimate, "tracker_state"): "the device's bias, which includes it, is shown",
     (DeviceAxisEstimate, "tracker_state_std"): "the deviation of the device's bias is shown",
     (AxisFit, "low_pass"): "the text of the verdict says it",

@@ -36,7 +36,7 @@ LAST = Values(slice(-1, None))
 _BOUNDS_S = [repr(bound * 1e-3) for bound in LATENCY_BOUNDS_MS] + ["+Inf"]
 
 
-MOTIONS = (counter("motions", "Times that the sensor has begun to move."),)
+MOTIONS = (counter("motions", "Number of times that the sensor has begun to move."),)
 """A counter that is not the number in any record. It counts the records `motion` with which a motion begins.
 """
 
@@ -142,7 +142,9 @@ def _axes(records: Labelled) -> Labelled:
 
 def _devices(hellos: Sequence[tuple[str, Hello]]) -> Metric:
     family = InfoMetricFamily(
-        "fltea_device", "Device, firmware and sensor, as the device states them.", labels=("device",)
+        "fltea_device",
+        "The device, its firmware and its sensor, as the device states them.",
+        labels=("device",),
     )
     for name, hello in hellos:
         facts = {fact: getattr(hello, fact) for fact in FACTS}
@@ -155,7 +157,7 @@ def _outputs(sink_queues: Sequence[tuple[str, OutputView]]) -> Iterator[Metric]:
     yield from _figures(OutputStats, ("output", "device"), found)
     latency = HistogramMetricFamily(
         "fltea_output_latency_seconds",
-        "Time from a sample's arrival to its output.",
+        "Time from the arrival of a sample until its record is written.",
         labels=("output", "device"),
     )
     for device, sink_queue in sink_queues:

@@ -127,8 +127,8 @@ class MetricsSink(Sink):
             return hello
         if identities.is_to_tell(now_ns):
             text = (
-                f"{hello.source} reported more than {MOST} device IDs in an hour; further ones are left out "
-                "of fltea_device_info, since each would be a time series. Is the board faulty?"
+                f"{hello.source} reported more than {MOST} device IDs in an hour; further IDs are left out "
+                "of fltea_device_info, since each would begin a time series. Is the board faulty?"
             )
             self._report("too_many_devices", text)
         return msgspec.structs.replace(
