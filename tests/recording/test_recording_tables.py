@@ -329,7 +329,7 @@ def test_a_torn_file_becomes_whole_beside_itself(tmp_path: Path) -> None:
 
 def test_a_file_in_use_is_left_alone(tmp_path: Path) -> None:
     _, sink = record(tmp_path, transport(samples=60), end=False)
-    with pytest.raises(UsageError, match="a running program still writes it"):
+    with pytest.raises(UsageError, match="a running program still writes this file"):
         recover(files(tmp_path)[0], in_place=True)
     sink.close()
     assert recover(files(tmp_path)[0], in_place=True).out is None
@@ -337,7 +337,7 @@ def test_a_file_in_use_is_left_alone(tmp_path: Path) -> None:
 
 def test_nothing_to_save_and_nothing_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "empty.mcap").touch()
-    with pytest.raises(UsageError, match="nothing in it can be saved"):
+    with pytest.raises(UsageError, match="nothing in this file can be recovered"):
         recover(tmp_path / "empty.mcap", in_place=False)
     with pytest.raises(UsageError, match="cannot be read"):
         recover(tmp_path / "none.mcap", in_place=False)

@@ -36,7 +36,7 @@ def test_a_flood_is_cut_by_kind_and_device_and_told(now: list[int]) -> None:
     assert len(lines) == 2 * BURST + 1
     now[0] = PERIOD_NS
     sink.flush()
-    told = [line for line in lines if "7 more of this kind" in line]
+    told = [line for line in lines if "7 further messages of this kind" in line]
     assert len(told) == 2
     sink.write(Error("device_fault", "again", 1, device="left"))
     assert lines[-1] == "fltea: left: device_fault: again\n"
@@ -49,7 +49,7 @@ def test_what_was_left_out_is_told_at_the_end_and_before_the_next(now: list[int]
         sink.write(Error("silent", "text", 1))
     now[0] = PERIOD_NS + 5
     sink.write(Error("silent", "text", 1))
-    assert "1 more" in lines[-2]
+    assert "1 further" in lines[-2]
     for _ in range(BURST + 1):
         sink.write(Error("silent", "text", 1))
     sink.close()

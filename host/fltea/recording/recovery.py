@@ -41,10 +41,10 @@ def recover(path: Path, *, in_place: bool, limits: Limits = DEFAULT_LIMITS) -> R
             if found.out is None:
                 return found
             if not found.messages:
-                raise UsageError(f"{path}: nothing in it can be saved.")
+                raise UsageError(f"{path}: nothing in this file can be recovered.")
             if not in_place and out.exists():
                 raise UsageError(
-                    f"{out}: exists already; remove it first if {path.name} is to be read again."
+                    f"{out}: exists already. If {path.name} is to be recovered again, remove it first."
                 )
             _copy(path, out, limits)
     except (OSError, ValueError) as error:
@@ -54,7 +54,7 @@ def recover(path: Path, *, in_place: bool, limits: Limits = DEFAULT_LIMITS) -> R
 
 def _check_unused(path: Path, file: BinaryIO) -> None:
     if is_in_use(file):
-        raise UsageError(f"{path}: a running program still writes it; stop that first.")
+        raise UsageError(f"{path}: a running program still writes this file; stop that program first.")
 
 
 def _examine(path: Path, limits: Limits) -> Recovered:

@@ -116,7 +116,7 @@ def _answer(chosen: Topic, sensor: str | None, how: How) -> Answer:
     """Return the answer that says which topic, or which sensor of a topic, is read, and what decided this."""
     name = visible(chosen.name) + ("" if sensor is None else f", {visible(sensor)}")
     by: tuple[Evidence, str] = (
-        ("stated", "no other has a gyroscope")
+        ("stated", "no other topic has a gyroscope")
         if how.topic is None
         else ("given", "--topic" if sensor is None else "--sensor")
     )

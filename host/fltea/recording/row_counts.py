@@ -44,7 +44,7 @@ class RowCounts:
         if reason == "too_large":
             return UsageError(f"{where}: more than {LARGEST_DPS:g} deg/s; is --units {chosen.units} right?")
         if reason == "time":
-            return UsageError(f"{where}: column '{chosen.time_name}' has a time that cannot be.")
+            return UsageError(f"{where}: column '{chosen.time_name}' has an impossible time.")
         empty = [name for name, some in zip(chosen.read, self._some, strict=False) if not some]
         what = f"column {listed(empty)} is empty" if empty else "no row has numbers in all columns"
         return NoNumbers(f"{where}: {what} ({listed(chosen.read)} are read).", self._rows)
@@ -63,6 +63,6 @@ class RowCounts:
                     text = f"with more than {LARGEST_DPS:g} deg/s, which are left out; {right}"
                     found.append(Note("bad_lines", where + text))
                 case _:
-                    text = f"with a time in '{self._chosen.time_name}' that cannot be, which are left out."
+                    text = f"with an impossible time in '{self._chosen.time_name}'; they are left out."
                     found.append(Note("bad_lines", where + text))
         return found

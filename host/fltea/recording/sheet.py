@@ -281,7 +281,9 @@ def _check_columns(where: str, sheet: Sheet, chosen: Chosen, how: How) -> None:
     sensor = [] if chosen.sensor is None else [sheet.names[chosen.sensor[0]]]
     for name in chosen.read:
         if name in sheet.words:
-            raise UsageError(f"{where}: {name}: holds words ({listed(sheet.words[name])}), and no numbers.")
+            raise UsageError(
+                f"{where}: {name}: holds words ({listed(sheet.words[name])}) instead of numbers."
+            )
     for name in () if how.overrule else [*({*sensor} - sheet.words.keys()), *chosen.read]:
         if name in sheet.doubts:
             raise UsageError(f"{where}: {name}: {sheet.doubts[name]}")

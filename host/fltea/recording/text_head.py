@@ -100,7 +100,7 @@ class Head(NamedTuple):
 def stated_in(head: str) -> Head:
     """Return all sampling rates and units that the lines of a text's head state.
 
-    If the head states several rates or units, they contradict each other.
+    If several different rates or units are returned, the head contradicts itself.
 
     Statements in lines that name the gyroscope have priority over those in lines that name no sensor.
     """

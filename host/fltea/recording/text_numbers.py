@@ -36,15 +36,15 @@ when they occur again.
 
 REASONS = {
     "text": "is no line of numbers",
-    "fields": "has another number of fields than the others",
+    "fields": "has a different number of fields than the other lines",
     "number": "has a field that is not a number",
-    "columns": "is an object without the columns",
+    "columns": "is an object without the columns to read",
     "too_long": f"has no end within {LONGEST_LINE} bytes",
     "before_header": "came before the columns were known",
     "header": "names columns that do not fit those before",
     "not_finite": "has an empty field, NaN or infinity: a missing sample",
     "too_large": "is beyond what a gyroscope measures; are the units right?",
-    "time": "has a time that cannot be",
+    "time": "has an impossible time",
 }
 """Reasons why a line holds no sample. The keys are the same as those of the counts in `link.bad_frames`. The
 values say to the user what is wrong with the line.

@@ -107,7 +107,7 @@ def check_given(where: str, rate_hz: float, *, overrule: bool) -> None:
     if rate_hz < LEAST_HZ and not overrule:
         raise UsageError(
             f"{where}: --rate {rate_hz:g} would be a sample in {1 / rate_hz:.3g} s. Is it a period? It has "
-            "to be in Hz, samples a second. If it is right, add --overrule."
+            "to be in Hz, samples a second. If the rate is right, add --overrule."
         )
 
 
@@ -236,7 +236,7 @@ def _widened(limits: tuple[float, float]) -> tuple[float, float]:
 
 def _unit_needed(where_column: str, step: float) -> NotStated:
     table = ticks_table(step, times_table(step, _widened(PLAUSIBLE_HZ)))
-    return not_stated(where_column, [Missing("what its times count", "--time-unit ?")], (), table)
+    return not_stated(where_column, [Missing("in which unit its times are", "--time-unit ?")], (), table)
 
 
 def _impossible(where_column: str, unit: TimeUnit, step: float) -> NotStated:

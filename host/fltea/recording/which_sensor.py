@@ -24,7 +24,8 @@ columns.
 def choose_sensor(choice: Choice, tag: str, gyro: Sequence[int]) -> tuple[int, str | None] | None:
     """Find the column that distinguishes sensors, and the sensor to read; None if there is no such column.
 
-    All later decisions about the file use only the first rows of the sensor to read.
+    Only the first rows of the file are examined. All later decisions about the file use only those of these
+    rows that are from the sensor to read.
 
     `tag`: first field of the rows, in files with rows of several kinds. `gyro`: columns of the axes.
 

@@ -40,7 +40,9 @@ def choose_unit(choice: Choice, gyro: tuple[int, ...]) -> Unit:
     if choice.how.units is not None:
         return _given(choice, gyro, stated, changed)
     if changed:
-        what = f"the unit of the numbers as they stand: {changed}, and nothing says whether that was done"
+        what = (
+            f"the unit of the numbers in the file: {changed}, and nothing says whether that was done already"
+        )
         choice.missing.append(Missing(what, "--units ? --overrule"))
         return _ASKED
     known = {one for one in stated if one is not None}

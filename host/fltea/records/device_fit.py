@@ -68,7 +68,7 @@ class DeviceAxisFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     R: Interval = Interval()
     """Variance of the white noise, without an interval; for `white`, the power of the axis [(deg/s)²]."""
     alpha_difference: float | None = None
-    """α of this fit minus α of the newest record `fit`; null if either has no α."""
+    """α of this fit minus the α in the newest record `fit`; null if one of the two has no α."""
     half_widths: float | None = None
     """`alpha_difference` divided by the half-width of α's interval in the newest record `fit`."""
     host_verdict: VerdictKind | None = None

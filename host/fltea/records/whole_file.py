@@ -58,7 +58,7 @@ def _check_replaceable(out: Path) -> None:
         return
     in_dev = out.absolute().parent == Path("/dev")
     if not (stat.S_ISREG(mode) or (stat.S_ISLNK(mode) and not in_dev)):
-        raise UsageError(f"{out}: cannot be written (something that is not a file has this name).")
+        raise UsageError(f"{out}: cannot be written (this is the name of something that is not a file).")
 
 
 @contextlib.contextmanager

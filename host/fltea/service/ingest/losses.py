@@ -11,7 +11,7 @@ from fltea.service.ingest.inbox import Inbox
 
 
 class _Reason(NamedTuple):
-    """Why messages are refused, as text for a report.
+    """A reason why messages are refused. `text`: the reason, in words for a report.
 
     `fewest`: at least this number of messages must have been refused for this reason, or it is not reported.
     """

@@ -39,10 +39,7 @@ _estimate = partial(Figure, DeviceAxisEstimate)
 
 
 def estimates_rate(stats: Stats | None, hello: Hello | None) -> str:
-    """Return the last part of a text.
-
-    It says how many estimates a second the device sends, or is empty if this is unknown.
-    """
+    """Return how many estimates a second the device sends, as the end of a text; empty if unknown."""
     own = stats.device_estimator if stats else None
     return (
         "" if own is None or hello is None or not own.every else f", {hello.rate_hz / own.every:g} a second"
