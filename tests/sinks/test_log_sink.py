@@ -53,4 +53,4 @@ def test_what_was_left_out_is_told_at_the_end_and_before_the_next(now: list[int]
     for _ in range(BURST + 1):
         sink.write(Error("silent", "text", 1))
     sink.close()
-    assert "2 more" in lines[-1]
+    assert "2 further" in lines[-1]

@@ -176,8 +176,8 @@ class EstimatorConfig(Table, frozen=True):
     guard: Annotated[
         Literal["off", "faithful", "consistent"],
         Setting(
-            "`off`: the algorithm as in the paper. `faithful`: with bounds. `consistent`: with bounds, and "
-            "with the variance that the paper's algorithm leaves out.",
+            "`off`: the algorithm as printed. `faithful`: with bounds. `consistent`: with bounds, and with "
+            "the variance that the printed algorithm leaves out.",
             flags=("--guard",),
             board=True,
         ),
@@ -185,7 +185,7 @@ class EstimatorConfig(Table, frozen=True):
     gate: Annotated[
         float,
         Setting(
-            "The guard reduces the effect of innovations larger than this.",
+            "The guard softens larger innovations.",
             unit="standard deviations",
             least=1,
             most=1000,
