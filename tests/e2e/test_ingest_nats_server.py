@@ -53,7 +53,7 @@ ELSEWHERE = 'mappings { "fltea.*.frames": "elsewhere.{{wildcard(1)}}" }'
         ({"maps": ""}, "nats_mapping", "maps no device to a partition"),
         ({"maps": mapping(16)}, "nats_mapping", f"to 16 partitions, and ingest.partitions is {PARTITIONS}"),
         ({"maps": mapping(2)}, "nats_mapping", f"to 2 partitions, and ingest.partitions is {PARTITIONS}"),
-        ({"maps": ELSEWHERE}, "nats_mapping", "does not arrive"),
+        ({"maps": ELSEWHERE}, "nats_mapping", "do not arrive"),
         ({"store": "100MB"}, "nats_settings", "max_file_store has to be larger than ingest.keep_mb (4000)"),
         ({"store": ""}, "nats_settings", "JetStream does not answer"),
     ],
@@ -264,7 +264,7 @@ def test_snapshots_are_used_whatever_the_clocks_of_their_workers_said(server: Se
     assert {name: kept.mark for name, kept in found[0].kept.items()} == {"a": 3, "b": 4}
     assert second.frames.partitions.done[0] == 3
     assert "from message 4: 2 devices" in second.texts("partition_taken")
-    assert "Snapshots of 1 more cannot be read" in second.texts("partition_taken")
+    assert "Snapshots that cannot be read: 1. Are" in second.texts("partition_taken")
     assert not second.texts("nats_lost"), "a worker that has left is no fault"
 
 

@@ -51,6 +51,11 @@ def two_step_filters() -> Fltea:
 
 def test_all_three_filters_for_two_steps() -> None:
     fltea = two_step_filters()
+    check_first_step(fltea)
+    check_second_step(fltea)
+
+
+def check_first_step(fltea: Fltea) -> None:
     # By hand, step k = 1 with the input u_0 = 6 and the measurement y_1 = 19/4: r = -8 + 4 + 6 = 2.
     step = fltea.step(19 / 4, 6)
     # KFo (filter of the order), with x1_0 = 2:
@@ -88,6 +93,8 @@ def test_all_three_filters_for_two_steps() -> None:
     assert step.P.ravel() == near(1, F(1, 2), F(1, 2), F(11, 4))
     assert (step.innovation[0], step.innovation_variance[0, 0]) == near(F(3, 2), 4)
 
+
+def check_second_step(fltea: Fltea) -> None:
     # By hand, step k = 2 with the input u_1 = 209/18 and the measurement y_2 = 755/144. The old values are
     # the results of step 1. The rows of A x̂ + B u with w = -5/2 are r = -10 + 11/2 + 209/18 = 64/9, and
     # -11/2.

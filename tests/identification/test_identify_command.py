@@ -178,7 +178,7 @@ def test_how_long_to_rest_and_to_drive(recording: Path) -> None:
     out, err = here(recording, "--rest-for", "2@60", "--drive-for", "1@30", "--channels", "gyro_x")
     assert err == ""
     assert re.search(
-        r"gyro_x, forecast: .* Rest for .*: the heading is good to ± 2° \(95 %, 1\.96 σ\) 60 s", out
+        r"gyro_x, forecast: .* Rest for .*: the heading is good to ± 2° \(95 %, 1\.96 σ\)\s+60 s", out
     )
     assert "After a rest of 30 s the heading is good to ± 1° (95 %, 1.96 σ) for " in out
     assert "heading after" in out

@@ -71,7 +71,7 @@ def test_schema_hash_covers_what_changes_the_meaning_of_bytes() -> None:
         assert old in DEFINITION
         assert load(DEFINITION.replace(old, new, 1)).schema_hash != PROTOCOL.schema_hash, new
     for old, new in [
-        ('doc = "what happened"', 'doc = "what came to pass"'),
+        ('doc = "kind of the fault"', 'doc = "sort of the fault"'),
         ("scale = 0.001", "scale = 0.0010"),
         (f"minor = {PROTOCOL.minor}", "minor = 99"),
         ("max_payload = 240", "max_payload = 200"),
@@ -123,8 +123,8 @@ def test_schema_hash_covers_what_changes_the_meaning_of_bytes() -> None:
         ("scale = 0.001", "scale = nan", r"scale .* is not a number above 0"),
         ('unit = "Hz"\nscale', "scale", r"a scale needs a unit - at `.*\[HELLO\].field\[sample_rate\]`"),
         ("scale = 0.001", "scal = 0.001", r"unknown field `scal` - at `.*field\[sample_rate\]`"),
-        ('doc = "what happened"', "", r"required field `doc` - at `.*\[FAULT\].field\[code\]`"),
-        ('doc = "what happened"', 'doc = "what \\"happened\\""', r"\[FAULT\].field\[code\].doc`"),
+        ('doc = "kind of the fault"', "", r"required field `doc` - at `.*\[FAULT\].field\[code\]`"),
+        ('doc = "kind of the fault"', 'doc = "kind of \\"fault\\""', r"\[FAULT\].field\[code\].doc`"),
         ('name = "overruns"', 'name = "over runs"', r"\[STATUS\].field\[over runs\].name`"),
         ('name = "overruns"', 'name = "register"', r"name 'register' is reserved"),
         ('name = "overruns"', 'name = "count"', r"name 'count' is reserved"),

@@ -222,7 +222,7 @@ def test_scale_of_the_accelerometer_makes_its_axes_usable(tmp_path: Path) -> Non
     assert last.axes["accel_y"].unit == "m/s^2"
     np.savez(path, **counts, lsb_per_dps=16.4, fs_hz=100.0)
     told = fltea_here("run", "-s", f"replay:{path}", "--once", *QUICK, "--channels", "accel_y,gyro_x")
-    assert "no_axis: channels names accel_y, which" in told.stderr
+    assert "no_axis: the setting 'channels' asks for accel_y, which" in told.stderr
     np.savez(path, **counts, lsb_per_dps=16.4, fs_hz=100.0, accel_lsb_per_g=0.0)
     assert (
         "accel_lsb_per_g has to be one positive number"

@@ -343,7 +343,7 @@ def test_nothing_to_save_and_nothing_there(tmp_path: Path, capsys: pytest.Captur
         recover(tmp_path / "none.mcap", in_place=False)
     record(tmp_path, transport(samples=60))
     # this error about one file is reported after all other files are done
-    with pytest.raises(UsageError, match=r"empty\.mcap: nothing in it"):
+    with pytest.raises(UsageError, match=r"empty\.mcap: nothing in this file"):
         cli_record.recover([tmp_path])
     assert "is whole" in capsys.readouterr().out
     assert sorted(tmp_path.glob(".*.part")) == []

@@ -47,7 +47,7 @@ def words_of(error: Error) -> str:
     if error.kind == "rate_differs":
         return error.kind
     if error.kind == "no_axis":
-        return error.message.removeprefix("channels names ").partition(", which")[0]
+        return error.message.removeprefix("the setting 'channels' asks for ").partition(", which")[0]
     return error.message
 
 

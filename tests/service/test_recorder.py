@@ -121,7 +121,7 @@ def test_what_cannot_be_recorded_says_why_and_ends_nothing(tmp_path: Path) -> No
     assert recorder.view("old").why_not == REPLAYED
     with pytest.raises(UsageError, match="No message has come"):
         recorder.start("due", None)
-    with pytest.raises(UsageError, match="not counts"):
+    with pytest.raises(UsageError, match="not in counts"):
         recorder.start("due", msgspec.structs.replace(hello(), gyro_lsb_per_dps=None))
     assert not recorder.view("due").on
     assert not hub.tap("due", wait=False).wanted

@@ -83,7 +83,7 @@ def test_programs_are_measured_in_turns_and_one_that_fails_ends_nothing(
     assert found["programs"] == ["old", "present"]
     assert found["runs"]["none"]["old"] == [{"failed": "no such flag: --new"}] * 3
     assert found["runs"]["mcap"]["present"][0]["times_engine"] == 5.0
-    assert "| 3 of 3 failed: no such flag: --new |" in bench.text(found)
+    assert "| 3 of 3 runs failed: no such flag: --new |" in bench.text(found)
     json.dumps(found, allow_nan=False)
 
 

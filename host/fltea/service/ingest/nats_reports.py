@@ -152,7 +152,7 @@ class Reports:
         if gone:
             text += f" The stream no longer has {len(gone)} messages before {gone.stop}."
         if unreadable:
-            text += f" Snapshots of {unreadable} further devices cannot be read: are they of another version?"
+            text += f" Snapshots that cannot be read: {unreadable}. Are they of another version?"
         self._report("partition_taken", text)
 
     def _explain(self, error: BaseException) -> str:
