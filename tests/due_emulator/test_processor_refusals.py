@@ -1,5 +1,6 @@
-"""Tests of instructions that a Cortex-M3 refuses and the emulation library Unicorn executes. They end a run
-on both of the emulator's processors, the exact and the fast one.
+"""Tests of instructions that a Cortex-M3 refuses and the emulation library Unicorn executes. The emulator
+executes a program with two processors, an exact and a fast one. On both of them, such an instruction ends the
+run.
 """
 
 import pytest
@@ -44,9 +45,10 @@ def _each(table):
 
 
 def _same_on_both(text, seconds=0.01):
-    """Return the reason that ends the program.
+    """Return the message with which the emulator ends the program.
 
-    Check that both of the emulator's processors end it at the same time and with the same text.
+    Check that the message is the same if the exact processor executes all of the program. The emulator
+    otherwise changes between its exact and its fast processor.
     """
     first, alone = (Bench(program(f"{text}\n wait_forever")) for _ in range(2))
     alone.board.cpu.watch(lambda *_: None)

@@ -1,5 +1,6 @@
-"""Tests of the algorithm FLTEA on a recording: its figures equal those of the daemon. Also tested are
-shuffled copies and tests of the innovations.
+"""Tests of the algorithm FLTEA on a recording. Its figures equal those of the daemon. Its estimates for
+shuffled copies of the recording are tested, too, and so are the figures that say whether innovations are
+white.
 """
 
 from typing import Literal

@@ -165,12 +165,13 @@ TEST_CASE("wire line: what was not taken is left out") {
     line.line.silent(5 * kSecondNs + 3);
     for (int k = 0; k < 9; ++k) CHECK(line.line.next().kind == PortItem::kTick);
     line.line.pass_time(0);
-    // nine of ten ticks were given, and pass_time() has dropped the last one
+    // next() has returned nine of the ten ticks. pass_time() has discarded the tenth, so no item is left.
     CHECK(line.line.next().kind == PortItem::kDone);
     line.line.silent(5 * kSecondNs + 3);
     CHECK(line.line.next().kind == PortItem::kTick);
     line.line.pass_time(0);
-    // the tick was given, and pass_time() has dropped the trouble after it
+    // next() has returned the tick. pass_time() has discarded the check for a trouble that was due after the
+    // tick.
     CHECK(line.line.next().kind == PortItem::kDone);
 }
 

@@ -1,4 +1,6 @@
-"""Run the part of a worker that talks to a NATS server, and act as a client of the server."""
+"""Helpers of tests with a NATS server: the part of a worker that talks to the server, and functions by which
+a test itself talks to the server, as another client.
+"""
 
 import asyncio
 from collections.abc import Callable, Coroutine

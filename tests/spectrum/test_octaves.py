@@ -127,7 +127,8 @@ def test_white_noise_is_flat_across_the_joints() -> None:
     errors = np.array([1 / np.sqrt(lanes * weight[band].sum()) for band in bands])
     assert np.abs((means - 1) / errors).max() < 4
     assert np.abs(np.diff(means) / np.hypot(errors[1:], errors[:-1])).max() < 4
-    # The weights of the ordinates predict the variance of the total power of a record.
+    # By the weights of its ordinates, a record's mean power has the variance 1 / (sum of the weights). The
+    # variance over all records agrees with that.
     total = (power * weight).sum(axis=1) / weight.sum()
     assert total.var() * weight.sum() == pytest.approx(1, abs=4 * np.sqrt(2 / lanes))
     assert weight.sum() > 0.94 * n / 2

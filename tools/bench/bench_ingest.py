@@ -154,7 +154,10 @@ def _run(
 
 
 def _counted(programs: _Programs) -> dict[str, Any]:
-    """Return the programs' own counts. For each device, the `stats` record with the most samples counts."""
+    """Return what the programs counted themselves.
+
+    For each device, these are the numbers in the `stats` record with the largest number of samples.
+    """
     stats: dict[str, dict[str, Any]] = {}
     for one in programs.records("stats"):
         known = stats.get(one["device"])

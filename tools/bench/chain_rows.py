@@ -31,8 +31,8 @@ class Row(NamedTuple):
 
     `kind`: the table in which the row stands. `goals`: largest permitted values of figures. `usual`: whether
     the row is measured if no rows are named. `of_fltea`: False for a row that measures another program for
-    comparison, which is done once a round. `long`: whether it takes minutes; it is then measured only if it
-    is named or with --long.
+    comparison, which is done once a round. `long`: whether the row takes minutes to measure. Such a row is
+    measured only if its own name is given, or with --long.
     """
 
     name: str
@@ -183,8 +183,9 @@ ROWS = (*_hour(), *_identify(), *_day(), *_devices())
 def chosen(names: Sequence[str] = (), *, long: bool = False) -> list[Row]:
     """Return the rows with these names or kinds, all rows for `all`, or the usual rows if there are no names.
 
-    Long rows are included if they are named themselves, or if `long` is set. An unknown name raises
-    SystemExit.
+    A row that takes minutes to measure (`Row.long`) is included only if `names` has its own name, or if the
+    argument `long` is set. Without that argument, neither its kind nor `all` includes it. An unknown name
+    raises SystemExit.
     """
     known = {row.name for row in ROWS} | {row.kind for row in ROWS} | {"all"}
     if unknown := [name for name in names if name not in known]:

@@ -73,7 +73,11 @@ def fitted(noise: str, first: int, count: int, at: Sequence[int], rate_hz: float
 
 
 def tables(rows: list[Row]) -> list[Table | str]:
-    """Return a table that says in how many of the fleets and comparisons any sensor is called odd."""
+    """Return a table of false alarms.
+
+    It gives the proportion of fleets, and the proportion of comparisons, in which at least one sensor is
+    called odd.
+    """
     cells = []
     for name, rate_hz in dict.fromkeys((row["noise"], row["rate_hz"]) for row in rows):
         pool = [
@@ -101,14 +105,14 @@ def _shares(shares: dict[str, float]) -> tuple[str, ...]:
 def share_of_fleets(
     pool: list[Fits], rate_hz: float, sensors: int, differ: float, count: int, *, ages: bool = False
 ) -> dict[str, float]:
-    """Return the proportion of fleets in which any sensor is ever called odd.
+    """Return the proportion of fleets in which at least one sensor is ever called odd.
 
     The result has one proportion for each figure by which a sensor is called odd, and one for all figures
-    together (`any`). `comparison` is the proportion of comparisons, not of fleets, in which any sensor is
-    called odd. `ages`: if True, each sensor has been on for a different time, and there is one comparison.
-    Otherwise all sensors began at the same time and are compared while their records grow. Fits change little
-    between these comparisons, so an odd result would be repeated. Therefore a single odd result already
-    counts as an alert.
+    together (`any`). `comparison` is the proportion of comparisons, not of fleets, in which at least one
+    sensor is called odd. `ages`: if True, each sensor has been on for a different time, and there is one
+    comparison. Otherwise all sensors began at the same time and are compared while their records grow. Fits
+    change little between these comparisons, so an odd result would be repeated. Therefore a single odd result
+    already counts as an alert.
     """
     rng = np.random.default_rng(sensors)
     figures = [_all_figures(comparisons, rate_hz) for comparisons in pool]
@@ -139,7 +143,7 @@ def _all_figures(comparisons: Fits, rate_hz: float) -> list[dict[str, Figure]]:
 
 
 def _odd_at(fleet: list[Place], turns: NDArray[np.int64]) -> set[str]:
-    """Return the names of the figures by which any sensor of the fleet is called odd in one comparison.
+    """Return the names of the figures by which at least one sensor is called odd in one comparison.
 
     `turns`: for each sensor, the index of the fit that is compared.
     """

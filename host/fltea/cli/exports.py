@@ -118,7 +118,7 @@ def lines_for(report: "FileReport", program: str, up_to_s: float | None, inflate
 
     Raises:
         FlteaError: no axis was identified, or the data are bad.
-        UsageError: the recording is too short to compute the inflation of `auto`.
+        UsageError: the recording is too short to compute the factors that `--inflate auto` asks for.
     """
     from fltea.documents.programs import programs, written
     from fltea.identification.axis_report import AxisReport
@@ -169,7 +169,7 @@ def write(report: "FileReport", files: Files) -> None:
 
     Raises:
         FlteaError: a file cannot be written, or the fit lacks what the file needs.
-        UsageError: the recording is too short to compute the inflation of `auto`.
+        UsageError: the recording is too short to compute the factors that `--inflate auto` asks for.
     """
     from fltea.documents.imu_yaml import imu_yaml
     from fltea.identification import allan_file, model_file, navigation_file

@@ -173,9 +173,10 @@ class OffsetWalk(NamedTuple):
 
     @property
     def by_walk(self) -> tuple[Array, Array, Array, Array]:
-        """Return the step variances and correlation times of the walks, the slopes, and all weights.
+        """Return four arrays: the walks' step variances, their correlation times, the slopes, the weights.
 
-        The weights (walks, slopes) are those of each walk combined with each slope.
+        The array of weights has the shape (walks, slopes), with one weight for each pair of a walk and a
+        slope. A slope is the standard deviation of the offset's slope, as in `slopes`.
         """
         count = int((np.diff(self.slopes) <= 0).argmax()) + 1 if len(self.slopes) > 1 else 1
         steps, taus = (one[::count] for one in (self.steps, self.taus))
@@ -335,7 +336,7 @@ def offset_walk(
 def walks_tried(
     steps: Sequence[float], taus: Sequence[float], stays: float
 ) -> Iterator[tuple[float, float, float]]:
-    """Yield step variance, correlation time and prior weight of the possible drifts, without slopes."""
+    """Yield step variance, correlation time and prior weight of each possible walk of the offset."""
     if stays > 0:
         yield 0.0, math.inf, stays
     for q in steps:
@@ -351,9 +352,10 @@ def _parted(first: float, others: Sequence[float], weight: float) -> list[tuple[
 
 
 def _offset(power: float, samples: int, q: float, tau: float, slope: float) -> list[Coordinate]:
-    """Return the states of an offset with its relaxation and slope.
+    """Return the states that a Kalman filter needs for an offset, its relaxation and its slope.
 
-    `power`: variance of a sample, without the offset and its relaxation, before the first sample.
+    `power`: prior variance of a sample, without the contribution of the offset and its relaxation. `samples`:
+    number of samples in the record. `q`, `tau`, `slope`: one possible drift, as in `OffsetWalk`.
     """
     found = []
     if math.isfinite(tau):

@@ -74,7 +74,7 @@ class NullResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """FLTEA's estimates for the shuffled copies, by the variant of FLTEA that `AxisResult.fltea` uses."""
 
 
-# Over 12 attributes: each is one finding about an axis, and they are made together.
+# Over 12 attributes: permitted, since each is one finding about an axis, and they are made together.
 class AxisResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The identification of one axis.
 

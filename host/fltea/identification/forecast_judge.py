@@ -30,7 +30,10 @@ FEWEST = 5
 """Forecasts for T seconds are judged only if there are at least this many pieces (time spans of T seconds).
 """
 WRONG = 0.01
-"""Probability that a right model fails for at least one T."""
+"""Probability that a right model fails the test of its forecasts for at least one T, the length of a
+forecast. The forecasts of the heading and those of the bias are tested separately, each with this
+probability.
+"""
 UNLIKELY = 0.005
 """The uncertainty of a forecast ignores models of the offset whose probability is smaller than this."""
 NODES_AT, NODES_WEIGH = np.polynomial.hermite_e.hermegauss(9)

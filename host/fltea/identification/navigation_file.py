@@ -24,7 +24,8 @@ FORMAT = "fltea-navigation-model"
 VERSION = 4
 """Version of the format.
 
-Version 3 had no `filter`: for figures that were not found, users had to guess values.
+Version 4 added the field `filter`, which holds every parameter of a Kalman filter, even where a figure was
+not found. Users of version 3 had to guess a value for such a figure.
 """
 STATES = {row.name for row in ROWS if "entry" in row.traits}
 """Parts of the noise model that have fields of their own in the entry of an axis."""
@@ -44,7 +45,7 @@ class GaussMarkovState(msgspec.Struct, frozen=True):
     s2: float
 
 
-# Over 12 attributes: each is one field of the file for navigation filters.
+# Over 12 attributes: permitted, since each is one field of the file for navigation filters.
 class NavigationAxis(msgspec.Struct, frozen=True):
     """The entry of one axis: its figures with their intervals, and the filter that follows from them.
 

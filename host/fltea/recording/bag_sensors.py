@@ -25,7 +25,7 @@ sensors.
 """
 
 PUBLISHER = "publisher"
-"""Name of the publisher of a message in lists of fields, where the publisher counts as a field."""
+"""The publisher of a message counts as one of the message's fields, and this is the name of that field."""
 
 
 def are_at_once(publishers: NDArray[np.str_], arrival_ns: Ints) -> bool:

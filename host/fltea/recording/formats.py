@@ -25,7 +25,7 @@ all.
 ZIP = b"PK\x03\x04"
 
 
-# Over 12 attributes: each is one column of the table of formats.
+# Over 12 attributes: permitted, since each is one column of the table of formats.
 class Format(NamedTuple):
     """A file format that fltea reads.
 

@@ -48,7 +48,7 @@ class Record(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=
     """Name in this program of the device or recording that the record is from."""
 
 
-# Over 12 attributes: each is one field of the published record.
+# Over 12 attributes: permitted, since each is one field of the published record.
 class Hello(Record, frozen=True, tag="hello"):
     """The identity and settings of a device or recording.
 
@@ -170,7 +170,7 @@ class FlteaEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """
 
 
-# Over 12 attributes: each is one field of the published record.
+# Over 12 attributes: permitted, since each is one field of the published record.
 class AxisEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The estimates of one axis after one sample. A value that is not known is null."""
 

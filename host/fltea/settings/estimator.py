@@ -97,7 +97,7 @@ BY_DEVICE = ("device", "both")
 """Values of `EstimateOn` for which the device runs its own estimator."""
 
 
-# Over 12 attributes: each is one setting of the TOML file.
+# Over 12 attributes: permitted, since each is one setting of the TOML file.
 class EstimatorConfig(Table, frozen=True):
     """Settings of an estimator's filters, start-up window, bias and R. Defaults: section 7.1 of the paper."""
 

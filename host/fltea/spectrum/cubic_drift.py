@@ -26,18 +26,22 @@ class Drift(NamedTuple):
     """
 
     power: float
-    """Mean square of the cubics' amplitudes. For white noise of variance R, its expected value is R."""
+    """Mean square of the amplitudes of all cubics. Each stretch has one cubic, written as a sum of
+    orthonormal polynomials. The amplitudes are the coefficients of these polynomials. For white noise that
+    has the variance R at the full sampling rate, the expected value of `power` is R.
+    """
     amplitudes: int
-    """Number of amplitudes: three for each stretch."""
+    """Number of all amplitudes: three for the cubic of each stretch."""
 
 
 def cubic_through(values: Array) -> tuple[Array, Array]:
-    """Return the cubic that is fitted to `values` (m,) of mean 0, and its three amplitudes.
+    """Return the cubic that is fitted to `values` (m,) of mean 0, and its three amplitudes (coefficients).
 
-    For white noise of variance 1, each amplitude is normally distributed with variance 1. A drift whose last
-    value differs from its first leaks into all frequencies λ as 1/λ², far above its own frequencies. If a
-    cubic is subtracted from noise, the noise loses the power of the ordinates below number LOWEST, and a few
-    percent of that of ordinate LOWEST.
+    The amplitudes are the coefficients of orthonormal polynomials of degree 1, 2 and 3. For white noise of
+    variance 1, each amplitude is normally distributed with variance 1. A drift whose last value differs from
+    its first leaks into all frequencies λ as 1/λ², far above its own frequencies. If a cubic is subtracted
+    from noise, the noise loses the power of the ordinates below number LOWEST, and a few percent of that of
+    ordinate LOWEST.
     """
     basis = _cubics(len(values))
     amplitudes = basis @ values

@@ -1,9 +1,9 @@
-"""What a model without an order says about the noise, after traces of other things are removed from it.
+"""Find the parts of a model without an order that describe the noise itself.
 
-A model is fitted to a spectrum as closely as possible. So one of its parts may be only the trace of something
-else: the skirt of a spectral peak that was left out, or the difference between the true filter and the fitted
-filter. Such traces are removed, and the remaining parts are reported: relaxations, drift, a filter, a
-resonance, a rise.
+A model is fitted to a spectrum as closely as possible. So one of its parts may only imitate something other
+than the noise: the skirt of a spectral peak that was left out, or the difference between the true filter and
+the fitted filter. Such parts are left out. The remaining parts are reported: relaxations, drift, a filter, a
+resonance, or a density that rises with the frequency.
 """
 
 import math
@@ -35,7 +35,9 @@ SLOW = 3.0
 frequency.
 """
 LARGE_SHARE = 0.05
-"""A peak with more than this proportion of all power leaves a visible trace in the model."""
+"""If a peak has more than this proportion of all power, a part of the model may only imitate the peak's
+skirts.
+"""
 LINE_LEAKS, RESONANCE_LEAKS = 2.0, 6.0
 """LINE_LEAKS: a spectral line leaks into frequencies up to this factor higher or lower. RESONANCE_LEAKS: the
 skirts of a resonance reach frequencies up to this factor higher or lower.
@@ -88,7 +90,7 @@ class Reading(NamedTuple):
     rises: bool
     """Whether the density is highest at the highest frequencies."""
     coloured: bool
-    """Whether there is a filter or a rise of any kind."""
+    """Whether the noise has passed a filter, or has a density that rises with the frequency."""
     high_pass: HighPassed | None = None
     """The high-pass filter that removed all slow noise, and the parts of the noise that remain; None without
     such a filter.
@@ -101,10 +103,11 @@ def corner_hz(part: Relaxation) -> float:
 
 
 def read(f: CandidateModels, from_hz: float, peaks: Sequence[Peak] = (), apart: float = math.inf) -> Reading:
-    """Return what the best model without an order says, after the traces of `peaks` are removed from it.
+    """Return what the best model without an order says about the noise.
 
-    `from_hz`: lowest fitted frequency. `apart`: smallest lead in 2 log L with which a slow relaxation is
-    reported in place of a random walk, or a high-pass in place of white noise alone.
+    Parts of the model that only imitate `peaks` are left out. `from_hz`: lowest fitted frequency [Hz].
+    `apart`: smallest lead in 2 log L with which a slow relaxation is reported in place of a random walk, or a
+    high-pass in place of white noise alone.
     """
     model, h = f.plain, f.h
     parts = [p for p in model.parts(h) if not (_is_skirt(p, peaks) or _is_left_out(p, f))]
@@ -126,7 +129,7 @@ def read(f: CandidateModels, from_hz: float, peaks: Sequence[Peak] = (), apart: 
         relaxations = [part for part in relaxations if corner_hz(part) < near]
     rises = last > RISES * first
     if rises:
-        # Only relaxations that raise the density at low frequencies are kept. The others may be traces of the
+        # Only relaxations that raise the density at low frequencies are kept. The others may only imitate the
         # rise at high frequencies.
         relaxations = [p for p in relaxations if _lowest(p, h) > first / 2 and p.tau_s > h]
     inside = [

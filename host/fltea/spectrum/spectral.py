@@ -60,7 +60,7 @@ GROWN = 1.1
 
 
 class Band(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The frequency band of the clean ordinates, to which the verdict applies."""
+    """The frequency band of the clean ordinates, to which the models are fitted and the verdict applies."""
 
     from_hz: float
     to_hz: float
@@ -346,11 +346,11 @@ def _share_of_peaks(whole: Periodogram, band: BandCells, peaks: Bands) -> float:
 
 
 class _Clean(NamedTuple):
-    """The clean ordinates, and what was left out of them."""
+    """The clean ordinates, to which the models are fitted, and what was left out of them."""
 
     ordinates: Periodogram
     from_hz: float
-    """The lowest frequency of the clean ordinates."""
+    """The lowest frequency [Hz] of the clean ordinates, to which the models are fitted."""
     peaks: tuple[Peak, ...]
     bands: Bands
     """One band for each of `peaks`."""
@@ -359,7 +359,7 @@ class _Clean(NamedTuple):
 
     @property
     def to_hz(self) -> float:
-        """The highest frequency of the clean ordinates."""
+        """The highest frequency [Hz] of the clean ordinates, to which the models are fitted."""
         return float(self.ordinates.lam[-1]) / (2 * np.pi * self.ordinates.h)
 
     def band(self, left_out: Bands) -> Band:

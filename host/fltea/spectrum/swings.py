@@ -32,7 +32,7 @@ EVERYDAY = 3.0
 
 
 class Swing(NamedTuple):
-    """The time scale at which the changes of an octave's power exceed most what chance allows."""
+    """The time scale at which chance is least likely to explain how an octave's power changes."""
 
     deviate: float
     """The normal deviate that is as unlikely as the found ratio of variances is in stationary noise."""

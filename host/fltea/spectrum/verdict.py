@@ -29,7 +29,7 @@ even for sums of regularly spaced relaxations, which look like an order (host/do
 LEAST_RESIDUAL_LEVEL = 0.01
 """Lowest significance level of the residuals' test, which can only contradict the claim of an order."""
 SHORT_S = 580.0
-"""About ten minutes [s]. If a record is shorter, its verdict says that slower noise may be hidden."""
+"""About ten minutes [s]. The verdict on a shorter record says that it may hold noise too slow to be seen."""
 PEAKS: dict[str, VerdictKind] = {
     "line": "line",
     "resonance": "resonance",
@@ -140,12 +140,12 @@ def decide(e: Evidence) -> Verdict:
     coloured = q.ask(
         f"Is any model better than white noise, its BIC lower by more than {e.apart:.0f}?",
         -f.bic(best) > e.apart,
-        f"{wording.names(best.kinds)}: {-f.bic(best):+.1f}",
+        f"{wording.names(best.kinds)}: BIC lower by {-f.bic(best):.1f}",
     )
     if e.median is not None and q.ask(
         "Does a median filter, behind which values repeat, explain everything?",
         not coloured or median_words.explains(e, e.reading),
-        f"{e.median.share:.1%}",
+        f"{e.median.share:.1%} of the values repeat the value before",
     ):
         return q.say("low-pass", *median_words.verdict(e, e.median))
     if not coloured:
@@ -166,14 +166,14 @@ def _claimed(e: Evidence, q: _Questions) -> bool:
         return False
     of_order, richer = e.odds or 0.0, LEAST_OVER_RICH + e.apart - APART
     ahead = q.ask(
-        f"Are the odds of an order over {CLAIMED:.0f} : 1, and its BIC lower by more than {e.apart:.0f}?",
+        f"Are the odds of an order over {CLAIMED:.0f} : 1, with a BIC lower by over {e.apart:.0f}?",
         of_order > CLAIMED and f.lead > e.apart,
-        f"{odds(of_order)}, {f.lead:+.1f}, of {wording.names(f.plain.kinds)}",
+        f"odds {odds(of_order)}, BIC lower by {f.lead:.1f} than that of {wording.names(f.plain.kinds)}",
     )
     rich = q.ask(
-        f"Is it better than the richest model without one, 2 log L higher by more than {richer:.0f}?",
+        f"Is 2 log L with an order more than {richer:.0f} above that of the richest model without one?",
         f.lead_over_rich > richer,
-        f"{f.lead_over_rich:+.1f}, of {wording.names(f.rich.kinds)}",
+        f"2 log L higher by {f.lead_over_rich:.1f} than that of {wording.names(f.rich.kinds)}",
     )
     if not (ahead and rich):
         return False
@@ -185,7 +185,7 @@ def _claimed(e: Evidence, q: _Questions) -> bool:
     ):
         return False
     critical, found = kolmogorov(max(e.level, LEAST_RESIDUAL_LEVEL)), e.residual_ks(f.ordered)
-    return q.ask("Are its residuals white?", found < critical, f"{found:.2f}, at most {critical:.2f}")
+    return q.ask("Are the residuals white?", found < critical, f"KS {found:.2f}, at most {critical:.2f}")
 
 
 def _either(e: Evidence, q: _Questions) -> bool:
@@ -197,16 +197,16 @@ def _either(e: Evidence, q: _Questions) -> bool:
     behind = f.gain(f.plain) - f.gain(f.pure)
     allowed = e.apart + BY_CHANCE * max(more, 0)
     if q.ask(
-        f"Does one order describe all slow parts as well, 2 log L at most {allowed:.0f} lower?",
+        f"Does one order describe all slow parts, with 2 log L at most {allowed:.0f} lower than without it?",
         more >= -1 and behind < allowed,
-        f"{-behind:+.1f}, of {wording.names(f.pure.kinds)}",
+        f"{wording.names(f.pure.kinds)}: 2 log L lower by {behind:.1f}",
     ):
         return True
     allowed = e.apart + BY_CHANCE * max(f.rich.parameters - f.ordered.parameters, 0)
     return q.ask(
         f"Does an order with other parts fit, BIC {e.apart:.0f} higher, 2 log L {allowed:.0f} lower at most?",
         f.lead > -e.apart and -f.lead_over_rich < allowed and order_of(f.ordered) is not None,
-        f"{f.lead:+.1f} and {f.lead_over_rich:+.1f}, of {wording.names(f.ordered.kinds)}",
+        f"{wording.names(f.ordered.kinds)}: BIC {-f.lead:+.1f}, 2 log L {f.lead_over_rich:+.1f}",
     )
 
 
@@ -216,7 +216,7 @@ def _fractional(e: Evidence, q: _Questions) -> Verdict:
     q.has_order, q.order = True, order_fit(f, f.order)
     what = wording.sentence(f.order.parts(f.h), e, q.order)
     if e.duration_s < SHORT_S:
-        what += f", provided that nothing slower than {wording.duration(1 / e.from_hz)} is hidden"
+        what += f", unless the record holds unseen noise with periods over {wording.duration(1 / e.from_hz)}"
     return q.say(
         "fractional",
         f"{wording.capital(what)}: the noise is fractional.{wording.also_found(e)}",

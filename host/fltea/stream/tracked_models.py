@@ -66,13 +66,14 @@ class TrackedModel(NamedTuple):
     h: float
     headings: dict[int, float]
     """Standard deviation of the heading error, by the number of seconds after the sensor's rest has ended.
-    Empty for a sensor that measures no rate.
+    Empty for a sensor other than a gyroscope.
     """
 
     def heading_std(self, t_s: float) -> float:
         """Return the standard deviation of the heading error `t_s` seconds after the end of a rest.
 
-        For a sensor that measures no rate, it is that of the error of the samples' integral.
+        For a sensor other than a gyroscope, the result is the standard deviation of the error of the
+        integrated samples.
         """
         return heading_std(self.system, self.at_rest, self.h, t_s)
 

@@ -15,9 +15,11 @@ import fltea
 from fltea.noise.parts import CODES
 
 OF_INTERVALS = re.compile(r"\b(Interval|Coefficient)\b")
-"""Names of the types that have a lower and an upper end."""
+"""Finds, in the type of a field, a class that holds a figure with its 95 % interval (the fields `low` and
+`high`).
+"""
 OF_DEVIATIONS = re.compile(r"_std$")
-"""The end of the name of a field that is a standard deviation."""
+"""Finds, by its last letters, the name of a field that is a standard deviation."""
 
 
 class Field(NamedTuple):

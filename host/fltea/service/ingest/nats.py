@@ -132,7 +132,9 @@ class NatsFrames:
 
     async def _serve_over(self, client: Client) -> None:
         """Serve partitions over one connection, until `close` is called."""
-        # A busy server has the time `LEASE_S` to answer. If it takes longer, the leases have ended anyway.
+        # A request fails if the server has not answered after `LEASE_S`, the life of a lease. Waiting longer
+        # would not help: this worker's leases of its partitions would not have been renewed for so long that
+        # other workers may take them over.
         store = Store(self._settings, client.jetstream(timeout=LEASE_S))
         await store.prepare()
         self._reports.differences(store.differs)

@@ -25,7 +25,7 @@ class Setting(NamedTuple):
         return not (value ^ self.value) & self.meaning
 
 
-# Over 12 attributes: each is one fact of a chip's data sheet that the driver needs.
+# Over 12 attributes: permitted, since each is one fact of a chip's data sheet that the driver needs.
 class Chip(NamedTuple):
     """One kind of sensor.
 
