@@ -6,6 +6,6 @@ namespace fltea {
 
 constexpr char kVersion[] = "0.1.0";
 // Beginning of the SHA-256 over names and contents of all sources.
-constexpr char kBuildId[] = "e09f67b6";
+constexpr char kBuildId[] = "ff32dea7";
 
 }  // namespace fltea

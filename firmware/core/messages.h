@@ -609,31 +609,31 @@ struct Spectrum {
     uint8_t first;
     // number of bins of the whole spectrum; bins in this message beyond the last one are 0
     uint8_t total;
-    // frequency of the bin with the index first + 0 [Hz]
+    // frequency of bin number `first` + 0 [Hz]
     float frequency_0;
     // effective number of independent ordinates in the bin
     float ordinates_0;
     // one-sided power density of the bin [(deg/s)^2/Hz]
     float density_0;
-    // frequency of the bin with the index first + 1 [Hz]
+    // frequency of bin number `first` + 1 [Hz]
     float frequency_1;
     // effective number of independent ordinates in the bin
     float ordinates_1;
     // one-sided power density of the bin [(deg/s)^2/Hz]
     float density_1;
-    // frequency of the bin with the index first + 2 [Hz]
+    // frequency of bin number `first` + 2 [Hz]
     float frequency_2;
     // effective number of independent ordinates in the bin
     float ordinates_2;
     // one-sided power density of the bin [(deg/s)^2/Hz]
     float density_2;
-    // frequency of the bin with the index first + 3 [Hz]
+    // frequency of bin number `first` + 3 [Hz]
     float frequency_3;
     // effective number of independent ordinates in the bin
     float ordinates_3;
     // one-sided power density of the bin [(deg/s)^2/Hz]
     float density_3;
-    // frequency of the bin with the index first + 4 [Hz]
+    // frequency of bin number `first` + 4 [Hz]
     float frequency_4;
     // effective number of independent ordinates in the bin
     float ordinates_4;

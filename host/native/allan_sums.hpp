@@ -101,8 +101,9 @@ class AllanSums {
         stretch_begin_ = now_;
     }
 
-    // Adds the sums of another instance, as if the series of both instances ended now. After that, the series
-    // of this instance has a break at its end.
+    // Adds the sums of another instance, as if the series of both instances ended now. The values that still
+    // wait for a complete chunk are used first in both. The next sample begins a new stretch of this
+    // instance's series, as after a break.
     void merge(const AllanSums& other) {
         if (other.samples_ <= 0) return;
         AllanSums ended(other);
@@ -113,8 +114,8 @@ class AllanSums {
         stretch_begin_ = now_;
         for (std::size_t j = 0; j < allan::kOctaves; ++j) {
             allan::Octave &mine = octaves_[j], &theirs = ended.octaves_[j];
-            fade(mine, now_ - ended.now_);
-            fade(theirs, ended.now_);
+            fade(mine, now_ - ended.now_ - mine.last);
+            fade(theirs, ended.now_ - theirs.last);
             mine.squares += theirs.squares;
             mine.weight += theirs.weight;
             mine.weight_squared += theirs.weight_squared;

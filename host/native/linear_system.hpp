@@ -56,8 +56,9 @@ struct System {
         return -1;
     }
 
-    // Number of states over which loops run. If N is at most 4, this number is N, which compilers know in
-    // advance. The zeros behind the last state do no harm.
+    // Number of states over which loops run. If N is greater than 4, this is the number n of states in use.
+    // If N is at most 4, it is N itself, a constant with which compilers can unroll the loops; the N - n
+    // unused states are zero and do not change the results.
     int width() const { return N <= 4 ? N : n; }
 
     // Advances a state vector by one sample: x <- A x.

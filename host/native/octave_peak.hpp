@@ -39,8 +39,8 @@ constexpr std::size_t kEndWidths[] = {1, 2};
 constexpr double kContinued = 5;
 // largest number of averaged lines in a stretch; so many lines are a fifth of an octave
 constexpr std::size_t kWidest = 8;
-// If the noise level were known, a peak would have to raise the log likelihood by a certain gain. A stretch
-// is tested only if its gain is at least this fraction of that gain.
+// A stretch of neighbouring lines is tested only if it raises the log likelihood by at least this fraction of
+// the gain that a peak would need if the noise level were known.
 constexpr double kHopeless = 0.6;
 // least noise level that is assumed, as a fraction of the mean of the spectrum
 constexpr double kLeastLevel = 1e-12;
@@ -131,8 +131,8 @@ class Search {
     static double gain_of(double effective, double ratio) {
         return effective * (ratio - 1 - std::log(ratio));
     }
-    // Returns the gain in log likelihood that a stretch needs at least to reach the normal deviate `deviate`.
-    // A stretch with a smaller gain needs no exact test, and most stretches have a smaller one. If the noise
+    // Returns the least gain in log likelihood with which a stretch may reach the normal deviate `deviate`. A
+    // stretch with a smaller gain needs no exact test, and most stretches have a smaller one. If the noise
     // level were known, a stretch would have a deviate of about √(2 gain).
     static double hopeless(double deviate) { return kHopeless * deviate * deviate / 2; }
 

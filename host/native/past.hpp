@@ -91,7 +91,7 @@ class Past {
   public:
     enum { kGroup = 32, kSingle = 2048, kMeans = 512, kLevels = 3 };
 
-    // Adds kGroup consecutive samples.
+    // Appends the next kGroup samples to the past.
     void add(const float* y) {
         if (single_.full()) lift(single_.pop(kGroup), 0);
         for (int i = 0; i < kGroup; ++i) single_.push(y[i]);

@@ -66,12 +66,13 @@ struct Remembered {
     // Number of samples that are kept singly: those in `past` and the recent ones.
     int singles() const { return past.single().count() + kept; }
 
-    // Adds a sample; NaN stands for an unknown sample. If the sample ends a chunk, call roll() next.
+    // Appends a sample; NaN stands for an unknown sample. If the sample ends a chunk, call roll() next.
     void add(float y) {
         recent[kept++] = y;
         ++total;
     }
-    // Ends a chunk of samples. The chunk before it becomes part of the past.
+    // Ends a chunk of samples. The chunk before it is appended to the past (past.hpp). The chunk that ends
+    // now stays among the recent samples, because it may still turn out to be motion.
     void roll() {
         if (kept < kRecent) return;
         past.add(recent);

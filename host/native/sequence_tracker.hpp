@@ -87,8 +87,8 @@ class SequenceTracker {
         if (pending_ == EpochReason::kNone || pending_ == EpochReason::kSensorRestart) pending_ = reason;
     }
 
-    // Whether a sample directly follows the newest sample, as its number, the device's clock and the host's
-    // clock say. Most samples do.
+    // Whether a sample directly follows the newest sample. The sample's number, the device's clock and the
+    // host's clock must all say so. Most samples follow directly.
     bool follows(std::int64_t sequence, std::int64_t device_us, std::int64_t host_ns) const {
         const std::int64_t step_us = time_step_us(device_us), step_ns = host_ns - newest_.host_ns;
         return sequence_step(sequence) == 1 &&
@@ -159,8 +159,10 @@ class SequenceTracker {
         counts_.lost += count;
         counts_.gaps += count > 0;
     }
-    // Rejects a sample for which a HELLO is missing. If the HELLO is needed because number and time of an
-    // earlier sample disagreed, checks whether number and time of later samples disagree in the same way.
+    // Counts a sample that is rejected because the next HELLO has not come yet. If the HELLO is awaited
+    // because number and time of an earlier sample disagreed, also compares number and time of this sample.
+    // If they go on to disagree in the same way, and the HELLO then shows the same device and rate, the
+    // device contradicts its HELLO.
     void note_before_hello(std::int64_t sequence, std::int64_t device_us) {
         ++counts_.before_hello;
         if (disagreed_) watch(sequence, device_us);

@@ -30,7 +30,9 @@ class TrackerModel {
     enum { kRivals = 2 };
 
     struct Rival {
-        Noise system = Noise();  // in this system, the bias is the forecast over `ahead` samples
+        // its `bias` has the weight of each state in the expected mean of the bias over the next `ahead`
+        // samples
+        Noise system = Noise();
         double now[kMost] = {};  // weight of each state in the bias of the newest sample
         RiccatiMap<kMost> map;
         // negative logarithm of the probability of the system

@@ -128,6 +128,24 @@ TEST_CASE("allan: merged sums are those of stretches with a break between") {
     check_points(sums, {one, other, one, one, other, one});
 }
 
+TEST_CASE("allan: merged sums that forget count the newest samples of both, whatever their lengths") {
+    const double memory = 200;
+    const std::vector<double> small = noise(900);
+    std::vector<double> large = noise(3001, 5);
+    for (double& value : large) value *= 10;
+    AllanSums sums(memory), more(memory);
+    sums.add(small.data(), small.size());
+    more.add(large.data(), large.size());
+    const double of_small = sums.points()[0].avar, of_large = more.points()[0].avar;
+    sums.merge(more);
+    // The newest difference of each series has the weight 1, and each older one exp(-1 / memory) of the next.
+    const double decay = std::exp(-1 / memory);
+    const double weight_small = (1 - std::pow(decay, 899)) / (1 - decay);
+    const double weight_large = (1 - std::pow(decay, 3000)) / (1 - decay);
+    const double mean = (weight_small * of_small + weight_large * of_large) / (weight_small + weight_large);
+    CHECK(sums.points()[0].avar == doctest::Approx(mean).epsilon(1e-9));
+}
+
 TEST_CASE("allan: what is older than three time constants is forgotten") {
     const double memory = 1000;
     std::vector<double> y = noise(8000);

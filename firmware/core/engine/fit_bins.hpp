@@ -1,6 +1,6 @@
 // Makes bins from the board's running spectrum (count_spectrum.hpp). The device fits noise models to these
-// bins. A bin is an average of neighbouring spectral lines. Bins are made in small steps, so that sampling
-// never has to wait.
+// bins. A bin is an average over neighbouring frequencies (lines) of the spectrum. Bins are made in small
+// steps, so that sampling never has to wait.
 #ifndef FLTEA_FIT_BINS_HPP
 #define FLTEA_FIT_BINS_HPP
 
@@ -17,7 +17,8 @@ namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
 // The bins of one axis, with powers in squared counts. A bin extends over about 8 % of its frequency. In an
-// octave with Welch sums, it contains at least two spectral lines.
+// octave whose spectrum comes from Welch sums (summed periodograms of blocks), a bin contains at least two of
+// the periodogram's frequencies.
 template <class Spectrum, int kMost = 176>
 class FitBins {
     typedef typename Spectrum::Ladder Ladder;
@@ -77,7 +78,7 @@ class FitBins {
   private:
     enum Stage { kWhole, kWelch, kDone };
 
-    // The bin in progress, to which spectral lines are added.
+    // The bin in progress, to which neighbouring frequencies of the spectrum are added.
     struct Open {
         float begin, lam, weight, power;
         int lines;

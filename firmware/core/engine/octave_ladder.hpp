@@ -279,7 +279,9 @@ class OctaveLadder {
     int depth_, started_;
     Input origin_;
     Top top_;
-    Deep deep_[kLevels - 2];  // levels 1 to kLevels - 2; the last level has only samples, never Welch sums
+    // Welch sums of the levels 1 to kLevels - 2; those of level 0 are in top_, and the last level only keeps
+    // samples
+    Deep deep_[kLevels - 2];
     Whole whole_;
 };
 

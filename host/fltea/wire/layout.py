@@ -566,31 +566,31 @@ class _SpectrumFields(NamedTuple):
     total: int
     """Number of bins of the whole spectrum; bins in this message beyond the last one are 0."""
     frequency_0: float
-    """Frequency of the bin with the index first + 0 [Hz]."""
+    """Frequency of bin number `first` + 0 [Hz]."""
     ordinates_0: float
     """Effective number of independent ordinates in the bin."""
     density_0: float
     """One-sided power density of the bin [(deg/s)^2/Hz]."""
     frequency_1: float
-    """Frequency of the bin with the index first + 1 [Hz]."""
+    """Frequency of bin number `first` + 1 [Hz]."""
     ordinates_1: float
     """Effective number of independent ordinates in the bin."""
     density_1: float
     """One-sided power density of the bin [(deg/s)^2/Hz]."""
     frequency_2: float
-    """Frequency of the bin with the index first + 2 [Hz]."""
+    """Frequency of bin number `first` + 2 [Hz]."""
     ordinates_2: float
     """Effective number of independent ordinates in the bin."""
     density_2: float
     """One-sided power density of the bin [(deg/s)^2/Hz]."""
     frequency_3: float
-    """Frequency of the bin with the index first + 3 [Hz]."""
+    """Frequency of bin number `first` + 3 [Hz]."""
     ordinates_3: float
     """Effective number of independent ordinates in the bin."""
     density_3: float
     """One-sided power density of the bin [(deg/s)^2/Hz]."""
     frequency_4: float
-    """Frequency of the bin with the index first + 4 [Hz]."""
+    """Frequency of bin number `first` + 4 [Hz]."""
     ordinates_4: float
     """Effective number of independent ordinates in the bin."""
     density_4: float
