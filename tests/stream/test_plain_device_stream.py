@@ -238,9 +238,9 @@ def test_a_snapshot_at_any_sample_goes_on_as_the_oracle_and_as_if_nothing_had_be
 
     @given(
         births,
-        acts(12, 60),
+        acts(4, 200) | acts(12, 60),
         st.sampled_from(SETTINGS),
-        st.integers(1, 400),
+        st.integers(20, 200),
         st.just(0) | st.integers(0, 120),
         st.sampled_from([False, False, True]),
     )
