@@ -12,7 +12,7 @@ from fltea.sources.synthetic import NoiseGenerator, parse_noise
 from fltea.wire import layout as wire
 
 from tests.rig.due_support import NOISE, DueRun, build, image
-from tests.rig.tiers import slow
+from tests.rig.tiers import long, slow
 from tools.due_emulator import mpu9250_registers as reg
 
 PERIOD_US = 10_000
@@ -28,7 +28,7 @@ def quiet_for(seconds: int) -> DueRun:
     return DueRun(image(), noise=NOISE).run_until(seconds + 0.35)
 
 
-@pytest.fixture(params=[6, slow(30)], ids="{} s".format)
+@pytest.fixture(params=[6, long(30)], ids="{} s".format)
 def quiet(request: pytest.FixtureRequest) -> DueRun:
     return quiet_for(request.param)
 
@@ -177,7 +177,7 @@ def by_edges(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     return build("data_ready", tmp_path_factory.mktemp("data_ready"))
 
 
-@pytest.mark.parametrize("percent", [slow(1), slow(-1)])
+@pytest.mark.parametrize("percent", [slow(1), long(-1)])
 def test_with_the_data_ready_pin_each_conversion_is_read_once(by_edges: bytes, percent: int) -> None:
     run = DueRun(by_edges, faults=[f"sensor_clock percent={percent}"])
     edges_ps: list[int] = []

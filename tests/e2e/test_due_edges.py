@@ -16,6 +16,7 @@ import unicorn
 from fltea.wire import layout as wire
 
 from tests.rig.due_support import IMAGE, NOISE, PERIOD_US, DueRun, build, image
+from tests.rig.tiers import long_but
 from tests.rig.toolchain import needed
 from tools.due_emulator.machine import PS_PER_S, PS_PER_US
 from tools.due_emulator.memory_map import RAM_BASE
@@ -158,7 +159,7 @@ def lengths_of_reads(run: DueRun, monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return lengths
 
 
-@pytest.mark.parametrize("name", STRETCHES)
+@pytest.mark.parametrize("name", long_but(list(STRETCHES)[::3], STRETCHES))
 def test_an_interrupt_may_come_at_any_instruction(
     name: str, symbols: dict[str, Symbol], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -259,7 +260,7 @@ def advance_counter(run: DueRun, symbols: dict[str, Symbol], left_us: int) -> No
     channel.compare_changed()
 
 
-@pytest.mark.parametrize("wrap", WRAPS)
+@pytest.mark.parametrize("wrap", long_but(list(WRAPS)[::3], WRAPS))
 def test_a_number_that_wraps_changes_nothing(wrap: str, symbols: dict[str, Symbol]) -> None:
     run = DueRun(image(), noise=NOISE)
     begin_before(WRAPS[wrap], run, symbols)

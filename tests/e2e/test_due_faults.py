@@ -24,7 +24,7 @@ from tests.rig.due_support import (
     image,
     with_fault,
 )
-from tests.rig.tiers import slow
+from tests.rig.tiers import long_but, slow
 from tools.faults.board import DueExpected
 from tools.faults.case import cells, line
 
@@ -246,7 +246,7 @@ def start_s() -> float:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("held", STUCK)
-@pytest.mark.parametrize("phase", PHASES)
+@pytest.mark.parametrize("phase", long_but(list(PHASES)[::3], PHASES))
 def test_a_line_that_gets_stuck_costs_two_samples_at_most(phase: str, held: str) -> None:
     fault = STUCK[held].format(at=start_s() + PHASES[phase] * BIT_S)
     run = DueRun(image(), noise=NOISE, faults=[fault]).run_until(0.65)

@@ -102,7 +102,7 @@ def test_status_says_what_it_costs() -> None:
     assert 150 < estimator.longest_axis < 1000
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_after_each_fault_it_begins_anew_or_goes_on_as_the_host_does() -> None:
     run = with_faults()
     assert run.error is None

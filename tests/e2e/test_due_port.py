@@ -109,7 +109,7 @@ def test_make_run_passes_a_signal_on_and_leaves_nothing_behind(tmp_path: Path) -
     # compared.
     assert "fltea_due.bin" in first
     assert "α 0.8, f -1," in first
-    assert any("the truth" in line and "α = 0.8 and f = -1 " in line for line in rest)
+    assert any("the true noise" in line and "α = 0.8 and f = -1 " in line for line in rest)
     # At the end the emulator reports on the run; a note says whether this machine was too slow.
     assert any("samples, 0 gaps, 0 lost" in line for line in rest)
     assert not any("ENDED EARLY" in line or "unplugged" in line for line in rest)

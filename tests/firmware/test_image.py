@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from tests.rig.tiers import slow
+from tests.rig.tiers import long, slow
 from tests.rig.toolchain import arm_compiler, missing, run_tool
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -105,7 +105,7 @@ def test_vector_table() -> None:
 @pytest.mark.parametrize(
     ("mode", "handlers"),
     [
-        ("timer", {UART: "on_uart", TC0: "on_tick"}),
+        long("timer", {UART: "on_uart", TC0: "on_tick"}),
         ("data_ready", {UART: "on_uart", TC0: "on_tick", PIOB: "on_data_ready_pin"}),
     ],
 )

@@ -30,6 +30,7 @@ from tests.rig.host_support import fltea_here
 from tests.rig.identify_files import QUICK
 from tests.rig.identify_one import identify_series
 from tests.rig.identify_support import H, gauss_markov
+from tests.rig.tiers import long
 
 N_TRUE, SIGMA = 0.01, 0.1
 OPTIONS = IdentifyOptions(QUICK, shuffles=0)
@@ -244,7 +245,7 @@ def test_a_ramp_is_seen_in_white_noise() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "noise", [walk(1e-3), relaxing, flicker(0.01)], ids=["walk", "relaxation", "flicker"]
+    "noise", [walk(1e-3), long(relaxing), long(flicker(0.01))], ids=["walk", "relaxation", "flicker"]
 )
 def test_the_drift_rate_holds_the_truth(noise: Noise) -> None:
     """Of 40 intervals, 38 are expected to contain the truth. 33 would be four standard deviations less."""

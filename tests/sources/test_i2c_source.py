@@ -18,6 +18,7 @@ from fltea.wire.layout import SampleFlags
 from fltea.wire.permission import Group, User
 
 from tests.rig.fake_smbus import MS, UNIX_OFFSET_NS, FakeHost, Pi, S, taken_ns
+from tests.rig.tiers import long
 from tools.due_emulator.icm20948 import Icm20948
 from tools.due_emulator.mpu9250 import Mpu9250
 
@@ -124,7 +125,7 @@ def test_samples_come_soon() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("ppm", "until_s"), [(9_000.0, 1_400), (-7_300.0, 300)])
+@pytest.mark.parametrize(("ppm", "until_s"), [long(9_000.0, 1_400), (-7_300.0, 300)])
 def test_a_long_time(ppm: float, until_s: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """To save time, the FIFO is read less often than usual. The sequence number wraps twice."""
     monkeypatch.setattr(i2c, "POLL_S", (0.15, 0.2))

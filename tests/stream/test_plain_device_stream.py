@@ -21,7 +21,7 @@ from tests.rig.blocks import of, records_of
 from tests.rig.device_stream_support import NO_FILTERS, PLAIN, SMALL, Source
 from tests.rig.plain_device_stream import PlainDeviceStream
 from tests.rig.same_records import assert_same
-from tests.rig.tiers import long, slow, slow_but
+from tests.rig.tiers import long, long_but, slow
 
 WINDOW = SMALL["estimator.window"]
 
@@ -254,11 +254,12 @@ def test_a_snapshot_at_any_sample_goes_on_as_the_oracle_and_as_if_nothing_had_be
     assert sum(n > 20 for n in common) > examples / 20
 
 
-QUICK = ("longest gap", "odd gap", "date", "boot", "no accelerometer")
-"""The incidents that are tested in the first tier of the tests."""
+QUICK = ("longest gap", "date", "boot")
+USUAL = ("odd gap", "no accelerometer", "knock", "turn")
+"""The incidents that are tested in the first and in the second tier of the tests."""
 
 
-@pytest.mark.parametrize("what", slow_but(QUICK, ACTS))
+@pytest.mark.parametrize("what", long_but(USUAL, ACTS, quick=QUICK))
 def test_each_thing_that_may_happen_before_a_snapshot_and_behind_it(what: str) -> None:
     """Each incident is tried before and after a snapshot, small and large, at several times within a second.
 

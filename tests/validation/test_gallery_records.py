@@ -22,7 +22,7 @@ LOOKED_AT = (
 )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("name", LOOKED_AT)
 def test_verdicts(name: str) -> None:
     """The verdicts on one record of 10 min at 100 Hz of each noise are right."""

@@ -60,6 +60,7 @@ def test_a_family_has_its_own_members(family: object, name: str) -> None:
     assert -1e-6 < family(bins(name)) < 3
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", list(NOISES))
 def test_every_record_has_a_right_verdict(name: str) -> None:
     found = right(name, 5.0, 30.0)

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.rig.tiers import long
 from tools.validation import __main__ as program
 from tools.validation import anytime, bound, fleet, power, states
 from tools.validation.runner import Options
@@ -32,7 +33,8 @@ def test_tasks_differ() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "noise", ["walk, 0.002 a sample", "low-pass of 20 Hz, relaxation of 1 s", "α .8, f -1, s2/R 3"]
+    "noise",
+    ["walk, 0.002 a sample", long("low-pass of 20 Hz, relaxation of 1 s"), long("α .8, f -1, s2/R 3")],
 )
 def test_the_bias_is_near_the_best_possible(noise: str) -> None:
     early, late = states.track(noise, 6)
