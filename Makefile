@@ -7,7 +7,7 @@
 #   make flash PORT=/dev/ttyACM0                the board's programming port, if it is not the only one
 #   make emulate ARGS='--virtual 20 --json'     arguments for the emulated Due
 
-.PHONY: help setup hashes run near test test-slow test-all test-long test-prepared lint lint-types lint-style lint-cppcheck lint-generated gen bench validate reproduce \
+.PHONY: help setup hashes run near test test-slow test-all test-long test-prepared lint lint-types lint-style lint-cppcheck lint-tidy lint-generated gen bench validate reproduce \
         firmware flash emulate mutants faults docs man dist clean install-service install-udev uninstall-service
 .DELETE_ON_ERROR:
 
@@ -68,7 +68,7 @@ test-prepared: .venv/.dev
 	@$(MAKE) --no-print-directory -C tests/native BUILD=$(CURDIR)/build/tests-native prepared >/dev/null
 
 # Parts that need nothing of each other; `make --jobs=2 --output-sync lint` runs two at a time.
-LINT := lint-types lint-style lint-cppcheck lint-generated
+LINT := lint-types lint-style lint-cppcheck lint-tidy lint-generated
 lint: $(LINT)  ## style, types, C++ checks, and whether generated files are up to date
 $(LINT): .venv/.dev
 
@@ -83,7 +83,10 @@ lint-style:
 
 lint-cppcheck:
 	@cppcheck --quiet --std=c++11 --language=c++ --enable=warning,style,performance,portability --error-exitcode=1 \
-		--suppress=useStlAlgorithm --suppress=unusedStructMember -I firmware/core firmware/due firmware/arduino/fltea
+		--suppress=useStlAlgorithm --suppress=unusedStructMember -I firmware/core firmware/due firmware/arduino/fltea tests/firmware/strict.cpp
+
+lint-tidy:
+	@$(MAKE) --no-print-directory -C tests/firmware tidy
 
 lint-generated:
 	@$(PY) -m tools.generated --check

@@ -130,7 +130,7 @@ def test_a_signal_ends_a_run_that_waits_for_its_reader_at_its_end() -> None:
         assert run.poll() is None
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_signal_ends_a_run_whose_log_nobody_reads(tmp_path: Path) -> None:
     reader, writer = os.pipe()
     os.set_blocking(writer, False)

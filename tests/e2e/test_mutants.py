@@ -80,7 +80,7 @@ def test_a_seed_draws_the_same_changes_of_different_lines_and_all_are_python() -
         ast.parse(change.applied_to(text))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_change_that_breaks_pytest_is_taken_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     copy, (change,) = HostCopy(tmp_path), choose(ROOT, 1, seed=1)
 

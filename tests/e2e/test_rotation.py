@@ -112,7 +112,7 @@ def synthetic(folder: Path) -> Iterator[list[str]]:
     yield ["synthetic:?seed=1&rate_hz=500"]
 
 
-KINDS = long_but([text, i2c, tcp], [port, text, i2c, tcp, text_port, synthetic], quick=[port])
+KINDS = long_but([i2c, tcp], [port, text, i2c, tcp, text_port, synthetic], quick=[port])
 START = ["--startup", "20"]
 REPLAY = ["run", "--once", "--samples", *START]
 IDENTIFY = ["identify", "--json", "--shuffles", "0", *START]

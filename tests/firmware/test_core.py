@@ -23,7 +23,7 @@ LONG = ",".join(
 )
 """Names of the test cases that simulate hours. They take half of the total time.
 
-They run only in the build by clang, which belongs to the second tier of tests.
+They run only in the build by clang, which belongs to the third tier of tests.
 """
 
 
@@ -47,11 +47,6 @@ def test_doctest_with_sanitizers(compiler: str) -> None:
 @compilers
 def test_core_compiles_in_both_modes_with_the_flags_of_the_firmware(compiler: str) -> None:
     made_by(compiler, "strict")
-
-
-@pytest.mark.slow
-def test_clang_tidy_and_cppcheck_find_nothing() -> None:
-    made_by("clang++", "check")
 
 
 @pytest.mark.long

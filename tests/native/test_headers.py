@@ -17,7 +17,7 @@ LONG = ",".join(
         *("tracker: snapshots*", "tracker: what was saved*"),
     ]
 )
-"""Names of test cases that take four fifths of the total time. They run in the second tier of tests."""
+"""Names of test cases that take four fifths of the total time. They run in the third tier of tests."""
 
 
 @pytest.mark.parametrize(
