@@ -90,7 +90,7 @@ def test_what_is_given_to_others_is_made_of_files_with_hashes() -> None:
     asked = [
         (which, name, names.split("|"))
         for text in scripts.values()
-        for which, name, names in re.findall(r"(entries\w*) (\w+) '?([\w|-]+)'?", text)
+        for which, name, names in re.findall(r"^[^#\n]*\b(entries\w*) (\w+) '?([\w|-]+)'?", text, re.M)
     ]
     assert len(asked) == 4
     assert all(set(names) <= set(hashes(list_)) for _, list_, names in asked)
