@@ -75,7 +75,7 @@ def test_the_log_has_a_line_for_each_and_no_flood() -> None:
         sink.write(STEP)
     assert len(lines) == 1 + BURST
     sink.close()
-    assert lines[-1] == "fltea: due: step: 16 further messages of this kind within a minute.\n"
+    assert lines[-1] == "fltea: due: step: further messages of this kind within a minute: 16.\n"
 
 
 # --- the descriptions ---

@@ -49,8 +49,8 @@ def test_what_was_left_out_is_told_at_the_end_and_before_the_next(now: list[int]
         sink.write(Error("silent", "text", 1))
     now[0] = PERIOD_NS + 5
     sink.write(Error("silent", "text", 1))
-    assert "1 further" in lines[-2]
+    assert "within a minute: 1." in lines[-2]
     for _ in range(BURST + 1):
         sink.write(Error("silent", "text", 1))
     sink.close()
-    assert "2 further" in lines[-1]
+    assert "within a minute: 2." in lines[-1]

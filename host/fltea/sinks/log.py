@@ -60,7 +60,7 @@ class LogSink(Sink):
 
     def _report_silenced(self, key: tuple[str | None, str], silenced: int) -> None:
         if silenced:
-            self._line(key[0], f"{key[1]}: {silenced} further messages of this kind within a minute.")
+            self._line(key[0], f"{key[1]}: further messages of this kind within a minute: {silenced}.")
 
     def _line(self, device: str | None, text: str) -> None:
         self._write(f"fltea: {device}: {text}\n" if self._several and device else f"fltea: {text}\n")
