@@ -68,7 +68,7 @@ def units_table(values: Floats, rate_hz: float | None, when: Mapping[str, str] |
     N.
     `when`: candidate units, each with the case in which it applies; None: the usual units.
     """
-    values = values[(np.abs(values) < NOBODY_MEASURES).all(axis=1)] if values.size else values
+    values = _possible_rows(values)
     if len(values) < 3:
         return ""
     is_whole = bool((values == np.rint(values)).all())
@@ -134,7 +134,7 @@ def gravity_units(values: Floats) -> list[str]:
 
     The list is empty if the length fits both counts and a unit.
     """
-    values = values[(np.abs(values) < NOBODY_MEASURES).all(axis=1)]
+    values = _possible_rows(values)
     length = np.linalg.norm(values, axis=1)
     mean = length_of(values)
     if not (0 < mean < NOBODY_MEASURES) or float(np.median(np.abs(length - mean))) > STEADY * mean:
@@ -147,7 +147,7 @@ def gravity_units(values: Floats) -> list[str]:
 
 def length_of(values: Floats) -> float:
     """Return the median length of vectors (n, 3); NaN if no vector consists of plausible numbers."""
-    lengths = np.linalg.norm(values[(np.abs(values) < NOBODY_MEASURES).all(axis=1)], axis=1)
+    lengths = np.linalg.norm(_possible_rows(values), axis=1)
     return float(np.median(lengths)) if len(lengths) else math.nan
 
 
@@ -182,6 +182,11 @@ def _remarks(values: Floats) -> dict[int, str]:
                     f", which is gravity in {'counts, as it seems' if counts else ' or '.join(units)}"
                 )
     return found
+
+
+def _possible_rows(values: Floats) -> Floats:
+    """Return the rows of (n, columns) in which each number is finite and may be a measurement."""
+    return values[(np.abs(values) < NOBODY_MEASURES).all(axis=1)] if values.size else values
 
 
 def _white_std(values: Floats) -> Floats:
