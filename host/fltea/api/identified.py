@@ -53,7 +53,7 @@ class Identified(FittedAxis, frozen=True, kw_only=True):
     """
     now: Now | None
     """The bias at the end of the record, as Bias(T): its expected mean over the next T seconds. Also the
-    standard deviation of the heading after a minute.
+    standard deviation of the heading's error after a minute.
     """
     forecast: Forecast | None
     """The forecast of the heading's error; None if the caller did not ask for it with `forecast`."""

@@ -208,7 +208,7 @@ class Live:
         return LiveReport(found, self.samples, self.rate_hz)
 
     def heading_std(self, t_s: float) -> dict[str, float]:
-        """Return, by axis name, the standard deviation of the heading's error after a rest and `t_s` seconds.
+        """Return, by axis name, the standard deviation of the heading's error `t_s` seconds after a rest.
 
         The heading is the integral of `Corrected.rate` over the `t_s` seconds that follow the rest.
 

@@ -131,7 +131,10 @@ def watched_looks(
 
 
 def agreed(examined: Mapping[str, Examined], h: float) -> dict[str, FittedSystem]:
-    """Return, by axis name, the tracked system of each axis of a recording."""
+    """Return, by axis name, the state-space model with which the bias of each axis is tracked.
+
+    The axes of a sensor share one figure for the random walk of the offset, if they agree on it.
+    """
     return in_agreement({name: one.tracked for name, one in examined.items()}, h)
 
 

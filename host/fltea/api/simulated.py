@@ -28,7 +28,7 @@ class Simulated(msgspec.Struct, frozen=True):
     alpha: float
     """The order α."""
     f: float
-    """The parameter f, in s^-α."""
+    """The parameter f of D^α x = f x + ω, in s^-α."""
     Q: float
     """Variance of the noise that drives the state, in unit² s^-2α."""
     R: float
@@ -68,7 +68,7 @@ def simulate(
         n: number of samples.
         rate_hz: sampling rate in Hz.
         alpha: order, below 2.
-        f: parameter, in s^-α, 0 or below.
+        f: parameter of D^α x = f x + ω, in s^-α, 0 or below.
         Q: variance of the noise that drives the state, in unit² s^-2α; 0: white noise alone.
         R: variance of the white noise, in unit².
         unit: unit of the samples and of Q and R, such as deg/s.
