@@ -150,7 +150,7 @@ def summarise(
 def _open(
     paths: Sequence[Path], limits: Limits, how: How
 ) -> "tuple[McapRecording | ReplaySource, McapRecording | None, list[Path], str]":
-    """Return the recording, the same recording again if fltea wrote it (else None), its files and its name.
+    """Return the recording, the recording again or None, its files, and its name.
 
     The second value is the recording again if fltea wrote it, else None.
     """
