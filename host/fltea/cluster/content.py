@@ -75,7 +75,7 @@ def _check(file: File, about: Mapping[str, Any]) -> None:
     )  # a local file that only grew still has the listed bytes
     known = {
         _bare(str(about[key])) for key in STAMPS if about.get(key)
-    }  # a stamp is one of these facts about the file; `info` may return more of them than the listing had
+    }  # the stamp is one of the facts that the listing gave; `about` may hold further ones
     is_other = bool(file.stamp and known) and _bare(file.stamp) not in known
     if (is_other and not has_grown) or (size is not None and 0 <= size < file.size):
         raise changed(file)

@@ -114,7 +114,7 @@ def of_bag(source: Ranges, block_bytes: int) -> list[Cut]:
 
 
 def _bag_header() -> bytes:
-    """Return the header of a bag that was closed properly and whose index lists no chunks."""
+    """Return the header for a piece of a bag: as of a bag that was closed properly, with an empty index."""
     fields = ((b"op", Op.BAG_HEADER), (b"index_pos", PLACE.pack(1)), (b"chunk_count", LENGTH.pack(0)))
     pairs = b"".join(LENGTH.pack(len(name) + 1 + len(value)) + name + b"=" + value for name, value in fields)
     return LENGTH.pack(len(pairs)) + pairs + LENGTH.pack(0)

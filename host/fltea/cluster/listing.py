@@ -26,8 +26,8 @@ MAGIC, MAGIC_OF_WEB = re.compile(r"[*?\[]"), re.compile(r"[*\[]")
 LONGEST_NAME = 60
 """Longest name of a copied file, without its ending [characters]."""
 STAMPS = ("ETag", "etag", "mtime", "LastModified", "last_modified", "Last-Modified", "updated", "created")
-"""Facts that fsspec gives about a file and that can serve as the file's stamp. The most reliable fact is
-first.
+"""Facts that fsspec gives about a file and that can serve as its stamp, a text that changes with the file.
+The most reliable fact is first.
 """
 MOST_LEVELS = 64
 """Deepest level of folders that is listed, since a server may invent folders or link back to the top."""
