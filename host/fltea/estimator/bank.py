@@ -28,7 +28,7 @@ _T = TypeVar("_T")
 class Variances(NamedTuple):
     """The variances that the filters of an axis use, in the square of the sensor's unit.
 
-    `Q`: variance of the noise source's step, including h^2α. `R`: variance of the white part of the
+    `Q`: variance that one step adds to the state of the noise. `R`: variance of the white part of the
     measurement.
     """
 
@@ -41,8 +41,8 @@ class Bank:
 
     `axes`: names, at least one. `h`: sampling period [s]. `resolution`: size of one LSB in the sensor's unit,
     None if unknown. `state`: a result of `save`, to continue without a start-up window. `variances`:
-    variances in use for each axis. `tuned`: axes whose variances were set by `retune`. `filter_models`:
-    filter models that were set with these variances.
+    variances in use for each axis. `tuned`: axes whose variances were set by `retune`. `filter_models`: order
+    and parameter that were set together with these variances.
 
     Raises:
         ValueError: no filter works with the settings, or the state does not fit them or is not valid.
@@ -101,14 +101,15 @@ class Bank:
         return LaneBlock._make((*out, valid, [Lost(*one) for one in lost], white))
 
     def fill(self) -> None:
-        """Start the lanes, so that estimates begin with the next sample: the start-up window is full."""
+        """Start the filters of all axes after the start-up window. Estimates begin with the next sample."""
         window = [Moments(*axis) for axis in self.native.window(self._rule.resolution)]
         self._begin(self._rule.baseline_of(window))
 
     def on_missing(self, count: int) -> list[Lost]:
         """Bridge `count` lost samples by prediction alone. In the start-up window lost samples are ignored.
 
-        Returns the lanes (axes) that became invalid during the lost samples; row 0 is the first lost sample.
+        Returns the axes whose estimates became invalid meanwhile, each with its row; row 0 is the first lost
+        sample.
         """
         return [Lost(*one) for one in self.native.skip(count)]
 
@@ -156,9 +157,9 @@ class Bank:
 
     @property
     def interventions(self) -> dict[str, dict[str, int]]:
-        """For each axis, the number of the guard's interventions since its last start, by cause.
+        """For each axis and cause, the number of samples at which a limit changed an estimate.
 
-        Causes without interventions are left out.
+        They are counted since the last start of the axis's filters. Causes that did not occur are left out.
         """
         none: dict[str, int] = {}
         return self._by_axis(self._counts, none)
@@ -206,7 +207,7 @@ class Bank:
         )
 
     def _set_filter_models(self, filter_models: dict[str, FilterModel]) -> None:
-        """Store the filter models from which the standard deviations of α and f are computed from now on."""
+        """Store the filter models (orders and parameters with their σ), from which the σ of α and f come."""
         self.filter_models = filter_models
         known = map(filter_models.get, self.axes)
         self.native.know([one and (one.alpha, one.alpha_std, one.f, one.f_std) for one in known])
@@ -236,7 +237,7 @@ class Bank:
         return {axis: figure(*one) for axis, one in zip(self.axes, self.native.whiteness(), strict=True)}
 
     def _begin(self, baseline: Baseline, Q: Sequence[float] | None = None) -> None:
-        """Start the lanes. A constant axis gets an arbitrary R, since its estimates are not used."""
+        """Start the filters. A constant axis gets an arbitrary R, since its estimates are not used."""
         live = [axis not in baseline.constant_axes for axis in self.axes]
         R = [R if alive else 1.0 for R, alive in zip(baseline.R, live, strict=True)]
         variances = [Variances(*one) for one in zip(Q or [self._config.state.Q] * len(R), R, strict=True)]

@@ -101,9 +101,10 @@ def baseline_of(y: ArrayLike, axis: str, config: EstimatorConfig, resolution: fl
 
 
 def lane_baselines(window: Array, config: EstimatorConfig, resolution: float | None) -> tuple[Array, Array]:
-    """Return bias and R of each lane, as two arrays (lanes,). All lanes have the settings of one axis.
+    """Return bias and R of each lane (axis, or copy of one), as two arrays (lanes,).
 
-    `window`: samples of the lanes' start-up windows, (n, lanes). R may be 0 for a lane that never changed.
+    All lanes have the settings of one axis. `window`: samples of the lanes' start-up windows, (n, lanes). R
+    may be 0 for a lane that never changed.
     """
     bias, R = np.zeros(window.shape[1]), np.zeros(window.shape[1])
     if len(window):

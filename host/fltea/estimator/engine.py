@@ -6,9 +6,9 @@ equations:
     x_k = h^α (f x_{k-1} + u_{k-1}) - sum_{j=1}^{L(k)} c_j(α) x_{k-j} + noise of variance Q
     y_k = x_k + noise of variance R
 
-y and x are in deg/s, h in s, f in s^-α; Q is the variance of the noise of one step, and includes h^2α. Lanes
-never influence each other. Their results depend neither on the number of lanes nor on the width of the
-instruction set.
+Here c_j(α) = (-1)^j binom(α, j), and L(k) is the number of past samples in the memory. y and x are in deg/s,
+h in s, f in s^-α; Q is the variance of the noise of one step, and includes h^2α. Lanes never influence each
+other. Their results depend neither on the number of lanes nor on the width of the instruction set.
 
 Variants: "triple" is the variant of the paper (equal to `reference` except for rounding), with the filters
 KFx for the state, KFo for the order and KFw for the parameter. "joint" has one unscented filter on (α, β =
@@ -36,16 +36,19 @@ from fltea.records.arrays import Array
 from fltea.records.stats import CAUSE_WORDS
 
 CAUSES = tuple(CAUSE_WORDS)
-"""Causes of interventions, in the order of `Estimates.interventions`. After an intervention, an estimate
-differs from that of the algorithm as printed in the paper.
+"""Causes of interventions, in the order of `Estimates.interventions`. In an intervention, a limit changes an
+estimate, which then differs from that of the algorithm as printed in the paper.
 
-order_box: α left [0, 2]. order_sigma: a sigma point left [-1/2, 5/2]. order_variance: the predicted variance
-of α exceeded 1/3. order_gate, parameter_gate: the innovation of KFo (or of the joint filter), or of KFw,
-exceeded `gate` standard deviations. parameter_box: h^α f left its bounds where f was stored or used.
-parameter_variance: the predicted variance of h^α f exceeded a third of the square of its range. state_bound:
-the innovation of KFx exceeded 4 standard deviations, or a prediction over missing samples exceeded all
-earlier values tenfold. memory_order: the compressed memory received an order beyond its range, and used the
-nearest order inside (with guard "off" only).
+order_box: α left [0, 2]. order_sigma: a sigma point of α left [-1/2, 5/2]. order_variance: the predicted
+variance of α exceeded 1/3. order_gate: the innovation of the filter of α (or of the joint filter) exceeded
+`gate` standard deviations. parameter_gate: that of the filter of f did.
+
+parameter_box: h^α f left its bounds where f was stored or used. parameter_variance: the predicted variance of
+h^α f exceeded a third of the square of its range. state_bound: the innovation of the state's filter exceeded
+4 standard deviations, or a prediction over missing samples exceeded all earlier values tenfold.
+
+memory_order: the compressed memory received an order beyond its range, and used the nearest order inside
+(with guard "off" only).
 """
 
 LARGEST_INPUT = _native.LARGEST_INPUT
@@ -61,10 +64,10 @@ class Estimates(NamedTuple):
     alpha_var: Array
     """Variance of α, as the filter computes it."""
     f: Array
-    """Parameter f in s^-α; with variant "joint" it is β h^-α."""
+    """Parameter f in s^-α; with variant "joint", h^-α times the filter's estimate of h^α f."""
     f_var: Array
     """Variance of f. With variant "joint" it is the first-order approximation from the covariance of α and
-    β.
+    h^α f.
     """
     x: Array
     """Posterior state."""
@@ -74,8 +77,8 @@ class Estimates(NamedTuple):
     """Measurement minus prediction; NaN without a measurement."""
     innovation_var: Array
     interventions: NDArray[np.int32]
-    """Number of samples with an intervention since the lane's last start, by cause. The shape is always
-    (lanes, len(CAUSES)).
+    """Number of samples at which a limit changed an estimate since the lane's last start, by cause
+    (`CAUSES`). The shape is always (lanes, len(CAUSES)).
     """
 
 
@@ -104,7 +107,7 @@ def as_rows(
 
 
 def interventions_of(native: _native.Engine | _native.Lanes | _native.Bank, lanes: int) -> NDArray[np.int32]:
-    """Return the number of interventions since the last start of each lane, (lanes, len(CAUSES))."""
+    """Return the number of samples with each of `CAUSES` since a lane's last start, (lanes, len(CAUSES))."""
     counts = np.empty((lanes, len(CAUSES)), dtype=np.int32)
     native.counts(counts)
     return counts
@@ -149,7 +152,7 @@ class Engine:
         return Estimates._make((*out, self.interventions()))
 
     def interventions(self) -> NDArray[np.int32]:
-        """Return the number of interventions since the start of each lane, (lanes, len(CAUSES))."""
+        """Return the number of samples with each of `CAUSES` since a lane's start, (lanes, len(CAUSES))."""
         return interventions_of(self._native, self.lanes)
 
     def retune(self, settings: LaneSettings) -> None:

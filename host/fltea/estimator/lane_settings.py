@@ -1,6 +1,6 @@
 """Combine an estimator's settings with the values for each lane.
 
-A lane is an independent system in the native engine.
+A lane is an independent system in the native engine, such as an axis.
 """
 
 import hashlib
@@ -20,7 +20,7 @@ from fltea.settings.setting import Declared, Setting, all_declared
 Numbers = float | Sequence[float] | Array
 
 BOX_ORDER = (0.0, 2.0)
-"""Bounds of α with a guard."""
+"""The range in which a guard keeps the order α."""
 
 NativeArguments = tuple[str, bool, int, bool, int, int, Array]
 
@@ -33,7 +33,7 @@ _DECLARED["h"] = Declared(
 
 @dataclass(frozen=True, eq=False)
 class LaneSettings:
-    """All settings of an engine. Each number may also be an array with one entry for each lane.
+    """All settings of an engine. Each number may also be an array with one entry for each lane (axis).
 
     `config`: the filters' settings, with the window in samples. `h`: sampling period [s]. `R`: measurement
     variance. `numbers`: values that replace the values in `config`, by the setting's path in the table
@@ -75,8 +75,9 @@ class LaneSettings:
     def table(self, lanes: int) -> Array:
         """Return the numbers of each lane in the order of the native engine, (lanes, 16).
 
-        The numbers are: h; x0, P0, Q and R of KFx; alpha0, P0, Q0, R and delta of KFo; f0, P0, Q0, R and
-        delta of KFw; and gate. With variant "joint" the joint filter's numbers replace those of KFo and KFw.
+        The numbers are: h; x0, P0, Q and R of the state's filter; alpha0, P0, Q0, R and delta of the order's
+        filter; f0, P0, Q0, R and delta of the parameter's filter; and gate. With variant "joint" the joint
+        filter's numbers replace those of order and parameter.
 
         Raises:
             ValueError: an array has another length, or no filter works with a number. The text names the

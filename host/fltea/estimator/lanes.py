@@ -1,6 +1,6 @@
 """Run lanes (independent filters). The supervisor of a lane restarts the lane when its filter diverges.
 
-The live program, identification and evaluation use it.
+The live program, identification and evaluation use this module.
 
 Engine, supervisor and restarts are one native call for a whole block (host/native/lanes.hpp). The
 supervisor's rules, which the board uses too, are in firmware/core/engine/supervisor.hpp.
@@ -21,15 +21,15 @@ LOST_ORDER = _native.LOST_ORDER
 
 BOUND_SAMPLES = _native.BOUND_SAMPLES
 BOUND_SHARE = _native.BOUND_MOST / _native.BOUND_SAMPLES
-"""A lane becomes invalid if the guard had to bound its state at more than this fraction of the last
-`BOUND_SAMPLES` samples.
+"""A lane (the filters of one axis) becomes invalid if the guard had to bound its state at more than this
+fraction of the last `BOUND_SAMPLES` samples.
 """
 
 Reason = Literal["runaway", "bound"]
 
 
 class Lost(NamedTuple):
-    """A lane that became invalid: the row (sample) at which this happened, and the reason."""
+    """A lane (axis) that became invalid: the row (sample) at which this happened, and the reason."""
 
     row: int
     lane: int
@@ -37,7 +37,7 @@ class Lost(NamedTuple):
 
 
 class LaneBlock(NamedTuple):
-    """The estimates after every sample; columns are (n, lanes), and NaN where a lane is not valid."""
+    """The estimates of each lane (axis) after every sample, (n, lanes); NaN where a lane is not valid."""
 
     alpha: Array
     alpha_std: Array
@@ -60,7 +60,7 @@ class LaneBlock(NamedTuple):
 
 
 class Lanes:
-    """Runs any number of lanes of the estimator, all of one variant, guard and memory.
+    """Runs any number of lanes (independent filters), all of one variant, guard and memory.
 
     A lane that the supervisor declares invalid restarts with the next sample. Raises ValueError for settings
     that no filter works with. Calls from several threads wait for each other.

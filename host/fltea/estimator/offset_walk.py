@@ -214,7 +214,7 @@ class OffsetWalk(NamedTuple):
 
 
 class Rivals(NamedTuple):
-    """The noise model of an axis, and a rival model; `likely`: probability of the first of them."""
+    """The noise model of an axis, and a rival model if there is one. `likely`: probability of `system`."""
 
     system: System
     rival: System | None = None

@@ -146,7 +146,7 @@ class Remembered:
         return self.likelihoods(system, [()])[0]
 
     def likelihoods(self, bare: System, more: Sequence[Sequence[Coordinate]]) -> list[float]:
-        """Return 2 log L of the samples for `bare` with added states, for each set of states in `more`."""
+        """Return 2 log L of the samples for some noise models: `bare` with each set of states in `more`."""
         return self.native.likelihoods(bare.numbers, more)
 
     def likelihood_of_walks(self) -> float:
@@ -265,9 +265,10 @@ class Tracker:
         return Remembered(self.native.remembered(lane))
 
     def x(self, lane: int) -> tuple[float, Array]:
-        """Return the constant that is subtracted from an axis's samples, and the state x after them.
+        """Return the constant that is subtracted from an axis's samples, and the state x after the last one.
 
-        x is the state of the axis's linear system for the remaining samples. Without a system x is empty.
+        x is the state of the axis's noise model, which describes the samples less the constant. Without a
+        model x is empty.
         """
         origin, x = self.native.x(lane)
         return origin, np.array(x)
