@@ -22,8 +22,8 @@ from fltea.noise.distributions import student_quantile, student_tail
 from fltea.records.plus_minus import NORMAL_95
 
 FEWEST = 8
-"""Sensors of a kind are compared if there are at least this many; with fewer sensors, μ and τ are not known
-well enough.
+"""Sensors of a kind are compared if there are at least this many; with fewer sensors, their usual value and
+their spread are not known well enough.
 """
 
 LEVEL = 0.001
@@ -38,8 +38,9 @@ MIDDLE = NormalDist().inv_cdf(0.75)
 """Median of |x| for a standard normal variable x."""
 
 EFFICIENCY = 0.3
-"""Degrees of freedom of τ per sensor: the median absolute deviation has an efficiency of 0.37 (Rousseeuw
-& Croux 1993), and estimating μ and the intervals lowers it further."""
+"""Degrees of freedom of the spread between sensors, per sensor. The median absolute deviation has an
+efficiency of 0.37 (Rousseeuw & Croux 1993), and estimating the middle and the intervals lowers it further.
+"""
 
 Floats = NDArray[np.float64]
 
@@ -97,7 +98,7 @@ def judge(
 
 
 def _usual(value: Floats, std: Floats) -> tuple[float, float]:
-    """Return μ and τ by iteration, since each of them depends on the other."""
+    """Return middle and spread of the sensors by iteration, since each of the two depends on the other."""
     middle, spread = float(np.median(value)), 0.0
     for _ in range(20):
         spread = _spread(np.abs(value - middle), std)
@@ -109,10 +110,10 @@ def _usual(value: Floats, std: Floats) -> tuple[float, float]:
 
 
 def _spread(away: Floats, std: Floats) -> float:
-    """Return τ for which the median of `away` / √(τ² + `std`²) equals `MIDDLE`.
+    """Return the spread τ of the sensors, for which the median of `away` / √(τ² + `std`²) equals `MIDDLE`.
 
-    `MIDDLE` is the median of |x| for a standard normal x. The result is 0 if the median is smaller even with
-    τ = 0.
+    `away`: distances of the estimates from the middle. `std`: errors of the estimates. `MIDDLE` is the median
+    of |x| for a standard normal x. The result is 0 if the median is smaller even with τ = 0.
     """
     least, most = 0.0, float(np.median(away)) / MIDDLE + 1e-300
     if np.median(away / std) <= MIDDLE:
