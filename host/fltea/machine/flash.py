@@ -60,7 +60,7 @@ FLASH_BEGIN = 0x0008_0000
 FLASH_BYTES = 512 * 1024
 RAM_BEGIN = 0x2007_0000
 RAM_END = 0x2008_8000
-"""Addresses of flash and RAM of the Due's microcontroller, the ATSAM3X8E (datasheet, 7 Memories)."""
+"""Addresses of flash and RAM of the Due's microcontroller, the ATSAM3X8E (SAM3X datasheet, chapter 7)."""
 
 VERIFY_S = 15.0
 """Longest wait for HELLO after flashing [s]. The board sends HELLO every second, but the port may come back
@@ -223,7 +223,9 @@ def _bossac_plan(port: str, image: Path | None, root: Path | None) -> Plan:
 
 
 def check_image(image: Path) -> None:
-    """Refuse an image that does not begin with a vector table for the Due (ARMv7-M, B1.5.3).
+    """Refuse an image that does not begin with a vector table for the Due.
+
+    The ARMv7-M Architecture Reference Manual describes the table in B1.5.3.
 
     Raises:
         UsageError: the file cannot be read, or is no image for the Due.
