@@ -47,7 +47,7 @@ least their target.
 """
 
 Work = Callable[[], int]
-"""A function that does some axis-steps and returns their number."""
+"""A function that does some axis-steps (one sample of one axis each) and returns their number."""
 
 
 def measure(repetitions: int = 5, scale: float = 1.0) -> dict[str, Any]:
@@ -228,7 +228,7 @@ def _filterpy(steps: int) -> Work | None:
 
 
 def _bytes_per_lane(window: int) -> float:
-    """Return the bytes per lane of an engine with 8 lanes.
+    """Return the bytes that an engine of 8 lanes (independent filters) needs for each lane.
 
     Eight lanes fill one vector of the widest instruction set, so no part of a vector is wasted.
     """

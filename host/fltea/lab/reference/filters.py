@@ -34,17 +34,17 @@ from fltea.records.arrays import Array
 
 __all__ = ["Array", "Fltea", "OrderSettings", "ParameterSettings", "StateSettings", "Step", "System"]
 
-# Constants of the unscented transformation (section 5.1): SPREAD (the paper's 𝔄) is the width of the sigma
-# points, and GAUSSIAN (𝔅) the prior knowledge of the distribution, 2 for a Gaussian one. kappa = 3 - n makes
-# n + lambda = 3 for every dimension n.
+# Constants of the unscented transformation (the paper, section 5.1). SPREAD (the paper's 𝔄) is the width of
+# the sigma points. GAUSSIAN (𝔅) is the prior knowledge of the distribution, 2 for a Gaussian one. kappa = 3 -
+# n makes n + lambda = 3 for every dimension n.
 SPREAD = 1.0
 GAUSSIAN = 2.0
 
 
 class FilterModel(NamedTuple):
-    """Estimate of a quantity that is modelled as a random walk.
+    """Estimate of a quantity that is modelled as a random walk: of the order, or of the parameters.
 
-    The quantity is the order in KFo (n = 1), or the parameters in KFw (n = n_w).
+    The order's filter KFo has n = 1, the parameters' filter KFw has n = n_w.
     """
 
     mean: Array
@@ -69,29 +69,32 @@ class Step(NamedTuple):
     Pw: Array
     """Covariance of the parameters, (n_w, n_w)."""
     innovation: Array
-    """Innovation y - C x̃ of KFx, (p,); NaN if the sample has no measurement."""
+    """Innovation: the measurement less its prediction, y - C x̃, (p,); NaN if there is no measurement."""
     innovation_variance: Array
-    """Variance of the innovation, C P̃ C' + R, (p, p)."""
+    """Variance of the innovation, C P̃ C' + R, (p, p). P̃ is the predicted covariance of the state."""
     finite: bool
     """False if any estimate or covariance is infinite or NaN. Then the filter has diverged for good."""
 
 
 class Difference(NamedTuple):
-    """The fractional difference of past states for one order. KFw and KFx share the one for α̂_k."""
+    """The fractional difference of past states for one order.
+
+    The filters of parameters (KFw) and state (KFx) share the one for the newest estimate of the order.
+    """
 
     order: np.float64
     gain: np.float64
     """The factor h^α, where h is the sampling period and α the order."""
     c: Array
-    """The weights c_0 .. c_L(k) for the order α, (L(k)+1,)."""
+    """The weights c_0 .. c_L(k) for the order α, (L(k)+1,). L(k) is the number of past states."""
     past: Array
     """The weighted sum of past states, sum_{j=1}^{L(k)} c_j x̂_{k-j}, (N,)."""
 
 
 def difference(order: np.float64, h: float, states: Array) -> Difference:
-    """Return the fractional difference of past states (L(k), N), the newest first, for `order` (section 4).
+    """Return the fractional difference of past states (L(k), N), the newest first, for `order`.
 
-    `h`: sampling period [s].
+    `h`: sampling period [s]. The paper defines the difference in section 4.
     """
     c = weights(order, len(states))
     return Difference(order, np.power(h, order), c, c[1:] @ states)
@@ -100,7 +103,7 @@ def difference(order: np.float64, h: float, states: Array) -> Difference:
 def order_filter(
     prior: FilterModel, y: Array, rate: Array, states: Array, system: System, R: Array, delta: float
 ) -> FilterModel:
-    """Run KFo, section 5.1: estimate the order from the model's outputs at three sigma points.
+    """Run KFo (the paper, section 5.1): estimate the order from the model's outputs at three sigma points.
 
     `rate` is A(ŵ_{k-1}) x̂_{k-1} + B u_{k-1}, shape (N,); `y` and `R` have shapes (p,) and (p, p).
     """
@@ -122,7 +125,7 @@ def parameter_filter(
     R: Array,
     delta: float,
 ) -> FilterModel:
-    """Run KFw, section 5.3: estimate the parameters from the outputs at 2 n_w + 1 sigma points.
+    """Run KFw (the paper, section 5.3): estimate the parameters from the outputs at 2 n_w + 1 sigma points.
 
     The outputs use the new order α̂_k. `x` (N,) is x̂_{k-1}, `drive` (N,) is B u_{k-1}. The sum of past
     states in `at` is the same for all sigma points, since it does not depend on the parameters.
@@ -134,25 +137,25 @@ def parameter_filter(
 
 
 def predict_state(A: Array, rate: Array, at: Difference, covariances: Array, Q: Array) -> tuple[Array, Array]:
-    """Run the time update of KFx, section 5.2: return x̃_k (N,) and P̃_k (N, N).
+    """Run the time update of the state's filter KFx (the paper, 5.2): return x̃_k (N,) and P̃_k (N, N).
 
     `A` is A(ŵ_{k-1}), `rate` is A x̂_{k-1} + B u_{k-1}, `at` is the fractional difference for order α̂_k.
     """
     L, N, _ = covariances.shape
     x = at.gain * rate - at.past
     F = at.gain * A + at.order * np.eye(N)
-    # F contains A and the term j = 1 of the sum of past states. The terms from j = 2 on add the variance
-    # sum_{j=2}^{L(k)} c_j² P_{k-j}.
+    # F is the factor of x_{k-1} in x_k: A, and the term j = 1 of the sum of past states. The terms from j = 2
+    # on add the variance sum_{j=2}^{L(k)} c_j² P_{k-j}.
     V = ((at.c[2:] * at.c[2:]) @ covariances[1:].reshape(L - 1, N * N)).reshape(N, N)
     P = F @ covariances[0] @ F.T + Q + V
     return x, symmetric(P)
 
 
 def state_filter(x: Array, P: Array, y: Array, C: Array, R: Array) -> tuple[Array, Array, Array, Array]:
-    """Run the measurement update of KFx, section 5.2: return x̂, P, the innovation (p,) and its variance.
+    """Run the measurement update of the state's filter KFx: return x̂, P, the innovation and its variance.
 
-    P is computed in Joseph form. In exact arithmetic this equals the paper's (I - K C) P̃. In floating point,
-    the Joseph form stays symmetric and non-negative.
+    P is computed in Joseph form. In exact arithmetic this equals (I - K C) P̃ of the paper, section 5.2. In
+    floating point, the Joseph form stays symmetric and non-negative.
     """
     innovation = y - C @ x
     S = symmetric(C @ P @ C.T + R)
@@ -164,7 +167,7 @@ def state_filter(x: Array, P: Array, y: Array, C: Array, R: Array) -> tuple[Arra
 def unscented_update(
     prior: FilterModel, points: Array, Y: Array, y: Array, R: Array, delta: float
 ) -> FilterModel:
-    """Run the measurement update that KFo and KFw share, sections 5.1 and 5.3.
+    """Run the measurement update that the filters of order and parameters share (the paper, 5.1 and 5.3).
 
     `points` (2n+1, n) are the sigma points of the predicted covariance P̃. `Y` (2n+1, p) are the outputs that
     the model predicts at these points. `delta` is the forgetting factor with which Q follows the corrections
@@ -177,8 +180,8 @@ def unscented_update(
     Pyy = dy.T @ weighted + R
     K = kalman_gain(dx.T @ weighted, Pyy)
     correction = K @ (y - y_mean)
-    # P equals the paper's P̃ - K Pyy K', since the weighted sum of dx dx' is P̃. But in the form here,
-    # rounding cannot make P negative.
+    # The paper's P is P̃ - K Pyy K', with the gain K and the outputs' covariance Pyy. The form here equals
+    # it, since the weighted sum of dx dx' is P̃. But rounding cannot make this form negative.
     left = dx - dy @ K.T
     return FilterModel(
         mean=prior.mean + correction,
@@ -190,7 +193,7 @@ def unscented_update(
 def sigma_points(mean: Array, P: Array) -> Array:
     """Return the sigma points: mean, and mean ± columns of sqrt((n + λ) P), shape (2n+1, n).
 
-    n + λ is 3 (section 5.1).
+    n + λ is 3 (the paper, section 5.1).
     """
     root = cholesky(P) * np.sqrt(SPREAD**2 * 3)
     return np.concatenate((mean[np.newaxis], mean + root.T, mean - root.T))
@@ -198,7 +201,7 @@ def sigma_points(mean: Array, P: Array) -> Array:
 
 @lru_cache(maxsize=8)
 def unscented_weights(n: int) -> tuple[Array, Array]:
-    """Return the sigma points' weights for means and covariances, each (2n+1,), see section 5.1."""
+    """Return the sigma points' weights for means and covariances, each (2n+1,); see the paper, 5.1."""
     scale = SPREAD**2 * 3  # this is n + λ, with κ = 3 - n
     Wm = np.full(2 * n + 1, 1 / (2 * scale))
     Wm[0] = (scale - n) / scale
@@ -248,7 +251,7 @@ def symmetric(P: Array) -> Array:
 
 
 class Fltea:
-    """The finite length triple estimation algorithm, section 5; call `step` for each sample.
+    """The finite length triple estimation algorithm (the paper, section 5); call `step` for each sample.
 
     `window` is the implementation length L, the number of past samples that are used. With a window at least
     as long as the data, no past sample is dropped (full memory). Settings whose shapes do not fit the system

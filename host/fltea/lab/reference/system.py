@@ -1,7 +1,7 @@
 """Configure the reference estimator: the system, and the settings of its three filters.
 
-Macias & Sierociuk 2023 gives the meaning of the settings in section 5, and their values in 6.1 and 7.1. If a
-number is given for a covariance, the covariance is that number times the identity matrix.
+The paper (Macias & Sierociuk 2023) gives the meaning of the settings in section 5, and their values in 6.1
+and 7.1. If a number is given for a covariance, the covariance is that number times the identity matrix.
 """
 
 import math
@@ -51,7 +51,7 @@ class System:
 
 @dataclass(frozen=True)
 class OrderSettings:
-    """Settings of KFo, section 5.1.
+    """Settings of KFo, the filter of the order (the paper, section 5.1).
 
     alpha0: initial order. P0: its variance. Q0: initial variance of a step of the order's random walk. delta:
     forgetting factor by which Q follows the corrections. R (p, p): covariance of the measurement noise, in
@@ -74,7 +74,7 @@ class OrderSettings:
 
 @dataclass(frozen=True)
 class ParameterSettings:
-    """Settings of KFw, section 5.3.
+    """Settings of KFw, the filter of the parameters (the paper, section 5.3).
 
     P0, Q0 (n_w, n_w): initial covariance of the estimate, and initial covariance of a step of its random
     walk. w0 (n_w,): initial parameters. R (p, p): covariance of the measurement noise.
@@ -92,7 +92,7 @@ class ParameterSettings:
 
 @dataclass(frozen=True)
 class StateSettings:
-    """Settings of KFx, section 5.2.
+    """Settings of KFx, the filter of the state (the paper, section 5.2).
 
     P0 (N, N): initial covariance of the state. Q (N, N): covariance of the process noise that one sampling
     period adds to the state. x0 (N,): initial state. R (p, p): covariance of the measurement noise.

@@ -81,7 +81,7 @@ def draw_unknown(
     cases: Mapping[str, tuple[Scenario, Data, Mapping[int, Estimates]]],
     note: str,
 ) -> None:
-    """Write the figure of section 6.2: order and parameter for each kind of source noise.
+    """Write the figure of the paper's section 6.2: order and parameter for each kind of source noise.
 
     Raises:
         FlteaError: the file cannot be written.

@@ -17,12 +17,12 @@ class Errors(NamedTuple):
 
 QUANTITIES = Errors._fields
 
-# Section 6.1: step [s], number of samples, and the noise variances E[ωω'], E[vv'].
+# The paper's section 6.1: step [s], number of samples, and the variances of process and measurement noise.
 H, SAMPLES = 1e-3, 4000
 NOISE_Q, NOISE_R = 1e-5, 1e-3
 PARAMETER = -0.3
 
-# Section 7.1: step [s], number of samples (30 s), and R of the axes x, y, z [(deg/s)²].
+# The paper's section 7.1: step [s], number of samples (30 s), and R of the axes x, y, z [(deg/s)²].
 GYRO_H, GYRO_SAMPLES = 1e-2, 3000
 GYRO_R = {"x": 0.0235, "y": 0.0178, "z": 0.0191}
 GYRO_LENGTHS = (3000, 1500)
@@ -46,7 +46,7 @@ TABLE_5 = {
 """For each axis, the sum of squared differences between the estimates at L = 3000 and those at L = 1500."""
 
 GYRO_SETTLED = {"x": (0.3, -1.6), "y": (0.3, -1.5), "z": (0.3, -2.0)}
-"""For each axis, order and parameter at the end of the run, as the text of section 7.2 states them."""
+"""For each axis, order and parameter at the end of the run, as stated in the paper's section 7.2."""
 
 SAMPLES_PER_SECOND = SAMPLES / TABLE_1[4000]
 """The paper's speed at L = 4000: 17.3 samples per second."""

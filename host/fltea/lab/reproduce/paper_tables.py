@@ -117,7 +117,7 @@ def gyroscope_rows(
 
 
 def unknown_rows(scenario: Scenario, results: Mapping[int, Outcome], options: Options) -> list[Row]:
-    """Return the rows of section 6.2: errors, and final order and parameter.
+    """Return the rows of the paper's section 6.2: errors, and final order and parameter.
 
     The paper gives no numbers for this section.
     """

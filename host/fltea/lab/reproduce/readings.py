@@ -22,14 +22,18 @@ class Reading:
     """One interpretation of section 5 of the paper. The defaults are those of this project."""
 
     kappa: float = 2.0
-    """Scaling κ of the sigma points in KFo and KFw; section 5.1 calls it "usually chosen as 3 - L"."""
+    """Scaling κ of the sigma points in the filters of order and parameter. The paper's section 5.1 calls it
+    "usually chosen as 3 - L".
+    """
     sums_from: Literal[0, 1] = 0
-    """First i of the covariance sums in KFo and KFw: 1 as in the paper, 0 as usual."""
+    """First i of the covariance sums in the filters of order and parameter: 1 as in the paper, 0 as usual."""
     parameter_first: bool = False
-    """Whether KFw runs before KFo, so that KFw uses the previous order, and KFo the new parameter."""
+    """Whether the parameter's filter runs before the order's. It then uses the previous order, and the
+    order's filter uses the new parameter.
+    """
     state_variance: bool = False
-    """Whether P_yy, the variance of the output in KFo and KFw, includes the predicted variance of the state.
-    The paper's equations lack that variance.
+    """Whether the filters of order and parameter include the predicted variance of the state in P_yy, the
+    variance of the output. The paper's equations lack that variance.
     """
 
 
@@ -69,9 +73,11 @@ class Weighed(NamedTuple):
     gain: Array
     """The factor h^α, where h is the sampling period and α the order."""
     x: Array
-    """Weighted sum of the past states x̂: the sum over j = 1 … k of c_j x̂_{k-j}."""
+    """Weighted sum of the past states x̂: the sum over j = 1 … k of c_j x̂_{k-j}, with the order's weights
+    c_j.
+    """
     P: Array
-    """Weighted sum of the variances P of past states: the sum over j = 2 … k of c_j² P_{k-j}."""
+    """Weighted sum of the past states' variances P: the sum over j = 2 … k of c_j² P_{k-j}."""
 
 
 def run(filters: LaneSettings, reading: Reading, data: Data) -> Estimated:
@@ -118,7 +124,7 @@ class _Step:
             self._move_order(y, u, past)
             at = self._weigh(past)
             self._move_parameter(y, u, past, at)
-        # KFx, section 5.2, uses the parameter from before this sample.
+        # The state's filter (the paper, section 5.2) uses the parameter from before this sample.
         x = at.gain * (f * past.x[:, 0] + u) - at.x
         P = self._predicted_variance(f, past, at)
         self.V = at.P
@@ -137,7 +143,7 @@ class _Step:
         return np.asarray(F**2 * past.P[:, 0] + self.settings.state.Q + at.P)
 
     def _move_order(self, y: Array, u: Array, past: Past) -> None:
-        """Run KFo, section 5.1, for one sample: update the estimate of the order."""
+        """Run the order's filter (the paper, section 5.1) for one sample."""
         f, before = self.parameter.mean, self.order
         points = self._sigma_points(before)
         c = weights(points.ravel(), past.x.shape[1]).reshape(*points.shape, -1)[:, :, 1:]
@@ -149,7 +155,7 @@ class _Step:
         self.order = self._updated(before, points, Y, y, R, self.settings.order.delta)
 
     def _move_parameter(self, y: Array, u: Array, past: Past, at: Weighed) -> None:
-        """Run KFw, section 5.3, for one sample: update the parameter.
+        """Run the parameter's filter (the paper, section 5.3) for one sample.
 
         `at`: past states weighted for the order.
         """
@@ -164,13 +170,14 @@ class _Step:
     def _sigma_points(self, walk: Walk) -> Array:
         """Return the sigma points: the mean, and the mean ± sqrt((1 + κ) P̃), (3, runs).
 
-        In one dimension and with 𝔄 = 1, the paper's λ is κ.
+        P̃ is the predicted variance. In one dimension and with a width of 1 (the paper's 𝔄), the paper's λ is
+        κ.
         """
         root = np.sqrt((1 + self.reading.kappa) * (walk.P + walk.Q))
         return np.stack([walk.mean, walk.mean + root, walk.mean - root])
 
     def _updated(self, walk: Walk, points: Array, Y: Array, y: Array, R: Array, delta: float) -> Walk:
-        """Run the measurement update that KFo and KFw share.
+        """Run the measurement update that the filters of order and parameter share.
 
         `points`: sigma points, (3, runs). `Y`: outputs that the model predicts at them, (3, runs).
         """
@@ -184,6 +191,7 @@ class _Step:
         Pyy = np.sum(covariance * dy * dy, axis=0) + R
         K = np.sum(covariance * dx * dy, axis=0) / Pyy
         correction = K * (y - np.sum(mean * Y, axis=0))
-        # This variance equals the paper's P̃ - K Pyy K, but rounding cannot make it negative.
+        # This variance equals the paper's P̃ - K Pyy K (K: gain, Pyy: variance of the output), but rounding
+        # cannot make it negative.
         P = np.sum(covariance * (dx - K * dy) ** 2, axis=0) + K**2 * R
         return Walk(walk.mean + correction, P, (1 - delta) * walk.Q + delta * correction**2)

@@ -33,7 +33,7 @@ EXAMPLE_FILTERS = LaneSettings(
     h=paper.H,
     R=paper.NOISE_R,
 )
-"""Settings of the three filters in section 6.1. All have the same R."""
+"""Settings of the three filters in the paper's section 6.1. All have the same R."""
 
 STEP_VARIANCE = 0.15
 GYROSCOPE_FILTERS = LaneSettings(
@@ -47,12 +47,15 @@ GYROSCOPE_FILTERS = LaneSettings(
     h=paper.GYRO_H,
     R=paper.GYRO_R["x"],
 )
-"""Settings of the filters in section 7.1, with the R of the x axis."""
+"""Settings of the filters in the paper's section 7.1, with the R of the x axis."""
 
 
 @dataclass(frozen=True)
 class SawTooth:
-    """Input of examples 1 and 2. It rises from -amplitude (0 if unipolar) to amplitude in each period."""
+    """Input of the paper's examples 1 and 2, which rises from -amplitude to amplitude in each period.
+
+    If the input is unipolar, it rises from 0.
+    """
 
     amplitude: float = 1.0
     period_s: float = 1.0
@@ -117,7 +120,7 @@ class Scenario:
 def example(
     number: int, sawtooth: SawTooth, samples: int = paper.SAMPLES, *, omega_outside: bool = False
 ) -> Scenario:
-    """Return example 1, 2 or 3 of section 6.1.
+    """Return example 1, 2 or 3 of the paper's section 6.1.
 
     `omega_outside`: whether the process noise is added after the factor h^α, not within the brackets before
     it.
@@ -153,23 +156,26 @@ def example(
     )
 
 
-# Values for section 6.2, which the paper does not give. The state x has the order α₁, and its source ω' is
+# Values for the paper's section 6.2, which gives none. The state x has the order α₁, and its source ω' is
 # itself fractional noise of order α₂. Sampling period, number of samples and filters are those of the
 # gyroscope in section 7, where the paper has no known input either.
 UNKNOWN_ALPHA, UNKNOWN_F = 0.4, -1.0
 SOURCE_ALPHA, SOURCE_F = 0.3, -1.0
 UNKNOWN_R, UNKNOWN_FILTER_R = 0.05, 0.3
 """UNKNOWN_R: variance of the measurement noise v. UNKNOWN_FILTER_R: the R that the filters use, which is
-about the variance of y, as in section 7.
+about the variance of y, as in the paper's section 7.
 
 One step adds to x the variance STEP_VARIANCE = h^2(α₁+α₂) E[ωω'], as the filters assume. With R = 0.05 in the
-filters, the paper's algorithm diverges for every seed, since KFo and KFw ignore the variance of the estimated
-state.
+filters, the paper's algorithm diverges for every seed, since its filters of order and parameter ignore the
+variance of the estimated state.
 """
 
 
 def unknown_input(*, fractional: bool, samples: int = paper.GYRO_SAMPLES) -> Scenario:
-    """Return the experiment of section 6.2, with unknown input. The source noise is fractional, or white."""
+    """Return the experiment of the paper's section 6.2, with unknown input.
+
+    `fractional`: whether the source noise is fractional; otherwise it is white.
+    """
     alpha = np.full(samples, UNKNOWN_ALPHA)
     source_alpha = np.full(samples, SOURCE_ALPHA)
     h = paper.GYRO_H

@@ -1,9 +1,9 @@
 """Score the guards: do they prevent divergence, and how much accuracy do they cost otherwise?
 
 A guard keeps the filters from diverging. There are two kinds of cases. Driven cases are examples 1–3 of the
-paper with other inputs. Resting cases are the gyroscope of section 7: with white noise and a wrong R, with
-offsets that are not removed, and with data that are no noise at all. `runs` defines which runs are not finite
-and which are far off. At rest, the estimated state is compared with the measurement.
+paper with other inputs. Resting cases are the gyroscope of the paper's section 7: with white noise and a
+wrong R, with offsets that are not removed, and with data that are no noise at all. `runs` defines which runs
+are not finite and which are far off. At rest, the estimated state is compared with the measurement.
 """
 
 import math
