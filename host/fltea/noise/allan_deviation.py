@@ -29,7 +29,7 @@ PERIODS = 16
 their means.
 """
 MEANS = {1: 3 / 8, 2: 35 / 128}
-"""Means of sin⁴ and of sin⁸, for the powers 1 and 2 of the kernel (`allan_integrals`)."""
+"""Means over a period of sin⁴ and of sin⁸, by the power (1 or 2) of the integrand in `allan_integrals`."""
 BELOW = 24
 """The integration begins this number of octaves of λ below π/m.
 

@@ -67,9 +67,10 @@ class Line(NamedTuple):
         return self.variance * math.pi / (self.half * (high - low))
 
     def seen(self, terms: float) -> float:
-        """Return the proportion of the sum Σ r(k)² over all lags k that counts in a record of `terms` terms.
+        """Return the proportion of Σ r² over all lags that counts in a record of `terms` terms.
 
-        It is small if the line's phase is remembered for longer than the record.
+        r is the line's covariance. The proportion is small if the line's phase is remembered for longer than
+        the record.
         """
         ringing = 2 * self.half * terms
         return 1 + math.expm1(-ringing) / ringing
@@ -107,9 +108,9 @@ def allan_degrees(
 def _of_line(
     line: Line, spectrum: Spectrum, factors: Array, around: Sequence[tuple[float, float]]
 ) -> tuple[Array, Array]:
-    """Return Σ r(k)² over all lags for a spectral line, and its cross term with other noise, each (k,).
+    """Return Σ r² over all lags for a spectral line, and its cross term with other noise, each (k,).
 
-    There is one value for each averaging time.
+    r is the line's covariance. There is one value for each averaging time.
     """
     own = allan_integrals(lambda lam: line.at(lam) ** 2, factors, 2, around)
     return own, allan_integrals(lambda lam: 2 * line.at(lam) * spectrum(lam), factors, 2, around)
@@ -131,7 +132,7 @@ class _Shape(NamedTuple):
         return cls(m, terms, step, min(MOST, 1 << math.ceil(math.log2(2 * (terms + 2 * m) / step))))
 
     def resolves(self, line: Line) -> bool:
-        """Whether r at these lags represents a spectral line.
+        """Whether the covariance at these lags represents a spectral line.
 
         The line's frequency has to be low enough for the distance between lags. Also, the line's covariance
         has to decay within the span of all lags, or the lags have to span twice the record.

@@ -28,7 +28,7 @@ def hz(log_lam: float, h: float) -> float:
 
 
 def logit(share: float) -> float:
-    """Return the logit of `share`, log(share / (1 - share)), but at least the fits' lower bound of it."""
+    """Return log(share / (1 - share)), or the lower bound that the fits set for it if that is larger."""
     found = math.log(share / (1 - share)) if share > 0 else -LOGIT_END
     return max(found, -LOGIT_END)
 
@@ -45,5 +45,5 @@ def poles_of_logit(logit: float) -> float:
 
 
 def g_of_eta(eta: Sequence[float]) -> float:
-    """Return g = h^α f of a fractional order from the order's free parameters `eta` in the fits."""
+    """Return g = h^α f (h: sampling period) of an order, from its free parameters `eta` in the fits."""
     return -(2 ** eta[0]) / (1 + math.exp(-eta[1]))

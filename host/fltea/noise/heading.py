@@ -35,7 +35,7 @@ class Ahead(NamedTuple):
     """Variance of the additional noise, which is unknown at the last sample at rest."""
 
     def std(self, P: Array) -> float:
-        """Return the standard deviation of the sum. `P`: covariance of x after the last sample at rest."""
+        """Return the sum's standard deviation. `P`: covariance of the state x after the last one at rest."""
         return math.sqrt(max(float(self.row @ P @ self.row) + self.variance, 0.0))
 
 
@@ -82,7 +82,7 @@ def means_ahead(system: System, counts: Sequence[int]) -> list[Ahead]:
 
 
 def _sums(system: System, c: Array, R: float, counts: Sequence[int]) -> list[Ahead]:
-    """Return the sums of c @ x plus white noise over each number of future samples in `counts`.
+    """Return the sums of c @ x (x: state) plus white noise over each number of future samples in `counts`.
 
     `R`: variance of the white noise.
     """

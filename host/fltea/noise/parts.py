@@ -123,7 +123,7 @@ class Walk(Part, frozen=True, tag="walk"):
 
 
 class Order(Part, frozen=True, tag="order"):
-    """The fractional state D^α x = f x + ω of `fltea.noise.simulation`, with f in s^-α and var ω = Q."""
+    """The fractional state D^α x = f x + ω of `fltea.noise.simulation`, with f in s^-α and Q = var ω."""
 
     alpha: float
     f: float
@@ -162,7 +162,7 @@ class Arfima(Part, frozen=True, tag="arfima"):
     s2: float
 
     def eta(self, h: float) -> list[float]:
-        # The free parameters are d, log(-log φ), and the logarithm of s2 / (1 - φ)².
+        # The free parameters are d, log(-log φ) for the AR coefficient φ, and log(s2 / (1 - φ)²).
         rate = math.log(-math.log(max(self.phi, 1e-6)))
         return [self.d, rate, co.log(self.s2) - 2 * math.log1p(-self.phi)]
 

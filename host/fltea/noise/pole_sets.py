@@ -58,7 +58,7 @@ def spread(low: float, room: int) -> list[complex]:
 def of_order(alpha: float, g: float, slowest: float) -> list[complex]:
     """Return the exact or nearly exact poles z of a fractional order, which solve (1 - 1/z)^α = g / z.
 
-    Poles with rates below `slowest` are left out.
+    g is h^α f, with the sampling period h. Poles with rates below `slowest` are left out.
     """
     rate = (-g) ** (1 / alpha) if g < 0 < alpha else 0.0
     if alpha > 1:

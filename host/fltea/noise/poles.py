@@ -142,7 +142,7 @@ def driven(z: Complex, share: Complex, *, signal: bool) -> Block:
     # part.
     keep = np.repeat(z.imag != 0, 2)
     keep[0::2] = True
-    # `a` and `b` follow from Re ξ' = Re z Re ξ - Im z Im ξ, to which the noise is added.
+    # `a` is Re z, `b` is -Im z: a complex state ξ advances by Re ξ' = Re z Re ξ - Im z Im ξ plus noise.
     a, b, c = np.repeat(z.real, 2), np.repeat(-z.imag, 2), np.tile([1.0, 0.0], len(z))
     Q = _real_covariance(hermitian, plain, keep)
     P0 = _real_covariance(hermitian / (1 - z[:, None] * z.conj()), plain / (1 - z[:, None] * z), keep)

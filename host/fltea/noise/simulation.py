@@ -5,9 +5,9 @@ The model (Macias & Sierociuk 2023, sections 3, 4 and 6) has one state and the t
     x_{k+1} = h^α_{k+1} (f x_k + u_k + ω_k) - sum_{j=1}^{min(k+1, window)} c_j(α_{k+1}) x_{k+1-j}
     y_k = x_k + v_k,    var ω = Q,    var v = R
 
-y and x are in deg/s, f in s^-α, Q in (deg/s)² s^-2α, R in (deg/s)². Q = 0 gives white noise. Q here is the
-variance of ω, before the factor h^α. The Q of the paper's state filter is the variance that one step adds to
-the state, which is h^2α times the Q here.
+The weights c_j are those of `fltea.noise.weights`. y and x are in deg/s, f in s^-α, Q in (deg/s)² s^-2α, R in
+(deg/s)². Q = 0 gives white noise. Q here is the variance of ω, before the factor h^α. The Q of the paper's
+state filter is the variance that one step adds to the state, which is h^2α times the Q here.
 """
 
 import math
@@ -28,13 +28,16 @@ class FractionalNoise:
     """Endless fractional noise. `step()` returns the next measurement, and the state without white noise.
 
     Args:
-        alpha: a number, or a sequence whose last value is held: alpha[k-1] is the order of sample k = 1, 2,
-            ...
-        f: parameter in s^-α. Q: variance of ω. R: variance of v. h: time step [s]. window: length of the
-        memory in samples. seed: an integer or a numpy Generator; equal seeds give equal samples. warmup:
-        number of steps, with the first order, that are computed and discarded before the first sample, so
-        that a stationary x
-            starts near its stationary variance rather than at 0.
+        alpha: order of all samples, or a sequence: alpha[k-1] is the order of sample k = 1, 2, ..., and the
+            last value is the order of all later samples.
+        f: parameter in s^-α.
+        Q: variance of ω, the noise that drives the state.
+        R: variance of v, the white noise.
+        h: time step [s].
+        window: length of the memory in samples.
+        seed: an integer or a numpy Generator; equal seeds give equal samples.
+        warmup: number of steps, with the first order, that are computed and discarded before the first
+            sample, so that a stationary state starts near its stationary variance rather than at 0.
 
     Raises:
         ValueError: Q or R < 0, h <= 0, window < 1, numbers that are not finite, or noise that diverges.

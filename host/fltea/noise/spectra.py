@@ -1,7 +1,8 @@
 """Compute the spectrum of the fractional state of a noise, and convert between its parameters.
 
 The state of a gyroscope's noise is x_{k+1} = g x_k + α x_k - sum_{j>=2} c_j(α) x_{k+1-j} + noise of variance
-s2, where g = h^α f and s2 = h^2α Q (`fltea.noise.simulation`). With unlimited memory, x has the spectrum
+s2, where g = h^α f, s2 = h^2α Q, and c_j are the weights of `fltea.noise.weights`. With unlimited memory, x
+has the spectrum
 
     S_x(λ) = s2 / |(1 - e^{-iλ})^α - g e^{-iλ}|²,    λ in rad per sample
 
@@ -24,7 +25,7 @@ HIGHEST_ORDER = 2.0
 
 
 def stationary(alpha: ArrayLike, g: ArrayLike) -> NDArray[np.bool_]:
-    """Return for which α >= 0 and g the state x with unlimited memory has a finite variance.
+    """Return for which α >= 0 and g = h^α f the state x with unlimited memory has a finite variance.
 
     The conditions are -2^α < g < 0 for 0 < α < 2; α < 1/2 for g = 0; |g| < 1 for α = 0.
     """
@@ -34,7 +35,7 @@ def stationary(alpha: ArrayLike, g: ArrayLike) -> NDArray[np.bool_]:
 
 
 def fractional(lam: Array, alpha: ArrayLike, g: ArrayLike) -> Array:
-    """Return the spectrum S_x / s2 of the fractional state.
+    """Return the spectrum of the fractional state, divided by the variance s2 of what drives the state.
 
     The arrays α and g broadcast, and λ becomes an additional last axis.
     """
@@ -47,7 +48,7 @@ def fractional(lam: Array, alpha: ArrayLike, g: ArrayLike) -> Array:
 
 
 def g_of(alpha: float, f: float, h: float) -> float:
-    """Return g = h^α f, the parameter f [s^-α] for a step of one sample."""
+    """Return g = h^α f, which is the parameter f [s^-α] for a time step of one sample."""
     return float(h**alpha * f)
 
 
@@ -57,10 +58,10 @@ def f_of(alpha: float, g: float, h: float) -> float:
 
 
 def step_variance(alpha: float, Q: float, h: float) -> float:
-    """Return s2 = h^2α Q, the variance of a whole step, for Q as in `fltea.noise.simulation`."""
+    """Return s2 = h^2α Q, the variance that one step adds to the state; Q as in `fltea.noise.simulation`."""
     return float(h ** (2 * alpha) * Q)
 
 
 def noise_variance(alpha: float, s2: float, h: float) -> float:
-    """Return Q = h^-2α s2, as in `fltea.noise.simulation`, for the variance s2 of a whole step."""
+    """Return Q = h^-2α s2, as in `fltea.noise.simulation`; s2: variance that one step adds to the state."""
     return float(s2 * h ** (-2 * alpha))
