@@ -74,7 +74,7 @@ def samples_analysed(series: Series, h: float, left_out: LeftOut) -> Series:
 
 
 def _analysed_part(rest: Series, whole: Series, telegraph: Telegraph | None, out: LeftOut) -> Series:
-    """Return the samples to analyse: without the telegraph levels, and without motion and steps as in `out`.
+    """Return the samples to analyse: without the telegraph levels, and without the motion and steps in `out`.
 
     `rest`: all samples after the levels were subtracted. `whole`: the samples with their levels, from which
     the samples in `out` were already removed.

@@ -37,9 +37,8 @@ def allan(stretches: Sequence[Array], h: float, unit: str = "deg/s") -> Allan:
         unit: unit of the samples.
 
     Raises:
-        ValueError: the samples are not finite, constant, or all stretches are shorter than SHORTEST_RECORD,
-            or h
-            is not positive.
+        ValueError: the samples are not finite or constant, all stretches are shorter than SHORTEST_RECORD, or
+            h is not positive.
     """
     if any(y.ndim != 1 or not np.isfinite(y).all() for y in stretches):
         raise ValueError("y must be finite numbers, of shape (n,)")
@@ -69,7 +68,7 @@ def allan_of(analysis: AxisAnalysis, unit: str) -> Allan:
 
 
 def _degrees(power: ArrayLike, factors: NDArray[np.int64], lengths: Sequence[int]) -> Array:
-    """Return the degrees of freedom of the Allan variance that is averaged over all stretches.
+    """Return the degrees of freedom of the Allan variance that is averaged over stretches without gaps.
 
     Each stretch is weighted by its number of differences.
     """

@@ -67,11 +67,11 @@ class NullResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     p_without_peaks: float
     """The p-value of the test if the spectral lines and resonances that were found are left out."""
     p_clean: float
-    """The p-value of the test on the ordinates in `band`, with spectral lines and resonances left out."""
+    """The p-value of the test on the frequency band of the fit, without spectral lines and resonances."""
     level: float
     """The p-value below which white noise is rejected."""
     shuffled: ShuffledBand | None
-    """FLTEA's estimates for the shuffled copies, by the variant of FLTEA that `AxisResult.fltea` uses."""
+    """FLTEA's estimates for the shuffled copies, by the same variant of FLTEA as in `AxisResult.fltea`."""
 
 
 # Over 12 attributes: permitted, since each is one finding about an axis, and they are made together.
@@ -96,26 +96,26 @@ class AxisResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     order: OrderFit
     """The estimated order; all its values are null if the noise has no order by the verdict."""
     parts: tuple[Estimated, ...]
-    """The parts of the chosen noise model, fitted to the ordinates of `band`."""
+    """The parts (components) of the chosen noise model, fitted to the spectrum in `band`."""
     level: Level
     """N and K of the chosen model."""
     drift_rate: Interval
-    """Slope of the straight line fitted to the longest stretch, in the unit of the samples per second."""
+    """Slope of the line fitted to the longest stretch without a break, in the samples' unit per second."""
     band: Band
     models: dict[str, ModelSummary]
     """All candidate models (`fltea.spectrum.candidate_models`): the chosen model and the others."""
     stands: Literal["plain", "order"]
-    """The chosen model: the best one without an order ("plain"), or the best one with an order."""
+    """The chosen model's key in `models`: "plain" is the best without an order, "order" the best with one."""
     peaks: tuple[Peak, ...]
     fltea: FlteaFit | None
-    """FLTEA's estimates by the variant that the options ask for.
+    """FLTEA's estimates by the variant ("triple" or "joint" filters) that the options ask for.
 
     None if FLTEA cannot be run; `fltea_reason` then says why.
     """
     fltea_other: FlteaFit | None
     """FLTEA's estimates by the other variant, which the options do not ask for."""
     innovations: dict[str, Innovations | None]
-    """Tests whether FLTEA's innovations are white, by the variant of FLTEA."""
+    """For each variant of FLTEA, the test whether its innovations are white."""
     fltea_reason: str = ""
 
     @property

@@ -40,7 +40,7 @@ class Conclusions(NamedTuple):
     now: Now | None
     forecast: Forecast | None
     drift_rate: Interval
-    """Slope of the straight line fitted to the longest stretch, in the unit of the samples per second."""
+    """Slope of the line fitted to the longest stretch without a break, in the samples' unit per second."""
 
 
 def tracked_of(analysis: AxisAnalysis, telegraph: Telegraph | None = None) -> FittedSystem | None:
@@ -92,7 +92,7 @@ def conclude(
         series: the samples that were analysed.
         h: sampling period [s].
         options: how to identify.
-        tracked: the tracked system of the axis.
+        tracked: the state-space model with which the bias of the axis is tracked.
         K: K of the model's parts; null if no part is a random walk.
         forecast: the forecast that is asked for.
         at_end: the bias at the end of the recording, if it was computed from the last stretch alone.

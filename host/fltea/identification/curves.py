@@ -91,7 +91,7 @@ def curves(
 
 
 def profile(f: CandidateModels, orders: Array) -> Array:
-    """Return by how much 2 log L falls if the order is held at each of `orders`, (k,).
+    """Return by how much 2 log L falls if the order is fixed at each of `orders`, (k,).
 
     The fits begin at the order nearest to the best one and go up and down from it. Each fit starts from the
     parameters of its neighbour.
@@ -112,7 +112,7 @@ def profile(f: CandidateModels, orders: Array) -> Array:
 def _path(y: Array, gaps: Gaps, h: float, lsb: float | None, options: IdentifyOptions) -> tuple[Path, Array]:
     """Run FLTEA over the data, and over copies of the data that are white noise.
 
-    The engine runs them in parallel: the data are its lane 0. The copies are drawn at random from the data.
+    The engine runs all in parallel, the data as its first axis. The copies are drawn at random from the data.
 
     Returns the estimates over time, and the innovations of the data.
     """
@@ -160,7 +160,7 @@ def _baselines(
 
 
 def _quantiles(values: Array) -> Array:
-    """Return three quantiles over the copies at each point, (points, 3); NaN where no value is finite."""
+    """Return three quantiles over the shuffled copies at each point, (points, 3); NaN if none is finite."""
     found = np.full((len(values), 3), np.nan)
     for row, these in zip(found, values, strict=True):
         finite = these[np.isfinite(these)]

@@ -57,7 +57,7 @@ def filter_figures(axis: AxisReport, up_to_s: float = UP_TO_S) -> FilterFigures:
 
 
 def _is_unlearnt(axis: AxisReport, K: Shown) -> bool:
-    """Whether no random walk was observed, and the filter's slow states describe only what may be there.
+    """Whether no random walk was seen, so that the filter's slow states are only for noise that may exist.
 
     In that case the upper bound of K is shown.
     """

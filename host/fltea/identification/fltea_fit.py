@@ -1,6 +1,7 @@
-"""Run FLTEA over a recording as the daemon does: start-up window, bias, R, guard, supervisor.
+"""Run FLTEA over a recording as the daemon does.
 
-Axes with the same settings are run in parallel, as lanes of one engine.
+A start-up window gives bias and R, a guard bounds the estimates, and a supervisor restarts filters that
+diverge. Axes with the same settings are run in parallel, as lanes of one engine.
 """
 
 import math
@@ -44,7 +45,7 @@ class FlteaFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     This standard deviation says how much the estimate moves, but not how far it is from the truth.
     """
     f: float | None
-    """The parameter f of s^-α."""
+    """The parameter f of D^α x = f x + ω, in s^-α."""
     f_std: float | None
     valid: bool
     bias: float
@@ -62,7 +63,8 @@ class FlteaFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Number of lost samples within this part. FLTEA predicts at these, but cannot correct."""
     restarts: int
     interventions: dict[str, int]
-    """Number of interventions of the guard since FLTEA's last start, by their cause."""
+    """For each cause, the number of samples at which the guard changed an estimate since FLTEA's last start.
+    """
     alpha_drift: float | None
     """Change of α over the last third of the record: the mean of α over the second half of this third, minus
     the mean over its first half.
@@ -123,7 +125,7 @@ class FlteaFits(NamedTuple):
     """The estimates of the variant in the settings. If None, `reason` says why."""
     other: FlteaFit | None
     innovations: dict[str, Innovations | None]
-    """The test whether the innovations of the last two thirds are white, by variant."""
+    """For each variant of FLTEA, the test whether the innovations of the last two thirds are white."""
     reason: str = ""
 
 
@@ -286,7 +288,7 @@ class _Ran:
         self.valid = valid
 
     def end(self, lanes: Lanes, lane: int) -> None:
-        """Store how often the supervisor has intervened.
+        """Store the number of restarts, and for each cause how often the guard has changed an estimate.
 
         The caller calls this right after the lane's last sample.
         """
@@ -300,7 +302,7 @@ class _Ran:
 
 
 def _run(own: Sequence[_Lane], h: float, config: EstimatorConfig) -> list[_Ran]:
-    """Run lanes of different lengths in parallel, and return the results of each.
+    """Run lanes (axes) of different lengths in parallel, and return the results of each.
 
     After a lane's last sample the engine only predicts; these predictions are dropped.
     """

@@ -61,12 +61,17 @@ class BiasAtEnd(NamedTuple):
 
 
 class Now(msgspec.Struct, frozen=True):
-    """Bias(T) at the end of a recording, and the heading's standard deviation after a minute."""
+    """Bias(T) at the end of a recording, and the standard deviation of the heading's error after a minute.
+
+    Bias(T) is the expected mean of the bias over the next T seconds.
+    """
 
     bias: float
     bias_std: float
     heading_std: float
-    """Standard deviation of the heading (the integrated rate) after 60 s; in deg for a rate in deg/s."""
+    """Standard deviation of the error of the heading (the integrated rate) after 60 s; in deg for a rate in
+    deg/s.
+    """
     bias_s: float
     """T, the time during which the bias is to be subtracted [s]."""
 
@@ -202,11 +207,11 @@ def found(
     Each of the two is None if no filter works with the noise.
 
     Args:
-        tracked: the tracked system of all of y.
+        tracked: the state-space model of the noise in all of y.
         y: samples without a gap, (n,).
         h: sampling period [s].
         unit: unit of y.
-        first: a function that fits the tracked system to the samples it is called with.
+        first: a function that fits such a model to the samples it is called with.
         asked: the questions that the forecast has to answer.
         at_end: the bias after the last sample of the recording. None: the mean of y is used.
     """
@@ -250,7 +255,7 @@ def now(model: System, y: Array, h: float, at_end: BiasAtEnd | None) -> Now:
 
 
 def forecast(whole: FittedSystem, first: FittedSystem, y: Array, h: float, unit: str) -> Forecast:
-    """Return the forecast of a recording y. `first`: the tracked system of its first half."""
+    """Return the forecast of a recording y by the model `whole`. `first`: the model of its first half."""
     P = rested(whole.system, len(y))
     judgement = judged(first, y, len(y) // 2, h)
     curve = tuple(heading_stds(whole.system, P, h, TIMES_S))
@@ -261,7 +266,7 @@ def forecast(whole: FittedSystem, first: FittedSystem, y: Array, h: float, unit:
 
 
 def made_of(tracked: FittedSystem) -> str:
-    """Return the parts of a tracked system and the model of its offset in a few words."""
+    """Return the parts of a noise model and the model of its offset in a few words."""
     walk = tracked.walk
     # If one of the parts is a random walk, the tracker's random walk replaces it.
     own = [part for part in tracked.parts if not (walk.is_found and isinstance(part, Walk))]

@@ -107,7 +107,7 @@ class Judgement(NamedTuple):
 
 
 class FittedSystem(NamedTuple):
-    """A state-space system of the noise, fitted to `samples` samples, with the model of the offset."""
+    """A state-space model of the noise, with its offset, that was fitted to `samples` samples."""
 
     parts: Sequence[Part]
     samples: int
@@ -126,7 +126,7 @@ def fitted_system(parts: Sequence[Part], y: Array, h: float) -> FittedSystem:
 
 
 class Forecasts(NamedTuple):
-    """Predictions for the next n samples, computed from the state x and its covariance before them."""
+    """Predictions for the next n samples, from the noise model's state x before them and its covariance."""
 
     n: int
     heading: Ahead
@@ -248,7 +248,10 @@ def _errors(
 
 
 def _estimates(model: System, y: Array, begin: int, m: int) -> tuple[Array, Array, list[Array]]:
-    """Return origin, x and P of the tracker after begin, begin + m, begin + 2 m … samples of y."""
+    """Return what a tracker knows after begin, begin + m, begin + 2 m … samples of y.
+
+    The arrays are the constant that the tracker subtracts, its state x, and the covariances P of x.
+    """
     tracker = Tracker([None])
     tracker.set(0, model)
     tracker.take(y[:begin])

@@ -23,7 +23,7 @@ MOST_BRIDGED = 0.1
 If more samples are missing, the sampling rate may be wrong, and no gap is filled.
 """
 LONGEST_PREDICTION = 100
-"""Longest gap, in lost samples, across which FLTEA predicts, as `link.max_gap`.
+"""Longest gap, in lost samples, across which FLTEA predicts, as the setting `link.max_gap`.
 
 FLTEA restarts after a longer gap.
 """

@@ -51,7 +51,10 @@ def _walk(walk: OffsetWalkFound, plain: NavigationFilter, tracked: System) -> Sh
 
 
 def _slower(N: float, plain: NavigationFilter) -> tuple[tuple[float, float], ...]:
-    """Return the correlation times of states that raise the noise density, with the density from there on."""
+    """Return the correlation times of states that raise the noise density, from the fastest state on.
+
+    With each correlation time comes the density at averaging times that are longer.
+    """
     total, found = max(N, plain.N) ** 2, []
     for state in reversed(plain.gauss_markov):
         before, total = total, total + 2 * state.sigma**2 * state.tau_s

@@ -33,7 +33,9 @@ from fltea.stream.decode import Decoded, Decoder
 from fltea.wire.layout import SampleFlags
 
 MAX_GAP = 100
-"""Longest gap within an epoch, in samples, as `link.max_gap`; it only affects how gaps are counted."""
+"""Longest gap that does not begin a new epoch (a run of samples), in samples, as the setting `link.max_gap`.
+It only affects how gaps are counted.
+"""
 
 MOST_REPORTED = 5
 """Largest number of faults of a recording that are reported."""

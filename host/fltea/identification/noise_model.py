@@ -21,7 +21,7 @@ SHORTEST_CIRCLE = 1 << 16
 
 
 class Lorentzian(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A spectral line or resonance in addition to the parts.
+    """A spectral line or resonance that a noise model has in addition to its parts.
 
     It has a variance and a width at half height.
     """

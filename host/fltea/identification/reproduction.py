@@ -43,12 +43,12 @@ class Reproduction(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     ratio: tuple[float, ...]
     """Median ratio over records of the model's noise that are as long as the data."""
     low: tuple[float, ...]
-    """The 5 % quantile of the ratio over these records."""
+    """The 5 % quantile of the ratio over records of the model's noise."""
     high: tuple[float, ...]
-    """The 95 % quantile of the ratio over these records."""
+    """The 95 % quantile of the ratio over records of the model's noise."""
     within: tuple[bool, ...]
     """Whether the model is accepted: the median ratio is off from 1 by at most 10 %, or by at most four
-    standard deviations of the ratio over these records.
+    standard deviations of the ratio over records of the model's noise.
     """
     from_s: float | None
     to_s: float | None

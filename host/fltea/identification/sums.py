@@ -69,7 +69,7 @@ def octaves_of_stretches(stretches: Sequence[Stretch]) -> Octaves:
 def lines_of_stretches(
     stretches: Sequence[Stretch], sums: Octaves, h: float
 ) -> tuple[Periodogram, Drift | None]:
-    """Return the spectrum and the drift of the samples in stretches.
+    """Return the spectrum and the drift of the samples in stretches (runs of samples without a gap).
 
     `sums`: the running sums over all stretches.
 
@@ -87,12 +87,12 @@ def lines_of_stretches(
 
 
 def parts_of(stretches: Sequence[Stretch]) -> list[Parts]:
-    """Return the running sums of each stretch that is long enough for a spectrum."""
+    """Return the running sums of each stretch (samples without a gap) that is long enough for a spectrum."""
     return [octaves_of(one.y).parts(0) for one in stretches if len(one.y) >= SHORTEST]
 
 
 def lines_together(found: Sequence[Parts], h: float, longest: int) -> tuple[Periodogram, Drift | None]:
-    """Return the joint spectrum and drift of several stretches.
+    """Return the joint spectrum and drift of several stretches (runs of samples without a gap).
 
     `found`: the running sums of each stretch. `longest`: number of samples of the longest stretch.
 
@@ -110,7 +110,7 @@ def lines_together(found: Sequence[Parts], h: float, longest: int) -> tuple[Peri
 
 
 def drift_together(found: Sequence[Parts]) -> Drift | None:
-    """Return the mean drift power of several stretches.
+    """Return the mean drift power of several stretches (runs of samples without a gap).
 
     Each stretch is weighted by the number of amplitudes from which its drift power was computed.
     """
@@ -120,7 +120,7 @@ def drift_together(found: Sequence[Parts]) -> Drift | None:
 
 
 def one_a_depth(found: Sequence[Parts]) -> list[Parts]:
-    """Merge the running sums of stretches that have the same depth.
+    """Merge the running sums of stretches that have the same depth, which is the number of octaves.
 
     In stretches of the same depth, the lowest octaves have the same sampling rate. So their spectral
     ordinates can be merged, which leaves fewer of them.
@@ -143,7 +143,7 @@ def one_a_depth(found: Sequence[Parts]) -> list[Parts]:
 
 
 def on_one_grid(parts: Sequence[Lines]) -> Lines:
-    """Merge the spectral ordinates of stretches of different length.
+    """Merge the spectral ordinates of stretches (runs of samples without a gap) of different length.
 
     The longest stretch has the finest grid of frequencies. Ordinates that are nearest to the same frequency
     of this grid are averaged.

@@ -38,7 +38,7 @@ def tracked_drift_rate(tracked: FittedSystem, y: Array, h: float) -> Interval:
 
 
 def _weights(walk: OffsetWalk) -> Array:
-    """Return the probability of each random walk of the tracker, with `AS_LIKELY` as the prior of no walk."""
+    """Return the probability of each random walk of the tracker, if no walk has the prior `AS_LIKELY`."""
     stays = walk.steps == 0
     if not stays.any() or stays.all():
         return walk.weights
