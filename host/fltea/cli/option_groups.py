@@ -55,7 +55,7 @@ def flags_in_use(group: Any, *names: str) -> list[str]:
 
 def _flag(name: str, annotation: Any) -> str:
     option = next(one for one in get_args(annotation) if isinstance(one, OptionInfo))
-    # Typer stores the first name of an annotated option in its attribute `default`: the true default of such
-    # an option stands elsewhere.
+    # Typer stores the first name of an annotated option in its attribute `default`. So the option's true
+    # default is not there.
     names = (option.default, *(option.param_decls or ()))
     return next((text for text in names if isinstance(text, str)), "--" + name.replace("_", "-"))
