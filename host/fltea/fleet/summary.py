@@ -198,8 +198,8 @@ def table(
 ) -> tuple[int, list[Row]]:
     """Return the number of rows that match `words`, and `count` of these rows from index `begin` on, sorted.
 
-    `state:online` or `verdict:"too few samples"` must match the whole text of that column; other words may
-    stand anywhere in a row. Rows without a value in the column `sort` come last.
+    `state:online` or `verdict:"too few samples"` must match the whole text of that column; other words may be
+    anywhere in a row. Rows without a value in the column `sort` come last.
     """
     exact, anywhere = [], []
     for column, quoted, plain, term in _TERM.findall(words):
