@@ -82,7 +82,7 @@ class TrackerRules(NamedTuple):
     """Settings of a tracker; times are in samples, sizes in the unit of the samples.
 
     `ahead`: number of coming samples whose mean bias is estimated; 0 means the newest sample alone.
-    `checked`: numbers of later samples with whose mean the bias is compared. `largest_step`: a larger change
+    `checked`: the bias is compared with means of so many later samples. `largest_step`: a larger change
     within a second is motion, not a step. `largest_gravity_step`: a larger change of the accelerometer's
     samples within a second is motion. `still`: if a sensor at rest shows another value than its offset for
     this many samples, the value becomes the new offset. This holds only if `settles` is set, if the caller
@@ -150,10 +150,10 @@ class Remembered:
         return self.native.likelihoods(bare.numbers, more)
 
     def likelihood_of_walks(self) -> float:
-        """Return 2 log L of the samples for the bank of random walks.
+        """Return 2 log L of the samples for the bank of models (random walks).
 
-        The result is NaN if there are too few samples, or if the tracker has a noise model in place of the
-        bank.
+        A tracker uses the bank before it has a noise model. The result is NaN if there are too few samples,
+        or if the tracker has a noise model.
         """
         return self.native.of_walks()
 
