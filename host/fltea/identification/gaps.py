@@ -182,9 +182,9 @@ class _Drawn:
             open_[begin:end] = False
 
     def _rule(self, seen: Mask, at: int, count: int) -> tuple[Array, Array]:
-        """Return what the neighbours say about `count` lost samples.
+        """Return what the neighbours say about `count` lost samples; `seen` marks those that are not lost.
 
-        The result has two arrays: the weights of the neighbours in the mean, (count, seen), and a matrix root
+        The result has two arrays: the weights of the n neighbours in the mean, (count, n), and a matrix root
         of the covariance about this mean, (count, count).
         """
         key = bytes([at, count]) + seen.tobytes()
