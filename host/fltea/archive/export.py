@@ -100,7 +100,7 @@ def decode(source: Any, max_gap: Duration) -> Iterator[Decoded]:
 
 
 def _source(paths: Sequence[Path], limits: Limits, how: How) -> Any:
-    """Return the source of events for a recording of any format."""
+    """Return the source that reads a recording of any format and yields its samples and messages (events)."""
     if len(paths) == 1 and is_one_file(paths[0]):
         return ReplaySource(paths[0], how=how, limits=limits)
     return open_mcap(paths, f"replay:{paths[0]}", limits)()
