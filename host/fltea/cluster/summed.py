@@ -53,8 +53,8 @@ differ by less.
 class AxisSums(msgspec.Struct, frozen=True):
     """Sums over the samples of one sensor axis in one piece of a file.
 
-    `octaves`: running spectrum by octaves, as bytes (`Octaves.save`). `lines`: spectra of the piece in which
-    peaks are searched for.
+    `octaves`: running spectrum by octaves, as bytes (`Octaves.save`). `lines`: the piece's spectra, in which
+    spectral peaks are searched for.
     """
 
     unit: str
