@@ -190,7 +190,7 @@ def test_rates_less_their_bias_integrate_to_a_heading_that_is_as_far_off_as_is_s
     assert (np.diff(moved.bias_std[100:], axis=0) >= 0).all(), "of a prediction"
     off = (moved.rate - rate).sum(axis=0) / 100
     said = np.array([*live.heading_std(30.0).values()])
-    # with 24 axes, a σ that is right lies within these limits in 99.8 % of cases
+    # with 24 axes, this root mean square of error / σ is within these limits in 99.8 % of cases
     assert 0.6 < np.sqrt(np.mean((off / said) ** 2)) < 1.4
     assert (moved.bias_std[-1] > moved.bias_std[100]).all()
     assert (live.samples, live.fit(curves=False)["0"].left_out["lost"]) == (rest, turn)
@@ -271,8 +271,8 @@ def test_a_recording_is_its_axes(tmp_path: Path) -> None:
     assert (found.rate_hz, found.units["gyro_x"], found.counts.used) == (RATE_HZ, "deg/s", 1500)
     report = found.identify()
     alone = fltea.identify(found["gyro_x"], RATE_HZ, unit="deg/s", axis="gyro_x", lsb=1 / LSB_PER_DPS)
-    # The result of an axis from a file may differ in fields that contain the random walk of the offset, since
-    # the axes of a file may share one figure for it.
+    # Fields that contain the random walk of the offset may differ between an axis of a file and the same axis
+    # alone: the axes of a file may share one figure for this random walk.
     of_walk = ("now", "walk", "filter", "text", "details", "allan", "allan_curve")
     by_walk = dict.fromkeys(of_walk)
     both = report["gyro_x"], alone
@@ -287,7 +287,7 @@ def test_a_recording_is_its_axes(tmp_path: Path) -> None:
 
 
 def test_all_stretches_count_and_time_goes_on_in_gaps(tmp_path: Path) -> None:
-    """A gap of 300 samples after 1,000 samples gives two stretches. `fltea identify` reports the same."""
+    """A gap of 300 samples makes two stretches without a gap. `fltea identify` reports the same."""
     raw, seq = counts(2500), np.arange(2500) + np.where(np.arange(2500) >= 1000, 300, 0)
     path = npz(tmp_path / "a.npz", raw, time_s=seq / RATE_HZ, seq=seq, accel_raw=raw, accel_lsb_per_g=16384.0)
     found = fltea.open(path)

@@ -43,8 +43,9 @@ def public(kind: type) -> set[str]:
 
 
 def explained(kind: type) -> set[str]:
-    """Return those names of a class that have a docstring. The docstring of a field is the string after the
-    field.
+    """Return those names of a class that have a docstring.
+
+    A field's docstring is the string after the field.
     """
     found = set()
     for one in kind.__mro__:
