@@ -201,9 +201,9 @@ PARTS = 4
 @pytest.mark.long
 @pytest.mark.parametrize("part", range(PARTS))
 def test_every_option_takes_words_of_each_kind(part: int) -> None:
-    """Each option is tried with three words of different kinds, which are a third of the list `WORDS` apart.
-
-    The next option is tried with the next words in the list, so that every word is used equally often.
+    """Each option is tried with three words, which are a third of the list `WORDS` apart, so that they are of
+    different kinds. The next option is tried with the words that follow these three, so that every word is
+    used equally often.
     """
     found, n = lines(), len(WORDS)
     of_an_option = [found[k : k + n] for k in range(0, len(found), n)]

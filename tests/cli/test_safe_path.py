@@ -28,9 +28,10 @@ LATE = {
     "scipy",
     "socket",
 }
-"""Modules that `python -m` does not import by itself.
+"""Modules that only fltea or its libraries import.
 
-Python itself runs the other modules from the current folder, before fltea can prevent it.
+Python itself imports other modules when `python -m` starts. It takes these from the current folder before
+fltea can prevent that, so they are not in this list.
 """
 
 WORKERS = ["identify", "a.npz", "b.npz", "--jobs", "2"]
@@ -39,7 +40,9 @@ APART = ["info", "a.h5"]
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """Return a folder with two recordings of one format, and one for which fltea starts a reader process."""
+    """Return a folder with two .npz recordings and one HDF5 recording, which a separate process (the reader
+    process) reads.
+    """
     y = np.random.default_rng(1).standard_normal((3000, 3))
     for name in ("a", "b"):
         np.savez(tmp_path / f"{name}.npz", gyro_dps=y, fs_hz=100.0)
