@@ -160,7 +160,8 @@ def test_a_range_comes_whole_or_not_at_all(
     address = urlsplit(os.environ["AWS_ENDPOINT_URL"]).netloc
     with web_server(partial(Between, address)) as between, monkeypatch.context() as patch:
         patch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{between.server_port}")
-        # otherwise the cached file system object would still use the server's own address, without the proxy
+        # The program caches file systems. A cached one would still use the server's own address, without the
+        # proxy.
         type(server).clear_instance_cache()
         patch.setattr(Between, "lie", staticmethod(lie))
         (error,) = errors_of(list(files_of([URL])), PIECES, tmp_path / "v.parquet")

@@ -152,8 +152,9 @@ def test_a_web_file_of_which_nothing_tells_a_change_is_read_in_one_answer(tmp_pa
 
 
 def test_a_file_of_this_machine_that_is_written_anew_has_changed(tmp_path: Path) -> None:
-    """A local file that is written anew counts as changed. A local file that has only grown does not, because
-    its earlier content is still there.
+    """A local file that is written anew counts as changed.
+
+    A local file to which more was appended does not, because its earlier content is still there.
     """
     path = tmp_path / "a.npy"
     np.save(path, white(N, 1, 3)[0])

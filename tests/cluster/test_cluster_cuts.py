@@ -168,7 +168,8 @@ def test_lines_of_text_stay_whole(tmp_path: Path, lines: list[str], block_bytes:
 def test_pieces_are_even(lengths: list[int], block: int) -> None:
     """The pieces contain all samples, in order.
 
-    No piece is longer than a block plus the longest of the parts that must not be divided.
+    `block`: the intended length of a piece. `lengths`: lengths of the parts that must not be divided. No
+    piece is longer than `block` plus the longest part.
     """
     places = [0, *np.cumsum(lengths).tolist()]
     pieces = even_pieces(places[:-1], places[-1], block)

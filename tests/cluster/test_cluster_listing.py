@@ -64,7 +64,10 @@ def test_patterns(lab: Path, pattern: str, found: list[str]) -> None:
 
 @pytest.mark.parametrize("name", ["a.mcap", "x/link.csv"])
 def test_a_file_that_changes_has_another_stamp(lab: Path, name: str) -> None:
-    """If a file changes, its stamp changes, and so does the stamp of a link to it."""
+    """If a file changes, its stamp changes, by which later runs notice the change.
+
+    The stamp of a link to the file changes, too.
+    """
     (lab / "x" / "link.csv").symlink_to(lab / "a.mcap")
     before = {file.url: file for file in files_of([str(lab)])}[f"{lab}/{name}"]
     os.utime(lab / "a.mcap", (1, 1))

@@ -24,9 +24,11 @@ from tests.rig.identify_support import long_recursion, white
 N = 1 << 16
 NOISE = 0.05 * white(N, 1, 1)[0] + 0.05 * long_recursion(0.6, -0.19, N, 2)
 TOLERANCE = 0.5
-"""Largest difference between the value from pieces and the value from the whole file, in half-widths of a 95
-% interval, for pieces of at least 16,384 samples. Of 36 noises the largest difference is 0.33. A block of 64
-MB, the usual size of a piece, has a hundred times as many samples.
+"""Largest permitted difference between the value from pieces and the value from the whole file, for pieces of
+at least 16,384 samples. The unit is half the width of a 95 % interval.
+
+Among 36 noises the largest difference is 0.33. A block of 64 MB, the usual size of a piece, has a hundred
+times as many samples.
 """
 FEW = 1 << 12
 SHORT = 0.05 * white(FEW, 1, 3)[0] + 1.5
@@ -139,7 +141,7 @@ def test_a_piece_without_a_number_is_a_gap(tmp_path: Path) -> None:
 
 
 class Dying(Here):
-    """Workers that die when they get the task `fatal`, but only the first `times` times.
+    """Workers that die when they get the task `fatal`, up to `times` times.
 
     They accept no further task until `renew` is called.
     """

@@ -141,8 +141,9 @@ def test_more_than_was_stated(disk: Path, tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("disk")
 def test_more_than_fits() -> None:
-    """If a file is larger than the disk, nothing of it is copied, and the row is not final: another worker or
-    another TMPDIR may have enough room.
+    """If a file is larger than the free disk space, nothing of it is copied.
+
+    A later run tries it again, since another worker or another TMPDIR may have enough room.
     """
     with endless(10**15) as (url, sent):
         (row,) = identify_file(next(files_of([url])), ASK)
