@@ -65,7 +65,9 @@ def ours():
 
 @pytest.fixture(scope="module")
 def by_edges(tmp_path_factory):
-    """Return fltea's image in data_ready mode, in the form in which `make firmware` leaves it in build/."""
+    """Return fltea's image that reads the sensor at each edge of its data-ready pin, as `make firmware`
+    builds it.
+    """
     folder = tmp_path_factory.mktemp("data_ready")
     build("data_ready", folder)
     return folder / "fltea_due.bin"
@@ -211,9 +213,9 @@ def test_a_reset_may_come_at_any_moment_of_a_sampling_period(ours):
         (("uart_loss at=1.25 count=100",), range(275, 291), range(2)),
         (("uart_loss at=1.5 probability=1 for=2",), range(275, 291), range(149, 152)),
         (("uart_loss probability=1 for=0.995",), range(275, 291), range(75, 92)),
-        # The host gets samples until the main loop stops at 1 s. The sampling instants until the watchdog's
-        # reset are due, but no sample of them is heard. The boot after the port is reopened at 2.5 s is
-        # short.
+        # The host gets samples until the main loop stops at 1 s. Until the watchdog resets the board,
+        # sampling instants are due, but their samples are neither sent nor counted as lost. The boot after
+        # the port is reopened at 2.5 s is short.
         (("watchdog_starvation at=1 for=1.2", "port_reopen at=2.5"), range(215, 240), range(95, 105)),
     ],
 )

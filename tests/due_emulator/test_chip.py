@@ -14,7 +14,7 @@ from tools.due_emulator.noise import Constant
 def test_reset_values():
     chip = Mpu9250(Constant())
     values = [chip.read_block(r, 1)[0] for r in range(128)]
-    # By section 3 of the register map, all registers except these are 0 after a reset.
+    # All registers except these two are 0 after a reset (MPU-9250 register map RM-MPU-9250A-00, section 3).
     assert values[0x6B] == 0x01
     assert values[0x75] == 0x71
     assert [r for r, v in enumerate(values) if v] == [0x6B, 0x75]
@@ -37,7 +37,7 @@ def test_mpu6050_sleeps_after_reset_and_lacks_accel_config_2():
     chip.write_register(0x1D, 0x01)
     chip.write_register(0x1B, 0x1B)
     assert chip.read_block(0x1D, 1) == b"\x00"
-    assert chip.read_block(0x1B, 1) == b"\x18"  # The MPU-6050 has no bits FCHOICE_B, either.
+    assert chip.read_block(0x1B, 1) == b"\x18"  # The MPU-6050 also lacks the bits FCHOICE_B.
     chip.advance(20 * MS)
     # The MPU-6050's counts of temperature at 25 °C are (25 - 36.53) * 340 = -3920.2.
     assert words(chip.read_block(0x3B, 14)) == [0, 0, 16384, -3920, 16, 0, 0]
@@ -71,7 +71,9 @@ def test_saturates_at_both_ends():
 @pytest.mark.parametrize(
     ("who", "fchoice", "dlpf", "divider", "hz"),
     [
-        (0x71, 0, 0, 9, 8000),  # The divider SMPLRT_DIV only divides an internal rate of 1 kHz (register 25).
+        # The divider SMPLRT_DIV only divides an internal rate of 1 kHz (register map RM-MPU-9250A-00,
+        # register 25).
+        (0x71, 0, 0, 9, 8000),
         (0x71, 0, 1, 9, 100),
         (0x71, 0, 1, 0, 1000),
         (0x71, 0, 6, 255, 1000 / 256),
@@ -107,7 +109,7 @@ def test_a_burst_is_of_one_instant_and_single_reads_may_tear(fifo):
     chip.advance(7_900_000)
     assert chip.write(0x3B)
     chip.advance(8 * MS)
-    # After a repeated START, the bus is still busy, so the registers keep their values.
+    # The read continues after a repeated START without a STOP between, so the registers keep their values.
     assert chip.start(0x68, True)
     data = b""
     for i in range(14):
@@ -158,7 +160,7 @@ def test_reset_takes_its_time():
     assert chip.read_block(0x75, 1) == b"\x71"  # the chip answers during its reset
     chip.advance(1012 * MS)
     assert chip.read_block(0x6B, 1) == b"\x81"  # the bit H_RESET is still set
-    chip.write_register(0x1B, 0x18)  # too early, so the write will be lost
+    chip.write_register(0x1B, 0x18)  # written during the reset, so it will be lost
     chip.advance(1094 * MS)
     assert chip.read_block(0x1B, 1) == b"\x18"
     chip.advance(1096 * MS)
@@ -175,7 +177,7 @@ def test_power_up_takes_its_time():
         chip.read_block(0x75, 1)
     chip.advance(1012 * MS)
     assert chip.read_block(0x6B, 1) == b"\x01"  # no reset was requested
-    chip.write_register(0x1B, 0x18)  # too early, so the write will be lost
+    chip.write_register(0x1B, 0x18)  # written before the chip is ready, so it will be lost
     chip.advance(1096 * MS)
     assert chip.read_block(0x19, 5) == bytes(5)
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from tests.rig.chip_support import MS, Ramp, running, words
 from tools.due_emulator.noise import Fractional
 
-# Tests of the data-ready flag and the INT pin: registers 55, 56 and 58
+# Tests of the data-ready flag and the INT pin (register map RM-MPU-9250A-00, registers 55, 56 and 58)
 
 
 def test_any_read_clears_the_flag_if_asked_to():
@@ -84,7 +84,7 @@ def test_time_does_not_run_backwards():
         chip.advance(4)
 
 
-# Tests of the FIFO: registers 35, 106 and 114 to 116
+# Tests of the FIFO (register map RM-MPU-9250A-00, registers 35, 106 and 114 to 116)
 
 
 def filling(sources, *arguments, **options):
@@ -125,10 +125,11 @@ def test_fifo_count_is_latched_by_its_high_byte():
     [(0x71, 0x01, 256, 5), (0x71, 0x41, 256, 1), (0x68, 0x01, 512, 5), (0x68, 0x41, 512, 5)],
 )
 def test_fifo_overflow(who, mode, samples, first):
-    """Each sample has two bytes, and `samples` samples fit into the FIFO.
+    """Each sample has two bytes, and `samples` samples fit into the FIFO. Four more samples overflow it.
 
-    `first`: the oldest sample in the FIFO after 4 samples too many. A full FIFO of an MPU-6050 always drops
-    the oldest samples, and that of an MPU-9250 drops the newest if the bit 0x40 is set.
+    `first`: the oldest sample that is then in the FIFO. An MPU-6050 always drops its oldest samples. An
+    MPU-9250 does so, too, unless the bit FIFO_MODE (0x40 of its register CONFIG) is set: it then drops the
+    newest samples.
     """
     chip = filling(0x10, Ramp(), dlpf=mode, who_am_i=who)
     chip.advance(samples * MS)
@@ -225,8 +226,9 @@ def test_any_sequence_keeps_the_invariants(steps, who):
 
 @given(st.lists(st.integers(1, 40_000_000), min_size=1, max_size=20))
 def test_how_often_time_is_advanced_changes_nothing(steps):
-    """However often the time of the model is advanced, its registers are the same. In long steps it skips
-    updates.
+    """However often the time of the chip model is advanced, its registers are the same.
+
+    When the time advances by much at once, the model skips updates of the registers.
     """
     noise = NoiseSettings(window=10)
     often, seldom = (running(Fractional(noise), divider=3) for _ in range(2))

@@ -228,7 +228,7 @@ def test_without_a_compiler_it_says_what_is_missing(command, reason, tmp_path, m
 
 
 COMPUTE = " ldr r6, =300\n1: subs r6, #1\n bne 1b\n"
-"""A loop that makes no access for so long that the fast processor of the emulator takes over."""
+"""A loop that accesses no peripheral for so long that the emulator changes to its fast processor."""
 
 
 @pytest.mark.parametrize(("text", "reason"), FORBIDDEN)

@@ -1,8 +1,8 @@
-"""Tests that forbidden uses of peripherals end a run. One table has those of the board's peripherals, another
-those of the TWI.
+"""Tests that forbidden uses of peripherals end a run.
 
-A row of a table can have steps before the forbidden access. A step is a write (peripheral, register, value),
-a time to pass in ms, or a function of `machine_support`.
+One table has the forbidden uses of the I²C controller (TWI), another those of all other peripherals. A row of
+a table can have steps before the forbidden access. A step is a write (peripheral, register, value), a time to
+pass in ms, or a function of `machine_support`.
 """
 
 import pytest
@@ -78,7 +78,7 @@ def play(board, steps):
             for first, second in ((3, 4), (4, 3), (0, 4), (4, 0))
         ),
         ([full_speed], "EFC0", "FMR", 1 << 8, "FWS is 1, good for 34 MHz"),
-        # Rows about the clocks of peripherals, and about keys
+        # Rows about the clocks of peripherals, and about the keys that protect registers from writing
         ([("PMC", "PCDR0", 1 << 7)], "PMC", "PCER0", 1 << 7, "do not exist"),
         ([("PMC", "PCDR0", 1 << 2)], "PMC", "PCER0", 1 << 2, "do not exist"),
         ([("PMC", "PCDR1", 1 << 13)], "PMC", "PCER1", 1 << 13, "do not exist"),

@@ -7,8 +7,8 @@ from tools.due_emulator.function_profile import Profile, functions_of
 
 CALLS = (FOLDER / "calls.S").read_text(encoding="utf-8")
 LEAF = 2 + 1000 * 5 + 1
-"""Number of instructions of the function `leaf`. Instructions that a condition disables count, too, since
-they take a cycle.
+"""Number of instructions of the function `leaf`, which includes those that a condition disables, since they
+take a cycle, too.
 """
 
 

@@ -171,6 +171,7 @@ def test_priorities_groups_and_basepri_decide():
     nvic.enter(low)
     nvic.pend(high)
     assert nvic.urgent() == high
-    # Only bits 7 to 5 of a priority decide about preemption, so 0x50 and 0x40 count as equal.
+    # Only bits 7 to 5 of a priority decide whether one interrupt preempts another, so 0x50 and 0x40 count as
+    # equal.
     nvic.priority_group = 4
     assert nvic.urgent() is None

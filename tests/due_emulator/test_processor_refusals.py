@@ -60,7 +60,7 @@ def _same_on_both(text, seconds=0.01):
 @pytest.mark.parametrize("instruction", _each(SEVERAL_WORDS))
 def test_several_words_at_an_address_that_is_no_multiple_of_4_end_the_run(instruction):
     """Access to several words at an address that is not aligned is always a UsageFault, whatever the register
-    CCR says (ARMv7-M, A3.2.1).
+    CCR says (ARMv7-M Architecture Reference Manual, A3.2.1).
     """
     assert WORDS in _same_on_both(f"{ODD}{COMPUTE}{instruction}")
 
@@ -130,8 +130,8 @@ def test_a_division_by_zero_ends_the_run_if_the_program_asked_for_that(division)
 
 @pytest.mark.parametrize("jump", ["bx r0", "blx r0", "push {r0}\n pop {pc}", "push {r0}\n ldr pc, [sp]"])
 def test_a_jump_without_the_thumb_bit_is_said_to_be_one(jump):
-    """The jump leaves the Thumb state, so the instruction after it is a UsageFault (INVSTATE: ARMv7-M,
-    B1.4.2).
+    """The jump leaves the Thumb state, so the instruction after the jump is a UsageFault of the kind INVSTATE
+    (ARMv7-M Architecture Reference Manual, B1.4.2).
     """
     reason = _same_on_both(f"{COMPUTE}adr r0, 1f\n{jump}\n nop\n.align 2\n1: nop")
     assert "jump to an address without bit 0" in reason
@@ -142,8 +142,9 @@ def test_faultmask_is_not_passed_over_in_silence():
 
 
 def test_an_exception_that_returns_out_of_thumb_is_found():
-    """The handler clears the T bit in the PSR that lies on the stack. On a real board, the instruction after
-    the return from the handler faults.
+    """The handler clears the T bit of the status register that the interrupt has saved on the stack.
+
+    On a real board, the instruction after the return from the handler faults.
     """
     reason = fault_of(
         "store 0xE000ED04, 0x04000000\n nop\n wait_forever\nbad: ldr r1, [sp, #28]\n bic r1, #1 << 24\n"

@@ -143,9 +143,9 @@ def test_a_board_whose_flash_was_erased_does_not_run(capsys):
 
 
 def told_of(speed, for_s, step_s=0.02):
-    """Return times and texts of the warnings that the emulator gives for a board of a given speed.
+    """Return times and texts of the emulator's warnings, for a board that is emulated at a given speed.
 
-    `speed(real_s)`: speed of the emulation relative to real time, as a function of real time [s].
+    `speed(real_s)`: ratio of emulated time to real time, as a function of real time [s].
     """
     pace, real_s, board_s, found = Pace(), 0.0, 0.0, []
     while real_s < for_s:

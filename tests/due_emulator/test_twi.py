@@ -1,5 +1,7 @@
-"""Tests of the TWI as a master, by the SAM3X datasheet, chapter 33. Expected times are computed by hand from
-the bits on the wires.
+"""Tests of the I²C controller (TWI) as a master.
+
+Its behaviour is that of the SAM3X datasheet, chapter 33. Expected times are computed by hand from the bits on
+the wires.
 """
 
 import pytest
@@ -44,8 +46,8 @@ def test_reads_and_writes_registers(board):
 
 @pytest.mark.parametrize(
     ("n", "bits"),
-    # By hand: START, address, register, START and address take 1 + 9 + 9 + 1 + 9 bits, each byte that is read
-    # takes 9, and STOP takes 1.
+    # By hand, in bits: START 1, address 9, register 9, repeated START 1, address 9, each byte that is read 9,
+    # STOP 1.
     [(1, 39), (5, 75), (14, 156), (20, 210)],
 )
 def test_a_read_takes_its_time_on_the_wires(board, n, bits):
@@ -141,8 +143,9 @@ def test_a_write_waits_for_its_stop(board):
 
 
 def test_scl_waits_until_rhr_is_read(board):
-    """The controller holds SCL until the received byte is read from RHR. So no overrun occurs: the second
-    byte does not end before the first is read (33.8.5).
+    """The controller holds the clock wire SCL until the program reads the received byte from the register
+    RHR. So no overrun occurs: the second byte does not end before the first is read (SAM3X datasheet, section
+    33.8.5).
     """
     board.begin_read(0x75, START)
     assert board.wait_for(RXRDY)
@@ -155,9 +158,9 @@ def test_scl_waits_until_rhr_is_read(board):
 
 @pytest.mark.parametrize(
     ("fetched", "waits"),
-    # While the last byte waits in RHR, the controller holds SCL low in the last bit of the next byte, from
-    # 7.5 bits after the end of the byte in RHR. After RHR is read, half a bit and the acknowledge follow.
-    # `fetched`: when RHR is read; `waits`: how long SCL is held; both in bits.
+    # While the last byte waits in the register RHR, the controller holds SCL low in the last bit of the next
+    # byte. It does so from 7.5 bits after the end of the byte in RHR. After RHR is read, half a bit and the
+    # acknowledge follow. `fetched`: when RHR is read; `waits`: how long SCL is held; both in bits.
     [(0.4, 0), (7.4, 0), (7.6, 0.1), (8.2, 0.7), (30, 22.5)],
 )
 def test_scl_waits_on_the_last_bit_for_as_long_as_rhr_is_full(board, fetched, waits):

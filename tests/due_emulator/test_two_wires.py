@@ -1,6 +1,5 @@
-"""Tests of the two wires of the I²C bus, edge by edge, and of the controller TWI in unusual cases.
-
-In these cases a wire is held, the pins are assigned to something else, or the sensor vanishes.
+"""Tests of the two wires of the I²C bus, edge by edge, and of the I²C controller (TWI) in unusual cases: a
+wire is held, the pins are assigned to something else, or the sensor vanishes.
 """
 
 import pytest
@@ -89,7 +88,7 @@ def test_stuck_for_good():
         (0x80, 1, 7),
         (0x01, 3, 4),
         (0xFF, 0, 0),
-        (0xF0, 2, 0),  # The bit at which the sensor was cut off is a 1, so SDA is not held.
+        (0xF0, 2, 0),  # The bit at which the sensor was cut off is a 1, so the sensor does not hold SDA low.
     ],
 )
 def test_sensor_cut_off_in_a_byte_holds_sda_by_its_bits(byte, bits, clocks):
@@ -201,7 +200,7 @@ def test_cut_off_in_mid_byte_leaves_the_sensor_holding_sda(board, how):
     The zero bits of the value hold SDA low until eight falling edges of SCL have passed.
     """
     board.begin_read(0x19, START | STOP)
-    board.wait_us(29 * 2.5 + 3 * 2.5 + 1)  # until the fourth bit of the first byte that is read
+    board.wait_us(29 * 2.5 + 3 * 2.5 + 1)  # until the fourth bit of the first byte that the controller reads
     match how:
         case "SWRST":
             board.twi.write("CR", SWRST)

@@ -98,8 +98,8 @@ def test_the_pdc_sends_a_block_and_the_next_one_behind_it(board, line):
     uart.write("PTCR", 1 << 8)
     assert uart.read("PTSR") & 1 << 8
     board.machine.advance(BYTE_PS)
-    # One byte is sent, the second is on the wire, and the third is in the UART's holding register. So the PDC
-    # has handed over all bytes of its first block.
+    # One byte is sent, the second is on the wire, and the third is in the UART's holding register. So the DMA
+    # controller (PDC) has handed over all bytes of its first block.
     assert uart.read("SR") & (ENDTX | TXBUFE) == ENDTX
     assert (uart.read("TPR"), uart.read("TCR"), uart.read("TNCR")) == (RAM_BASE + 5, 2, 0)
     board.machine.advance(4 * BYTE_PS)
@@ -114,8 +114,8 @@ def test_a_block_stops_the_program_where_a_flag_changes_and_each_byte_has_its_mo
     uart.write("TPR", RAM_BASE)
     uart.write("TCR", 5)
     uart.write("PTCR", 1 << 8)
-    # The UART has room for two bytes in its registers. So the PDC fetches the fifth byte when the third has
-    # been sent.
+    # The UART has room for two bytes in its registers. So the DMA controller (PDC) fetches the fifth byte
+    # when the third has been sent.
     assert machine.next_event_ps == begun_ps + 3 * BYTE_PS
     machine.advance(BYTE_PS)
     uart.write("TCR", 2)
