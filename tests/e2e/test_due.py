@@ -63,7 +63,7 @@ def test_its_steps_and_its_rate(quiet: DueRun) -> None:
     first, last = run.samples[0], run.samples[-1]
     rate_hz = (last.seq - first.seq) / (last.device_us - first.device_us) * 1e6
     assert rate_hz == pytest.approx(100.0, rel=1e-4)
-    # The clock of the emulated device is exact, so the rate by the device's clock is also the rate by the
+    # The emulated device's clock is exact, so the sampling rate is the same by the device's clock as by the
     # emulator's time.
     arrivals = run.of(wire.Sample)
     true_hz = (last.seq - first.seq) / (arrivals[-1].at_s - arrivals[0].at_s)

@@ -79,10 +79,7 @@ def to_next_tick_ps(run: DueRun) -> int:
 
 
 def end_of_transfer_ps(run: DueRun) -> int:
-    """Return the time until the PDC has sent the bytes of the UART that it was given [ps].
-
-    Return 0 if the PDC has no bytes to send.
-    """
+    """Return the time until the UART's DMA controller (PDC) has sent all its bytes [ps]; 0 if it has none."""
     left = run.board.uart.registers["TCR"]
     return (left + 2) * BITS_PER_BYTE * PS_PER_S // wire.BAUD if left else 0
 
@@ -99,10 +96,10 @@ def between_transfers(time_ps: Callable[[DueRun], int]) -> Callable[[DueRun], in
 class Stretch(NamedTuple):
     """How a test lets interrupts come at every instruction of one function of the program.
 
-    `takes_ps`: returns for how long the processor is stopped before an instruction, which is either the time
-    that handlers take or the time until an interrupt comes that uses the same data as the function. 0 stands
-    for no interrupt now. `times`: number of interrupts at each instruction. `for_s`: time to wait for the
-    instruction to run [s].
+    `takes_ps`: returns for how long the test stops the processor before an instruction; 0 means that no
+    interrupt comes now. The time is that of the interrupt handlers, or the time until an interrupt comes that
+    uses the same data as the function. `times`: number of interrupts at each instruction. `for_s`: time to
+    wait for the instruction to run [s].
     """
 
     takes_ps: Callable[[DueRun], int]
@@ -127,8 +124,8 @@ def interrupted(run: DueRun, address: int, stretch: Stretch) -> int:
 
     def come() -> None:
         nonlocal came, end_s
-        # While interrupts are disabled (PRIMASK), none can come before this instruction. Another test is
-        # about the code that disables interrupts.
+        # While interrupts are disabled (PRIMASK), none can come before this instruction. The code that
+        # disables interrupts is tested separately.
         if not cpu.masked and came < stretch.times and (takes_ps := stretch.takes_ps(run)):
             came, end_s = came + 1, run.board.now_s + takes_ps / PS_PER_S
             cpu.hang(takes_ps)
@@ -210,11 +207,11 @@ def test_what_is_shared_with_a_handler_is_used_under_a_lock(name: str, symbols: 
 
 
 class Wrap(NamedTuple):
-    """A variable of the program that is about to wrap at 2^32.
+    """A number of the program that is about to wrap at 2^32.
 
-    `variables`: values that variables get when the program begins. `counter`: whether the timer's counter
-    also wraps. The counter wraps together with the clock or, if the clock's wrap is far away, 2 s after the
-    start.
+    `variables`: variables to change when the program begins, with their new values. `counter`: whether the
+    timer's counter also wraps. The counter wraps together with the clock or, if the clock's wrap is far away,
+    2 s after the start.
     """
 
     variables: dict[str, int]

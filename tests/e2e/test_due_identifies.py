@@ -98,7 +98,7 @@ def test_status_says_what_it_costs() -> None:
     assert all(500 < status.longest_step < 2_000 for status in estimating)
     estimator = run.of(wire.Estimator)[-1].frame.message
     assert estimator.skipped == 0
-    # The longest processing of one sample of one axis is the one that begins the spectra.
+    # Of all samples of an axis, the one that begins the spectra takes the longest to process.
     assert 150 < estimator.longest_axis < 1000
 
 
@@ -139,7 +139,7 @@ def test_alone_its_estimates_are_what_is_published() -> None:
 
 FIRST_FIT_S = 31.0
 AHEAD = 100
-"""Number of future samples, those of one second, over which the tracker's bias is averaged."""
+"""Number of future samples over which the tracker averages the bias that it predicts: those of one second."""
 
 
 def steps(run: DueRun, but_at_s: float = -1.0) -> set[int]:
@@ -175,8 +175,8 @@ def track_as_a_pc_does(run: DueRun, fit_at: Arrival) -> list[wire.Estimate]:
     untracked = [one for one in sent if not one.flags & wire.EstimateFlags.TRACKED]
     assert {one[-4:] for one in untracked} == {(0.0,) * 4}
     assert tracked[0].sample - untracked[-1].sample == 10
-    # The tracker has begun at some sample between the last ESTIMATE without tracker and the first one with
-    # it. The messages do not say at which sample.
+    # The tracker began at some sample between the last ESTIMATE without bias and the first ESTIMATE with one.
+    # The messages do not say at which sample, so the loop tries each.
     wanted = [one[-4:] for one in tracked]
     found = []
     for begin in range(untracked[-1].sample - first + 1, tracked[0].sample - first + 1):

@@ -34,9 +34,8 @@ def session_of(leader: int) -> list[int]:
 def test_the_chain_publishes_what_the_engine_gives_on_the_quantised_noise(
     processes: Processes, tmp_path: Path
 ) -> None:
-    """Each estimate is equal in every bit to that of an estimator that gets the samples directly.
-
-    The samples of the compared estimates pass through sensor, I2C, firmware, UART, port and daemon.
+    """Estimates from samples that pass through sensor, I2C, firmware, UART, port and daemon are equal in
+    every bit to those of an estimator that gets the same samples directly.
     """
     link = tmp_path / "due"
     board = subprocess.Popen(

@@ -62,7 +62,7 @@ def test_a_silence_that_was_the_boards_own_is_no_fault_of_the_daemon(board: Boar
 
 
 def records(board: Board, *, without: tuple[int, ...] = ()) -> list[dict[str, Any]]:
-    """Return the records that a daemon would write, with statistics, if it received all samples except those
+    """Return the records and statistics that a daemon would write if it received all samples except those
     with the indexes `without`.
     """
     found: list[dict[str, Any]] = [{"class": "epoch", "epoch": 1, "boot_id": 1}]

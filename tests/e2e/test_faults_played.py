@@ -21,7 +21,8 @@ from tools.faults.outcome import LOST, Outcome
 from tools.faults.program import Skip
 
 AT_ONCE = {"daemon": 5, "fleet": 1, "ingest": 1}
-"""Parts of the system whose faults are played here, and how many faults of a part at a time.
+"""Parts of the system whose faults are played here, each with how many of its faults are played at a time.
+
 tests/e2e/test_due_faults.py plays the board's faults. Those of a cluster are in tests/cluster.
 """
 SERVERS = {"fleet": ("mosquitto",), "ingest": ("nats-server", "mosquitto")}

@@ -1,5 +1,5 @@
-"""Tests of workers with a NATS server that forbids something, or in which somebody has changed streams or
-leases.
+"""Tests of workers with a NATS server that forbids something, or in which somebody has changed the streams of
+messages or the leases (which show which worker reads which messages).
 """
 
 from typing import Any
@@ -84,10 +84,10 @@ def test_a_stream_that_cannot_be_pulled_from_is_told_once(
 
 @pytest.mark.parametrize("lease", [b'{"owner":"","done":-5}', b'{"owner":"","done":99999999999}'])
 def test_a_lease_that_lies_ends_no_partition(lease: bytes, server: Servers, start: Start) -> None:
-    """The lease of a partition contains a message number that cannot be right.
+    """The lease of a partition (a share of the devices) stores the number of the last message that was
+    processed. Here this number is wrong: no message has it, or it belongs to another stream.
 
-    Either no message can have this number, or it is a number of another stream. All messages in the stream
-    are then read.
+    The worker then reads all messages in the stream.
     """
     one = server()
     first = start(one)

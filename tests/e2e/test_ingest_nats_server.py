@@ -61,7 +61,9 @@ ELSEWHERE = 'mappings { "fltea.*.frames": "elsewhere.{{wildcard(1)}}" }'
 def test_a_server_that_is_not_as_it_has_to_be_is_told(
     options: dict[str, str], kind: str, text: str, server: Servers, start: Start
 ) -> None:
-    """If the server's mapping is wrong, the error contains the line that has to be in its settings."""
+    """If the server does not map names of devices to partitions (shares of the devices) as it should, the
+    error contains the line that its settings need.
+    """
     worker = start(server(**options))
     wait_until(lambda: bool(worker.told), "word of it")
     assert text in worker.texts(kind)
@@ -204,7 +206,8 @@ def test_a_server_killed_before_it_read_all_is_a_lost_connection_and_no_tracebac
 def test_messages_that_came_while_a_lease_had_lapsed_come_again_in_their_order(
     serving: tuple[Server, Worker],
 ) -> None:
-    """A worker was suspended and could not renew its lease.
+    """A worker was suspended, so it could not renew its lease, which lets it process a partition (a share of
+    the devices).
 
     Meanwhile no other worker took the partition, so this worker goes on with it.
     """
@@ -241,7 +244,8 @@ def test_messages_that_came_while_a_lease_had_lapsed_come_again_in_their_order(
 
 
 def test_snapshots_are_used_whatever_the_clocks_of_their_workers_said(server: Servers, start: Start) -> None:
-    """The time in one of the snapshots is an hour ahead, as if the clock of its worker were wrong.
+    """The time in the snapshot of the second device's state is an hour ahead, as if the clock of its worker
+    were wrong.
 
     The snapshot of a third device was written and deleted again.
     """

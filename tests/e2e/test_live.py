@@ -90,8 +90,8 @@ def test_unplugged_and_back(processes: Processes, port: Path) -> None:
     device.stop()
     assert "unplugged" in stderr
     assert daemon.of("stats")[-1]["link"]["reconnects"] == 1
-    # Both simulated devices have the boot number 1 and the same id, so only sequence number and time
-    # distinguish them.
+    # Both simulated devices report their first boot (number 1) and the same id, so only sequence number and
+    # time distinguish them.
     assert daemon.of("epoch")[1]["reason"] in ("restart", "discontinuity")
 
 
@@ -116,8 +116,8 @@ def unread(*arguments: str) -> Iterator[tuple["subprocess.Popen[bytes]", int]]:
 def test_a_signal_ends_a_run_whose_output_nobody_reads(port: Path, processes: Processes) -> None:
     processes.stand_in(port)
     with unread("-s", f"serial:{port}", "--samples") as (_, pipe):
-        # A write that does not fit into the rest of a page of the pipe begins a new page. So up to a quarter
-        # of each page stays empty.
+        # If a write does not fit into the rest of a page of the pipe, it begins a new page. So up to a
+        # quarter of each page stays empty.
         wait_until(lambda: _in_pipe(pipe) > 45_000, "the pipe to be full")
 
 
@@ -126,7 +126,8 @@ def test_a_signal_ends_a_run_that_waits_for_its_reader_at_its_end() -> None:
     """The command reads and queues all samples, while nothing reads the rest of its output."""
     with unread("-s", "synthetic:?n=1000", "--pace", "fast", "--once") as (run, pipe):
         wait_until(lambda: _in_pipe(pipe) > 30_000, "the pipe to fill")
-        time.sleep(0.5)  # by then all samples are processed, which cannot be observed from outside
+        # By then all samples are processed. The test has to wait, since this cannot be observed from outside.
+        time.sleep(0.5)
         assert run.poll() is None
 
 

@@ -259,7 +259,7 @@ def test_topic_that_the_access_list_forbids_is_told_once(
     text = driven.until_told("broker_refused")
     assert "access list" in text
     assert "fltea/a0/#" in text
-    # mosquitto 2.0.11 closes the connection after each of these messages
+    # mosquitto 2.0.11 closes the connection after each message that the access list forbids
     driven.until(lambda: driven.sink.lost == 2, "the end of both")
     assert driven.kinds().count("broker_refused") == 1
 

@@ -30,7 +30,9 @@ SIZES = [(1280, "light"), (1280, "dark"), (390, "light"), (390, "dark")]
 
 @pytest.fixture(scope="module")
 def sink() -> Iterator[DashboardSink]:
-    """Serve two devices: one with known noise, and one that estimates and whose clock is slow."""
+    """Serve two devices: one with known noise, and one that computes estimates itself and whose clock is
+    slow.
+    """
     made = DashboardSink(
         DashboardConfig(address=0, visitors=200), {"due": "host", "own": "both"}, lambda *a: None
     )
@@ -60,9 +62,9 @@ def as_of(record: AnyRecord, begin_ns: int, device: str = "due") -> AnyRecord:
 
 @pytest.fixture(scope="module")
 def seen(sink: DashboardSink, chromium: Browser) -> Iterator[Watched]:
-    """Return a page that all tests share and do not close.
+    """Return a browser page that all tests share and leave open.
 
-    Each test leaves the page as it was, with nothing expanded.
+    Each test leaves it as it was, with nothing expanded.
     """
     one = Watched(chromium, sink.url)
     one.wait("document.querySelectorAll('.axis').length === 3")

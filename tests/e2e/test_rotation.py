@@ -44,7 +44,7 @@ def lines(turn: int) -> bytes:
 
 @contextlib.contextmanager
 def played(write: Callable[[bytes], object], speech: Callable[[int], bytes]) -> Iterator[None]:
-    """Write what `speech` returns, until the `with` block ends or no program listens."""
+    """Write the bytes or text that `speech` returns, until the `with` block ends or no program listens."""
     stop = threading.Event()
 
     def play() -> None:

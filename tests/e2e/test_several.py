@@ -84,7 +84,8 @@ def test_a_restarted_daemon_goes_on_where_it_stopped(processes: Processes, tmp_p
     assert 0 < epoch["resumed_after_s"] < PATIENCE_S
     assert second.errors() == []
     begin = second.of("estimate")[0]
-    # The first estimate is at the first sample of the epoch, so there was no start-up window.
+    # The first estimate is at the first sample of the epoch (run of samples without a restart). So the
+    # filters did not begin anew with a start-up window.
     assert begin["seq"] == epoch["seq"]
     for axis, estimate in begin["axes"].items():
         before, own = last["axes"][axis], estimate["fltea"]
