@@ -72,8 +72,8 @@ def test_equals_the_oracle_with_runaways_and_tells_each() -> None:
 
 
 def test_equals_the_oracle_where_the_guard_has_to_hold() -> None:
-    """A lane (axis) is invalid while the guard limits more than a quarter of the last samples, and restarts
-    later.
+    """While the guard has to limit more than a quarter of an axis's last samples to keep its filter within
+    bounds, the axis's estimate is invalid. Later the filter restarts.
     """
     y = noise(2000)
     y[600:1100, 0] += 30 * np.random.default_rng(1).choice([-1, 1], 500)
@@ -124,7 +124,8 @@ def test_any_cut_of_the_rows_gives_the_same_to_the_bit(
 def test_each_row_tells_whether_the_innovations_are_white_however_rows_are_cut() -> None:
     """The test of whiteness in each row is that of the last full hundred of innovations.
 
-    The three axes have noise behind a low-pass, white noise, and noise that is coloured for a while.
+    The first axis has noise behind a low-pass, the second white noise, and the third noise that is coloured
+    for a while.
     """
     y = noise(4000, quantised=False)
     y[:, 0] = lfilter(*butter(2, 20.0, fs=1 / H), y[:, 0])
@@ -164,17 +165,17 @@ def test_the_start_up_window_takes_no_more_than_it_needs() -> None:
 
 CLIMBING = [[1.0, 10.0], [2.0, 10.0], [3.0, 16.0]]
 BASELINES: list[tuple[Any, Any, float | None, list[list[float]], Baseline]] = [
-    # By hand: x has the mean 2 and the variance (1 + 0 + 1)/2, and y has the mean 12 and the variance (4 + 4
-    # + 16)/2.
+    # By hand: the first axis has the mean 2 and the variance (1 + 0 + 1)/2, the second has the mean 12 and
+    # the variance (4 + 4 + 16)/2.
     ("startup", "auto", None, CLIMBING, Baseline((2, 12), (1, 12), ())),
     ([0.5, -1], [0.02, 0.03], None, [], Baseline((0.5, -1), (0.02, 0.03), ())),
     ("none", 0.02, None, [], Baseline((0, 0), (0.02, 0.02), ())),
     (0.5, 0.02, None, [], Baseline((0.5, 0.5), (0.02, 0.02), ())),
     ([0.5, -1], "auto", None, [[1, 1], [3, 2]], Baseline((0.5, -1), (2, 0.5), ())),
-    # a constant axis (x) is accepted if R is given in the settings
+    # a constant axis (the first) is accepted if the settings give its variance R of the white noise
     ("startup", 0.1, None, [[1, 1], [1, 2]], Baseline((1, 1.5), (0.1, 0.1), ())),
-    # The resolution of 0.6 limits R from below, to 0.6² / 12. This matters for x, which hardly ever changes,
-    # but not for y, which always does.
+    # The resolution of 0.6 limits R from below, to 0.6² / 12. This matters for the first axis, which hardly
+    # ever changes, but not for the second, which always does.
     (
         "startup",
         "auto",
@@ -183,8 +184,8 @@ BASELINES: list[tuple[Any, Any, float | None, list[list[float]], Baseline]] = [
         Baseline((0.006, 0.3), (0.03, 1 / 11), ()),
     ),
     ("startup", "auto", 0.6, [[0.6, 0], [0.6, 0.6], [0.6, 1.2]], Baseline((0.6, 0.6), (nan, 0.36), ("x",))),
-    # x is constant, although its computed variance is not zero: the computed mean of many values 0.1 is not
-    # exactly 0.1.
+    # The first axis is constant, although its computed variance is not zero: the computed mean of many values
+    # 0.1 is not exactly 0.1.
     (
         "startup",
         "auto",
@@ -252,8 +253,9 @@ def test_samples_that_vary_beyond_measure_or_below_it() -> None:
 
 
 def test_losses_while_bridging_are_told() -> None:
-    """If the filter of a lane (axis) diverges while it predicts across a gap, that is reported, too. Without
-    the guard, the prediction across a long gap can diverge.
+    """If the filter of an axis diverges while it predicts across a gap, that is reported, too.
+
+    Without the guard, which keeps filters within bounds, the prediction across a long gap can diverge.
     """
     bank, lost = Bank(AXES, config(bias="none", R=1e-3, **PRINTED), H, None), []
     y = noise(400, quantised=False)

@@ -87,7 +87,9 @@ def test_a_snapshot_goes_on_with_its_own_instruction_set(name: str, monkeypatch:
 
 
 def test_what_the_supervisors_have_seen_goes_on() -> None:
-    """The estimates of an axis in violent motion are invalid, and stay so after a restart of the program."""
+    """The estimates of an axis in violent motion are invalid, and stay invalid after a restart of the
+    program.
+    """
     bank = Bank(AXES, CONFIG, H, None)
     bank.run(noise(50))
     y = noise(200, 1)
@@ -152,7 +154,7 @@ def test_what_is_not_wholly_sound_is_refused_with_the_reason(changes: dict[str, 
 
 
 def with_engine(state: OnlineState, engine: bytes) -> OnlineState:
-    """Replace the engine in a snapshot, with a correct checksum."""
+    """Replace the bytes of the engine (the native filters) in a snapshot, with a correct checksum."""
     return msgspec.structs.replace(state, engine=engine, checksum=zlib.crc32(engine))
 
 
@@ -161,8 +163,8 @@ def with_engine(state: OnlineState, engine: bytes) -> OnlineState:
 def test_a_single_number_that_is_not_finite_is_refused_or_does_not_matter(
     changes: dict[str, object], data: st.DataObject, value: float
 ) -> None:
-    """If a changed snapshot is accepted, its bank continues as the original does, because the change was in
-    bytes of idle lanes or tables, which have no effect.
+    """If a changed snapshot is accepted, its bank continues as the original does: the changed bytes have no
+    effect, since they belong to places for further axes or to tables that are not in use.
     """
     config = configured(**changes)
     _bank, state = saved(config)

@@ -1,10 +1,12 @@
 """Tests in which the device's estimator is compared with the host's.
 
-The device computes in single precision, with integers in its memory. The host computes in double precision,
-with a memory of nine digits. Their results differ by rounding and by what the device's memory leaves out.
-When the guard acts, the two may come to different sides of a bound and differ for a while. They also differ
-from the moment when P or x exceeds what the device's memory can store. In such cases, the tests only require
-what has to be true for any input.
+The device computes in single precision, and its memory of past samples consists of integers. The host
+computes in double precision, with a memory of nine digits. Their results differ by rounding and by what the
+device's memory leaves out.
+
+When the guard has to keep a filter within bounds, the two may come to different sides of a bound and differ
+for a while. They also differ from the moment when the state x or its variance P exceeds what the device's
+memory can store. In such cases, the tests only require what has to be true for any input.
 """
 
 from pathlib import Path
@@ -86,8 +88,8 @@ def host_run(variant: str, counts: NDArray[np.int16], missing: NDArray[np.bool_]
 
 
 def free(rows: dict[str, Array], host: Estimates, R: float) -> int:
-    """Return how many samples come before the guard first acts or P first becomes too large for the device's
-    memory.
+    """Return how many samples come before the guard first limits the filters, or the variance P of the state
+    first becomes too large for the device's memory.
     """
     parted = (sum(rows[cause] for cause in CAUSES) > 0) | (host.P[:, 0] > 128 * R)
     return int(np.argmax(parted)) if parted.any() else len(parted)
@@ -109,7 +111,8 @@ def assert_close(scenario: Scenario, variant: str, bound: float) -> None:
     for name, expected, unit in (
         ("alpha", host.alpha[:n, 0], 1),
         ("alpha_std", np.sqrt(host.alpha_var[:n, 0]), 1),
-        # f = beta h^-alpha, so an error of alpha changes f by ln h times f times the error
+        # f = beta h^-alpha, where the filter estimates alpha and beta, so an error of alpha changes f by ln h
+        # times f times this error
         ("f", f, 5 * (1 + np.abs(f))),
         ("state", host.x[:n, 0], 10 * np.sqrt(R)),
     ):
@@ -119,9 +122,8 @@ def assert_close(scenario: Scenario, variant: str, bound: float) -> None:
 
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_like_the_hosts_without_gaps(variant: str) -> None:
-    """The largest error of alpha in 2,700 random runs is 3.4e-5 (joint) and 9.6e-5 (triple).
-
-    Half of the errors of alpha are below 1e-6.
+    """The largest error of alpha in 2,700 random runs is 3.4e-5 if one filter estimates α and f ("joint"),
+    and 9.6e-5 with the paper's three filters ("triple"). Half of the errors of alpha are below 1e-6.
     """
 
     @given(scenario=scenarios())
@@ -134,8 +136,10 @@ def test_like_the_hosts_without_gaps(variant: str) -> None:
 
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_like_the_hosts_with_gaps(variant: str) -> None:
-    """With gaps, P is no longer nearly constant, and the largest error of alpha in 2,600 random runs is
-    1.9e-4 (joint) and 1.5e-3 (triple).
+    """With gaps, the state's variance P is no longer nearly constant.
+
+    The largest error of alpha in 2,600 random runs is 1.9e-4 if one filter estimates α and f ("joint"), and
+    1.5e-3 with the paper's three filters ("triple").
     """
 
     @given(scenario=scenarios(gaps=3))
@@ -148,7 +152,7 @@ def test_like_the_hosts_with_gaps(variant: str) -> None:
 
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_half_of_the_runs_agree_though_the_guard_acts(variant: str) -> None:
-    """On knocks of 20 to 100 sigma, the guard acts in every run.
+    """On knocks of 20 to 100 sigma, the guard limits the filters in every run.
 
     Some runs of the device's estimator then differ from the host's, and most of these agree again later.
     """
@@ -182,8 +186,9 @@ def test_whatever_comes_estimates_are_finite_and_in_the_box(variant: str) -> Non
 
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_counts_of_full_scale_from_one_end_to_the_other(variant: str) -> None:
-    """All counts are at one of the two ends of the range, also in the start-up window. That gives the largest
-    sums, and an R of (1,600 deg/s)².
+    """All counts are at one of the two ends of the range, also in the start-up window.
+
+    That gives the largest sums, and a variance R of the white noise of (1,600 deg/s)².
     """
     counts = np.where(np.random.default_rng(1).integers(0, 2, STARTUP + 3_000) == 0, -32768, 32767)
     device = Device(variant)
@@ -210,8 +215,8 @@ def test_an_axis_is_withdrawn_and_begun_anew_as_on_the_host(variant: str) -> Non
     rows = device.run(counts)
     valid = rows["flags"].astype(int) & EstimateFlags.VALID != 0
 
-    # The host's rules of the supervisor are applied to the device's output. The device's counts of what the
-    # guard did begin again at 0 when the axis restarts.
+    # The host's rules for withdrawing and restarting an axis are applied to the device's output. The device's
+    # counts of what the guard did begin again at 0 when the axis restarts.
     supervisor, bound, expected, restarts = Supervisor(), 0.0, [], 0
     for count in rows["state_bound"].tolist():
         verdict = supervisor.judge(0, 0, 0, state_bound=count > bound)
@@ -227,7 +232,8 @@ def test_an_axis_is_withdrawn_and_begun_anew_as_on_the_host(variant: str) -> Non
     theirs = host.run(counts[STARTUP:, np.newaxis] / LSB_PER_DPS).valid[:, 0]
     assert host.restarts == {"x": 1}
     assert 100 < np.sum(~theirs) < 1_000
-    # R differs a little, so that device and host may become invalid at slightly different samples
+    # the variance R differs a little, so that device and host may become invalid at slightly different
+    # samples
     assert np.sum(valid != theirs) <= 10
 
 
@@ -235,11 +241,12 @@ def test_an_axis_is_withdrawn_and_begun_anew_as_on_the_host(variant: str) -> Non
 @pytest.mark.parametrize("name", ["mpu6050_tomisuarez_100s", "mpu6050_sunsided_10min"])
 @pytest.mark.parametrize("rescaled", [True, False])
 def test_real_sensors(recordings: Path, name: str, variant: str, rescaled: bool) -> None:
-    """Noise of real sensors at the device's sensitivity. The rates are those of the recording or, if the
-    recording's counts are taken for the device's counts, eight times as large.
+    """Noise of real sensors at the device's sensitivity.
 
-    The largest error of alpha is 8.3e-6 (joint) and 3.6e-6 (triple) with the rates of the recording. With
-    eight times the rates it is 1.9e-5 and 6.0e-5, and the guard acts up to 2,562 times on an axis.
+    The rates are those of the recording or, if the recording's counts are taken for the device's counts,
+    eight times as large. With the rates of the recording, the largest error of alpha is 8.3e-6 for one filter
+    of α and f ("joint"), and 3.6e-6 for the paper's three filters ("triple"). With eight times the rates it
+    is 1.9e-5 and 6.0e-5, and the guard limits up to 2,562 samples of an axis.
     """
     recording = open_npz(recordings / f"{name}.npz").whole()
     scale = LSB_PER_DPS / recording.lsb_per_dps if rescaled else 1.0

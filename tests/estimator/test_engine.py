@@ -1,5 +1,7 @@
-"""Tests of the native engine: its results equal those of the numpy reference, do not depend on how series are
-divided into lanes, and scale with units as physics demands.
+"""Tests of the native engine, which runs the filters of several series in parallel.
+
+Its results equal those of the numpy reference, do not depend on which series run together, and scale with
+units as physics demands.
 """
 
 import itertools
@@ -42,8 +44,8 @@ def kind(engine_settings: LaneSettings) -> str:
 
 
 def relative_difference(estimates: Array, expected: Array) -> Array:
-    """Return the relative difference of the estimates from the expected ones, for each sample and quantity,
-    as an array (n, quantities).
+    """Return the relative difference between estimates and expected ones, for each sample and estimated
+    quantity, as an array (n, quantities).
 
     Where an estimate is near zero, the difference is relative to the typical size of the quantity in the run.
     """
@@ -148,8 +150,8 @@ def test_lanes_do_not_know_of_each_other(tuning: LaneSettings) -> None:
     for index in (order, order[:3], order[:1]):
         engine = Engine(len(index), with_(tuning, h=h[index], R=R[index]))
         assert same(engine.run(y[:, index], u[:, index], missing[:, index]), lane(every, index))
-    # Every second lane (axis) gets bad data, with which its estimates overflow (guard off) or are limited at
-    # every sample. The results of the other lanes must not change.
+    # Every second axis gets bad data. Without the guard its estimates overflow, with the guard they are
+    # limited at every sample. The results of the other axes must not change.
     rubbish = y.copy()
     rubbish[:, ::2] = rng.choice([-1, 1], (n, 6)) * 10.0 ** rng.uniform(-100, 100, (n, 6))
     beside = Engine(lanes, with_(tuning, h=h, R=R)).run(rubbish, u, missing)

@@ -168,7 +168,7 @@ def test_a_guard_that_is_never_needed_changes_no_bit(variant: str, memory: str) 
 
 
 class Walk(NamedTuple):
-    """Settings and state of a filter that estimates the order or the parameter as a random walk."""
+    """Settings and state of a filter that estimates the order α or the parameter f as a random walk."""
 
     value: float
     P: float
@@ -206,9 +206,10 @@ def unscented(walk: Walk, y: float, output: Callable[[float], float]) -> Walk:
 
 
 def test_consistent_equals_a_straight_loop() -> None:
-    # The expected filters are those of the paper, but with a variance of the state added to R. KFo (the
-    # filter of the order) adds the variance of the weighted past at the last sample, and KFw (of the
-    # parameter) adds the whole predicted variance P̃ of KFx (of the state).
+    # The expected filters are those of the paper, but with a larger variance in place of the measurement's
+    # variance R. The filter of the order (KFo) adds the predicted variance of the state, in which the
+    # variance of the weighted past is that of the last sample. The filter of the parameter f (KFw) adds the
+    # predicted variance with the present one.
     n, h, Q, R = 60, 0.01, 0.15, 0.0235
     y = white(n, 1, 12)[:, 0]
     order, parameter = Walk(1.0, 0.01, 0.1, R, 0.5), Walk(0.0, 0.01, 0.1, R, 0.5)
@@ -240,9 +241,9 @@ def test_consistent_equals_a_straight_loop() -> None:
 
 
 def test_faithful_gate_softens_the_update_to_its_width() -> None:
-    # By hand: at sample 1, the input u is 1, and y is far from the prediction. The innovation e is limited to
-    # `gate` standard deviations by making its variance (e / gate)². The correction of α is therefore gate²
-    # Pαy / e, where Pαy is the covariance of α and y.
+    # By hand: at sample 1, the input is 1, and the measurement y is far from the prediction. The innovation e
+    # is limited to `gate` standard deviations by making its variance (e / gate)². The correction of α is
+    # therefore gate² Pαy / e, where Pαy is the covariance of α and y.
     gate, y = 4.0, np.array([[50.0]])
     tuning = with_(GYROSCOPE, guard="faithful", gate=gate, order__P0=0.001, order__Q0=0.001)
     estimates = run(tuning, y, np.array([[1.0]]))
@@ -254,14 +255,15 @@ def test_faithful_gate_softens_the_update_to_its_width() -> None:
     assert estimates.alpha[0, 0] == pytest.approx(expected, rel=1e-12)
     assert counted(estimates)["order_gate"] == 1
     assert counted(estimates)["state_bound"] == 1
-    # By hand: the state filter's innovation e is limited to 4 standard deviations by making its variance
-    # (e / 4)². The state then stays at the distance |y - x| = 16 R / e from y.
+    # By hand: the state filter's innovation e is limited to 4 standard deviations by making its variance (e /
+    # 4)². The state x then stays at the distance |y - x| = 16 R / e from the measurement y.
     assert abs(50.0 - estimates.x[0, 0]) == pytest.approx(16 * 0.0235 / estimates.innovation[0, 0], rel=1e-9)
 
 
 @pytest.mark.parametrize("guard", ["faithful", "consistent"])
 def test_the_state_bound_begins_at_four_deviations(guard: str) -> None:
-    # With P0 = Q = 0, the prediction of the state is certain, so the variance of the innovation is R.
+    # With P0 = Q = 0, the prediction of the state is certain, so the variance of the innovation is that of
+    # the measurement, R.
     R = 0.04
     tuning = with_(GYROSCOPE, guard=guard, state__P0=0, state__Q=0, R=R)
     y = np.array([[-3.99, 3.99, 4.01, -4.01]]) * R**0.5
@@ -273,10 +275,10 @@ def test_the_state_bound_begins_at_four_deviations(guard: str) -> None:
 
 @pytest.mark.parametrize("guard", ["faithful", "consistent"])
 def test_the_walk_learns_from_the_correction_that_the_box_left(guard: str) -> None:
-    # With f0 = 0 and x0 = 1, the model's output is α itself, so y = 3 pulls α from 1.9 to beyond 2, the bound
-    # of the box of permitted values. With delta = 1, the variance of the random walk of α becomes the square
-    # of the change that the box allowed, which is 0.1² = 0.01. The later estimates are those of a filter
-    # whose variance was 0.01 from the beginning.
+    # With f0 = 0 and x0 = 1, the model's output is α itself, so the measurement 3 pulls α from 1.9 to beyond
+    # 2, the largest permitted value. The setting delta = 1 replaces the variance of α's random walk by the
+    # square of the last change of α. The limit allowed a change of 0.1, so the variance becomes 0.01. The
+    # later estimates are those of a filter whose variance was 0.01 from the beginning.
     state = StateSettings(x0=1, P0=0, Q=0)
     learning = OrderSettings(P0=0.2, Q0=0.1, alpha0=1.9, delta=1)
     told = OrderSettings(P0=0.29, Q0=0.01, alpha0=1.9, delta=0)

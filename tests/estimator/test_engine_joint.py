@@ -28,10 +28,10 @@ def straight_loop(
     limit: float = np.inf,
     changes: Mapping[int, tuple[float, float]] | None = None,
 ) -> Array:
-    """Return α, the variance of α, f, the variance of f, x and P for every sample. The settings must be plain
-    numbers.
+    """Return α, the variance of α, f, the variance of f, the state x and its variance P for every sample.
 
-    `changes`: values of Q and R by the number of the sample at which they take effect.
+    The settings must be plain numbers. `changes`: values of Q and R by the number of the sample at which they
+    take effect.
     """
     Q, R = state.Q, RESTING
     mean = np.array([tuning.alpha0, tuning.beta0], dtype=np.float64)
@@ -72,7 +72,7 @@ def straight_loop(
         expected = output(alpha, beta, drive)
         states.append(expected + P_state / (P_state + R) * (measured - expected))
         variances.append(P_state * R / (P_state + R))
-        # derivative of f = beta h^-alpha by alpha and by beta
+        # derivatives of f = beta h^-alpha by alpha and by beta, the two numbers that the filter estimates
         slope = h**-alpha * np.array([-np.log(h) * beta, 1.0])
         rows.append((alpha, P[0, 0], beta * h**-alpha, slope @ P @ slope, states[-1], variances[-1]))
     return np.array(rows)

@@ -62,8 +62,8 @@ def fractional() -> np.ndarray:
     ("variant", "guard"), [("triple", "off"), ("triple", "consistent"), ("joint", "consistent")]
 )
 def test_random_losses_do_not_move_the_estimates(noise, variant: str, guard: str) -> None:
-    """The tolerance for the effect of lost samples is the scatter between lanes, which differ only in their
-    noise, or the filter's σ if that is larger.
+    """Lost samples change the estimates by less than the scatter between series that differ only in their
+    noise, or by less than the filter's σ if that is larger.
     """
     y = noise()
     settings = with_(GYROSCOPE, memory="compressed", variant=variant, guard=guard)

@@ -1,7 +1,6 @@
-"""Tests that lanes (axes) with their supervisors give the results of a plain Python oracle, in blocks of any
-size.
-
-The supervisors' verdicts and the estimates are compared.
+"""Tests of the filters of several axes, which run in parallel, each with a supervisor that restarts a filter
+that ran away. In blocks of any size, the estimates and the supervisors' verdicts are those of a plain Python
+oracle.
 """
 
 import math
@@ -29,8 +28,9 @@ def white(n: int, lanes: int, seed: int = 0) -> Array:
 
 
 def thrown_about(n: int, lanes: int) -> Array:
-    """Return samples with motion. Each lane has more motion than the lane before, and none has motion in the
-    last third.
+    """Return samples of several axes. Each axis has more samples with motion than the axis before.
+
+    The last third has no motion.
     """
     y = white(n, lanes)
     loud = np.random.default_rng(1).random(y.shape) < np.arange(lanes) / (2 * lanes)
@@ -39,9 +39,9 @@ def thrown_about(n: int, lanes: int) -> Array:
 
 
 def on_and_off(n: int, lanes: int) -> Array:
-    """Return samples with motion that begins again as soon as a lane is valid again.
+    """Return samples with motion that begins again as soon as the estimates of an axis are valid again.
 
-    The supervisor of the lane must have forgotten the earlier motion.
+    The axis's supervisor, which withdraws estimates during motion, must have forgotten the earlier motion.
     """
     y = white(n, lanes)
     loud = (np.random.default_rng(1).random(y.shape) < 0.45) & (np.arange(n)[:, np.newaxis] % 350 < 200)
@@ -79,7 +79,7 @@ def test_equals_the_oracle_to_the_bit(changes: dict[str, object], R: float, make
 
 
 def test_the_cases_are_there_for_something() -> None:
-    """In these cases lanes really diverge, become invalid and become valid again."""
+    """In these cases the filters of axes really diverge, become invalid and become valid again."""
     reasons = []
     for changes, R, make in CASES:
         runner = Lanes(11, tuning(11, R, **changes))

@@ -151,12 +151,11 @@ def test_integer_orders_are_ordinary_differences(digits: int, instruction_set: s
 def weight_errors(
     memory: Memory, ages: dict[float, list[int]]
 ) -> dict[float, tuple[list[float], list[float]]]:
-    """Return the relative errors of the memory's weights c_j and of c_j^2 for each order, at the ages j of
-    that order.
+    """Return the relative errors of the memory's weights c_j of past states, and of c_j² of their variances,
+    for each order at the ages j of that order.
 
-    The weights come from the memory's response to an impulse.
-
-    One memory serves all orders, since only its sums depend on the order, not its content.
+    The weights come from the memory's response to an impulse. One memory serves all orders, since only its
+    sums depend on the order, not its content.
     """
     memory.reset()
     memory.push([1.0], [1.0])
@@ -175,8 +174,8 @@ def weight_errors(
 
 
 def bounds(order: float, digits: int) -> tuple[float, float]:
-    """Return the relative error that compressed_config() promises for the weights c_j, and the resulting
-    error of their squares (docs/theory/filters.md).
+    """Return the relative error that compressed_config() promises for the weights c_j of past samples, and
+    the resulting error of their squares (docs/theory/filters.md).
     """
     state = 10.0**-digits * (1 if order <= 1 else 50)
     return state, 10.0**-digits * (100 if order <= 1 else 10_000)
@@ -252,9 +251,10 @@ def test_sums_are_those_of_the_direct_memory(window: int, kind: str) -> None:
 def assert_like_direct(
     memory: Memory, direct: Memory, orders: Iterable[float], S: Mapping[str, float], V: float
 ) -> None:
-    """Check the memory's sums S and V.
+    """Check the memory's sums over past samples.
 
-    S may differ by the tolerances for sums of states, and V by the relative tolerance for sums of variances.
+    S, the sum of states, may differ by the tolerances for states, and V, the sum of variances, by the
+    relative tolerance for variances.
     """
     for order in orders:
         found, expected = memory.sums(order), direct.sums(order)
@@ -348,9 +348,10 @@ def test_float32_is_good_for_six_digits() -> None:
 
 
 def test_cost_in_modes() -> None:
-    """Number of digits and length of the window determine the number of modes of a compressed memory.
+    """A compressed memory consists of decaying sums (modes). Their number follows from the number of digits
+    and the length of the window.
 
-    The expected numbers of modes are stated here, so that a change of the rule makes the test fail.
+    The expected numbers are stated here, so that a change of the rule makes the test fail.
     """
     by_digits = [Memory(digits, 3000).modes for digits in (3, 6, 9, 11)]
     assert by_digits == [(16, 16), (32, 28), (48, 48), (64, 64)]

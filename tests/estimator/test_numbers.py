@@ -31,10 +31,10 @@ def two_step_filters() -> Fltea:
     #   ỹ: predicted output, the weighted mean of Y at the sigma points,
     #   Pyy: variance of the output, the weighted sum of (Y - ỹ)², plus R = 1/16; in this sum the weight of
     #     the old estimate is 2/3 + 2 = 8/3,
-    #   Pαy, Pwy: covariance of estimate and output, the weighted sum of the products of both deviations,
+    #   Pαy, Pwy: covariance of estimate and output, the weighted sum of (sigma point - old estimate)(Y - ỹ),
     #   K = Pαy / Pyy or Pwy / Pyy: gain; e = y - ỹ: innovation; K e: correction of the estimate,
     #   P = P̃ - K² Pyy: new variance,
-    #   Q = (1 - δ) Q + δ (K e)²: new variance of the random walk, with δ = 1/4 for α and 1/5 for w.
+    #   Q = (1 - δ) Q + δ (K e)²: new variance of the random walk; the setting δ is 1/4 for α and 1/5 for w.
     return Fltea(
         System(
             A=lambda w: np.array([[w[0], 4], [0, -4]]),
@@ -139,13 +139,13 @@ def check_second_step(fltea: Fltea) -> None:
 
 
 ROOT = Path(__file__).resolve().parents[2]
-# Columns of the golden files with the quantities of engine_cases.ESTIMATES, in that order, without Q of the
-# random walks.
+# Columns of the golden files for the quantities in engine_cases.ESTIMATES, in that order. The variances Q of
+# the random walks are left out.
 COLUMNS = [4, 5, 7, 8, 2, 3]
 
 
 def golden(number: int) -> tuple[Array, Array, Array]:
-    """Return y, u and the expected estimates of an example, the latter as an array (200, 6)."""
+    """Return measurements, inputs and expected estimates of an example, the latter as an array (200, 6)."""
     table = np.loadtxt(ROOT / f"tests/estimator/golden/example_{number}.txt")
     return table[:, 0], table[:, 1], table[:, COLUMNS]
 

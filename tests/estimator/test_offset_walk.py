@@ -36,8 +36,8 @@ def found_in(y: Array, *parts: Part) -> System:
 
 
 def predicted(s: System, y: Array, t_s: float) -> tuple[float, float]:
-    """Return the heading error that is predicted for `t_s` seconds after the samples y, and its standard
-    deviation.
+    """Return the heading error that the state-space model `s` predicts for `t_s` seconds after the samples y,
+    and the standard deviation of this prediction.
     """
     tracker = Tracker([None])
     tracker.set(0, s)
@@ -48,8 +48,8 @@ def predicted(s: System, y: Array, t_s: float) -> tuple[float, float]:
 
 
 def width(s: System, t_s: float, *truth: Part) -> float:
-    """Return the ratio of two σ of the heading: that of the state-space model `s`, and that of a filter that
-    knows the true noise.
+    """Return how much wider the σ of the heading is by the state-space model `s` than by a filter that knows
+    the true noise, as a ratio.
     """
     known = system(truth, H, N)
     known = known if known.walks else known.with_offset()
@@ -82,8 +82,8 @@ def test_the_slope_is_that_of_the_verdict_with_its_interval() -> None:
     assert verdict.high is not None
     assert slope == pytest.approx(verdict.value, rel=0.03)
     half = 1.96 * abs(per_s) * math.sqrt(P[ramp, ramp])
-    # The tracker's interval of the slope is wider than the verdict's, since for the tracker the offset may
-    # also walk.
+    # The tracker's interval of the slope of the drift is wider than that of the verdict, since for the
+    # tracker the offset may also do a random walk.
     assert 1 <= half / ((verdict.high - verdict.low) / 2) < 1.3
 
 

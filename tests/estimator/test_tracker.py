@@ -17,7 +17,7 @@ from tests.rig.tiers import slow
 from tests.rig.tracker_support import SYSTEMS, kalman, lanes, run, simulated, tracker, white
 
 EXACT = 512
-"""For this many samples after a start, the tracker computes its gains at each sample."""
+"""For this many samples after a start, the tracker computes its Kalman gains at each sample."""
 every = pytest.mark.parametrize("name", SYSTEMS)
 
 
@@ -115,7 +115,7 @@ def test_what_was_saved_goes_on_to_the_bit(modelled: bool, at: int) -> None:
     one.run(y[:at])
     other.load(one.save())
     assert other.save() == one.save()
-    # a tracker knows these two only for samples that it has processed itself
+    # a tracker knows its newest bias and the bias's σ only for samples that it has processed itself
     newest = {"bias": None, "bias_std": None}
     assert other.figures() == [figures._replace(**newest) for figures in one.figures()]
     np.testing.assert_array_equal(lanes(other.run(y[at:])), lanes(one.run(y[at:])))
@@ -125,8 +125,10 @@ def test_what_was_saved_goes_on_to_the_bit(modelled: bool, at: int) -> None:
 @settings(max_examples=20)
 @given(saved=st.integers(0, 600), gap=st.integers(0, 600))
 def test_the_gains_that_all_banks_share_give_the_bits_of_its_own(saved: int, gap: int) -> None:
-    """All banks of filters share their gains as long as they can. After a snapshot is loaded, and after each
-    gap, a bank computes its own gains from the covariance, which gives the same bits.
+    """All banks of filters share their Kalman gains as long as they can.
+
+    After a snapshot is loaded, and after each gap, a bank computes its own gains from the covariance, which
+    gives the same bits.
     """
     y, one, other = disturbed()[:700], pair(False), pair(False)
     found: list[list[np.ndarray]] = [[], []]

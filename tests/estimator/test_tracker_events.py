@@ -33,7 +33,7 @@ def made(name: str | None, **rules: Any) -> Tracker:
 
 
 def apart(found: Tracks, clean: Tracks) -> Array:
-    """Return the difference between the biases of two trackers, in standard deviations of the second."""
+    """Return the difference between the biases of two trackers, divided by the σ of the second tracker."""
     return np.abs(found.bias - clean.bias) / clean.bias_std
 
 
@@ -99,7 +99,7 @@ def test_what_was_known_when_motion_began_is_known_in_it() -> None:
     y[600] = 1000
     found = run(made("white"), y)
     assert found.moving[600]
-    # After this disturbance, the tracker computes the covariance anew, but not the gains.
+    # After a disturbance, the tracker computes the covariance of its state anew, but not its Kalman gains.
     np.testing.assert_allclose(found.bias_std[600:650], found.bias_std[599], rtol=0.03)
     assert abs(found.bias[650] - y[:600].mean()) < 0.02
 
@@ -151,7 +151,7 @@ def test_heavy_tails_are_no_motion(name: str | None) -> None:
         assert one.figures()[0].begun == 0
         late = slice(6000, None)
         errors.append(np.sqrt(np.mean((found.bias - state)[late] ** 2)))
-        # white noise with a constant offset has only one bias, so there is nothing to count
+        # a constant offset in white noise has one error throughout, so no proportion of errors is compared
         if name != "white":
             assert 0.93 < np.mean(np.abs(found.bias - state)[late] < 2 * found.bias_std[late]) < 0.98
     assert errors[1] < 1.05 * errors[0] or name == "white"
@@ -272,9 +272,11 @@ def test_a_system_found_after_hours(s: System) -> None:
 
 @pytest.mark.parametrize("name", [slow("white"), slow("order"), "resonance"])
 def test_means_of_samples_tell_bounds_of_a_walk_as_the_samples_do(name: str) -> None:
-    """Likelihoods of bounded and unbounded walks (relaxations and a random walk), computed from means of
-    samples, differ about as much as those computed from all samples. They differ a little, because a
-    relaxation changes within the time of a mean, and faster parts of the noise are not white in the means.
+    """The bias may do a random walk, or a walk that has bounds (a relaxation). The difference between the
+    likelihoods of the two is about the same for means of samples as for all samples.
+
+    It is not quite the same, because a relaxation changes within the time of a mean, and faster parts of the
+    noise are not white in the means.
     """
     bare = {"white": white(1.0), "order": of(Order(0.7, -1.0, 0.3 / H**1.4)), "resonance": RESONANT}[name]
     q, a = 2e-3, math.exp(-1 / 1000)

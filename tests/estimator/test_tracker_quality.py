@@ -116,8 +116,9 @@ def best(name: str, known: int = 4000) -> float:
 
 
 def made(spectrum: Callable[[Array], Array], n: int, rng: np.random.Generator, lanes: int = SERIES) -> Array:
-    """Return series of n samples with this spectrum, as an array (lanes, n). Each series is cut from a
-    periodic one that is many times longer.
+    """Return several series of n samples with this spectrum, as an array (series, n).
+
+    Each series is cut from a periodic one that is many times longer.
     """
     ring = 2 ** math.ceil(math.log2(8 * n))
     lam = 2 * np.pi * (np.arange(ring // 2) + 0.5) / ring

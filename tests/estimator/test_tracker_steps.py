@@ -132,7 +132,7 @@ def test_a_drift_is_no_step_and_its_error_is_in_the_deviation() -> None:
 
 
 def test_what_grows_beyond_a_step_is_motion_and_what_it_taught_is_undone() -> None:
-    """A turn that begins slowly first looks like a series of steps."""
+    """A turn of the sensor that begins slowly first looks like a series of steps of the bias."""
     rng = np.random.default_rng(6)
     turn = np.zeros(20_000)
     turn[12_000:14_000] = 100 * np.sin(np.pi * np.arange(2000) / 2000)
