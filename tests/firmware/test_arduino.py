@@ -218,9 +218,8 @@ def test_a_line_that_takes_nothing_loses_whole_frames_and_counts_them(build: Pat
 
 
 def test_a_stalled_transfer_takes_as_long_as_the_readme_says(build: Path) -> None:
-    """In a read, Wire waits twice for a fixed number of loops before it gives up, which takes 55 ms.
-
-    Two stalled reads in a row are the worst case.
+    """When a read of the sensor stalls, Arduino's library Wire waits twice for a fixed number of loops before
+    it gives up, which takes 55 ms. Two stalled reads in a row are the worst case.
     """
     one, two = run(build, "3", "stalls=2,1"), run(build, "3", "stalls=2,2")
     assert one.board["longest_us"] in range(55_000, 58_000)
