@@ -82,10 +82,10 @@ def test_the_angle_random_walk_of_one_noise_is_the_same_in_all_records() -> None
 def test_where_noise_may_have_an_order_and_its_white_noise_is_unknown_there_is_no_density(
     verdict: str, kept: set[str]
 ) -> None:
-    """If noise may have an order and its white noise is unknown, no density is given. In an earlier version,
-    √2 N was given for a new sensor with fractional noise, which is 1.8 times the density.
+    """If noise may have an order α and its white noise is unknown, no density is given.
 
-    This figure was thirteen standard deviations off.
+    In an earlier version, √2 N was given for a new sensor with fractional noise, which is 1.8 times the true
+    density. This figure was thirteen standard deviations off.
     """
     fit, _ = of_white()[0]
     R = fit.R if verdict == "white" else Interval(fit.R.value, 0.0, fit.R.high)
@@ -112,8 +112,10 @@ def test_a_curve_of_a_hundred_thousand_points_costs_no_more_than_a_usual_one() -
     ],
 )
 def test_an_order_counts_once_it_is_known(alpha: Interval, f: Interval, kept: set[str]) -> None:
-    """An order counts only if its interval is narrow. Otherwise, fits of the same noise may differ much. In
-    one case, f was -0.18 (-0.53 to 0) or -1, and α was 0.16 (0.14 to 0.21) or 0.6.
+    """An order α counts only if its interval is narrow.
+
+    Otherwise, fits of the same noise may differ much. In one case, f was -0.18 (-0.53 to 0) or -1, and α was
+    0.16 (0.14 to 0.21) or 0.6.
     """
     assert set(figures_of(AxisFit("fractional", "text", "deg/s", alpha, f), RATE_HZ, {})) == kept
 

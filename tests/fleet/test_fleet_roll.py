@@ -137,7 +137,7 @@ def test_bad_messages_are_counted_by_their_reason(topic: str, payload: bytes, re
 
 
 def known(roll: Roll, name: str, text: str = "online", reason: str | None = None, now: float = 0.0) -> None:
-    """Let a sensor of the list state its identity and its status."""
+    """Let a sensor of the list say which device it is, and state its status."""
     roll.take(f"fltea/{name}/hello", HELLO, now)
     roll.take(f"fltea/{name}/status", status(text, reason), now)
 
@@ -179,8 +179,9 @@ def test_a_flood_of_names_takes_nobodys_place_and_is_named() -> None:
 
 
 def test_one_thing_said_again_and_again_makes_no_sensor() -> None:
-    """A sensor counts only when it has sent different messages. The same message may come again and again,
-    since the broker sends its retained messages at every request.
+    """A name counts as a sensor only when it has sent different messages.
+
+    The same message may come again and again, since the broker sends its retained messages at every request.
     """
     roll = Roll()
     for _ in range(10):
