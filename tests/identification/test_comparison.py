@@ -33,7 +33,7 @@ def alike() -> AxisReport:
 
 
 def times(axis: AxisReport, factor: float) -> AxisReport:
-    """Return the axis's result after its N was multiplied by a factor."""
+    """Return the result of an axis whose N was multiplied by a factor."""
     N = axis.result.level.N
     larger = Interval(*(None if end is None else end * factor for end in (N.value, N.low, N.high)))
     return replace(axis, result=replace(axis.result, level=replace(axis.result.level, N=larger)))

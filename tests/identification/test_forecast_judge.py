@@ -73,9 +73,11 @@ def test_the_mean_of_the_rate_about_the_bias_is_of_both() -> None:
 
 
 def test_noise_that_a_filter_has_coloured_is_not_in_the_bias() -> None:
-    """Bias(T) does not contain the present noise, although the filter knows some of it.
+    """A filter in the sensor makes neighbouring samples of this noise alike, so the tracker knows a part of
+    the next noise.
 
-    The mean of the rate, with which Bias(T) is compared, contains that noise.
+    Bias(T), the expected mean of the bias over the next T seconds, leaves this noise out. The mean of the
+    rate, with which Bias(T) is compared, contains it.
     """
     deviations = [
         [one.deviations for one in of_half(_filtered(seed), White(0.01), LowPass(8.0, 2.0)).bias[:4]]

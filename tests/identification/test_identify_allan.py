@@ -101,7 +101,8 @@ def test_all_at_once() -> None:
     found = allan([y], H)
     assert found.N.value == pytest.approx(0.01, rel=0.03)
     assert found.K.value == pytest.approx(0.02, rel=0.35)
-    # The root of the lowest value of N²/τ + K²τ/3 is what a data sheet calls bias instability.
+    # Data sheets call the square root of the lowest value of N²/τ + K²τ/3 (the Allan variance of white noise
+    # and a random walk) bias instability.
     assert found.B.value * 0.6643 == pytest.approx(np.sqrt(2 / np.sqrt(3) * 0.01 * 0.02), rel=0.15)
     assert 0.3 < found.B.tau_from_s < 3
     assert found.N.tau_to_s < found.B.tau_from_s < found.K.tau_to_s

@@ -58,7 +58,8 @@ def test_as_json_and_back() -> None:
 def test_broad_resonance_is_not_called_white() -> None:
     """The resonance in this noise is at a middle frequency, and too broad to count as a peak.
 
-    The null test finds nothing, because orders up to 1 cannot describe such a resonance.
+    The null test compares white noise only with noises of orders up to 1. These cannot describe such a
+    resonance, so the null test finds nothing.
     """
     seen = examined(ar((0.0, -0.25), 3000, 1, 0)[0], H).evidence
     assert seen.p_all > 0.05
@@ -104,8 +105,9 @@ def peaks(*bands: tuple[float, float]) -> tuple[Peak, ...]:
 
 
 def test_peaks_without_end_leave_half_of_the_ordinates(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Peaks are left out of the fit as long as half of the ordinates remain. Only as many of the weakest
-    peaks as necessary stay in the fit.
+    """Peaks are left out of the fit as long as half of the periodogram remains.
+
+    Beyond this, the weakest peaks stay in the fit, but no more than necessary.
     """
     y = white(1000, 1, 1)[0]
     found = peaks((5, 15), (20, 30), (35, 37), (38, 48))
@@ -117,10 +119,9 @@ def test_peaks_without_end_leave_half_of_the_ordinates(monkeypatch: pytest.Monke
 
 
 def test_a_short_record_keeps_enough_ordinates_to_fit(monkeypatch: pytest.MonkeyPatch) -> None:
-    """In this short record, the peak stays in the fit.
+    """In this short record, the peak's frequencies stay in the fit.
 
-    Without the peak, more than half of the ordinates would be left, but fewer than a fit of the periodogram
-    needs.
+    Without them, more than half of the periodogram would be left, but fewer values than a fit needs.
     """
     monkeypatch.setattr("fltea.identification.fine_peaks.find_peaks", lambda p: peaks((10, 25)))
     seen = examined(white(180, 1, 2)[0], H)
@@ -129,9 +130,9 @@ def test_a_short_record_keeps_enough_ordinates_to_fit(monkeypatch: pytest.Monkey
 
 
 def test_drift_is_not_among_what_is_fitted() -> None:
-    """The fitted ordinates begin at the frequency with ten periods per record.
+    """The fit begins at the frequency with ten periods per record.
 
-    The p-value for all ordinates is stored separately.
+    A p-value that also includes the lower frequencies is stored separately.
     """
     n = 30_000
     y = white(n, 1, 3)[0] + 0.1 * np.sin(2 * np.pi * 5 * np.arange(n) / n)

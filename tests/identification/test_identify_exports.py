@@ -67,9 +67,8 @@ def entry_of(axis: AxisReport) -> NavigationAxis:
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Write a recording with three kinds of noise.
-
-    gyro_x has two noise parts and quantisation noise, gyro_y is white, and gyro_z has an order.
+    """Write a recording with three kinds of noise. gyro_x has two noise parts and quantisation noise, gyro_y
+    is white, and gyro_z is noise of fractional order.
     """
     n = 60_000
     return saved(
@@ -333,9 +332,9 @@ def test_no_figure_goes_on_from_an_axis_that_is_bad(tmp_path: Path) -> None:
 
 
 def test_what_is_wrong_with_all_of_a_recording_withholds(tmp_path: Path) -> None:
-    """If the rows of two sensors alternate, a data check concerns the whole recording.
+    """If the rows of two sensors alternate, a data check reports a fault of the whole recording.
 
-    Because of this check, no axis is written to files.
+    Because of this fault, no axis is written to files.
     """
     y = 0.1 * white(3000, 2, 1).T + np.resize([0.2, -0.2], 3000)[:, None]
     np.savetxt(tmp_path / "a.csv", y, "%.9g", ",", header="gyro_x_dps,gyro_y_dps", comments="")

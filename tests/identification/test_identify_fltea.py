@@ -146,8 +146,9 @@ def band(y: np.ndarray, settings: EstimatorConfig, copies: int) -> ShuffledBand:
 
 
 def test_a_copy_is_what_the_daemon_gives_for_it() -> None:
-    """With a single shuffled copy, the quantiles are the estimate of that copy, to the accuracy of the
-    compressed memory.
+    """The quantiles over a single shuffled copy are all that copy's estimate.
+
+    It agrees with the daemon's to the accuracy with which the filters remember past samples.
     """
     y = counts(2)
     settings = config()

@@ -1,5 +1,5 @@
-"""Tests of records with missing samples: all stretches are used, and the result agrees with that of the
-complete record.
+"""Tests of records with missing samples: all stretches between the gaps are used, and the result agrees with
+that of the complete record.
 """
 
 import math
@@ -213,7 +213,7 @@ def test_allan_deviation_of_stretches() -> None:
 def test_fltea_predicts_and_begins_again() -> None:
     """If three samples are lost, the algorithm FLTEA predicts them, as in live use.
 
-    After 101 lost samples, FLTEA starts over, and the longest part of the record counts.
+    After 101 lost samples, FLTEA starts over, and its result is that of the longest part of the record.
     """
     y = white(3000, 1, 6)[0]
     keep = np.ones(3000, dtype=bool)
@@ -285,10 +285,10 @@ AS_BEFORE = {
         (0.5687, 0.009387381033015063),
     ),
 }
-"""For each recording and axis: the p-value of the fitted ordinates and N, as an earlier version computed
-them, which used only one stretch.
+"""For each recording and axis: the p-value of the fitted part of the periodogram, and N. An earlier version,
+which used only one of the stretches between gaps, computed these values.
 
-Since that version, ordinates have a smaller weight.
+Since that version, the values of the periodogram have a smaller weight.
 """
 
 

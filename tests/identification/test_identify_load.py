@@ -75,7 +75,9 @@ def test_csv_with_its_columns(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("told", [True, False])
 def test_ndjson_with_a_new_scale(told: bool, tmp_path: Path) -> None:
-    """Samples of another measuring range form another stretch, even if the file does not state a restart."""
+    """Samples of another measuring range form a stretch of their own (a run of samples that belong together),
+    even if the file does not state a restart.
+    """
     records: list[AnyRecord] = [hello()]
     for k in range(90):
         if k == 30:

@@ -43,7 +43,7 @@ def test_what_the_filter_describes_is_not_marked() -> None:
 
 @pytest.mark.parametrize("walk", [0.0, 2e-4])
 def test_white_innovations_do_not_make_an_order(walk: float) -> None:
-    """White noise, alone or with a walking offset, has no order, although FLTEA's innovations are white."""
+    """White noise, alone or with a walking offset, has no order α, although FLTEA's innovations are white."""
     y, rng = 0.14 * white(20_000, 1, 4)[0], np.random.default_rng(3)
     y = y + walk * rng.standard_normal(len(y)).cumsum()
     found, innovations = fltea_fit(y, H, EstimatorConfig(variant="joint"))
@@ -66,7 +66,8 @@ def test_an_order_that_is_not_the_fits_does_not_describe_the_noise() -> None:
 
 
 def test_both_are_needed() -> None:
-    """Correlated innovations count against the filter only if the correlation is both significant and large.
+    """Correlated innovations count as evidence against FLTEA's filter only if the correlation is both
+    significant and large.
 
     In a record of a day, every correlation is significant. In 200 samples, correlations by chance are large.
     """

@@ -196,7 +196,7 @@ def test_numbers_of_an_axis() -> None:
     listed = Settings(settings().options, EstimatorConfig(bias=[0.1, 0.2, 0.3], R=[1.0, 2.0, 3.0]))
     channels = ("gyro_x", "accel_y", "gyro_z")
     found = listed.of_axis("gyro_z", channels).estimator
-    # gyro_z gets the second numbers, since it is the second axis of the gyroscope here
+    # gyro_z gets the second number of each list, since it is the second axis of the gyroscope here
     assert (found.bias, found.R) == (0.2, 2.0)
     assert listed.of_axis("accel_y", channels).estimator.bias == "startup"
     short = Settings(settings().options, EstimatorConfig(bias=[0.1]))

@@ -58,7 +58,8 @@ def piece(t_s: float, pieces: int, needed: float, deviations: float = 9.0, said:
 
 
 def axis(*pieces: Piece, whole: float = 0.01, unit: str = "deg/s", judged: str = "white noise") -> Axis:
-    """Return the result of an axis whose forecast and observed error are given.
+    """Return the result of an axis with a given forecast, and with given errors of it in pieces of the
+    recording.
 
     `whole`: the forecast from the whole recording.
     """

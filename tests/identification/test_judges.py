@@ -133,8 +133,8 @@ def test_a_line_near_a_part_of_the_rate_is_none(hz: float) -> None:
 
 @pytest.mark.parametrize("every", [100, 50, 33])
 def test_a_glitch_in_each_period_is_no_sensor_by_turns(every: int) -> None:
-    """All glitches fall on the same row of a pattern of four, two or three rows, as if one of so many sensors
-    were different.
+    """Glitches come every 100, 50 or 33 rows, so all fall on the same row of a repeated pattern of four, two
+    or three rows. This looks as if rows of so many sensors alternated, and one sensor were different.
     """
     y = white(60_000, 3, 1)
     y[:, ::every] += 5.0 * float(y.std())

@@ -71,7 +71,7 @@ def test_white_noise_with_a_step_is_white_noise_and_the_step_is_told(size: float
 
 
 def test_a_step_is_that_of_a_gap_free_time_and_the_bias_is_that_of_the_setting() -> None:
-    """The times of steps in the report include the time of lost samples."""
+    """The times of steps in the report count lost samples, too."""
     y = white(3)
     y[30_000:] += 0.2
     found = identified(y, Gaps(np.array([10_000, 20_000]), np.array([50, 5000])))

@@ -24,7 +24,9 @@ N = 20_000
 
 
 def levels(rng: np.random.Generator, n: int, stay_s: float, count: int = 2, apart: float = 0.2) -> Array:
-    """Return samples of telegraph noise: levels in random order, each for a random time."""
+    """Return samples of telegraph noise: it jumps between levels in random order, and stays at each for a
+    random time.
+    """
     stays = rng.exponential(stay_s / H, 20 + int(3 * n * H / stay_s)).astype(np.int64) + 1
     names = np.cumsum(rng.integers(1, count, len(stays))) % count
     return np.asarray(apart * (np.repeat(names, stays)[:n] - (count - 1) / 2), dtype=np.float64)
@@ -65,9 +67,9 @@ def test_more_levels_and_coarse_counts(count: int, noise: float, lsb: float | No
 
 
 def test_the_heading_has_the_steps_to_come() -> None:
-    """In 95 % of independent minutes, the heading is inside its interval.
+    """In 95 % of independent minutes, the heading is inside its forecast interval.
 
-    This is true both with the mean of the record as the bias and with the exported filter.
+    This is true if the bias is the mean of the record, and if it comes from the exported filter.
     """
     inside: list[bool] = []
     for seed in range(4):

@@ -25,8 +25,10 @@ OPTIONS = IdentifyOptions(shuffles=0)
 
 
 def walking(share: float, seed: int, n: int = N) -> Array:
-    """Return white noise with σ = 0.1 whose offset does a random walk. `share`: size of the walk, as defined
-    in `fltea.estimator.offset_walk`.
+    """Return white noise with σ = 0.1 whose offset does a random walk.
+
+    `share`: size of the walk, as `fltea.estimator.offset_walk` defines it: each of the n steps has the
+    standard deviation 0.1 √share / n.
     """
     rng = np.random.default_rng((seed, 3))
     return np.asarray(rng.normal(size=n) * 0.1 + np.cumsum(rng.normal(size=n)) * np.sqrt(share) * 0.1 / n)

@@ -90,7 +90,8 @@ def test_rounding_is_none_of_them(noise: str) -> None:
             # counts of 0.061 rounded to two decimals: the steps between these values are unequal
             written = np.round(rounded * 0.061, 2)
             found = [*kinds(rounded), *kinds(written)]
-            # Slow noise over two or three counts has few different values, and is reported as coarse.
+            # Slow noise over a range of two or three counts has few different values. It is reported as
+            # coarse.
             assert set(found) <= ({"few values"} if counts < 1 and noise in ("walk", "slow") else set())
 
 
