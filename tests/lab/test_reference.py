@@ -37,8 +37,8 @@ def same(a: Step, b: Step) -> bool:
 
 def test_parameters_that_enter_linearly_follow_a_plain_kalman_filter() -> None:
     # In this system, A(w) x is linear in the parameters w. So the output is linear in w, too, with the matrix
-    # H = h^α d(A x)/dw, and filtering by sigma points is exact. If the order α is constant, the filters KFw
-    # (of the parameters) and KFx (of the state) predict the same output, so they have the same innovation.
+    # H = h^α d(A x)/dw, and filtering by sigma points is exact. If the order α is constant, the filter of the
+    # parameters (KFw) and that of the state (KFx) predict the same output, so they have the same innovation.
     h, order, R, delta = 0.25, 0.5, np.diag([0.2, 0.3]), 0.3
     P = np.array([[0.5, 0.2, 0.1], [0.2, 0.4, 0.0], [0.1, 0.0, 0.3]])
     Q = np.diag([0.01, 0.02, 0.03])
@@ -286,8 +286,8 @@ def test_wrong_settings_are_named(text: str, make: Callable[[], object]) -> None
 
 
 def test_covariances_of_parameters_may_be_singular() -> None:
-    # One parameter is known, and two are unknown but fully correlated. So P0 and the sigma points have rank
-    # one.
+    # One parameter is known exactly, and the other two are unknown but fully correlated. So the initial
+    # covariance P0 and the sigma points have rank one.
     P0 = np.zeros((3, 3))
     P0[1:, 1:] = 0.04
     fltea = Fltea(

@@ -107,8 +107,8 @@ def test_an_unknown_fractional_source_raises_the_order_that_is_found() -> None:
     found = {kind: outcomes(case, range(8), options, quiet)[3000] for kind, case in cases.items()}
     for outcome in found.values():
         assert not (outcome.not_finite | outcome.far_off).any()
-    # The true order is 0.4. With the fractional source, it is 0.4 + 0.3. The paper's algorithm estimates
-    # about 0.54 and 0.66.
+    # The true order is 0.4. If the noise that drives the system is itself of the order 0.3, the whole is of
+    # the order 0.4 + 0.3. The paper's algorithm estimates about 0.54 and 0.66.
     assert np.median(found[True].settled_order) > np.median(found[False].settled_order) + 0.05
 
 
@@ -281,8 +281,8 @@ def test_lost_runs_are_counted_and_guards_prevent_them() -> None:
 
 
 def test_a_finite_run_that_is_far_off_stays_in_every_statistic() -> None:
-    # With a saw-tooth of ±1.2, the state of the paper's algorithm is off by more than 10 sqrt(R) for a sixth
-    # of the seeds, but stays finite.
+    # With a saw-tooth of ±1.2, the state of the paper's algorithm is off by more than 10 standard deviations
+    # of the measurement (10 sqrt(R)) for a sixth of the seeds, but stays finite.
     scenario = replace(short(2, 4000, SawTooth(1.2)), lengths=(4000,))
     printed = outcomes(scenario, range(32), Options(), quiet)[4000]
     assert printed.far_off.sum() >= 1

@@ -85,9 +85,10 @@ def test_an_order_that_stays_at_0_is_nearer_than_the_printed_errors() -> None:
     assert 2 * exchange.zero_order_error() < paper.TABLE_3[4000].order < paper.TABLE_4[4000].order
 
 
-# For the paper's errors of state and parameter, the fraction of seeds of an independent implementation whose
-# errors are smaller (800 seeds, ../shared/paper/tables.md). `levels`: these fractions for L = 4,000.
-# `changes`: these fractions for the change of the errors from L = 4,000 to L = 2,000.
+# How the paper's errors of state and parameter compare with those of an independent implementation for 800
+# seeds (../shared/paper/tables.md): the fraction of seeds with a smaller error. `levels`: these fractions
+# with the memory length L = 4,000. `changes`: the same for the change of the errors from L = 4,000 to L =
+# 2,000.
 OTHERS_SEEDS = 800
 OTHERS = [
     # each row: table of the paper, example, amplitude of the saw-tooth, `levels` and `changes`
@@ -104,7 +105,9 @@ SEEDS = 128
 
 @pytest.fixture(scope="module")
 def found() -> dict[tuple[int, float], dict[int, Outcome]]:
-    """Return, by example and amplitude of the saw-tooth, the outcomes with L = 4,000 and 2,000."""
+    """Return the outcomes with the memory lengths L = 4,000 and 2,000, by example and amplitude of the
+    saw-tooth.
+    """
     runs = {}
     for number, amplitude in dict.fromkeys((number, amplitude) for _, number, amplitude, *_ in OTHERS):
         scenario = example(number, SawTooth(amplitude))
