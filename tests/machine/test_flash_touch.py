@@ -24,7 +24,7 @@ def board() -> Iterator[SpeakingPort]:
 
 
 class Line:
-    """A port that records what happens to it, each time with the terminal's speed."""
+    """A port that records each call of it, with the terminal's speed at that time."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, board: SpeakingPort) -> None:
         self.seen: list[tuple[str, object, int]] = []
