@@ -137,7 +137,7 @@ def _summed(s: System, samples: int) -> tuple[np.ndarray, float]:
     rows = [s.bias]
     for _ in range(samples):
         rows.append(rows[-1] @ s.A)
-    # A step of the state that occurs j samples before the last sample affects j + 1 of the biases.
+    # A step of the state that occurs j samples before the last sample affects j + 1 of the averaged biases.
     to_come = np.cumsum(rows[:-1], axis=0)
     variance = sum(float(one @ s.Q @ one) for one in to_come)
     return np.sum(rows[1:], axis=0) / samples, variance / samples**2

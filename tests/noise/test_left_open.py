@@ -14,10 +14,10 @@ LAM = np.geomspace(0.01, math.pi, 50)
 
 @pytest.mark.parametrize("found", [p.Order(0.916, -13.4, 21.4), p.Order(0.354, -0.97, 1.03)], ids=str)
 def test_white_noise_beside_an_order_that_is_nearly_white_is_open(found: p.Order) -> None:
-    """Two models were once fitted to the same minute of samples. Each model consisted of white noise and an
-    order. The samples were the sum of white noise and the order NEARLY_WHITE.
+    """Two models were once fitted to the same minute of samples.
 
-    The true variance of the white noise lies between those of the two models.
+    Each model consisted of white noise and noise of fractional order, and so did the samples (NEARLY_WHITE is
+    their fractional noise). The true variance of the white noise lies between those of the two models.
     """
     white = p.White(0.0326 if found.alpha > 0.5 else 0.0026)
     mean, power = mean_order([white, found], found, LAM, H, 6000)

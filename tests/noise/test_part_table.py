@@ -24,7 +24,9 @@ from tests.rig.model_support import EXAMPLES, PARTS, bins
 LAM = np.geomspace(1e-4, np.pi, 300)
 SAMPLES = 200_000
 EXACT_SHARE = 0.06
-"""Largest permitted relative error of the spectrum of a part's linear system at low frequencies."""
+"""Largest permitted relative error at low frequencies, for the spectrum of a linear system that approximates
+a noise part.
+"""
 
 kinds = pytest.mark.parametrize("kind", p.CODES, ids=lambda kind: kind.tag())
 

@@ -46,8 +46,8 @@ def test_mean_variance_and_spectrum_are_the_models(alpha: float, f: float) -> No
 
 
 def test_order_0_is_an_autoregression_and_order_1_its_alias() -> None:
-    # An order α = 0 with f = φ, and an order α = 1 with f = (φ - 1)/h whose driving noise is scaled by 1/h,
-    # are the same process.
+    # Noise of order α = 0 with f = φ, and noise of order α = 1 with f = (φ - 1)/h whose driving noise is
+    # scaled by 1/h, are the same process.
     phi, n = 0.7, 4000
     y, x = FractionalNoise(0, phi, 1.0, 0.5, H, seed=3).samples(n)
     alias = FractionalNoise(1, (phi - 1) / H, 1 / H**2, 0.5, H, seed=3).samples(n)

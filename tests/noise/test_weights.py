@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 
-# Weight j is weight j - 1 times 1 - (order + 1) / j. For an integer order, this factor has to be exactly 0 at
-# j = order + 1, so that all later weights are 0. Order 48 is included, since 49 * (1/49) is not 1 in
-# floating-point numbers.
+# The weight of the sample j steps back is that of the sample j - 1 steps back times 1 - (order + 1) / j. For
+# an integer order, this factor has to be exactly 0 at j = order + 1, so that all later weights are 0. Order
+# 48 is included, since 49 * (1/49) is not 1 in floating-point numbers.
 @pytest.mark.parametrize("order", [*range(9), 48])
 def test_integer_orders_are_signed_binomials_and_end_in_exact_zeros(order: int) -> None:
     c = weights(float(order), 100)
@@ -24,9 +24,9 @@ def test_integer_orders_are_signed_binomials_and_end_in_exact_zeros(order: int) 
 @settings(derandomize=True, deadline=None, max_examples=60)
 @given(st.floats(-0.9, 3))
 def test_real_orders_against_arbitrary_precision(order: float) -> None:
-    # Weight j is a product of j factors, each of which is rounded three times. At j = 5000 these errors add
-    # up to 5000 * 3 * 1.1e-16 = 1.7e-12 at worst. The absolute tolerance is for orders so near to 0 that even
-    # the 40 digits of the exact value are not enough.
+    # The weight of the sample j steps back is a product of j factors, each of which is rounded three times.
+    # At j = 5000 the sum of these errors is at most 5000 * 3 * 1.1e-16 = 1.7e-12. The absolute tolerance is
+    # for orders so near to 0 that even the 40 digits of the exact value are not enough.
     c = weights(order, 5000)
     for j in (0, 1, 2, 3, 4, 10, 100, 1000, 5000):
         with mpmath.workdps(40):
