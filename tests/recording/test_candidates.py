@@ -113,8 +113,9 @@ OF_COUNTS = {f"lsb:{g}": float(g) for g in GRAVITY_COUNTS}
 
 
 def at_rest(direction: tuple[float, ...], offset: tuple[float, ...], g: float) -> np.ndarray:
-    """Return samples of an accelerometer at rest, with 5 mg of noise and an offset on each axis. The offsets
-    are fractions of 1 g, at most 5 % in all.
+    """Return samples of an accelerometer at rest, with 5 mg of noise and an offset on each axis.
+
+    The vector of the three offsets is at most 5 % of 1 g long.
     """
     there = np.array(direction) / math.hypot(*direction)
     off = np.array(offset) / math.sqrt(3)
@@ -135,8 +136,8 @@ def test_gravity_tells_the_unit_whatever_the_orientation(
 def test_whole_numbers_may_be_counts_and_are_never_taken_for_others(
     direction: tuple[float, ...], offset: tuple[float, ...], unit: str
 ) -> None:
-    """If gravity is slightly more than 8192 in whole numbers, the unit could be a count or mm/s², in which
-    gravity is 9,807. In this case, no unit is shown.
+    """If a value at rest is slightly more than 8192 in whole numbers, the unit could be a count, or mm/s², in
+    which gravity is 9,807. In this case, no unit is shown.
     """
     g = OF_COUNTS.get(unit) or GRAVITY[unit]
     found = gravity_units(np.rint(at_rest(direction, offset, g)))

@@ -30,7 +30,7 @@ all other files of the corpus.
 
 READ = [name for name in OPTIONS if name not in UNREAD_DIALECTS]
 SLOW = {"asam.mf4"}
-"""Files for which a library is needed that takes seconds to load."""
+"""Files whose reading needs a library that takes seconds to load."""
 
 NOT_LIVE = {*BY_NAME, "excel_unicode.txt", "xsens_mtw.txt"}
 """Text files that cannot be read as live text from a pipe. For some, the file name is needed, which a pipe

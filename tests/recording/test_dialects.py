@@ -1,5 +1,7 @@
-"""Tests the table of dialects: each dialect's example file holds everything that its row describes, and a
-file that matches only in part is not recognised.
+"""Tests the table of dialects, which describe what each logger writes in a format.
+
+Each dialect's example file holds everything that its row describes, and a file that matches only in part is
+not recognised.
 """
 
 import re
@@ -38,7 +40,11 @@ of_each = pytest.mark.parametrize("one", TABLE, ids=lambda one: one.name)
 
 
 class Seen(NamedTuple):
-    """What was known of a file when its dialect was determined. These are the arguments of `dialect_of`."""
+    """What was known of a file when its dialect was determined, which is what its logger writes in the
+    format.
+
+    These are the arguments of `dialect_of`.
+    """
 
     names: Sequence[str]
     facts: Facts

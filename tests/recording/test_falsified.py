@@ -84,9 +84,10 @@ UNDETECTABLE: dict[str, tuple[str, Shown]] = {
         lambda case, found: found.says("accelerometer", "missing"),
     ),
 }
-"""Falsifications that change the resulting figures without an error, since the file stays consistent. For
-each, this mapping holds the reason why nothing contradicts it, and a function that returns whether the result
-at least shows the falsified value.
+"""Falsifications that change the resulting figures without an error, since the file stays consistent.
+
+For each: the reason why nothing contradicts the falsified value, and a function that returns whether the
+result at least shows this value.
 """
 
 OTHER_CLOCK_WITHOUT_UNIT = {

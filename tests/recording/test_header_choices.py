@@ -23,7 +23,7 @@ OTHERS = {
 
 @pytest.fixture
 def chosen(monkeypatch: pytest.MonkeyPatch) -> list[object]:
-    """Collect the column names of each header for which columns are chosen."""
+    """Collect the column names of each header that makes the reader choose columns."""
     found: list[object] = []
 
     def counted(where: str, names: object, *rest: object) -> object:

@@ -119,7 +119,7 @@ def test_one_axis_alone_is_one_axis(tmp_path: Path) -> None:
     cuts=st.lists(st.integers(0, 40), max_size=4),
 )
 def test_lines_are_as_many_as_there_were(lines: list[str], cuts: list[int]) -> None:
-    """However the text is cut into pieces, only the lines before the first complete sample are lost."""
+    """However the text is cut into pieces, the same lines come out, and as many as went in."""
 
     def run(pieces: list[list[str]]) -> list[str]:
         labels = LabelLines()

@@ -265,8 +265,9 @@ JUNK: dict[str, Callable[[int], str]] = {
     "quotes": lambda k: f'"a{k},1,2\n',
     "wrong checksums": lambda k: f"$VNYMR,1,2,3,4,5,6,7,8,9,1,2,{k}*00\n",
 }
-"""Texts in which few or no lines are rows. Reading them calls Python's own functions so often that counting
-these calls would take too long.
+"""Texts in which few or no lines are rows.
+
+Python's own functions are called so often in reading them that counting these calls would take too long.
 """
 JUNK_LINES = 500
 

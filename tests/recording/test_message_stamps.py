@@ -11,8 +11,9 @@ PERIOD_NS = 5_000_000
 
 
 def kept(seed: int, share: float, longest: int = 1) -> Times:
-    """Return the numbers of the samples that remain of N. Losses begin at a random proportion `share` of the
-    samples, and each loses up to `longest` samples.
+    """Of N samples, return the numbers of those that remain.
+
+    A loss begins at each sample with the probability `share`, and takes up to `longest` samples.
     """
     rng = np.random.default_rng(seed)
     lost = rng.random(N) < share
@@ -141,7 +142,9 @@ def test_any_stamps(stamps: list[int]) -> None:
 def test_a_stamp_that_repeats_the_one_before_is_no_lost_sample(
     seed: int, behind_ns: int, jitter_ns: int, lost: int
 ) -> None:
-    """The driver reads the time before a new one is available, so the sample gets an old stamp."""
+    """The driver reads the sensor's time before a new time is available, so the sample gets the stamp of the
+    sample before.
+    """
     rng = np.random.default_rng(seed)
     n = 24_000
     number = np.arange(n) + lost * (np.arange(n) >= 12_000)

@@ -26,8 +26,10 @@ def test_ndjson_keeps_hello_and_samples_in_order(tmp_path: Path) -> None:
 
 
 def test_epochs_that_another_version_wrote_are_read(tmp_path: Path) -> None:
-    """A replay needs only the reason why an epoch began. The record's estimator settings are not read, since
-    their form has changed between versions.
+    """A replay needs only the reason why an epoch (a run of samples without a restart) began.
+
+    The estimator settings in the record of the epoch are not read, since their form has changed between
+    versions.
     """
     old = '{"class":"epoch","epoch":1,"reason":"restart","host_ns":7,"estimator":{"engine":"reference"}}'
     found, _ = read_ndjson(ndjson_file(tmp_path, HELLO, old, SAMPLE))

@@ -1,5 +1,7 @@
-"""Reader processes keep within the limits of the login session, report which limit ended them, and end when
-the process that started them ends.
+"""Tests of reader processes, which read files with other programs' libraries.
+
+They keep within the limits of the login session, report which limit ended them, and end when the process that
+started them ends.
 """
 
 import os

@@ -128,8 +128,9 @@ def test_json_in_json_without_end(tmp_path: Path) -> None:
 def test_code_in_the_current_folder_is_not_run(
     entry: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The folder of a recording may hold files that are named like modules of Python or of a library. A
-    reader process must not run them.
+    """The folder of a recording may hold files that are named like modules of Python or of a library.
+
+    A reader process (which reads a file with another program's library) must not run them.
     """
     for name in ("resource", "random", "numpy", "pyarrow"):
         (tmp_path / f"{name}.py").write_text(f"open({str(tmp_path / 'has_run')!r}, 'w')\n")

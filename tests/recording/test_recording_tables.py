@@ -43,8 +43,9 @@ def exported(folder: Path, what: str) -> tuple[list[dict[str, str]], dict[str, n
 
 
 def comparable(records: list, kind: type[Any]) -> list[tuple]:
-    """Return epoch and axes of each estimate. The estimate's host time and number are left out, since a file
-    without times of the host clock lacks them.
+    """Return epoch (number of the run between restarts) and axes of each estimate.
+
+    The estimate's host time and number are left out, since a file without times of the host clock lacks them.
     """
     return [(r.epoch, r.axes) for r in of(kind, records)]
 

@@ -22,8 +22,9 @@ NOWHERE = st.sets(st.integers(1, N - 2), max_size=40)
 
 
 def jitter(seed: int, most: float) -> np.ndarray:
-    """Return a random jitter for each of the N times. `most`: largest change of the step between two times by
-    the jitter. Both are in sampling periods.
+    """Return a random jitter for each of the N times, in sampling periods.
+
+    `most`: largest change of the step between two times by the jitter, also in sampling periods.
     """
     return np.random.default_rng(seed).uniform(-most / 2, most / 2, N)
 

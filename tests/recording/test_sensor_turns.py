@@ -102,8 +102,10 @@ def test_two_kinds_of_sensors_are_known_by_their_figures() -> None:
 def test_turns_are_kept_in_whatever_pieces_rows_come(
     gone: set[int], cuts: list[int], later: float, which: int
 ) -> None:
-    """Rows of two sensors alternate, and some are missing. The rows chosen for one sensor include none of the
-    other sensor, none is repeated, and the first rounds are complete.
+    """Rows of two sensors alternate, and some are missing.
+
+    The rows chosen for one sensor include no row of the other sensor, no row is repeated, and none of the
+    first rounds lacks a row.
     """
     keep = np.array([row for row in range(2 * N) if row < 40 or row not in gone])
     rows = np.column_stack([keep % 2, keep // 2 + later * (keep % 2)]).astype(float)

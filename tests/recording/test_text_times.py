@@ -345,11 +345,12 @@ def test_day_and_month_have_one_order_in_a_text(sign: str, year: str) -> None:
     def told(*dates: str) -> list[float]:
         return days_of(*(f"{one}/{year}".replace("/", sign) for one in dates))
 
-    assert told("31/01", "01/02", "02/02") == [1, 1]  # 31 shows in the first date that the day comes first
-    # steps of one day show that the day comes first
+    # in the first date, 31 shows that the day comes before the month
+    assert told("31/01", "01/02", "02/02") == [1, 1]
+    # steps of one day show that the day comes before the month
     assert told("03/05", "04/05", "05/05", "06/05") == [1, 1, 1]
     assert told("11/05", "12/05", "13/05", "14/05") == [1, 1, 1]
-    assert told("12/05", "13/05") == [1]  # 13 shows in the later date that the day comes first
+    assert told("12/05", "13/05") == [1]  # in the later date, 13 shows that the day comes before the month
     assert told("02/03", "02/04") == [1]
     assert told("05/31", "06/01") == [1]
     assert told("01/31", "02/01") == [1]
