@@ -13,8 +13,9 @@ from fltea.records.records import AnyRecord
 from tests.rig.host_support import ROOT
 
 MOST = 30
-"""A number larger than the number of fields of any record. A call with `*arguments` counts as a call with
-this many arguments.
+"""A number larger than the number of fields of any record.
+
+If a call has `*arguments`, it counts as a call with this many arguments.
 """
 
 Fields = set[tuple[str | None, str | int]]

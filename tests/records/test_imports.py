@@ -42,8 +42,9 @@ def room_of(name: str) -> str:
 
 
 def circles(arrows: dict[str, set[str]]) -> set[str]:
-    """Return the modules that are in import cycles or lead into one. They remain after repeatedly removing
-    each module that imports none of the remaining ones.
+    """Return the modules that are in import cycles or lead into one.
+
+    To find them, modules that import none of the remaining modules are removed repeatedly.
     """
     left = dict(arrows)
     while free := [name for name, imported in left.items() if not imported & left.keys()]:
