@@ -27,15 +27,13 @@ COLUMNS = LaneBlock._fields[: LaneBlock._fields.index("lost")]
 
 
 class Walked(NamedTuple):
-    """Results of an estimator for n samples: columns of shape (n, axes) by name, the losses of axes, and the
-    final counters.
+    """Results of an estimator for n samples: columns of shape (n, axes) by name, the axes that became
+    invalid, and the final counters.
     """
 
     columns: dict[str, NDArray[np.float64] | NDArray[np.bool_]]
     lost: list[Lost]
-    """Axes that became invalid, each with the row. The row numbers count only samples that were present, not
-    missing ones.
-    """
+    """Axes that became invalid, each with the number of the row. Rows of missing samples are not counted."""
     restarts: dict[str, int]
     interventions: dict[str, dict[str, int]]
     lag1: dict[str, float | None]

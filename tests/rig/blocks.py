@@ -18,7 +18,7 @@ T = TypeVar("T")
 
 
 def of(kind: type[T], found: Iterable[object]) -> list[T]:
-    """Return the items of one type among records, events or frames."""
+    """Return those of the records, events or frames that have this type."""
     return [one for one in found if isinstance(one, kind)]
 
 
@@ -162,8 +162,8 @@ raw_samples = st.builds(
 class Tracked(NamedTuple):
     """A sample with its sequence number and its device time, both without wraps.
 
-    `missing`: number of samples lost just before this sample. `new_epoch`: reason why the sample begins an
-    epoch.
+    `missing`: number of samples lost just before this sample. `new_epoch`: if the sample begins a new run
+    (epoch), the reason for it.
     """
 
     raw: RawSample

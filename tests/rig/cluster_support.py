@@ -23,7 +23,7 @@ from tests.rig.identify_files import settings
 from tests.rig.toolchain import missing
 
 ASK = Ask(settings(shuffles=0))
-"""Settings of `fltea identify`. They omit the test with shuffled copies of the samples, which saves time."""
+"""Settings of `fltea identify` that save time: they omit the estimates of shuffled copies of the samples."""
 
 
 def command(patch: pytest.MonkeyPatch, *arguments: object) -> int:

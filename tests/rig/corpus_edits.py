@@ -54,11 +54,11 @@ class Figures(NamedTuple):
         )
 
     def has_gravity_of(self, other: "Figures") -> bool:
-        """Return whether the mean specific force equals that of `other`, or the program says that this force
-        may be wrong.
+        """Return whether the mean specific force equals that of `other` within 5 %, or the program says that
+        it may be wrong.
 
-        The two are equal if they agree within 5 %. Otherwise the program has to report that the accelerometer
-        was not read, or a data check has to mark gravity as wrong.
+        The program says so if it reports that the accelerometer was not read, or if a data check marks
+        gravity as wrong.
         """
         if None not in (self.gravity_ms2, other.gravity_ms2):
             return (

@@ -86,7 +86,7 @@ def records(query: str, config: EstimatorConfig = QUICK) -> list[AnyRecord]:
 def with_breaks(
     lengths: list[int], reason: str = "restart", config: EstimatorConfig = QUICK, accel: bool = False
 ) -> list[AnyRecord]:
-    """Return records of several epochs; a restart of the filters separates two epochs.
+    """Return records of several epochs, between which the filters restart.
 
     The noise is made of the low bits of a counter, plus an offset.
     """

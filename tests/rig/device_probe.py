@@ -26,8 +26,8 @@ FIELDS = Estimate._fields[: Estimate._fields.index("tracker_bias")]
 
 
 class Baseline(NamedTuple):
-    """Bias and measurement variance R of an axis from the board's start-up window, and the number of restarts
-    of its filters.
+    """Bias of an axis and the variance R of its measurement, both from the board's start-up window (its first
+    samples), and the number of restarts of the axis's filters.
     """
 
     bias_dps: float
@@ -81,7 +81,9 @@ class Device:
 
 
 def host_engine(variant: str, R: float) -> Engine:
-    """Return a double-precision engine of one lane with the device's settings and unlimited memory."""
+    """Return the host's estimator in double precision for one axis, with the device's settings and unlimited
+    memory.
+    """
     return Engine(
         1,
         LaneSettings(
@@ -94,6 +96,9 @@ def host_engine(variant: str, R: float) -> Engine:
 
 
 def host_baseline(counts: ArrayLike) -> tuple[float, float]:
-    """Return bias and R of a start-up window in double precision; R is at least the quantisation variance."""
+    """Return bias and variance R of the samples of a start-up window in double precision.
+
+    R is at least the variance of rounding to counts.
+    """
     window = np.asarray(counts) / LSB_PER_DPS
     return float(window.mean()), max(float(window.var(ddof=1)), 1 / LSB_PER_DPS**2 / 12)

@@ -38,8 +38,9 @@ class Source:
 
 
 def small_config(**changes: object) -> Config:
-    """Return settings with windows that fill quickly. In the names of changed settings, `estimator__R` stands
-    for estimator.R.
+    """Return settings with windows that fill quickly.
+
+    An argument such as `estimator__R` changes the setting estimator.R.
     """
     return load_config(None, SMALL | {name.replace("__", "."): value for name, value in changes.items()})
 

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 ESTIMATES = ("alpha", "alpha_var", "f", "f_var", "x", "P", "innovation", "innovation_var")
 
-# Settings of section 7.1 of the paper: the x axis of its gyroscope.
+# Settings of the paper, section 7.1, for the x axis of its gyroscope.
 PRINTED = EstimatorConfig(variant="triple", guard="off", memory="direct")
 GYROSCOPE = LaneSettings(PRINTED, h=0.01, R=0.0235)
-# Settings of section 6.1 of the paper.
+# Settings of the paper, section 6.1.
 EXAMPLE = LaneSettings(
     msgspec.structs.replace(
         PRINTED,
@@ -35,8 +35,10 @@ EXAMPLE = LaneSettings(
 
 
 def with_(settings: LaneSettings, **changes: Any) -> LaneSettings:
-    """Return the settings with changes. The name `state__Q` stands for state.Q. Such a number may be an array
-    with a value for each lane (axis).
+    """Return the settings with changes.
+
+    The name `state__Q` stands for state.Q. The value of such a setting may be an array with a value for each
+    axis that the engine filters in parallel.
     """
     numbers = {name.replace("__", "."): changes.pop(name) for name in [*changes] if "__" in name}
     own = {name: changes.pop(name) for name in [*changes] if name in ("h", "R", "accuracy")}
@@ -53,7 +55,7 @@ def white(n: int, lanes: int, seed: int, variance: float = 0.0235) -> Array:
 
 
 def example(number: int, n: int, seed: int) -> tuple[Array, Array]:
-    """Return measurements y and input u of the paper's example `number` (1, 2 or 3), both of shape (n,).
+    """Return measurements and input of the paper's example `number` (1, 2 or 3), both of shape (n,).
 
     The input is a saw-tooth between -1 and 1, of 1 Hz.
     """
@@ -64,7 +66,7 @@ def example(number: int, n: int, seed: int) -> tuple[Array, Array]:
 
 
 def driven(alpha: Any, u: Array, seed: int | np.random.Generator) -> tuple[Array, Array]:
-    """Return states and measurements of the system of section 6.1 for an input.
+    """Return states and measurements of the system in the paper's section 6.1 for an input.
 
     The input `u` and both results have the shape (n,).
     """
@@ -82,9 +84,8 @@ def reference_run(
 ) -> Array:
     """Return the estimates of the reference implementation, of shape (n, len(ESTIMATES)).
 
-    The settings must be single numbers, not arrays with a value for each lane (axis).
-
-    `changes`: Q and R that take effect at the given samples.
+    The settings must be single numbers, not arrays with a value for each axis. `changes`: Q and R that take
+    effect at the given samples.
     """
     config, R = settings.config, settings.R
     state, order, parameter = config.state, config.order, config.parameter
@@ -110,19 +111,19 @@ def reference_run(
 
 
 def run(settings: LaneSettings, y: Array, u: Array | None = None, **options: Any) -> Estimates:
-    """Run one engine over the measurements y, of shape (n, lanes), one lane for each column."""
+    """Run one engine over the measurements y, of shape (n, axes)."""
     return Engine(y.shape[1], settings, **options).run(y, u)
 
 
 def columns(estimates: Estimates) -> Array:
-    """Return the estimates of an engine of one lane as an array of shape (n, len(ESTIMATES))."""
+    """Return the estimates of an engine of one axis as an array of shape (n, len(ESTIMATES))."""
     return np.column_stack([getattr(estimates, name)[:, 0] for name in ESTIMATES])
 
 
 def run_changing(
     settings: LaneSettings, y: Array, u: Array, changes: Mapping[int, tuple[float, float]], **options: Any
 ) -> Array:
-    """Run an engine of one lane over measurements y and input u, both of shape (n,); return the estimates.
+    """Run an engine of one axis over measurements y and input u, both of shape (n,); return the estimates.
 
     `changes`: Q and R that take effect at the given samples.
     """

@@ -39,12 +39,12 @@ def noise(n: int, seed: int = 1) -> list[tuple[int, ...]]:
 
 
 class Board(MadeUpBoard):
-    """A simulated board that sends HELLO and ESTIMATOR every 100 samples, and estimates after each sample.
+    """A simulated board that sends the messages HELLO and ESTIMATOR (its settings) every 100 samples, and
+    computes an estimate after each sample.
 
-    `late`: number of samples by which the board sends estimates later than the sample that they belong to.
-
-    `stated`: the settings that the board sends in ESTIMATOR; None if the board computes no estimates.
-    `first`: sequence number of the first sample.
+    `late`: number of samples by which the board sends an estimate later than its sample. `stated`: the
+    settings in the message ESTIMATOR; None if the board computes no estimates. `first`: sequence number of
+    the first sample.
     """
 
     def __init__(
@@ -121,7 +121,7 @@ def changed(
 def pipeline(who: str, **settings: object) -> Pipeline:
     """Return a pipeline that takes estimates from `who`: "host", "device" or "both".
 
-    In the names of settings, `estimator__R` stands for estimator.R.
+    An argument such as `estimator__R` changes the setting estimator.R.
     """
     changes = {"estimator__estimate_on": who} | settings
     return Pipeline(Source(), load_config(None, {k.replace("__", "."): v for k, v in changes.items()}))

@@ -28,7 +28,9 @@ READ = 1
 """Linux's flag I2C_M_RD."""
 SYSTEM_CALL_NS = 50_000
 LONGEST_MESSAGE = 255
-"""Longest message of some adapters [bytes]; the adapters of the Raspberry Pi accept longer messages."""
+"""Longest message that some I²C adapters accept [bytes]; the adapters of the Raspberry Pi accept longer
+messages.
+"""
 TICK_NS = 100_000
 WRAP = 16_384
 NO_ESTIMATES = {"samples": True, "estimator.startup": 1_000_000, "live.on": False}
@@ -250,10 +252,9 @@ class Pi:
     def check(self, ppm: float = 0.0) -> list[int]:
         """Check the number and time of every sample by the time of measurement that its values encode.
 
-        Return the sample times of the last epoch [ns].
-
-        Within an epoch, numbers and times have to agree to the sample. No sample may arrive before it is
-        measured. Every sample that is not delivered has to be counted.
+        Return the sample times of the last epoch [ns]. Within an epoch (a run without a restart), numbers and
+        times have to agree to the sample. No sample may arrive before it is measured. Every sample that is
+        not delivered has to be counted.
         """
         period_ns = S / self.hello.rate_hz / (1 + ppm * 1e-6)
         epoch, first, arrived_ns = -1, (0, 0), 0

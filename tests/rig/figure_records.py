@@ -42,7 +42,10 @@ from tests.rig.fit_support import FRACTIONAL, with_curves
 from tests.rig.host_support import hello
 
 KEYS: dict[str, Any] = {"str": "order_box", "int": 60}
-"""For each type of keys, a key that is put into mappings that the example records leave empty."""
+"""For each type of keys that mappings have, an example of a key.
+
+It is put into mappings that the example records leave empty.
+"""
 
 
 def parts_of(hint: Any) -> Iterator[Any]:

@@ -64,5 +64,5 @@ def identify_axis(
     options: IdentifyOptions | None = None,
     gaps: Gaps | None = None,
 ) -> AxisResult:
-    """Return the identification of one axis, without the test with shuffled copies."""
+    """Return the identification of one axis, without FLTEA's estimates of shuffled copies of the samples."""
     return identified(analyse(y, h, options, gaps), lsb, options)

@@ -32,7 +32,8 @@ def identify_series(
     known: Sequence[DataCheck] = (),
     live: LiveConfig | None = None,
 ) -> AxisReport:
-    """Return the identification of one axis alone, without the test with shuffled copies.
+    """Return the identification of one axis alone, without FLTEA's estimates of shuffled copies of the
+    samples.
 
     `known`: results of data checks of the whole recording.
 

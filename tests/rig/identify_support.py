@@ -12,9 +12,8 @@ H = 0.01
 
 
 def recursion(alpha: float, f: float, n: int, series: int, seed: int, warmup: int = 2000) -> Array:
-    """Return states of the fractional recursion driven by white noise of variance 1.
-
-    The shape is (series, n). The first `warmup` states are dropped.
+    """Return states of the paper's recursion D^α x = f x + ω, driven by white noise of variance 1, of shape
+    (series, n). The first `warmup` states are dropped.
     """
     drive = np.random.default_rng(seed).standard_normal((n + warmup, series)) / H**alpha
     return fractional_states(np.full(n + warmup, alpha), f, drive, H)[warmup:].T
@@ -56,7 +55,8 @@ def drawn(spectrum: Array, lam: Array, n: int, seed: int, series: int = 1) -> Pe
 
 
 class Truth(NamedTuple):
-    """True figures of a noise: N, K and Q as navigation filters use them, and (σ, τ) of Gauss–Markov parts.
+    """True figures of a noise: N, K and Q (quantisation noise) in the units of navigation filters, and
+    standard deviation and correlation time (σ, τ) of Gauss–Markov parts.
 
     The Gauss–Markov part with the longest τ comes first.
     """

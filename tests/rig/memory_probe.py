@@ -59,11 +59,13 @@ class Memory:
         self.lanes: int = self._library.probe_lanes(self._probe)
 
     def _rows(self, values: ArrayLike, n: int) -> Array:
-        """Return n numbers, repeated for all lanes, as an array of shape (n, lanes)."""
+        """Return n numbers, repeated for all filters that run in parallel (lanes), as an array of shape (n,
+        lanes).
+        """
         return np.repeat(np.asarray(values, dtype=np.float64).reshape(n, 1), self.lanes, 1)
 
     def push(self, x: ArrayLike, P: ArrayLike) -> None:
-        """Append samples, the oldest first; arrays of shape (n,) hold for all lanes."""
+        """Append samples, the oldest first. An array of shape (n,) gives all filters the same samples."""
         n = len(np.atleast_1d(x))
         x, P = self._rows(x, n), self._rows(P, n)
         self._library.probe_push(self._probe, n, x.ctypes.data, P.ctypes.data)
@@ -72,12 +74,12 @@ class Memory:
         self._library.probe_push(self._probe, n, None, None)
 
     def stir(self, n: int, seed: int) -> None:
-        """Append n random samples of about unit variance, with variances P of about 1."""
+        """Append n random states of about unit variance, whose own variances are about 1."""
         self._library.probe_stir(self._probe, n, seed)
 
     def sums(self, order: ArrayLike) -> tuple[Array, Array]:
-        """Return the weighted sums over the memory, S of states and V of variances, for one order in all
-        lanes.
+        """Return two weighted sums over the memory, one of states and one of their variances, for one order
+        in all filters.
         """
         S, V = np.empty(self.lanes), np.empty(self.lanes)
         orders = np.full(self.lanes, order, dtype=np.float64)
@@ -85,9 +87,9 @@ class Memory:
         return S, V
 
     def evaluate(self, orders: ArrayLike) -> tuple[Array, Array]:
-        """Return S for three orders and V for the first of them, from one call.
-
-        The shapes are (3, lanes) and (lanes,).
+        """Return, from one call, the weighted sum of states for three orders, and that of variances for the
+        first of these. The shapes are (3, lanes) and (lanes,), with a lane for each filter that runs in
+        parallel.
         """
         S, V = np.empty((3, self.lanes)), np.empty(self.lanes)
         self._library.probe_evaluate(self._probe, self._rows(orders, 3), S, V)

@@ -22,7 +22,7 @@ def started(folder: Path, settings: Path, port: int, environment: dict[str, str]
 
 
 def mapping(partitions: int = PARTITIONS) -> str:
-    """Return the line of the server's settings file that maps subjects to partitions."""
+    """Return the line of the server's settings file that divides the devices' subjects among partitions."""
     mapped = f"fltea.frames.{{{{partition({partitions},1)}}}}.{{{{wildcard(1)}}}}"
     return f'mappings {{ "fltea.*.frames": "{mapped}" }}'
 

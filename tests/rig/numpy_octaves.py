@@ -1,4 +1,7 @@
-"""Compute the octaves of a spectrum from all samples at once by numpy, as an oracle of the native code."""
+"""Compute the running spectrum from all samples at once by numpy, as an oracle of the native code.
+
+The spectrum consists of octaves: each level has half the sampling rate of the level before.
+"""
 
 from typing import NamedTuple
 
@@ -35,7 +38,7 @@ def _correlated(later: int) -> float:
 
 
 def lines(stretches: list[Array], made_up: list[Array] | None = None) -> Lines:
-    """Return the spectrum of a record that is given as stretches without gaps.
+    """Return the spectrum of a record that is given as stretches (runs of samples without gaps).
 
     `made_up`: for each stretch, an array that is True where a sample was filled in instead of measured.
     """
@@ -75,7 +78,9 @@ def lines(stretches: list[Array], made_up: list[Array] | None = None) -> Lines:
 
 
 def passed(lam: Array, level: int) -> Array:
-    """Return the power gain of all filters before a level, at `lam` radians per original sample."""
+    """Return the power gain of all filters before a level of the running spectrum, at `lam` radians per
+    original sample.
+    """
     result = np.ones_like(lam)
     for halvings in range(level):
         result *= np.abs(signal.freqz(TAPS, worN=lam * 2**halvings)[1]) ** 2
@@ -83,7 +88,7 @@ def passed(lam: Array, level: int) -> Array:
 
 
 def fed(y: Array) -> Octaves:
-    """Return the native octaves after they received samples, of shape (n, lanes), or (n,) for one lane."""
+    """Return the native running spectrum of samples, of shape (n, axes), or (n,) for one axis."""
     rows = np.ascontiguousarray(y.reshape(len(y), -1))
     octaves = Octaves(rows.shape[1])
     octaves.add(rows)

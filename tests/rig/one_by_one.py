@@ -1,4 +1,6 @@
-"""Compute the regression of host/native/timebase.hpp one arrival at a time, as its oracle."""
+"""Compute the regression of host time on device time (host/native/timebase.hpp) one arrival at a time, as an
+oracle.
+"""
 
 from collections import deque
 from collections.abc import Iterable

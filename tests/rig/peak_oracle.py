@@ -18,9 +18,9 @@ NEIGHBOURS = 4 / 9, 1 / 36
 class Try(NamedTuple):
     """A range of neighbouring spectral lines that is tested for a peak.
 
-    `begin`, `end`: the range. `level`: background level around it. `levels`: levels that the power of the
-    range must exceed. `ordinates`: number of ordinates of the periodogram from which each of these levels was
-    computed.
+    `begin`, `end`: the range. `level`: background level around the range. `levels`: levels that the power of
+    the range must exceed. `ordinates`: for each of these levels, the number of values of the periodogram from
+    which it was computed.
     """
 
     begin: int

@@ -109,8 +109,8 @@ class PlainDeviceStream:
         self._sequence = PlainSequenceTracker(config)
         self._timebase: Timebase | None = None
         self._epoch = self._now_ns = 0
-        # The offset from the host clock to Unix time is fixed at the beginning of an epoch, so that setting
-        # the machine's date later does not change times.
+        # Within an epoch (a run without a restart), the offset from the host clock to Unix time is fixed, so
+        # that setting the machine's date later does not change times.
         self._offset_ns = source.unix_offset_ns
         self._sensors: list[Sensor] = []
         self._tracks: dict[str, SensorTracks] = {}  # the bias trackers of each sensor, by its unit
@@ -175,8 +175,8 @@ class PlainDeviceStream:
                 yield self._error("state_unused", text)
         assert self._timebase is not None
         host_ns, device = self._timebase.add(seq, device_us, raw.host_ns), self._config.name
-        # The gap before this sample is published in the epoch that lacks the samples, even if this sample
-        # begins another epoch.
+        # The gap before this sample is published in the earlier epoch, which lacks the samples, even if this
+        # sample begins another epoch.
         if missing:
             of_epoch = self._epoch - (reason is not None)
             yield Gap(seq - missing, missing, of_epoch, host_ns, device=device)
@@ -358,7 +358,7 @@ class PlainDeviceStream:
 
 
 def made_with(hello: Hello, config: Config) -> dict[str, object]:
-    """Return the values that must be unchanged for a snapshot to be used, by their names in messages."""
+    """Return what must be unchanged for a snapshot to be used, by the names that messages use for it."""
     return {
         "device_id": hello.device_id,
         "who_am_i": hello.who_am_i,
@@ -381,8 +381,8 @@ def why_unused(saved: Saved, hello: Hello, config: Config, now_unix_ns: int) -> 
     other = [key for key, value in made_with(hello, config).items() if saved.made_with[key] != value]
     if other:
         return f"it was made for a device or settings that differ in: {', '.join(other)}"
-    # A later HELLO of the same boot may have stated another sampling rate. The filters keep the rate that was
-    # stated at the beginning of the epoch.
+    # A later HELLO of the same boot may have stated another sampling rate. The filters keep the rate of the
+    # HELLO before the last restart (the beginning of the epoch).
     is_other_rate = any(sensor.rate_hz != hello.rate_hz for sensor in saved.sensors)
     return "it was saved with other settings" if is_other_rate else None
 

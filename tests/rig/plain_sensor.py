@@ -33,7 +33,10 @@ Loss = tuple[str, Reason]
 
 
 class Baseline(NamedTuple):
-    """Bias and R of each axis, and the axes that never changed, which have no R and no estimate."""
+    """Bias of each axis, and variance R of its white noise.
+
+    Axes that never changed have no R and no estimate, and are listed.
+    """
 
     bias: Vector
     R: Vector

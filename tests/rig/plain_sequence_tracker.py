@@ -11,8 +11,9 @@ from fltea.settings.config import Config
 from fltea.settings.duration import in_samples
 
 LONGEST_SILENCE_NS = 30 * 60 * 10**9
-"""Longest silence between two samples of an epoch. Device time wraps every 71.6 minutes, so after a much
-longer silence the number of wraps is ambiguous.
+"""Longest silence between two samples of an epoch (a run with one numbering of samples).
+
+Device time wraps every 71.6 minutes, so after a much longer silence the number of wraps is ambiguous.
 """
 LONGEST_DISAGREEMENT_US = 5 * 60 * 10**6
 """Largest accepted difference between the time that elapsed since the last sample on the device's clock and
@@ -23,7 +24,7 @@ CLOCK_TOLERANCE = 0.02
 give, and the one that the device's clock gives. It is twice the ±1 % of a sensor's own clock.
 """
 LONGEST_GAP = 1_000_000
-"""Largest number of lost samples that begin no epoch, however large `link.max_gap` is."""
+"""Largest number of lost samples after which the numbering continues, however large `link.max_gap` is."""
 
 
 class Tracked(NamedTuple):
@@ -137,9 +138,9 @@ class PlainSequenceTracker:
         self._set_filter_models()
 
     def on_break(self, reason: EpochReason) -> None:
-        """Begin an epoch at the next sample, because a recording says so.
+        """Begin an epoch (a new numbering of samples) at the next sample, because a recording says so.
 
-        A reason that is already known is kept, unless it is that the sensor restarted.
+        If a reason for a new epoch is already known, it is kept, unless it is a restart of the sensor.
         """
         if self._reason in (None, "sensor_restart"):
             self._reason = reason

@@ -22,10 +22,10 @@ STATE_BOUND = CAUSES.index("state_bound")
 
 
 class Verdict(NamedTuple):
-    """The supervisor's verdict on one lane (the filters of one axis) after a sample.
+    """What the supervisor decides about the filters of one axis (a lane) after a sample.
 
-    `valid`: the estimate may be published. `restart`: the lane (the filters of one axis) has to restart with
-    the next sample. `news`: the reason, if the lane has become invalid at this sample, otherwise None.
+    `valid`: the estimate may be published. `restart`: the filters have to restart with the next sample.
+    `news`: the reason, if the estimates have become invalid at this sample, otherwise None.
     """
 
     valid: bool
@@ -37,7 +37,7 @@ GOOD = Verdict(True, False, None)
 
 
 class Supervisor:
-    """Judges one lane (the filters of one axis) after each sample."""
+    """Decides after each sample whether an axis's estimates are valid, and whether its filters restart."""
 
     def __init__(self) -> None:
         self._bounds: deque[bool] = deque(maxlen=BOUND_SAMPLES)
@@ -45,9 +45,9 @@ class Supervisor:
         self._distrusted = False
 
     def judge(self, alpha: float, f: float, state: float, *, state_bound: bool) -> Verdict:
-        """Return the verdict on the estimates after one sample.
+        """Decide by the estimates after one sample.
 
-        `state_bound`: whether the guard limited the state in this sample.
+        `state_bound`: whether the guard had to limit the state in this sample.
         """
         if not (math.isfinite(f) and math.isfinite(state) and abs(alpha) <= LOST_ORDER):
             return Verdict(False, True, "runaway")
@@ -64,10 +64,10 @@ class Supervisor:
 
 
 class Row(NamedTuple):
-    """Output of all lanes after a sample.
+    """Output of the filters of all axes (lanes) after a sample.
 
-    The seven columns have the shape (7, lanes); they are NaN for an invalid lane. Lanes that have just become
-    invalid are listed with their reasons.
+    The seven columns have the shape (7, lanes). The columns of an invalid axis are NaN. Axes that have just
+    become invalid are listed with their reasons.
     """
 
     columns: Array
@@ -76,9 +76,9 @@ class Row(NamedTuple):
 
 
 class LanesBySample:
-    """The filters of several axes (lanes) with their supervisors.
+    """The filters of several axes. Each axis has a supervisor that withdraws estimates and restarts filters.
 
-    An invalid lane restarts at the next sample.
+    Invalid estimates are NaN. Filters that have to restart do so before the next sample.
     """
 
     def __init__(self, lanes: int, settings: LaneSettings) -> None:
@@ -88,7 +88,7 @@ class LanesBySample:
         self._held = np.zeros(lanes, dtype=np.int32)
 
     def step(self, y: ArrayLike, *, missing: bool = False) -> Row:
-        """Process one sample of every lane; `y` has the shape (lanes,).
+        """Process one sample of every axis; `y` has the shape (axes,).
 
         `missing`: whether the sample was lost.
         """
@@ -117,7 +117,7 @@ class LanesBySample:
 def baseline(
     window: Array, config: EstimatorConfig, lsb: float | None
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Return bias and R of each axis, from start-up window or settings, and which axes are constant."""
+    """Return bias and variance R of each axis, from start-up window or settings, and the constant axes."""
     axes = window.shape[1]
     if config.bias == "startup":
         bias = window.mean(axis=0)

@@ -77,7 +77,7 @@ class SmallBoard:
         self.twi.write("CR", STOP)
 
     def read_block(self, register, n):
-        """Read n registers in the way of section 33.8.5 of the datasheet.
+        """Read n registers as the SAM3X datasheet describes it in section 33.8.5.
 
         STOP is set after the next-to-last byte.
         """

@@ -32,7 +32,7 @@ class BoardFit(NamedTuple):
 
 
 def board_quantile(level: int, ordinates: float) -> float:
-    """Return the null test's quantile as a board computes it.
+    """Return the limit of the board's null test (whether white noise describes the samples as well).
 
     `level`: the significance level: 0 means 5 %, 1 means 1 %, 2 means 0.1 %.
     """
@@ -89,8 +89,9 @@ class BoardSpectrum:
     def track_by(self, verdict: int, *numbers: float) -> None:
         """Let the tracker use given parameters for the next samples.
 
-        `numbers`: for a fractional noise α, g, s2 and R; for a relaxation with coefficient φ (a first-order
-        Gauss-Markov process) 1 - φ, the relaxation's variance and R.
+        `numbers`: for a fractional noise α, g = h^α f, the driving variance s2, and the variance R of the
+        white noise. For a relaxation with coefficient φ (a first-order Gauss-Markov process) 1 - φ, its
+        variance, and R.
         """
         given = np.array([verdict, *numbers, *[0.0] * (4 - len(numbers))])
         library().spectrum_design(self._axis, given)
@@ -114,8 +115,8 @@ def track_sensor(
     """Track the counts of all axes of a sensor, of shape (n, axes).
 
     Returns:
-        Two arrays. The first, of shape (n, axes, 4), has bias, its standard deviation, state and its standard
-        deviation after each sample; the second, of shape (n,), whether the sensor is in motion then.
+        Two arrays. The first, of shape (n, axes, 4), has for each sample the bias and its standard deviation,
+        the state and its standard deviation. The second, of shape (n,), says whether the sensor is in motion.
     """
     n, k = counts.shape
     out = np.empty((n, k, 5))

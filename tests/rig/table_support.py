@@ -1,4 +1,7 @@
-"""Open tables of other programs in this process, since the start of a reader process takes long."""
+"""Open tables of other programs in this process.
+
+The program itself opens them in a separate process (the reader process), whose start takes long.
+"""
 
 import itertools
 import json
