@@ -1,4 +1,6 @@
-"""Tests of when a worker may take a lease of a partition, and of how many leases each worker takes."""
+"""Tests of leases: a worker processes a partition (a share of the devices) while it holds the partition's
+lease. When may a worker take a lease, and how many does each worker take?
+"""
 
 from fltea.service.ingest.leases import LEASE_S, Lease, Sightings, is_free, lease_of, share, surplus
 from hypothesis import given
@@ -23,7 +25,8 @@ def test_a_lease_is_free_once_nobody_has_renewed_it_by_the_lookers_clock() -> No
 @given(st.integers(1, 64), st.integers(1, 70))
 def test_all_partitions_are_served_and_none_by_two(partitions: int, workers: int) -> None:
     free, held = set(range(partitions)), [set[int]() for _ in range(workers)]
-    for mine in held:  # the workers take their leases one after the other, as the store of leases ensures
+    # The workers take their leases one after the other. In use, the store of leases ensures this.
+    for mine in held:
         while free and len(mine) < share(partitions, workers):
             mine.add(free.pop())
     assert not free

@@ -28,7 +28,7 @@ S = 10**9
 
 
 class FakeReceiver:
-    """A receiver of messages that serves the partitions in `mine`, and keeps snapshots in a dictionary."""
+    """Receives messages of partitions (shares of devices) in `mine`; keeps snapshots of their states."""
 
     url = "nats://test"
     connected = True
@@ -229,12 +229,12 @@ def test_a_partition_that_is_another_ones_is_not_walked_and_its_devices_are_forg
 
 
 def test_once_a_message_was_left_out_none_is_walked_until_it_comes_again() -> None:
-    """A worker gives a partition back and takes it again while earlier messages of it wait in its inbox."""
+    """A worker gives up a share of the devices and takes it again, while their earlier messages wait."""
     worker = Worker()
     worker.hear(range(4))
     worker.receiver.mine = set()
     worker.hear([4])  # the worker leaves this message out, since it does not serve the partition
-    # the worker has taken the partition again, but has not yet processed the notice in its inbox
+    # the worker has taken the partition again, but has not yet read the notice of that from its inbox
     worker.receiver.mine = {0}
     worker.hear([5, 6])
     worker.ingest.inbox.post(Left(0))
@@ -269,7 +269,7 @@ def test_a_device_that_says_nothing_since_it_was_taken_over_keeps_its_estimators
 
 
 def test_a_snapshot_goes_with_its_device_and_never_because_of_a_clock() -> None:
-    """A snapshot is deleted when its device is forgotten, and never because of the time that it contains."""
+    """A device's stored state (snapshot) is deleted if the device is forgotten, never because of its time."""
     worker = Worker()
     for k in range(4):
         worker.say("a", k, 2 * k + 1)
@@ -287,9 +287,9 @@ def test_a_snapshot_goes_with_its_device_and_never_because_of_a_clock() -> None:
 
 @pytest.mark.parametrize("later", [False, True])
 def test_nobody_is_called_silent_while_the_stream_is_read_behind_its_time(later: bool) -> None:
-    """While a worker reads messages of an hour that have waited, it calls no device silent.
+    """While a worker reads an hour's messages that have waited, it calls no device silent.
 
-    `later`: whether the partition was read to its end before.
+    `later`: whether the worker had read all messages of its devices before.
     """
     worker = Worker()
     for k in range(4):
@@ -336,13 +336,13 @@ HELLO = Hello(source="s", host_ns=0, rate_hz=100.0, sampling_mode="timer", boot_
 @pytest.mark.parametrize(
     ("boot", "sequence", "device_us", "age_s", "missing"),
     [
-        # the sequence number shows that none is missing, more precisely than the snapshot's age of 3 s
+        # by the sequence number no sample is missing, which is more precise than the snapshot's age of 3 s
         (7, 11, 110_000, 3.0, 0),
         (7, 31, 310_000, 0.2, 20),
         (7, (10 + 70_000) % 65536, 100_000 + 700_000_000, 700.0, 69_999),
         (8, 11, 110_000, 3.0, 299),  # the device has restarted, so the snapshot's age decides
         (7, 11, 900_000, 3.0, 299),  # number and device time disagree, so the age decides
-        (7, 10, 100_000, 0.5, 49),  # this is the snapshot's own number, so the age decides
+        (7, 10, 100_000, 0.5, 49),  # this is the number of the snapshot's own sample, so the age decides
         # after so long, the sequence number may have wrapped any number of times
         (7, 11, 110_000, 3600.0, 359_999),
     ],

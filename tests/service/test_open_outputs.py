@@ -1,6 +1,6 @@
 """Tests of the order in which outputs are opened.
 
-The order lets the outputs that are already open report that another one cannot be opened.
+The output of records comes first, so that it includes what other outputs report while they are opened.
 """
 
 import pytest

@@ -70,7 +70,7 @@ def test_a_slow_sink_loses_the_newest_and_is_told_where() -> None:
     sink.go.set()
     finish(sink_queue)
     assert sink.items == [gap(k) for k in range(11)]
-    # the loss is reported after 11 records: these filled the queue and were written first
+    # the loss is reported after 11 records, which filled the queue and were written first
     assert sink.overflows == [(11, 20)]
     assert sink_queue.stats().written + sink_queue.stats().dropped == 31
 
@@ -192,7 +192,7 @@ def test_latency_counts_every_record_in_its_class(values: list[tuple[float, int]
         assert sum(latency.counts[: k + 1]) == sum(weight for ms, weight in values if ms <= bound)
 
 
-# --- the hub ---
+# --- the hub, which gives each record to all outputs ---
 
 
 def hub() -> tuple[Hub, list[Exception | None]]:

@@ -68,9 +68,10 @@ def later(state: DeviceState, settings: Config, begin: int, end: int, **changes:
 
 
 def estimates(records: list[AnyRecord]) -> dict[int, object]:
-    """Return the estimates by sample number, without the fields that depend on the live fit.
+    """Return the estimates by sample number, without the fields of the live fit.
 
-    These fields would differ, since they depend on when the epoch began.
+    These fields would differ, since the times of live fits depend on when the epoch (the run since the last
+    restart) began.
     """
     return {
         r.seq: {
@@ -105,10 +106,8 @@ def test_estimates_go_on_as_if_the_program_had_not_been_stopped(
 
 
 def test_a_date_that_was_set_in_between_does_not_change_the_age() -> None:
-    """All times of an epoch come from the machine's date at the epoch's beginning, even if the epoch lasts
-    for months.
-
-    The age of a snapshot must not depend on the date at the epoch's beginning, which may have been wrong.
+    """Times are computed with the machine's date at the last restart of the device (the epoch's beginning),
+    which may be months ago and may have been wrong. The age of a snapshot must not depend on this date.
     """
     settings, clock = config(), source()
     pipeline = Pipeline(clock, settings)
