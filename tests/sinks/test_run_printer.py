@@ -1,5 +1,6 @@
-"""Tests that the native code, which prints a device's samples as text, prints byte for byte what `BlockLines`
-prints of the samples' blocks.
+"""Tests the native code that prints a device's samples as text.
+
+It prints the same bytes as the Python class `BlockLines` does for the samples' blocks.
 """
 
 from collections.abc import Iterable, Iterator
