@@ -95,7 +95,9 @@ def test_errors_on_the_bus_mix_up_no_registers(who_am_i: int) -> None:
 
 @pytest.mark.parametrize("who_am_i", [who for family, who in FIRST.items() if family != "mpu9250"])
 def test_a_chip_in_the_place_of_another(who_am_i: int) -> None:
-    """An MPU-9250 is replaced by a chip of another family, so the rate changes and a new epoch begins."""
+    """An MPU-9250 is replaced by a chip of another family, so the rate changes, and a new numbering of
+    samples (an epoch) begins.
+    """
     pi, facts = pi_with(FIRST["mpu9250"]), EMULATED[who_am_i]
     pi.at(2.0, pi.chip.power_off)
 

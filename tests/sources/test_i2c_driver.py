@@ -238,7 +238,8 @@ def test_a_bank_that_could_not_be_selected_is_selected_later(icm: Bench) -> None
 
     icm.wait(20)
     icm.bus.inject = refuse
-    with pytest.raises(TransferFailed):  # the transfer that returns from bank 2 fails
+    # the transfer that selects the usual register bank again, after bank 2, fails
+    with pytest.raises(TransferFailed):
         icm.driver.check_settings()
     bank = 0x20
     waiting = icm.driver.level().bytes

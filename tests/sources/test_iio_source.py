@@ -142,7 +142,7 @@ def test_a_mount_matrix_that_all_sensors_share(
 
 
 def test_a_trigger_that_the_driver_refuses(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The driver inv_mpu6050 refuses all triggers except its own."""
+    """The driver inv_mpu6050 takes samples only at its own trigger, and refuses all others."""
     device, write = imu(tmp_path), Path.write_text
 
     def refuse(path: Path, text: str, encoding: str) -> int:

@@ -1,4 +1,4 @@
-"""Tests which files the name of a folder, session or file selects, and which names are refused."""
+"""Tests which recorded files the name of a folder, session or file selects, and which names are refused."""
 
 from pathlib import Path
 
