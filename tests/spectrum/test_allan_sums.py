@@ -9,7 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 FULL = 8
-"""Longest averaging time, in samples, at which a term of the sum begins at every sample (full overlap)."""
+"""Longest averaging time, in samples, for which differences of means are summed from every sample on (full
+overlap).
+"""
 
 
 def sums_of(y, memory=0.0):
@@ -36,8 +38,8 @@ def test_against_allantools(kind, n):
     whole = factors <= FULL
     np.testing.assert_allclose(adev[whole], expected[whole], rtol=1e-12)
     np.testing.assert_array_equal(terms[whole], theirs[whole])
-    # For averaging times τ that are longer than FULL, only eight terms begin within each τ, so the sum has a
-    # few hundredths fewer degrees of freedom.
+    # For averaging times τ that are longer than FULL, only eight differences of means begin within each τ, so
+    # their sum has a few hundredths fewer degrees of freedom.
     error = expected / np.sqrt(2 * full_overlap(-2 if kind == "random walk" else 0, factors, n))
     assert (np.abs(adev - expected) < 0.7 * error).all()
 
@@ -47,7 +49,7 @@ def test_against_allantools(kind, n):
     st.lists(st.tuples(st.integers(0, 90), st.booleans()), max_size=40), st.sampled_from([0.0, 40.0, 1000.0])
 )
 def test_cuts_of_the_rows_looks_and_snapshots_change_nothing(parts, memory):
-    """Each of `parts` is a number of samples, and whether a break follows these samples."""
+    """Each item of `parts` is a number of samples, and whether a break follows these samples."""
     rng = np.random.default_rng(len(parts))
     rows = [rng.standard_normal(n) for n, _ in parts]
     one, other = AllanSums(memory), AllanSums(memory)

@@ -1,9 +1,9 @@
 """The board's spectrum and fit, compared with the host's for the same samples.
 
 The board computes the periodogram of the whole record for up to 496 samples, the host for up to 3,072. Beyond
-this, both use octaves. The board's filters for the octaves start later, so the board's spectrum has a few
-percent fewer samples at the lowest frequencies. So the fits are close, not equal. tests/native checks that
-the arithmetic is the same.
+this, both use octaves: each has half the sampling rate of the octave before. The board's filters for the
+octaves start later, so the board's spectrum has a few percent fewer samples at the lowest frequencies. So the
+fits are close, not equal. tests/native checks that the arithmetic is the same.
 """
 
 from itertools import pairwise
@@ -26,8 +26,10 @@ NOISES = (
     *((0.6, -0.05, 0.3), (0.8, -0.005, 0.05), (0.4, -0.1, 0.5), (0.7, -0.03, 0.1), (0.5, -0.005, 0.2)),
     *((0.9, -0.01, 0.01),),
 )
-"""Parameters of the noises: order α, g = h^α f, and the state's proportion of the innovations' variance (the
-rest is white noise).
+"""Parameters of the noises: order α, g = h^α f, and the state's part of the noise.
+
+The latter is the ratio of the state's driving variance to the sum of this variance and that of the white
+noise.
 """
 
 
@@ -52,7 +54,9 @@ def on_host(counts: NDArray[np.int16], gaps: dict[int, int]) -> Octaves:
 
 
 def order_of(whole: Periodogram, h: float) -> OrderFit:
-    """Return the host's fit of the model that the board fits: white noise plus an order up to 2."""
+    """Return the host's fit of the model that the board fits: white noise plus noise of an order α of up to
+    2.
+    """
     f = CandidateModels(binned(whole), h, 0)
     return order_fit(f, order_in_white(f.native))
 

@@ -59,7 +59,7 @@ def test_the_bias_is_the_mean_over_the_second_to_come() -> None:
     rows = {}
     for ahead in (0, AHEAD):
         board = BoardSpectrum(ahead)
-        # After so many samples, the board knows the offset.
+        # By this sample, the board knows the offset.
         board.track(np.zeros(1_000_000, dtype=np.int16))
         board.track_by(RELAXATION, fall, variance, R)
         rows[ahead] = board.track(np.full(40, 3, dtype=np.int16))[-1]
@@ -100,8 +100,8 @@ def test_motion_of_one_axis_lets_all_predict_and_the_bias_of_before_counts_again
     bias, std = found[:, :, 0], found[:, :, 1]
     assert np.flatnonzero(np.diff(moving)).tolist() == [
         BEGIN + CHUNK - 2,
-        # The board reports motion until the last chunk that contains part of the turn, and for two more
-        # chunks.
+        # The board reports motion until the last chunk (block of samples) that contains a part of the turn,
+        # and for two more chunks.
         -(-end // CHUNK) * CHUNK + 2 * CHUNK - 2,
     ]
     # During the turn, the bias contains neither the turn nor its leakage into the other axes. Only the error

@@ -47,7 +47,7 @@ def test_the_gain_of_a_relaxation_is_that_of_the_riccati_equation(fall: float) -
     a, variance = 1 - fall, 40.0
     (K,), S = steady(np.array([a]), np.array([variance * (1 - a * a)]), R)
     board = BoardSpectrum()
-    # After so many samples, the board knows the offset.
+    # By this sample, the board knows the offset.
     board.track(np.zeros(1_000_000, dtype=np.int16))
     board.track_by(RELAXATION, fall, variance, R)
     pulse = np.zeros(40, dtype=np.int16)
@@ -64,8 +64,8 @@ def test_of_lost_samples_it_predicts() -> None:
     board.track_by(RELAXATION, 0.02, 400.0, R)
     before = board.track(np.full(50, 30, dtype=np.int16))[-1, 2]
     board.lose(99)
-    # Over 99 lost samples and the step to the next sample, the state fades by the factor 0.98^100. A sample
-    # that equals its prediction does not change the state.
+    # By the step after 99 lost samples, the state has faded by the factor 0.98^100. A sample that equals its
+    # prediction does not change the state.
     wanted = before * 0.98**100
     after = board.track(np.array([round(wanted)], dtype=np.int16))[-1, 2]
     assert after == pytest.approx(wanted, abs=0.3)

@@ -273,8 +273,10 @@ def test_what_is_left_at_the_zero_of_a_mean_is_no_rise() -> None:
 
 @pytest.mark.parametrize("kind", [p.Order, p.Arfima])
 def test_an_order_behind_a_mean_of_samples_has_intervals(kind: type[p.Part]) -> None:
-    """An order has intervals even if it stands after a mean of samples in the list of a model's parts. The
-    mean has no free parameters. So the order's first parameter has the index that a parameter of the mean
+    """Noise of fractional order has intervals even if the list of a model's parts has a mean of samples
+    before it.
+
+    The mean has no free parameters. So the order's first parameter has the index that a parameter of the mean
     would have.
     """
     ordered = order(0.5, 0.3, 60.0) if kind is p.Order else p.Arfima(0.4, 0.8, 0.5)

@@ -33,7 +33,7 @@ def test_the_deviation_is_the_bound() -> None:
 
 
 def test_it_is_kept() -> None:
-    """After the predicted recording time, the profile interval is about as narrow as wanted."""
+    """After the predicted recording time, the interval is about as narrow as wanted."""
     f = series(4000, 2)
     seconds = seconds_more(f, best(f), 0.05)
     assert seconds > 0

@@ -63,8 +63,8 @@ def test_p_value_at_the_table(ordinates: int) -> None:
     values = critical_values(ordinates)
     assert 5 < values[PROBABILITIES.index(0.05)] < 8 < values[PROBABILITIES.index(0.01)] < 12
     for probability, value in zip(PROBABILITIES, values.tolist(), strict=True):
-        # For a fifth of all white series, neither alternative of the null test fits better than white noise,
-        # so the value of the test is 0. The p-value of 0 is therefore 1.
+        # For a fifth of all white series, neither alternative of the null test fits better than white noise.
+        # The test's value is then 0, and its p-value 1.
         assert p_value(value, ordinates) == (pytest.approx(probability) if value > 0 else 1)
     assert p_value(-1e-9, ordinates) == 1
 

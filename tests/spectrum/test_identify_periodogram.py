@@ -10,8 +10,8 @@ from tests.rig.identify_support import H, white
 
 
 def test_scale_and_ordinates() -> None:
-    """The periodogram of n samples of a cosine, whose frequency is that of ordinate j, has n/4 times the
-    squared amplitude at ordinate j, and 0 elsewhere.
+    """If a cosine of n samples has the frequency of ordinate j of the periodogram, its periodogram is n/4
+    times the squared amplitude there, and 0 elsewhere.
     """
     n, j = 1000, 123
     p = periodogram(5 + 2 * np.cos(2 * np.pi * j * np.arange(n) / n), H)

@@ -49,11 +49,11 @@ def test_other_coordinates_give_the_same_spectrum_with_their_own_slopes(code: in
 
 
 def test_an_end_is_found_though_the_best_fit_has_no_white_noise() -> None:
-    """In these records, the best fit of an order has no white noise. To find the interval's end, s2 (the
-    variance that drives the state) is fixed at other values. The best fit then may have white noise, with
-    which 2 log L falls less than without.
+    """In these records, the best fit of noise of fractional order has no white noise.
 
-    The search for the end of the interval has to find this fit.
+    To find the end of the interval of s2 (the variance that drives the state), s2 is fixed at other values.
+    The best fit then may have white noise, with which 2 log L falls less than without. The search for the end
+    of the interval has to find this fit.
     """
     compared = 0
     for seed in range(12):

@@ -69,7 +69,9 @@ def test_any_blocks(sizes: list[int]) -> None:
 
 
 def test_looks_on_the_way_hardly_change_the_end() -> None:
-    """A fit that starts at the previous fit gives the result of a fit from all starting points."""
+    """A fit that starts at the parameters of the previous fit gives the result of a fit from all starting
+    points.
+    """
     y = two(20_000, 3)
     often, once = live(), live()
     for begin in range(0, len(y), 500):

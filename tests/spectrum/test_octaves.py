@@ -127,8 +127,8 @@ def test_white_noise_is_flat_across_the_joints() -> None:
     errors = np.array([1 / np.sqrt(lanes * weight[band].sum()) for band in bands])
     assert np.abs((means - 1) / errors).max() < 4
     assert np.abs(np.diff(means) / np.hypot(errors[1:], errors[:-1])).max() < 4
-    # By the weights of its ordinates, a record's mean power has the variance 1 / (sum of the weights). The
-    # variance over all records agrees with that.
+    # The mean power of a record has the variance 1 / (sum of the weights of its spectral lines). The variance
+    # over all records agrees with that.
     total = (power * weight).sum(axis=1) / weight.sum()
     assert total.var() * weight.sum() == pytest.approx(1, abs=4 * np.sqrt(2 / lanes))
     assert weight.sum() > 0.94 * n / 2
@@ -238,11 +238,10 @@ def test_drift_does_not_leak(drift: str) -> None:
 
 
 def test_what_was_taken_out_is_told() -> None:
-    """The spectrum reports the power of the cubic that it subtracts as drift.
+    """Before a record's spectrum is computed, a cubic is subtracted as drift, and its power is reported. For
+    white noise, this power equals the noise's power at other frequencies.
 
-    For white noise, this power equals the noise's power at other frequencies.
-
-    A cubic of a short record also removes power at frequencies that are in use.
+    In a short record, a cubic also removes power at frequencies that are fitted.
     """
     lanes = 40
     y = noise(20_000, lanes, 4)

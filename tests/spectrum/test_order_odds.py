@@ -1,5 +1,6 @@
-"""Tests the odds that a noise has an order. Their range is right, and they come true for noises of other
-seeds than those of the calibration.
+"""Tests the odds that a noise has a fractional order.
+
+Their range is right, and they come true for noises of other seeds than those of the calibration.
 """
 
 import math
@@ -78,8 +79,9 @@ def test_the_odds_are_one_figure() -> None:
 
 @pytest.mark.long
 def test_odds_come_true() -> None:
-    """The odds are right within three standard errors on 200 noises that were not used for calibration, half
-    of which have an order.
+    """The odds are right within three standard errors on 200 noises that were not used for calibration.
+
+    Half of these noises have a fractional order.
     """
     names = {"order": 100, "random sum": 50, "regular sum": 25, "sum and rise": 25}
     rows = [row for name, series in names.items() for row in count(name, 20_000, 0, series, 7)]

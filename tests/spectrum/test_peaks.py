@@ -24,7 +24,10 @@ N = 60_000
 
 
 class Search(NamedTuple):
-    """A way to compute a record's spectrum (as for a file, or live), in which peaks are then searched."""
+    """A way to compute a record's spectrum (as for a file, or live).
+
+    Peaks are then searched in this spectrum.
+    """
 
     seen: Callable[[Array], Periodogram]
 
@@ -255,8 +258,8 @@ def test_the_band_begins_beyond_what_leaks_from_a_slow_line(
 def test_the_strongest_is_found_as_it_is_defined(
     seed: int, single: int, octaves: int, heights: list[float], slope: float, false_alarm: float
 ) -> None:
-    # The spectrum consists of single ordinates, followed by octaves. The values of each octave average twice
-    # as many ordinates as those of the octave before.
+    # The spectrum consists of single values of the periodogram, followed by octaves. Each value in an octave
+    # is the mean of twice as many values of the periodogram as in the octave before.
     rng = np.random.default_rng(seed)
     weight = np.concatenate([np.ones(single), *(np.full(40, 1.7 * 2**k) for k in range(octaves))])
     power = rng.gamma(weight, 1 / weight) * np.linspace(0.1, 1, len(weight)) ** slope

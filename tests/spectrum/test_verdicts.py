@@ -28,7 +28,7 @@ from tests.rig.tiers import slow
 
 RELAXING = (p.White(0.0025), *(p.Relaxation(0.0175, tau) for tau in (1.0, 0.1, 0.02)))
 FAMILIES: dict[str, tuple[Sequence[p.Part], set[str]]] = {
-    # "undecided" is right, too, since the null test rejects one white series in twenty
+    # the verdict "undecided" is right, too, since the null test rejects one white series in twenty
     "white": ([p.White(1.0)], {"white", "undecided"}),
     "relaxations, as a model is simulated": (
         [*RELAXING, p.Quantisation(1.4e-4)],
@@ -223,21 +223,21 @@ BESIDE, ALIKE = "with other parts", {"pure": "plain"}
 
 @pytest.fixture(scope="module")
 def ordered() -> Evidence:
-    """Return three minutes of noise that has an order."""
+    """Return three minutes of noise that has a fractional order."""
     return seen(FAMILIES["an order"][0], 20_000, 1)[0]
 
 
 @pytest.mark.parametrize(
     ("at", "over_rich", "same", "reading", "said"),
     [
-        # The lead is the 2 log L of the best model with an order, minus that of the best model without one.
-        # At a lead of 0, three decisions change: which model is compared with white noise, which model is
-        # accepted, and whether the noise counts as a random walk or as an order.
+        # The lead is the 2 log L of the best model with a fractional order, minus that of the best model
+        # without one. At a lead of 0, three decisions change: which model is compared with white noise, which
+        # model is accepted, and whether the noise counts as a random walk or as fractional.
         (0.0, 0.0, ALIKE, None, lambda e, v: wording.names(e.candidates.ordered.kinds) in v.rules[3].figure),
         (0.0, 0.0, ALIKE, None, lambda e, v: winner(e, v) is e.candidates.order),
         (0.0, 0.0, ALIKE, NOTHING._replace(drifts=True), lambda e, v: v.kind != "drift"),
-        # At a lead that counts as significant, three further decisions change: whether an order is claimed,
-        # whether it is possible beside other parts, and whether it is possible alone.
+        # At a lead that counts as significant, three further decisions change: whether a fractional order is
+        # claimed, whether it is possible beside other parts, and whether it is possible alone.
         (6.0, 50.0, {}, None, lambda e, v: v.kind == "fractional"),
         (
             -6.0,
