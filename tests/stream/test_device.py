@@ -103,8 +103,9 @@ def test_each_stop_but_the_ends_has_a_handler() -> None:
 
 
 def test_fits_of_an_epoch_count_its_own_samples() -> None:
-    """A fit of an epoch counts only the epoch's own samples, even if the sample numbers begin again at 0,
-    below those of the epoch before.
+    """The sample numbers may begin again at 0 after a restart.
+
+    A fit then counts only samples since the restart (of the new epoch).
     """
     events: list[Event] = [hello(), raw(range(500, 700)), hello(boot_id=8), raw(range(300))]
     single: list[Event] = [

@@ -238,7 +238,7 @@ def test_after_another_start_of_the_sensor_both_begin_with_the_settings_of_the_d
 def told_late() -> list[Sent]:
     """The device states its settings only after the first sample.
 
-    All of the device's settings except gate and window equal the host's.
+    All settings equal the host's, except the limit of innovations (the gate) and the start-up window.
     """
     late = [
         one for one in Board().run(noise(250)) if one.instant or not isinstance(one.message, wire.Estimator)

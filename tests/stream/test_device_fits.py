@@ -113,8 +113,8 @@ def test_bins_are_fitted_here_too() -> None:
         sent.append(wire.Spectrum(wire.Axis.GYRO_Y, 1, first, 60, *bins[first : first + 5].ravel().tolist()))
     _, again = details(sent, fits=board)
     assert again.axes["gyro_y"].alpha_of_bins == pytest.approx(1.0, abs=0.15)
-    # Two bins of the spectrum may have the same frequency, from two stretches of samples. They are merged
-    # only for the fit that the host makes of the bins.
+    # Two bins of the spectrum may have the same frequency, one from each of two runs of samples between gaps.
+    # They are merged only for the fit that the host makes of the bins.
     twice = [
         message._replace(frequency_1=message.frequency_0) if i == 3 else message
         for i, message in enumerate(sent)

@@ -143,8 +143,10 @@ def test_curves_of_many_devices_come_every_fourth_period() -> None:
 def test_the_fits_that_settle_are_the_same_whether_or_not_there_are_others(
     breaks: set[int], news: set[int], period: int, before: int
 ) -> None:
-    """The fits that are accepted come at the same samples, whether or not further fits are made between them.
-    Several times, 70 samples are lost. The fitted record may have begun long before the epoch.
+    """The fits that the filters use come at the same samples, whether or not further fits are made between
+    them.
+
+    Several times, 70 samples are lost. The fitted record may have begun long before the last restart.
     """
 
     def accepted(*, every: bool) -> list[int]:
@@ -253,7 +255,7 @@ def test_a_break_in_a_recording_breaks_the_stretch() -> None:
     assert [(f.samples, left_out(f)) for f in of(Fit, items)] == [(100, 0), (250, live.BREAK)]
 
 
-# --- the fit's fields of estimates ---
+# --- fields of estimates that come from the fit ---
 
 
 @pytest.mark.parametrize("who", ["host", "device"])

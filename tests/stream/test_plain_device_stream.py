@@ -189,7 +189,8 @@ def with_snapshot(
 
 
 def of_first_epoch(records: list[AnyRecord], *, begins: int) -> dict[int, dict[str, AxisEstimate]]:
-    """Return the estimates of one epoch, by the 16-bit numbers of their samples on the wire.
+    """Return the estimates of one epoch (a run with one numbering), by the 16-bit numbers of their samples on
+    the wire.
 
     The estimates end where the next epoch begins. `begins`: 1 if `records` include the beginning of the epoch
     itself, otherwise 0.
@@ -220,7 +221,7 @@ def check_snapshot(
         return 0
     mine, others = of_first_epoch(found.pipeline, begins=1), of_first_epoch(found.went_on, begins=0)
     both_have = mine.keys() & others.keys()
-    # the two runs may have different axes, since an epoch has the axes of its first sample
+    # the two runs may have different axes, since the first sample after a restart determines the axes
     for k in both_have:
         axes = mine[k].keys() & others[k].keys()
         assert {axis: mine[k][axis] for axis in axes} == {axis: others[k][axis] for axis in axes}

@@ -80,7 +80,8 @@ def test_figures_are_none_at_first() -> None:
     assert timebase.rate_hz == pytest.approx(100.0)
     for k in range(2, 1001):
         add_one(timebase, k, k * PERIOD_US, k * PERIOD_US * 1000 + k)
-        assert (timebase.clock_ppm is None) == (k < 1000)  # the figure needs ten blocks of one second each
+        # the clock's deviation in ppm is known from ten blocks of one second each on
+        assert (timebase.clock_ppm is None) == (k < 1000)
 
 
 def test_times_of_arrival_that_are_the_devices_own_tell_no_drift() -> None:

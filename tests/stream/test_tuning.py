@@ -47,15 +47,15 @@ def with_(**changes: Interval) -> AxisFit:
 
 
 def test_s2_and_r_are_handed_over_to_three_digits() -> None:
-    """A fit hands its variances s2 and R to the filters, rounded to three digits. The order of the same fit
-    is handed over, too.
+    """A fit gives the filters the variances s2 (of what drives the state) and R (of the white noise), rounded
+    to three digits, and its order.
 
     The standard deviations of the order's figures come from the wider side of each interval.
     """
     filter_model = FilterModel(0.8, 0.102, 0.775, 0.0383, -1.0, 0.765)
     assert handed_over(KNOWN, None) == (Variances(0.01, 0.02), filter_model)
-    # Wide intervals of s2 and R do not matter. More white noise with less state noise looks nearly like less
-    # white noise with more state noise, so the samples hardly distinguish the two, which does no harm.
+    # Wide intervals of the variances s2 (of what drives the state) and R (of the white noise) do no harm. The
+    # samples hardly distinguish more white noise with less state noise from the reverse.
     open_ = with_(s2=Interval(0.01, 0.001, 0.1), R=Interval(0.02, 0.0, None))
     assert handed_over(open_, None) == (Variances(0.01, 0.02), filter_model)
     assert handed_over(with_(R=Interval(0.0, 0.0, 0.01)), None) == (Variances(0.01, 1e-5), filter_model)
@@ -94,8 +94,9 @@ def test_what_has_moved_by_less_than_a_tenth_of_its_interval_stays(s2: float, R:
 
 @pytest.mark.parametrize("variant", ["joint", "triple"])
 def test_a_fit_tunes_from_the_sample_after_it_on(variant: str) -> None:
-    """The filters' estimates equal those of a filter bank that the test itself tunes from the sample after
-    the fit on.
+    """A fit changes the filters' settings from the sample after the fit on.
+
+    The estimates equal those of filters whose settings the test itself changes at that sample.
     """
     items, pipeline = run_pipeline([hello(), raw(range(830))], estimator__variant=variant, **TUNED)
     found = {r.seq: r.axes for r in of(Estimate, records_of(items))}
@@ -155,7 +156,7 @@ def test_an_axis_is_settled_once_it_is_tuned_if_it_is_to_be_and_its_innovations_
 def test_tuned_filters_know_how_sure_they_are(variant: Literal["joint", "triple"]) -> None:
     """Twelve axes have a noise with α = 0.5 and f = -2, in white noise of the same power.
 
-    The samples of such a noise hardly distinguish s2 and R.
+    The samples hardly tell how much of the power is white.
     """
     case, axes = Case(0.5, -2.0, 1.0), tuple(f"axis {i}" for i in range(12))
     y = samples(case, len(axes), 25_000)
