@@ -25,7 +25,7 @@ SUFFIXES = {".py", ".j2", ".toml", ".cpp", ".hpp", ".md", ".ipynb", ".html", ".s
 
 
 def programs() -> dict[Path, str]:
-    """Return the texts of the host, the tools and what calls them."""
+    """Return the texts of the host and the tools, and of the files that call them."""
     files = [file for folder in ("host", "tools") for file in (ROOT / folder).rglob("*.*")]
     files = [file for file in files if file.suffix in SUFFIXES]
     files += [ROOT / name for name in ("Makefile", "pyproject.toml")]
