@@ -81,7 +81,7 @@ def test_true_figures() -> None:
 
 
 def held(rows: list[dict[str, object]], quantity: str) -> tuple[float, float]:
-    """Return how many intervals of a quantity contain the true value, and how many were published."""
+    """Return how many intervals of a quantity contain the true value, and how many intervals there are."""
     (row,) = (one for one in rows if one["quantity"] == quantity)
     published, below, above = (float(str(row[name])) for name in ("published", "below", "above"))
     return published - below - above, published
@@ -116,7 +116,8 @@ def test_N_of_white_noise_is_no_wider() -> None:
 
 
 def test_parameters_of_an_order_have_their_own_profile() -> None:
-    """Of 40 intervals of each parameter of an order, 38 (95 %) are expected to contain the true value.
+    """Noise of fractional order has the parameters α, f and Q. Of 40 intervals of each, 38 (95 %) are
+    expected to contain the true value.
 
     The fitted f and Q change with α, so intervals of f and Q at a fixed α would contain the true value in
     half of the cases or less.

@@ -97,9 +97,8 @@ def test_the_filters_go_on_with_what_they_are_told(name: str) -> None:
 
 
 def test_only_what_is_known_is_handed_over() -> None:
-    """s2 and R that were fitted to ten minutes of samples are handed over to the filters.
-
-    Fitted values of half a minute, or of white noise, are not handed over.
+    """If a fit used ten minutes of samples, its variances s2 (of what drives the state) and R (of the white
+    noise) are handed over to the filters. From half a minute, or from white noise, they are not.
     """
     handed = tunings(samples(CLEAR, 2, 20_000), H, 20_001)
     assert np.isnan(handed[0].Q).all()

@@ -73,8 +73,8 @@ def test_fractional_noise(d: float) -> None:
     expected = (
         math.gamma(1 - 2 * d) / math.gamma(1 - d) ** 2 * np.cumprod(np.append(1, (k - 1 + d) / (k - d)))
     )
-    # The computation assumes a periodic noise. The memory of the true noise is longer than this period. This
-    # changes the autocovariances at these few lags by the same constant.
+    # The computation assumes a noise that repeats after a long period. The memory of the true noise is even
+    # longer, which changes the autocovariances at these few lags by the same constant.
     np.testing.assert_allclose(gamma - gamma[0], expected - expected[0], atol=2e-3 * expected[0])
 
 
@@ -95,7 +95,7 @@ def test_lengths(n: int) -> None:
 def test_the_fit_is_a_maximum_and_its_interval_is_where_it_ends(seed: int) -> None:
     """The exact fit to 600 samples is a maximum: no neighbouring parameters have a larger likelihood.
 
-    The interval of the order has all orders for which 2 log L has fallen little enough.
+    The interval of the order α contains all orders for which 2 log L is near enough to its maximum.
     """
     case = Case(0.8, -10.0, 30.0)
     series = ExactSeries(samples(case, 2, 600)[:, seed], H)

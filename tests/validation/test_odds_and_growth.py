@@ -32,7 +32,7 @@ def test_tasks_differ() -> None:
 
 
 def test_odds_that_come_true_are_on_the_line() -> None:
-    """Odds come true if three in four noises with odds of 3 : 1 have an order.
+    """Odds come true if three in four noises with odds of 3 : 1 have a fractional order.
 
     Here a hundred noises of each kind are made up, and weighted by the kinds' proportions.
     """
