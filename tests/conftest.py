@@ -1,8 +1,8 @@
 """What all tests share: hypothesis without randomness, and the folder of recordings of real sensors, if it is
 present.
 
-No test runs with a native module that was built from other sources, since the numbers by which it names parts
-of noise may mean other parts.
+No test runs with a native module that was built from other sources. Such a module may give the parts of a
+noise other numbers, so that a number would mean another part.
 """
 
 import gc
@@ -88,10 +88,9 @@ if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
 
 # In every run, hypothesis tries the same 25 examples for each test. A test that needs more examples to reach
 # its cases sets a larger number. There is no deadline, so no test fails because the machine is slow or busy.
-# To try more and other examples, as in the hours before a release:
-# make test ARGS=--hypothesis-profile=thorough
-# Hypothesis 6.170 also draws constants from the source of each module of this project that is loaded by then,
-# so that the examples of a test would depend on the tests that ran before it.
+# For more and other examples, as before a release: make test ARGS=--hypothesis-profile=thorough
+# Hypothesis 6.170 also takes constants from the source of each module of this project that is loaded. With
+# these constants, a test's examples would depend on the tests before it, so they are left out here.
 providers._get_local_constants = lambda: providers._local_constants
 ANY_PACE = {"database": None, "deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
 settings.register_profile("fixed", derandomize=True, max_examples=25, **ANY_PACE)
