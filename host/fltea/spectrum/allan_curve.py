@@ -121,9 +121,9 @@ def fit_allan(
 ) -> FitAllan | None:
     """Return the curve for the output record `fit`, which also contains the curve of the model `noise`.
 
-    The result is None while there are too few samples or the axis is constant. `noise` is one of the models
-    in `f`. `sums`: averaging times in samples, Allan variances and terms, as `live_allan` takes them.
-    `samples`: number of samples in these sums. `h`: sampling period [s]. `N`: the angle random walk of
+    The result is None while there are too few samples or the axis is constant. `f`: the candidate models, of
+    which `noise` is one. `sums`: averaging times in samples, Allan variances and terms, as `live_allan` takes
+    them. `samples`: number of samples in these sums. `h`: sampling period [s]. `N`: the angle random walk of
     `noise`. It replaces the angle random walk that is read from the curve, since other parts of the noise
     bend the curve.
     """
@@ -181,7 +181,7 @@ def points(
 
 
 def local_slopes(tau: Array, deviation: Array) -> Array:
-    """Return the slope of the logarithm of the deviation over log τ around each point."""
+    """Return, around each point, the slope of the deviation's logarithm over that of the averaging time τ."""
     x, z = np.log(tau), np.log(np.maximum(deviation, np.finfo(np.float64).tiny))
     near = np.abs(x[:, np.newaxis] - x) <= math.log(AROUND) * (1 + 1e-9)
     count = near.sum(axis=1)

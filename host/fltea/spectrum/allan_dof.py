@@ -13,11 +13,11 @@ from numpy.typing import ArrayLike
 from fltea.records.arrays import Array
 
 PARTS = 8
-"""The number S for the running sums of host/native/allan_sums.hpp, in which this many blocks begin within the
-length of a block.
+"""In the running sums of host/native/allan_sums.hpp, this many blocks begin within the length of a block. The
+formulas call this number S.
 """
 FULL_PARTS = 64
-"""Largest number S that is used for an Allan variance in which a block begins at every sample."""
+"""Largest number S of blocks per block length that the formulas use if a block begins at every sample."""
 FINITE = 33
 """Largest number of samples in a block for which the exact formula for sampled noise is used. For longer
 blocks, the formula for continuous time is used.
@@ -80,7 +80,7 @@ def _covariance(power: int, m: float, t: Array) -> Array:
 
 
 def _generalised(power: int, t: Array) -> Array:
-    """Return the generalised autocovariance of the phase of power-law noise at the lag `t`."""
+    """Return the generalised autocovariance of the integral (phase) of power-law noise, at the lag `t`."""
     size = np.abs(t)
     exponent = 3 - power
     if power % 2 == 0:

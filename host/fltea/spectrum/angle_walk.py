@@ -37,10 +37,12 @@ from fltea.spectrum.intervals import around, interval_end, slopes
 from fltea.spectrum.reading import NO_WHITE
 
 HARDLY_KNOWN = 2.0
-"""N counts as unknown if the half-width of the 95 % interval of the density's logarithm is at least this."""
+"""N is computed from a power density. N counts as unknown if the half-width of the 95 % interval of the
+density's logarithm is at least this.
+"""
 SHAPES = tuple(kind for kind in CODES if kind is not White and not kind.has("slow"))
-"""Kinds of parts of a model that shape the high frequencies. A relaxation or a rise is tried in place of all
-of them.
+"""Kinds of parts of a model that shape the high frequencies. A relaxation, or a rise (a part whose density
+rises with the frequency), is tried in place of all of them.
 """
 SEEN = 2.706
 """A model with one more relaxation counts as better if it raises 2 log L by at least this. It is the 95 %
@@ -48,22 +50,23 @@ point of the likelihood ratio for a variance that cannot be below 0: with probab
 it follows χ² with one degree of freedom (Self & Liang, *JASA* 82, 1987).
 """
 FAST = (0.15, 0.3), (0.6, 0.4), (1.8, 0.5)
-"""Starting points of the search for one more relaxation. Each has two numbers: the relaxation's rate [rad a
-sample], and the ratio of its density at low frequencies to that of the white noise.
+"""Starting points of the search for one more relaxation. Each has two numbers: the relaxation's corner
+frequency [rad a sample], and the ratio of its density at low frequencies to that of the white noise.
 """
 RISING = (0.4, 1.0), (1.0, 1.0)
-"""Starting points of the search for a rise. Each has two numbers: the rise's exponent δ, and the ratio of its
-density at half the sample rate to that of the white noise.
+"""Starting points of the search for a rise, a part whose density rises with the frequency. Each has two
+numbers: the exponent of this rise, and the ratio of its density at half the sample rate to the density of the
+white noise.
 """
 
 
 def angle_walk(f: CandidateModels, model: FittedModel) -> Interval:
     """Return N (angle random walk) with its interval, in the unit of the samples times √s.
 
-    N is computed from a density at low frequencies. It is that of the white noise and of all other parts that
-    are neither slow nor an order. The value comes from `model`, the noise model of the verdict. Value and
-    ends are None if the white noise is negligible compared with a fast relaxation. Such a relaxation may be
-    the sensor's white noise after a filter.
+    N is computed from a density at low frequencies: the sum over the white noise and all other parts that are
+    neither slow nor an order. The value comes from `model`, the noise model of the verdict. Value and ends
+    are None if the white noise is negligible compared with a fast relaxation. Such a relaxation may be the
+    sensor's white noise after a filter.
     """
     found = _of_one(f, model)
     if found.value is None or found.low is None or found.high is None:
@@ -76,7 +79,7 @@ def angle_walk(f: CandidateModels, model: FittedModel) -> Interval:
 
 
 def _of_one(f: CandidateModels, model: FittedModel) -> Interval:
-    """Return N by `model`, with the 95 % interval that is valid if this model is the right one."""
+    """Return N of `model`, with the 95 % interval that is valid if this model is the right one."""
     terms = list(model.terms())
     # If the model has a filter, a resonance is taken for a hump of the filter's own response. The resonance's
     # density at low frequencies then belongs to the filter's pass band, and is a part of N.
@@ -102,7 +105,8 @@ def _of_one(f: CandidateModels, model: FittedModel) -> Interval:
     here = _walk_of(math.log(value), f.h)
     if len(fast) == 1 < len(terms):
         # If only the white noise contributes to N, the interval of N follows from the interval of the white
-        # noise's variance R. The latter is asymmetric if other parts of the model hide R.
+        # noise's variance R. The interval of R is asymmetric if other parts of the model hide the white
+        # noise.
         return Interval(here, *_profile(f, model))
     return Interval(here, *(_walk_of(math.log(value) + one, f.h) for one in (-deviation, deviation)))
 
@@ -160,8 +164,8 @@ def _with(
 def _rising(rest: list[float], delta: float, share: float) -> list[float]:
     """Return transformed parameters from which a fit with one more part starts.
 
-    The parameters are `rest` and those of a rise with the exponent `delta`. `share`: ratio of the rise's
-    density at half the sample rate to that of the white noise.
+    The parameters are `rest` and those of a rise (a part whose density rises with the frequency) with the
+    exponent `delta`. `share`: ratio of the rise's density at half the sample rate to that of the white noise.
     """
     return [*rest, rest[0] + math.log(share), delta]
 
@@ -169,8 +173,9 @@ def _rising(rest: list[float], delta: float, share: float) -> list[float]:
 def _relaxing(rest: list[float], rate: float, share: float) -> list[float]:
     """Return transformed parameters from which a fit with one more part starts.
 
-    The parameters are `rest` with less white noise, and those of a relaxation with the rate `rate` [rad a
-    sample]. `share`: ratio of the relaxation's density at low frequencies to that of the white noise.
+    The parameters are `rest` with less white noise, and those of a relaxation with the corner frequency
+    `rate` [rad a sample]. `share`: ratio of the relaxation's density at low frequencies to that of the white
+    noise.
     """
     variance = rest[0] + math.log(share * math.tanh(rate / 2))
     return [rest[0] + math.log1p(-share / 2), *rest[1:], variance, math.log(rate)]

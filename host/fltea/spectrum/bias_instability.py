@@ -23,7 +23,8 @@ from fltea.spectrum.flicker import Flicker, flicker
 from fltea.spectrum.intervals import CRITICAL
 
 SLOW_KINDS = (White, *SLOW)
-"""Kinds of parts of a noise model that have power at the low frequencies to which the three terms are fitted.
+"""Kinds of parts of a noise model that have power at the low frequencies to which the three terms (white
+noise, 1/f noise, a random walk) are fitted.
 """
 
 
@@ -32,7 +33,8 @@ def bias_instability(
 ) -> Coefficient:
     """Return B in `unit`.
 
-    `of_curve`: B by the Allan deviation alone. `stands`: the model that stands for the noise.
+    `of_curve`: B that was read from the curve of the Allan deviation alone. `f`: the candidate models.
+    `stands`: the model that stands for the noise.
     """
     fit = flicker(f, stands)
     if fit is None or not _describes(fit, stands):

@@ -33,27 +33,28 @@ from fltea.spectrum.octaves import BLOCK, JOIN, WHOLE
 from fltea.spectrum.periodogram import Binned
 
 BY_CHANCE = 4.0
-"""In a search, each further parameter of a model may raise 2 log L by this much by chance."""
+"""In a search, each further parameter of a model may raise 2 log L (twice the log likelihood) by this much by
+chance.
+"""
 LEAST_ORDER, MOST_ORDER = 0.15, 0.85
-"""Lowest and highest order that a search fits. A lower order is hardly an order any more. A higher order is
-described as well by a relaxation.
+"""Lowest and highest order α that a search fits. Noise of a lower order is hardly different from white noise.
+Noise of a higher order is described as well by a relaxation.
 """
 AT_A_LIMIT = 0.01
 ABOVE_ONE = 1.2, 1.6
 """If orders up to 2 are allowed, fits also start at these orders."""
 WITHOUT_WHITE, NO_WHITE = (0.25, 0.5), 12.0
 """The model with the reported order is fitted again from starting points that have almost no white noise.
-Each of them has one of the orders in WITHOUT_WHITE, and a white noise the logarithm of whose variance R is
-lower by NO_WHITE.
+Each of them has one of the orders in WITHOUT_WHITE. The logarithm of the white noise's variance R is lower by
+NO_WHITE than in the first fit.
 """
 AHEAD = 6.0
-"""ARFIMA is reported only if its 2 log L is higher by at least this than that of the fractional state in
-white noise.
+"""Both ARFIMA and the fractional state in white noise have an order. ARFIMA is reported only if its 2 log L
+is higher by at least this than that of the fractional state.
 """
 LEAK_OF_CUBIC = 1 / 9
-"""The step from the last sample of a record to its first one makes a random walk leak into all frequencies.
-This is the mean square of the step after a cubic was subtracted from the record, divided by its mean square
-before.
+"""A random walk leaks into all frequencies, since the last sample of a record differs from the first one. If
+a cubic is subtracted from the record, the mean square of this difference is multiplied by this factor.
 """
 
 Raw = tuple[list[int], list[float], float]
@@ -118,13 +119,13 @@ class FittedModel(NamedTuple):
 
 
 class Fits:
-    """Results from which a later fit of the same axis begins. They contain no reference to the data.
+    """Results from which a later fit of the same axis begins. This object keeps no reference to the data.
 
     `raw`: the fitted models. `elsewhere`: transformed parameters of the fits with other orders that belong to
     the interval of the reported order; None if these have not been searched for yet. `ends`: for each end of
-    a parameter's interval, the parameters there minus those of the best fit. Its key consists of the codes of
-    the model's parts, the parameter's index, and the side. `beside`: parameters of the other models that are
-    fitted for the interval of N. Its key consists of the codes of their parts.
+    a parameter's interval, the parameters there minus those of the best fit. A key of `ends` consists of the
+    codes of the model's parts, the parameter's index, and the side. `beside`: parameters of the other models
+    that are fitted for the interval of N. A key of `beside` consists of the codes of the model's parts.
     """
 
     def __init__(self, raw: list[Raw], last: "Fits | None" = None) -> None:
@@ -221,7 +222,7 @@ class CandidateModels:
 
     @cached_property
     def lead_over_rich(self) -> float:
-        """Return by how much the 2 log L of the best model with an order exceeds that of `rich`."""
+        """Return by how much 2 log L is higher for the best model with an order than for `rich`."""
         return -math.inf if self.ordered is None else self.gain(self.ordered) - self.gain(self.rich)
 
 

@@ -41,7 +41,7 @@ fundamental frequency lie in the spectrum.
 LOOKED_AT = 0.01
 """Probability that the autocorrelation of noise without a comb yields a candidate for the period."""
 LEAST_LIMIT, LIMIT_SHARE = 10.0, 0.25
-"""When candidates are searched for, the ratio of an ordinate to its surroundings is limited. The limit is
+"""In the search for possible periods, the ratio of an ordinate to its surroundings is limited. The limit is
 LEAST_LIMIT, or LIMIT_SHARE times the root of the number of ordinates if this is larger. With the second
 limit, a single spectral line adds at most a quarter of a standard deviation to the autocorrelation.
 """
@@ -58,9 +58,11 @@ WIDTHS = (1, 3, 5)
 event may vary and need not be a whole number of samples.
 """
 GUARD = 2
-"""A tooth leaks into this many ordinates on each side of it."""
+"""The power of a tooth leaks into this many ordinates on each side of the tooth."""
 WIDEST_FLANK = 24
-"""A tooth is compared with at most this many ordinates on each side, outside of GUARD."""
+"""A tooth is compared with at most this many ordinates on each side. The nearest GUARD ordinates on each side
+are not among them.
+"""
 MOST_A_TOOTH = 8.0
 """Limit of the evidence of a single tooth. In noise, one in 3,000 ordinates exceeds this limit."""
 CLEAR = 4.0
@@ -84,14 +86,14 @@ spectral lines between them.
 """
 NO_TOOTH, SHAPED = 1.5, 0.08
 """Spectral lines between the teeth are no teeth if their mean height is below one of two limits. Below
-NO_TOOTH they count as noise, which has the height 1. Below SHAPED times the mean height of the teeth they
-count as a trace of the rounding of the events' times to the nearest sample.
+NO_TOOTH, the lines count as noise, which has the height 1. Below SHAPED times the mean height of the teeth,
+the lines only show that the times of the events were rounded to whole samples.
 """
 AT_ONCE = 1 << 18
 """Largest number of teeth that are computed in one step."""
 PREFIXES = (5, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096)
-"""A comb is tested with each of these numbers of teeth, counted from the lowest tooth. A few teeth are
-tested, too, since a smooth wave has no more.
+"""A comb is tested with each of these numbers of teeth, counted from the lowest tooth. Small numbers are
+tested, too, since the comb of a smooth wave has only a few teeth.
 """
 
 
@@ -172,9 +174,9 @@ def find_comb(
     best = max((evidence for evidence, _, _ in found), default=0.0)
     if best < needed:
         return None
-    # An event that repeats each second also repeats every 2 s, so that both periods have evidence. Half of
-    # the true period has only half of the evidence. So the shortest period with nearly the highest evidence
-    # is the true one.
+    # An event that repeats each second also repeats every 2 s, so that both periods have evidence. A period
+    # of half the true length has only half of the evidence. So the shortest period with nearly the highest
+    # evidence is the true one.
     _, fundamental, teeth = max(
         (one for one in found if one[0] >= max(NEARLY * best, needed)), key=lambda one: one[1]
     )

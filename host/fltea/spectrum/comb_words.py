@@ -4,7 +4,7 @@ from fltea.spectrum.spectral_lines import Repeats
 
 MAINS_HZ = (50.0, 60.0, 100.0, 120.0)
 SAME_FREQUENCY = 3e-3
-"""A frequency counts as that of the mains hum (MAINS_HZ) if it differs from it by at most this proportion.
+"""A frequency counts as mains hum if it differs from a mains frequency (MAINS_HZ) by at most this proportion.
 Power grids keep their frequency within 0.4 %.
 """
 NEXT = (

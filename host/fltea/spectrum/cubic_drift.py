@@ -13,8 +13,8 @@ import numpy as np
 from fltea.records.arrays import Array
 
 LARGE_DRIFT, NEAR_THE_DRIFT = 30.0, slice(10, 30)
-"""From a short record, the cubic is subtracted only if its power is more than LARGE_DRIFT times the mean
-power of the ordinates with the numbers NEAR_THE_DRIFT.
+"""From a short record, the cubic is subtracted only if its power is large. The power has to be more than
+LARGE_DRIFT times the mean power of the ordinates whose numbers are in NEAR_THE_DRIFT.
 """
 
 
@@ -40,8 +40,8 @@ def cubic_through(values: Array) -> tuple[Array, Array]:
     The amplitudes are the coefficients of orthonormal polynomials of degree 1, 2 and 3. For white noise of
     variance 1, each amplitude is normally distributed with variance 1. A drift whose last value differs from
     its first leaks into all frequencies λ as 1/λ², far above its own frequencies. If a cubic is subtracted
-    from noise, the noise loses the power of the ordinates below number LOWEST, and a few percent of that of
-    ordinate LOWEST.
+    from noise, the noise loses the power of the ordinates below number `periodogram.LOWEST`, which no fit
+    uses, and a few percent of the power of the ordinate with this number.
     """
     basis = _cubics(len(values))
     amplitudes = basis @ values

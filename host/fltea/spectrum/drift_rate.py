@@ -3,9 +3,9 @@
 The line is fitted by least squares. To compute the variance of its slope, the noise's spectrum is multiplied
 by 36/T² j1(x)² and integrated over the frequencies. T is the length of the record, j1 a spherical Bessel
 function, and x half the phase [rad] through which a wave of the frequency turns in the time T. A random walk
-changes the slope far more than white noise does, and so does a Gauss–Markov part in a short record. If it is
-not certain which of these noises is present, the slope's variances by several models are combined, each with
-the model's probability.
+changes the slope far more than white noise does, and so does a relaxation (a Gauss–Markov process) in a short
+record. If it is not certain which of these noises is present, the slope's variances by several models are
+combined, each with the model's probability.
 """
 
 import math
@@ -50,7 +50,7 @@ def slope(y: Array, h: float) -> float:
 
 
 def around(value: float, variances: Sequence[float], weights: Sequence[float]) -> Interval:
-    """Return the 95 % interval of a value. Its error has one of `variances`; which one is not known.
+    """Return the 95 % interval of a value whose error has one of `variances`. It is not known which one.
 
     `weights`: the probability of each variance; their sum is 1.
     """

@@ -24,7 +24,7 @@ ANYTIME_LEVEL = 1e-5
 noise in a hundred is reported as anything else within a day.
 """
 APART = 6.0
-"""Two models count as different if their 2 log L differs by at least this."""
+"""Two models count as different if their 2 log L (twice the log likelihood) differs by at least this."""
 
 
 # Over 12 attributes: permitted, since each is one finding on which the verdict is based.
@@ -83,12 +83,12 @@ class Evidence(NamedTuple):
 
     @property
     def apart(self) -> float:
-        """At this refit, two models count as different if their 2 log L differs by at least this."""
+        """Smallest difference in 2 log L with which two models count as different at this refit."""
         return apart(self.level)
 
 
 def apart(level: float) -> float:
-    """Return by how much 2 log L must differ at least if two models are to count as different.
+    """Return the smallest difference in 2 log L with which two models count as different.
 
     `level`: significance level of a single refit. A smaller level gives a larger difference. So for a live
     sensor, which is refitted often, wrong claims are no more frequent than for a recording.

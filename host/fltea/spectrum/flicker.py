@@ -24,12 +24,14 @@ FEWEST = 30.0
 """Fewest ordinates for a fit."""
 ROUNDS = 60
 LEAST_GAIN = 1e-5
-"""The fit ends when an iteration raises log L by less than this."""
+"""The fit ends when an iteration raises log L (the log likelihood) by less than this."""
 DAMPING = 1e-3
 LEAST = 1e-12
 """Smallest squared amplitude that the fit can give a term, divided by the one from which the fit starts."""
 NEAR = 0.05
-"""The search for an end of an interval stops when 2 log L there is right to within this."""
+"""The search for an end of an interval stops when 2 log L differs by at most this from the value that it has
+to have at the end.
+"""
 SEARCHES = 12
 WIDEST = 100.0
 """Each end of the interval of B² differs from B² by at most this factor."""
@@ -45,8 +47,8 @@ class Flicker(NamedTuple):
     """The amplitude B of the 1/f noise, in the unit of the samples. Value and ends are None if the gain of
     the 1/f noise is too small.
 
-    If the fit needs no random walk, B comes from a fit without one. Otherwise any power that the random walk
-    gets by chance would be missing in B, since its power cannot be negative. The lower end of the interval
+    If the fit needs no random walk, B comes from a fit without one. A random walk in the fit would take power
+    from B by chance, and never give any to it, since no power is negative. The lower end of the interval
     still comes from the profile likelihood with a random walk, since there may be a weak random walk.
     """
     gain: float

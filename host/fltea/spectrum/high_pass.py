@@ -1,4 +1,4 @@
-"""Which parts of a model with a high-pass are noise, and which are only the shape of the filter.
+"""Find which parts of a model with a high-pass are noise, and which only describe the filter's shape.
 
 A real filter may subtract a running mean, the mean of each block, or an offset estimated at rest. Its
 response is not exactly that of the fitted high-pass. Above the corner frequency, the density of noise behind
@@ -18,15 +18,16 @@ from fltea.spectrum.candidate_models import CandidateModels, FittedModel
 from fltea.spectrum.octaves import WHOLE
 
 SWINGS, RINGS = 2.0, 4.0
-"""A density counts as the filter's own shape if it is less than this many times that of the pass band. The
-factor is SWINGS if the model describes the shape by a relaxation, and RINGS if by a resonance.
+"""A hump of the density near the filter's corner frequency may be the filter's own shape, and no noise. It
+counts as such if it is lower than a limit. The limit is SWINGS times the density of the pass band if the
+model describes the hump by a relaxation, and RINGS times that density if by a resonance.
 """
 NEAR = 10.0
 """The shape of the filter is examined up to this multiple of its corner frequency."""
 POINTS = 64
 LEAKS_AT_MOST = 15.0
-"""The power that leaks from the two ends depends on a single random number. With a probability of 99.99 % it
-is below this multiple of its mean.
+"""The power that leaks from the two ends of a record depends on a single random number. With a probability of
+99.99 % it is below this multiple of its mean.
 """
 
 

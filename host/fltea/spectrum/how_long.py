@@ -1,4 +1,4 @@
-"""How much longer a sensor has to be observed until the order of its noise is known well enough.
+"""Forecast how much longer a sensor has to be observed until the order of its noise is known well enough.
 
 The time until it is clear whether there is an order at all is not forecast. Such forecasts were tried: they
 used the odds that longer records of the fitted models would give on average. Only 44 of 79 forecasts were
@@ -15,9 +15,10 @@ def seconds_more(
 ) -> float | None:
     """Return after how many more seconds of samples the 95 % interval of α is ± `target`.
 
-    The noise is assumed to stay as it is. `model`: a model of `f` with an order. `longest_s`: length [s] of
-    the fit's memory if old samples fade; None if no sample fades. The result is 0 if the interval is already
-    narrow enough. It is None if the interval will never be narrow enough, or if the time cannot be predicted.
+    The noise is assumed to stay as it is. `model`: the one of the candidate models `f` that has an order.
+    `longest_s`: length [s] of the fit's memory if old samples fade; None if no sample fades. The result is 0
+    if the interval is already narrow enough. It is None if the interval will never be narrow enough, or if
+    the time cannot be predicted.
     """
     deviation = order_deviation(f, model)
     if deviation is None:

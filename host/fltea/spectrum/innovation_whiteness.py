@@ -15,16 +15,17 @@ from fltea.records.fit import Interval
 from fltea.records.plus_minus import NORMAL_95
 
 LAGS = 20
-"""Number of lags in the Ljung–Box test. It is even, since χ² then has a closed form."""
+"""Number of lags in the Ljung–Box test. The number is even, since χ² then has a closed form."""
 FEWEST = 100
 COLOURED_P = 1e-3
 """Innovations may be coloured if white innovations would exceed their Ljung–Box statistic with at most this
 probability.
 """
 COLOURED = 0.1
-"""Innovations count as coloured only if the root of the sum of their squared correlations also exceeds this
-value: in a day of samples even a tiny correlation is significant. This root is 0.3 to 0.7 for samples that
-passed a low-pass filter, and 0.12 to 0.15 if the Kalman filter's α is too small by 0.25 to 0.5.
+"""Innovations count as coloured only if the root of the sum of their squared autocorrelations also exceeds
+this value. The reason is that in a day of samples even a tiny correlation is significant. This root is 0.3 to
+0.7 for samples that passed a low-pass filter, and 0.12 to 0.15 if the Kalman filter's α is too small by 0.25
+to 0.5.
 """
 
 

@@ -40,11 +40,11 @@ CRITICAL = 3.841
 """95 % point of χ² with one degree of freedom."""
 AT_BOUND = {"alpha": 4.8, "f": 4.6, "F": 5.1, "s2": 5.1}
 """Limits that replace CRITICAL for these parameters if the best fit with a given value has no white noise.
-Each limit is the 95 % point of a likelihood ratio: that of two normal estimates with the correlation ρ, of
-which the second, here R, cannot be below 0. The points are 4.4 for |ρ| = 0.8, 4.7 for 0.9, 4.8 for 0.95 and
-5.1 for 1 (Self & Liang, *JASA* 82, 1987). The correlation between each parameter and R was computed from the
-Fisher information of 35 noises with R = 0. In nine tenths of them it is at most 0.9 for f, 0.95 for α, 0.99
-for F and 1 for s2 (tools/validation/bound.py).
+Each is the 95 % point of a likelihood ratio for two normal estimates with the correlation ρ. The second, here
+the white noise's variance R, cannot be below 0. The points are 4.4 for |ρ| = 0.8, 4.7 for 0.9, 4.8 for 0.95
+and 5.1 for 1 (Self & Liang, *JASA* 82, 1987). The correlation between each parameter and R was computed from
+the Fisher information of 35 noises with R = 0. In nine tenths of them it is at most 0.9 for f, 0.95 for α,
+0.99 for F and 1 for s2 (tools/validation/bound.py).
 """
 LEAST = 7.0
 """A variance counts as 0 if its logarithm is lower by more than this than the logarithm of the best value."""
@@ -55,17 +55,17 @@ which some fits start (`little_white`).
 SLOWEST = 300.0
 """The longest correlation time that is tried, divided by the longest one that the data can show."""
 WIDEST_ORDER = 0.9
-"""An order counts as undefined if its interval is wider than this."""
+"""The order α counts as undefined if its 95 % interval is wider than this."""
 NOTHING = 1e-4
-"""A parameter with less Fisher information than this counts as one about which the data say nothing."""
+"""If a parameter has less Fisher information than this, the data count as saying nothing about it."""
 BY_F, BY_PARAMETER, BY_NOISE, BY_STEP = (
     BY_NAME[name].code for name in ("order by F", "order by f", "order by Q", "arfima by s2")
 )
 """Code numbers of parts that describe an order or ARFIMA by other free parameters than the parts in
-`fltea.noise.parts` do. With them, a fit can hold these other parameters fixed. In `fltea.noise.parts`, the
-free parameters of an order are α, logit(-g / 2^α) and log s2. BY_F has F and log -g in place of the first
-two, and BY_PARAMETER has α and log -f. BY_NOISE has log Q in place of log s2. ARFIMA has log s2 / (1 - φ)² as
-a free parameter, and BY_STEP has log s2 in its place.
+`fltea.noise.parts` do. So a fit can keep such a parameter at a fixed value. `OrderFit` explains the letters.
+In `fltea.noise.parts`, the free parameters of an order are α, logit(-g / 2^α) and log s2. BY_F has F and log
+-g in place of the first two, and BY_PARAMETER has α and log -f. BY_NOISE has log Q in place of log s2. ARFIMA
+has log s2 / (1 - φ)² as a free parameter, and BY_STEP has log s2 in its place.
 """
 HIGHEST_ORDER = 1.999
 LOOKED_AT = np.arange(0.04, 1.3, 0.08)
@@ -116,7 +116,7 @@ class Estimated(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class OrderFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Order and other parameters of a noise model. If the data do not define them, all values are None.
 
-    F = g + α, where g = h^α f. The variances s2 and R are in the square of the samples' unit.
+    F = g + α, g = h^α f, h: sampling period. Variances: s2 of the state's steps, R of white noise, in unit².
     """
 
     alpha: Interval = Interval()
@@ -282,7 +282,7 @@ def order_deviation(f: CandidateModels, model: FittedModel) -> float | None:
     if at is None:
         return None
     information = information_of(f, model)
-    # The data say nothing about a parameter of a part with negligible power, so it is left out.
+    # The data say nothing about a parameter of a part with negligible power, so this parameter is left out.
     keep = [i for i in range(len(information)) if i == at or information[i, i] > NOTHING]
     try:
         variance = float(np.linalg.inv(information[np.ix_(keep, keep)])[keep.index(at), keep.index(at)])
@@ -302,7 +302,7 @@ def _interval(
 ) -> Ends:
     """Return transformed parameter `i` with its interval. An end beyond one of `limits` becomes this limit.
 
-    `name`: name of the parameter in AT_BOUND. `step`, `keep`: as in `interval_end`.
+    `name`: name of the parameter in AT_BOUND. `step`, `keep`: as for `interval_end`.
     """
     bound = AT_BOUND.get(name, CRITICAL)
     ends = [

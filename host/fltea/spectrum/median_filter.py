@@ -26,9 +26,9 @@ SURE = 6.0
 standard deviations.
 """
 ROUNDED, ROUNDED_BETWEEN = 1.5, 1.25
-"""Rounding explains at most this many differences of 0 between samples for each difference of one rounding
-step in one direction. ROUNDED is used in general. ROUNDED_BETWEEN is used for samples with another value in
-between, which makes a difference of 0 less likely.
+"""In rounded samples, differences of 0 are at most this many times as frequent as differences of one rounding
+step upwards. ROUNDED holds in general. ROUNDED_BETWEEN holds for two samples with another value in between,
+which makes a difference of 0 less likely.
 """
 FINE = 1.5
 """A difference of fewer rounding steps than this counts as a difference of one step. If most differences
@@ -44,9 +44,9 @@ medians.
 """
 
 SHAPED, ENOUGH = 0.1, 128
-"""SHAPED: the filter lowers the power by at most a twentieth if the product of frequency and window length is
-at most this. ENOUGH: at least this many ordinates remain to be fitted, even if they reach beyond that
-frequency.
+"""SHAPED: if the product of frequency and window length is at most this, the filter lowers the power by at
+most a twentieth. Only such frequencies are fitted. ENOUGH: at least this many ordinates are fitted, even if
+some of their frequencies are higher.
 """
 
 

@@ -15,7 +15,7 @@ NEXT = (
 
 
 def explains(e: Evidence, found: Reading) -> bool:
-    """Return whether the median filter alone may cause all parts of the model other than white noise."""
+    """Return whether the median filter alone may explain all parts of the model except white noise."""
     assert e.median is not None
     flat_hz = FLAT * e.rate_hz / e.median.samples
     if e.from_hz > flat_hz:

@@ -72,9 +72,9 @@ def _place(one: Estimated) -> tuple[int, float]:
 
 
 def level(found: Sequence[Estimated], f: CandidateModels, model: FittedModel) -> Level:
-    """Return N and K of a model of `f`.
+    """Return N and K of one of the candidate models `f`.
 
-    `found`: the parts of the model with their intervals. K is taken from them.
+    `found`: the parts of the model with their intervals, among them the random walk, which gives K.
     """
     h = f.h
     by_kind = {one.part: one for one in found}

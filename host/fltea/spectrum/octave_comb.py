@@ -33,15 +33,17 @@ LEAKS = 0.05
 proportion of the noise's power.
 """
 AROUND, ASIDE = 12, 3
-"""AROUND: the level at a line is the median over this many lines on each side. ASIDE: a tooth also has to be
-higher than the two lines that are this many lines away, since otherwise it may be a side lobe of a filter.
+"""AROUND: the level of the noise at a line is the median over this many lines on each side. ASIDE: a tooth
+also has to be higher than the two lines that are this many lines away from it. A hump that is lower may be a
+side lobe of a filter.
 """
 FEWEST_CLEAR, CLEAR_BY_CHANCE = 5, 0.0062
-"""CLEAR_BY_CHANCE: proportion of all lines that are clear (see CLEAR) by chance. To save time, a comb is
-searched for only if there are at least FEWEST_CLEAR more clear lines than this proportion makes.
+"""CLEAR_BY_CHANCE: proportion of all lines that stand out clearly (see CLEAR) by chance. To save time, a comb
+is searched for only if at least FEWEST_CLEAR more lines than by chance stand out clearly.
 """
 CLEAR, MOST = 2.5, 4.0
-"""CLEAR: a tooth with a larger normal deviate than this is clear. MOST: a larger deviate counts as this one.
+"""The normal deviate of a line says by how many standard deviations the line exceeds the level. CLEAR: a line
+with a larger deviate stands out clearly. MOST: a larger deviate is replaced by this one.
 """
 NOTCH, LEAST_WEIGHT, LOBE = 0.4, 16.0, 10
 """NOTCH: a line lies in a notch of a filter if its power is below this proportion of the level. A line that

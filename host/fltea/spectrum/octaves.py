@@ -44,13 +44,13 @@ level. Above it, the spectrum comes from the octaves.
 """
 _HANN_POWER = 0.375 * BLOCK
 _HANN_LINES = 1 + 2 * (4 / 9 + 1 / 36)
-"""Under Hann's window, neighbouring frequencies are correlated. This many of them count as a single
-independent frequency.
+"""Hann's window makes neighbouring frequencies correlated. This many of them count as a single independent
+frequency.
 """
 _HALF_OVERLAP = 2 / 12
-"""Blocks that overlap by half are correlated, too, so even more frequencies count as one. This is the number
-that is added. It is the sum of the squared correlations of one frequency with all frequencies of the previous
-and of the next block.
+"""Blocks that overlap by half are correlated, too, so even more frequencies count as one. This number is
+added to `_HANN_LINES`. It is the sum of the squared correlations of one frequency with all frequencies of the
+previous and of the next block.
 """
 
 
@@ -58,7 +58,8 @@ class Counts(NamedTuple):
     """Counts of what happened to the samples of one lane (axis)."""
 
     used: int
-    """Number of samples in the spectrum, and of those that wait until a chunk of 128 samples is full."""
+    """Number of samples in the spectrum, and of samples that wait until their chunk of 128 samples is full.
+    """
     bridged: int
     """Number of lost samples that were replaced by a straight line."""
     lost: int
@@ -355,7 +356,7 @@ def _whole_lines(level: int, y: NDArray[np.float32], amplitudes: list[Array]) ->
 def _whole_gain(level: int, m: int) -> tuple[Array, Array]:
     """Return the frequencies for a stretch of m samples, and the factors that convert |FFT|² into power.
 
-    `level`: number of octaves. Each of them has halved the rate.
+    `level`: number of times that the sampling rate was halved.
     """
     last = (m - 1) // 2 if level == 0 else min((m - 1) // 2, math.ceil(JOIN * m / (2 * np.pi)) - 1)
     own = np.asarray(2 * np.pi * np.arange(LOWEST, last + 1) / m, dtype=np.float64)
@@ -377,8 +378,8 @@ def _passed(own: Array, level: int) -> Array:
 
 
 _GRID = np.linspace(0, 0.71 * np.pi, 2001)
-"""Frequencies at which the gain of these filters is computed. Interpolation between them is accurate to seven
-digits.
+"""Frequencies [rad a sample of the level] at which the gain of the filters in `_passed` is computed.
+Interpolation between them is accurate to seven digits.
 """
 
 

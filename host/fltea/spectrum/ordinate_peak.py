@@ -30,11 +30,11 @@ FLANK = 48
 SHORTEST_FLANK = 4
 """Near frequency 0, the lower flank has at least this many ordinates."""
 END_WIDTHS = (1, 2, 4)
-"""At the ends of the band, ranges of these widths are tried."""
+"""At the ends of the band, ranges of these widths [ordinates] are searched for a peak."""
 SURELY_NOT = 4.0
-"""The logarithm of a range's exact probability differs by at most this from the logarithm that is computed as
-if the level were exactly known. So ranges that are certainly not significant can be left out before the exact
-test.
+"""The probability that chance makes a range so high is first computed as if the level around the range were
+exactly known. The logarithm of this probability differs by at most this from the exact one. So a range that
+is certainly not significant can be left out before the exact test.
 """
 WIDEST_SHARE = 0.08
 """The widest range that is tried has this proportion of all ordinates."""
@@ -45,8 +45,8 @@ level in the flank's upper half is at most this many times that in its lower hal
 noise that alternates in sign, whose spectrum rises slowly towards the Nyquist frequency.
 """
 LEAST_LEVEL = 1e-12
-"""The level is at least this many times the mean of all ordinates. A smaller level, such as 0 in simulated
-noise, is replaced by this.
+"""The level around a peak is at least this many times the mean of all ordinates. A smaller level, such as 0
+in simulated noise, is replaced by this limit.
 """
 
 
@@ -84,9 +84,9 @@ def strongest_ordinates(power: Array, false_alarm: float) -> tuple[int, int, flo
         highest, place, around = top
         tried = len(range(first, last, step))
         log_p = f_log_tail(highest, 2 * width, 2 * flank) + math.log(len(widths) * tried)
-        # Of all significant ranges, the one is taken whose likelihood as a peak is highest, as if the level
-        # were known. A comparison of the ranges' probabilities would favour wide ranges, since these have
-        # longer flanks.
+        # Of all significant ranges, the one with the highest likelihood as a peak is chosen. This likelihood
+        # is computed as if the level were known. A comparison of the ranges' probabilities would favour wide
+        # ranges, since these have longer flanks.
         gain = width * (highest - 1 - math.log(highest)) if highest > 0 else -math.inf
         if log_p < math.log(false_alarm) and (best is None or gain > best[0]):
             best = gain, place, place + width, around

@@ -97,7 +97,7 @@ class Ordinates(NamedTuple):
         return float(self.weight[begin:end] @ power) / self.ordinates_in(begin, end)
 
     def power_over(self, begin: int, end: int, level: float) -> float:
-        """Return the power above `level` of the values `begin` to before `end`, in the unit of `total`."""
+        """Return the power above `level` of the values from `begin` to before `end`, in `total`'s unit."""
         above = self.power[begin:end] - level
         return float(above.sum() if self.spread is None else above @ self.spread[begin:end])
 

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from fltea.records.arrays import Array
 
 LOWEST = 4
-"""Number of the lowest ordinate in use."""
+"""Number of the lowest ordinate that is used; its wave has this many periods in the record."""
 FEWEST = 64
 """A fit needs at least this many ordinates."""
 LONG, PARTS, AT_ONCE = 1 << 20, 16, 1 << 15

@@ -51,12 +51,13 @@ LEAST_CORNER = 10.0
 multiple of the lowest fitted frequency.
 """
 NEAR_THE_FILTER = 0.1
-"""A relaxation may be only an error of the fitted filter if its corner frequency is at least this many times
-that of the filter.
+"""The fitted filter differs from the true one, and a relaxation may only describe the difference. This is
+possible if the relaxation's corner frequency is at least this many times that of the filter.
 """
 AS_FILTERS_DIFFER = 1.6
-"""A relaxation near the corner of the fitted filter counts as an error of this filter if the densities in the
-filter's pass band differ by less than this factor.
+"""A relaxation near the corner of the fitted filter may only describe how the true filter differs. It counts
+as that if the density at the lowest fitted frequency is less than this many times that at a higher frequency
+in the pass band.
 """
 RIPPLES = 0.4
 """A resonance belongs to the fitted filter if its frequency is at least this many times the filter's corner
@@ -69,8 +70,8 @@ other frequencies: ASIDE times its frequency, and its frequency divided by ASIDE
 SMOOTHS = -0.15
 """A filter over three samples (`Sharpening`) whose parameter s is below this value is a low-pass."""
 RISES, HIGHEST = 1.05, 0.85
-"""The density counts as rising with the frequency if it is high enough at the highest frequencies: its mean
-above HIGHEST times half the sample rate is more than RISES times the density at the lowest fitted frequency.
+"""The highest frequencies are those above HIGHEST times half the sample rate. The density counts as rising
+with the frequency if its mean there is more than RISES times the density at the lowest fitted frequency.
 """
 
 
@@ -175,7 +176,7 @@ def _filter(parts: Sequence[Part], h: float) -> LowPass | None:
 def _flat(model: FittedModel, low_pass: LowPass, h: float, from_hz: float) -> bool:
     """Return whether the density in the filter's pass band is flat.
 
-    Deviations that may be caused by an error of the fitted filter do not count.
+    Deviations are ignored if they may come from the difference between the fitted and the true filter.
     """
     inside = max(from_hz, 1e-3 * low_pass.corner_hz)
     hz = np.array([inside, max(0.2 * low_pass.corner_hz, inside)])

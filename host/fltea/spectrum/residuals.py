@@ -35,5 +35,5 @@ def farthest(ratio: Array, weight: Array | None = None) -> float:
 
 
 def kolmogorov(p: float) -> float:
-    """Return the value that the Kolmogorov–Smirnov statistic exceeds with the small probability `p`."""
+    """Return the Kolmogorov–Smirnov statistic that a correct model exceeds with the small probability `p`."""
     return math.sqrt(-math.log(p / 2) / 2)

@@ -18,7 +18,7 @@ NOTCH_WIDTH = 1.5
 """A notch is at most this many times as wide as the hump."""
 TELLING = 30.0
 """A value in the stop band belongs to a spectral line if its power exceeds this multiple of the highest
-lobe's power. This factor is so large because the powers of single ordinates scatter.
+lobe's power. The multiple is large since the powers of single ordinates scatter.
 """
 TELLING_AVERAGED = 5.0
 AVERAGED = 8.0

@@ -44,7 +44,9 @@ FALSE_CHANGE = 1e-3
 """Probability of finding a change during the record where there is none, at the significance level `LEVEL`.
 """
 LEAKS = 3.0
-"""A spectral line leaks over a frequency distance of this many times the width of its left-out band."""
+"""Around a spectral line, a band is left out. The line leaks over a distance of this many times the band's
+width.
+"""
 SLOW_LINES = 4.0
 """Spectral lines below this multiple of the lowest fitted frequency are called slow lines."""
 LARGEST_SHARE = 0.15
@@ -52,8 +54,8 @@ LARGEST_SHARE = 0.15
 spectral lines with that proportion make the power go up and down, but less than a change that matters.
 """
 EXPLAINED = 1.5
-"""A peak is discarded if its power is less than this many times the power that the other parts of the model
-explain.
+"""A peak is discarded if its power is less than this many times the power that the rest of the model has in
+the same band.
 """
 GROWN = 1.1
 """When the record has become longer by this factor, models, peaks and changes are searched for again."""
@@ -308,7 +310,7 @@ def _slow(whole: Periodogram, from_hz: float, slow_hz: float, found: Bands) -> P
 
 
 def _highest(f: CandidateModels) -> Callable[[Array], Array]:
-    """Return a function of λ: the highest of all plausible models' spectra, with the record ends' leakage."""
+    """Return a function of λ: the highest spectrum of plausible models, with the leakage from the ends."""
     possible = [f.plain] + ([f.ordered] if f.ordered is not None and f.lead > -APART else [])
 
     leaks = [(one, LEAKS_AT_MOST * end_leak(f, one)) for one in possible]
@@ -359,7 +361,7 @@ class _Clean(NamedTuple):
 
     @property
     def to_hz(self) -> float:
-        """The highest frequency [Hz] of the clean ordinates, to which the models are fitted."""
+        """The highest frequency [Hz] of the clean ordinates."""
         return float(self.ordinates.lam[-1]) / (2 * np.pi * self.ordinates.h)
 
     def band(self, left_out: Bands) -> Band:
@@ -383,7 +385,9 @@ def _clean(seen: _Seen, lowest_hz: float) -> _Clean:
 
 
 def _outside(whole: Periodogram, from_hz: float, found: Bands) -> tuple[Periodogram, int]:
-    """Return the ordinates above `from_hz` and outside the bands `found`, and the number of bands left out.
+    """Return the ordinates above `from_hz` and outside bands, and the number of these bands.
+
+    The bands are the first ones of `found`, as many as leave enough ordinates.
 
     Raises:
         ValueError: too few ordinates are left even if no band is left out.

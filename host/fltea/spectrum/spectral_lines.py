@@ -38,7 +38,7 @@ SKIRT = 0.05
 by at least this proportion.
 """
 NARROW = 3
-"""A peak that is at most this many averages over blocks wide may be a spectral line or a resonance."""
+"""If a peak is at most this many averages over blocks wide, it may be a spectral line or a resonance."""
 LINE_ORDINATES = 6
 """A peak with nearly all its power in about this many ordinates is a spectral line, since its phase is stable
 over the whole record.
@@ -180,8 +180,8 @@ def _describe(lines: Ordinates, found: Found, extent: tuple[int, int], total: fl
     if lines.weight is not None:
         top = sharp if is_narrow else top
     elif _in_few_ordinates(part - found.level, sharp):  # a sharp peak is not smoothed, which would widen it
-        # A live spectrum is not examined in this way. It has few single ordinates, and nearly all of a
-        # resonance of low frequency may lie in them, too.
+        # A live spectrum is not examined in this way. It has few single ordinates, so that these may hold
+        # nearly all power of a slow resonance, too.
         top, wide, is_narrow = sharp, wide[:LINE_ORDINATES], True
     frequency = float(lines.lam[left + top])
     if averaged and is_narrow:

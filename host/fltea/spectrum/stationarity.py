@@ -64,7 +64,7 @@ class Change(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class _Parted(NamedTuple):
-    """How the cells of an octave differ from each other.
+    """How the power in the cells (intervals of time) of an octave differs.
 
     `variance`: variance of the logarithm of power between the cells, minus the variance that chance explains.
     """
@@ -123,7 +123,7 @@ def find_change(
 def _worst(
     found: Sequence[tuple[BandCells, Found]], tests: int, level: float
 ) -> tuple[BandCells, Found] | None:
-    """Return the most significant change that is also large enough, with its octave."""
+    """Return the octave with the most significant change that is also large enough, and this change."""
     least = -NormalDist().inv_cdf(level / tests) if tests else math.inf
     those = [one for one in found if one[1].deviate > least and _size(one[1].variance) >= LEAST_SIZE]
     return max(those, key=lambda one: one[1].deviate, default=None)
@@ -134,9 +134,9 @@ def _p(deviate: float, tests: int) -> float:
 
 
 def _size(variance: float) -> float:
-    """Return a ratio of powers: that of two standard deviations of the logarithm of power.
+    """Return the ratio of two powers whose logarithms differ by two standard deviations.
 
-    `variance`: variance of this logarithm.
+    `variance`: variance of the logarithm of power.
     """
     return math.exp(2 * math.sqrt(variance))
 
@@ -144,7 +144,7 @@ def _size(variance: float) -> float:
 def _compared(
     counts: Array, means: Array, first: Array, within: float, degrees: float, h: float
 ) -> _Parted | None:
-    """Compare the cells of an octave. Return None if they differ too little to matter.
+    """Compare the cells of an octave. Return None if the cells differ too little to matter.
 
     The arguments are what `_joined` returns.
     """

@@ -28,16 +28,17 @@ overlapping blocks, and a resonance continues from one block to the next.
 FEWEST_PAIRS = 3
 """A scale is used only if it has at least this many pairs of runs."""
 EVERYDAY = 3.0
-"""A normal deviate up to this value is not significant at any level in use."""
+"""A difference of at most this many standard deviations is not significant at any level in use."""
 
 
 class Swing(NamedTuple):
     """The time scale at which chance is least likely to explain how an octave's power changes."""
 
     deviate: float
-    """The normal deviate that is as unlikely as the found ratio of variances is in stationary noise."""
+    """How unlikely the found ratio of variances is in stationary noise, as a number of standard deviations.
+    """
     variance: float
-    """Variance of the logarithm of power, minus what chance explains, summed over all scales."""
+    """Variance of the logarithm of power, minus the variance that chance explains, summed over all scales."""
     half_s: float
     """Time from a high power to the following low power, known to a factor of two. It is computed from the
     scale with the largest part of this variance.
@@ -112,7 +113,7 @@ class _Scales(NamedTuple):
 
 
 def _against(variance: Array, pairs: Array) -> _Compared:
-    """Compare each variance (k,) with means of earlier ones: of the first, of the first two, and so on."""
+    """Compare each variance (k,) with means of those before it: of the first, of the first two, and so on."""
     total = pairs.cumsum()
     usual = (variance * pairs).cumsum() / total
     one, before = _below(len(pairs))

@@ -21,10 +21,10 @@ from fltea.spectrum.reading import SLOW, Reading
 from fltea.spectrum.residuals import kolmogorov
 
 CLAIMED, LEAST_OVER_RICH = 12.0, 4.0
-"""The noise is called fractional if the odds of an order are at least CLAIMED, and if 2 log L of the best
-model with an order exceeds that of the richest model without one by LEAST_OVER_RICH. With these limits, at
-most one in a hundred noises without an order is called fractional. This holds for each kind of such noises,
-even for sums of regularly spaced relaxations, which look like an order (host/docs/evaluation/odds.md).
+"""The noise is called fractional if the odds of an order are at least CLAIMED, and if the best model with an
+order exceeds the richest one without an order by LEAST_OVER_RICH in 2 log L. With these limits, at most one
+in a hundred noises without an order is called fractional. This holds for each kind of such noises, even for
+sums of regularly spaced relaxations, which look like an order (host/docs/evaluation/odds.md).
 """
 LEAST_RESIDUAL_LEVEL = 0.01
 """Lowest significance level of the residuals' test, which can only contradict the claim of an order."""
@@ -227,7 +227,7 @@ def _fractional(e: Evidence, q: _Questions) -> Verdict:
 
 
 def _without_order(e: Evidence, q: _Questions) -> Verdict:
-    """Return the verdict where no order is claimed. It follows from the best model without an order."""
+    """Return the verdict if no order is claimed, which follows from the best model without an order."""
     f = e.candidates
     found = e.reading
     said = wording.sentence(f.plain.parts(f.h) if found.high_pass is None else found.high_pass.told, e)

@@ -17,8 +17,8 @@ NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
 LIKELY = 10.0
 """If the odds for or against an order are at least this, the text says what the noise most likely is."""
 REGULAR = 3.0
-"""If the odds of an order are higher than this, the text says that relaxations a decade apart would look like
-an order, too.
+"""If the odds of an order are higher than this, the text warns: relaxations whose corner frequencies are a
+decade apart would look like an order, too.
 """
 UNDEFINED = "α and f are undefined"
 TAKEN_OUT = (
