@@ -59,8 +59,8 @@ def run(configs: Sequence[Config]) -> None:
 
 
 LOOK_S = 1.0
-"""Time between two checks whether the events of all sources are still handled [s]. The result is reported to
-the service manager.
+"""Time between two checks whether every device stream still handles events [s]. If so, this is reported to
+the service manager (systemd).
 """
 
 STUCK_S = 20.0
@@ -140,7 +140,7 @@ class _Run:
     def _open(self, sources: list[Source]) -> StateFile | None:
         """Open everything that the configurations name.
 
-        Return the file of snapshots, or None if there is none.
+        Return the file with snapshots of the estimators, or None if there is none.
 
         Each source is added to `sources` as soon as it is open, so that the caller can close the open sources
         if another source cannot be opened.
@@ -195,7 +195,7 @@ class _Run:
         return Incomplete(unread) if unread else None
 
     def _is_asked(self) -> bool:
-        """Whether a user or a failure has asked for the end."""
+        """Whether a signal (such as Ctrl-C) or a failure asks the program to end."""
         return self._stop.asked or self._failure is not None
 
     def _wait(self, done: Callable[[], bool]) -> None:
@@ -232,7 +232,7 @@ class _Run:
             self._end(stream, None)
 
     def _ingest(self, config: Config) -> "Ingest":
-        from fltea.service.ingest.loop import Ingest  # imported late, since few programs use a broker
+        from fltea.service.ingest.loop import Ingest  # imported late, since few users have a broker
         from fltea.service.ingest.receivers import receiver_of
 
         return Ingest(config, self._hub, receiver_of(config), self._end, self._fit_worker)

@@ -24,8 +24,8 @@ from fltea.stream.pipeline import Pipeline
 from fltea.stream.snapshot import DeviceState
 
 CHANGES_TEXT = {Stop.EPOCH, Stop.FIT_COUNTS}
-"""The native device (C++) processes samples, and stops when something else has to be handled. Some fields are
-equal in all records of samples. If the native device stops for one of these reasons, such fields may change.
+"""Some fields, such as the verdict, are equal in all records of samples until the native device (C++) stops
+for one of these reasons. Then they may change.
 """
 
 
@@ -127,7 +127,7 @@ class DeviceStream:
 
     @property
     def device(self) -> Device:
-        """The native device (C++) that processes the samples. Native code that reads ports feeds it."""
+        """The native device (C++) that processes the samples."""
         return self._pipeline.device
 
     def _printed(self, items: Iterable[AnyRecord | Block]) -> tuple[list[AnyRecord | Block], ByText]:
@@ -159,7 +159,7 @@ class DeviceStream:
     def _lines_of(self, block: Block, text: Wanted | None) -> tuple[list[Block | Printed], int]:
         """Return a block's rows as text that native code has made, and the number of rows without text.
 
-        The rows for which there is no text stand after the text, as a block.
+        The rows without text are returned as a block, after the text.
         """
         printer = self._printers.get(text)
         if printer is None:

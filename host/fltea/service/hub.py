@@ -102,7 +102,7 @@ class Hub:
         return found
 
     def print(self, text: Wanted, printed: Printed) -> None:
-        """Queue a text with records of many devices for the shared outputs that take this kind of text."""
+        """Queue a text with records of many devices, for the shared outputs that take this kind of text."""
         for sink_queue in self._shared:
             if sink_queue.sink.prints == text:
                 sink_queue.put((printed,))
@@ -114,7 +114,7 @@ class Hub:
         )
 
     def wait_for_room(self, timeout_s: float) -> bool:
-        """Wait until the queues of all shared outputs have room. Return False if they have none in time."""
+        """Wait until the queues of all shared outputs have room. Return False if one has no room in time."""
         return all(sink_queue.wait_for_room(timeout_s) for sink_queue in self._shared)
 
     def written(self) -> Callable[[], bool]:

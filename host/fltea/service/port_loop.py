@@ -21,9 +21,9 @@ from fltea.wire.transport import QUEUE_BYTES
 
 WAIT_S = 0.5
 PATIENCE_NS = 1_000_000
-"""If there are many devices, a device's blocks of samples, and its bytes, wait for more from the same device.
-They wait this long, multiplied by the number of devices [ns]. So an output that takes blocks or bytes gets at
-most a thousand of them a second.
+"""If there are many devices, samples and bytes of a device wait until more have come, so that outputs get
+them in larger portions. The wait is this long, multiplied by the number of devices [ns]. So an output gets at
+most a thousand portions a second.
 """
 
 
@@ -125,7 +125,7 @@ class PortLoop:
             self._happened(index, HANDLERS[kind], details)
 
     def _hand_on(self, indices: Iterable[int]) -> None:
-        """Process all data that some ports have received. The device streams of these ports then end."""
+        """Process all data that these ports have received, before their device streams end."""
         waiting = set(indices)
         for index in waiting:
             self._round.wants(index, *self.streams[index].wants(), 0)

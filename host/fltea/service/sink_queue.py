@@ -118,7 +118,7 @@ class SinkQueue:
 
     @property
     def name(self) -> str:
-        """Key of the output's counts in `stats.outputs`."""
+        """Name of the output, under which the record `stats` has its counts."""
         return self.sink.name
 
     def start(self) -> None:

@@ -164,8 +164,8 @@ def _check_writable(path: Path) -> None:
 def _hold(path: Path) -> int:
     """Lock `.FILE.lock`, so that no second program uses the file; return the lock file's descriptor.
 
-    The lock file contains the number of this process. The state file itself cannot be locked, since it is
-    replaced by a new file each time.
+    The lock file contains the ID of this process. The state file itself cannot be locked, since each saving
+    replaces it by a new file.
     """
     lock = path.with_name(f".{path.name}.lock")
     try:

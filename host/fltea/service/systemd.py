@@ -21,10 +21,7 @@ class ServiceManager:
         self._say("READY=1")
 
     def alive(self) -> None:
-        """Report that every device stream works.
-
-        If this report does not come in time, systemd restarts the service.
-        """
+        """Report that every device stream works. If the report is late, systemd restarts the service."""
         if time.monotonic() - self._said_s >= PERIOD_S:
             self._said_s = time.monotonic()
             self._say("WATCHDOG=1")

@@ -9,7 +9,8 @@ from typing import Generic, Literal, NamedTuple, TypeVar
 from fltea.settings.device_name import NAME
 
 CANDIDATES = 50_000
-"""At most this number of names wait for a second message after their first one. They take about 10 MB."""
+"""At most this number of names wait for a second message after their first one. These names take about 10 MB.
+"""
 
 CANDIDATE_NS = 60 * 10**9
 
@@ -46,8 +47,8 @@ have this name.
 class Admission(Generic[M]):
     """Admits each device with its second message, and at most `limit` devices at a time.
 
-    A name that somebody makes up for a single message thus takes only an entry in a list of limited length.
-    It keeps no device out.
+    So a name that somebody makes up for a single message takes only an entry in a list of limited length, and
+    keeps no device out.
     `reserved`: a name that no device may have. `turned_away`: for each verdict other than "in" and "new", the
     number of messages that were refused or still wait.
     """

@@ -111,7 +111,7 @@ class Devices:
         return device
 
     def feed(self, name: str, item: Chunk | Reads | None) -> None:
-        """Process what came from a device. Give the device up if an error occurs.
+        """Process what came from a device. If an error occurs, end the device's stream.
 
         `item`: None if nothing came and the stream is only told the time.
         """
@@ -157,7 +157,7 @@ class Devices:
     def _give_up(self, name: str, *, moved: bool) -> None:
         device = self.opened.pop(name)
         if not moved and device.partition is not None and self._shared is not None:
-            # the device's snapshot is deleted, since another worker would otherwise continue from it
+            # without this, another worker would continue from the device's snapshot
             self._shared.drop(device.partition, name)
         self._hub.depart(name, moved=moved)
         self._fit_worker.devices -= 1

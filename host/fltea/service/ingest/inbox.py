@@ -41,7 +41,7 @@ class Served(NamedTuple):
     The messages of the partition follow after this item.
 
     `kept`: snapshots of the partition's devices. `done`: number of the last message that the previous worker
-    has processed. `start`: number of the message before the first message of the partition that follows.
+    has processed. `start`: the messages of the partition that follow have higher numbers than this.
     """
 
     partition: int
@@ -51,9 +51,9 @@ class Served(NamedTuple):
 
 
 class Resumed(NamedTuple):
-    """Item of the queue that says that messages of a partition come again.
+    """Item of the queue that says that messages of a partition now arrive a second time.
 
-    The partition's lease had lapsed, so these messages were left out when they came for the first time.
+    The partition's lease had lapsed, so these messages were left out when they arrived for the first time.
     """
 
     partition: int
@@ -74,9 +74,9 @@ class Inbox:
     The reader gets only messages of devices that were admitted (see `Admission`).
 
     Before it takes more messages from a broker, the receiver waits until the queue has room, without a time
-    limit. So the queue drops no messages for lack of room. The only messages that are left out, and counted,
-    are those of devices that are not admitted or that publish too much. Each message counts as
-    `MESSAGE_BYTES` more than its size, so that empty messages are limited too.
+    limit. So the queue drops no messages for lack of room. Messages are left out, and counted, only if their
+    device is not admitted or publishes too much. Each message counts as `MESSAGE_BYTES` more than its size,
+    so that empty messages are limited too.
 
     `queue_bytes`: number of waiting bytes above which the receiver waits. `reserved`: a name that no device
     may have. `put`, `post`, `wait_for_room`, and `wake` may be called from any thread, all other methods from
@@ -119,7 +119,7 @@ class Inbox:
             self._changed.notify_all()
 
     def post(self, item: Served | Resumed | Left) -> None:
-        """Queue an item that is no message. It stands behind all messages that wait."""
+        """Queue an item that is no message. The reader gets it after all messages that wait now."""
         with self._changed:
             self._queue.append(item)
             self._changed.notify_all()

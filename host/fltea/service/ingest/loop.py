@@ -44,8 +44,8 @@ remain count as lost.
 """
 
 PIECE_BYTES = 1 << 16
-"""At most this number of bytes of a device are processed at a time. An output that has room can take far
-more.
+"""At most this number of bytes of a device are processed at a time. If an output has room, it has room for
+far more.
 """
 
 
@@ -69,9 +69,9 @@ class Hearing:
 class Ingest:
     """Processes the messages of all devices that publish to one broker.
 
-    `config`: settings of every device. Its `name` stands in the topics of this program, so no device may have
-    it. `receiver`: function that makes the receiver, which fills the inbox. `on_end`: function that is called
-    at the end, with the exception that ended the loop, or with None.
+    `config`: settings of every device. The topics of this program contain `config.name`, so no device may
+    have this name. `receiver`: function that makes the receiver, which fills the inbox. `on_end`: function
+    that is called at the end, with the exception that ended the loop, or with None.
     `fit_worker`: thread that refits the noise of all devices.
     """
 
@@ -231,8 +231,8 @@ class Ingest:
     def _serves(self, partition: int) -> bool:
         """Return whether messages of a partition may be processed.
 
-        If a message of the partition was left out, no later one is processed either, until the messages that
-        were left out come again.
+        If a message of the partition was left out, no later one is processed either, until the broker
+        delivers the messages that were left out again.
         """
         shared = self._receiver.partitions
         if shared is None or partition in self._left_out or not shared.serves(partition):
@@ -311,7 +311,7 @@ class Ingest:
 def _pieces(messages: Sequence[Message], offset_ns: int) -> Iterator[Reads]:
     """Yield the bytes of a device's messages in pieces of limited size.
 
-    Each piece has the form of a port's reads.
+    Each piece has the same form as bytes that were read from a serial port.
     """
     chunks: list[Chunk] = []
     size, now_ns = 0, messages[0].arrived_ns

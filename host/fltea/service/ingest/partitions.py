@@ -55,8 +55,8 @@ class Held:
     """A partition that this worker serves.
 
     `before`: number of the last message that the previous worker has processed. `lapsed`: whether the lease
-    was not renewed in time. If so, all messages are left out until those after the last processed one come
-    again.
+    was not renewed in time. If so, all messages are left out until the server sends those after the last
+    processed one again.
     `resuming`: whether these messages were requested from the server.
     """
 
@@ -118,7 +118,7 @@ class Partitions:
         return not held.lapsed
 
     def resume(self, partition: int) -> None:
-        """Note that those messages of a partition that were left out come again from now on."""
+        """Note that the server now sends those messages of a partition again that were left out."""
         held = self._held.get(partition)
         if held is not None:
             held.lapsed, held.resuming = not held.is_fresh(), False

@@ -16,7 +16,7 @@ class Shared(Protocol):
         """Return whether this worker may still process messages of a partition."""
 
     def resume(self, partition: int) -> None:
-        """Note that the messages of a partition come again that were left out while `serves` was False."""
+        """Note that the messages that were left out while `serves` was False now arrive again."""
 
     def walked(self, partition: int, mark: int) -> None:
         """Note the number `mark` of the partition's last message that was processed."""

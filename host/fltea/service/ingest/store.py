@@ -37,8 +37,8 @@ DUPLICATE_S = 120.0
 """
 
 NO_ROOM = (10023, 10047)
-"""Error codes of JetStream for a lack of room: the first if a message does not fit, the second if a new
-stream does not fit.
+"""Error codes of JetStream (the part of NATS that keeps messages) for a lack of room. The first means that a
+message does not fit, the second that a new stream does not fit.
 """
 
 FULL = 10077
@@ -72,7 +72,7 @@ class Entry(NamedTuple):
 
 
 class Store:
-    """The stream and the buckets on a NATS server. Those that are missing are created.
+    """The stream and the buckets (key-value stores) on a NATS server. Missing ones are created.
 
     `prepare` sets `leases` and `snapshots` to the buckets, and lists in `differs` how the server's limits
     differ from the settings.
