@@ -1,4 +1,4 @@
-"""Follow the estimates that a board makes: find the sample of each estimate, and compare it with the host's.
+"""Find the sample of each estimate that a board makes, and compare the estimate with this computer's.
 
 An estimate arrives later than its sample, since the board needs time for it. So this module remembers the
 newest samples since the last restart of the filters. An estimate for any other sample is dropped and counted.

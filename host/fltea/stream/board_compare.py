@@ -1,4 +1,4 @@
-"""Make records of a board's estimate of an axis, some with its difference from the host's estimate."""
+"""Make records of a board's estimate of an axis, some with the difference from this computer's estimate."""
 
 import math
 
@@ -66,7 +66,9 @@ _Six = tuple[float | None, float | None, float | None, float | None, float | Non
 
 
 def _numbers(e: DeviceAxis) -> tuple[bool, _Six]:
-    """Return whether the board's estimate is valid, and the estimate's six numbers.
+    """Return whether the board's estimate is valid, and its six numbers.
+
+    The numbers are α and f, each with its standard deviation, the state, and the innovation.
 
     All numbers are None if the estimate is not valid. The innovation is None if it is not finite or the
     sample is missing.

@@ -48,8 +48,9 @@ class Channels:
         self._names, self._unit = tuple(axes), unit
         self._fits: tuple[AcceptedFit, ...] = (NO_FIT,) * len(self._names)
         self.words: tuple[Any, ...] = self._words()
-        """`null_p` of each axis and `whiteness` of each axis, which come from the accepted fits. Until the
-        next fit, all records have the same values.
+        """For each axis, the p-value of the null test for white noise (`null_p`), and whether this test
+        rejects white noise (`whiteness`). Both come from the accepted fits. Until the next fit, all records
+        have the same values.
         """
         self._known: dict[str, AcceptedFit] = {}
         self.bank = Bank(self._names, config, h, resolution, state)

@@ -93,7 +93,9 @@ class SavedSensor(NamedTuple):
 
 
 SAVED_FIELDS = ("{}", "{}_fit", "{}_track")
-"""Names of the fields of `Saved` for one sensor, in the order of `SavedSensor`; {} stands for its name."""
+"""Names of the fields of `Saved` for one sensor, in the order of `SavedSensor`; {} stands for the sensor's
+name.
+"""
 
 
 class Saved(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

@@ -17,8 +17,8 @@ DEVICES_A_SECOND = 12
 short record takes 25 ms per device.
 """
 GOLDEN = (math.sqrt(5) - 1) / 2
-"""Golden ratio. The fractional parts of its multiples are spread evenly over 0 to 1, whatever the number of
-devices.
+"""Inverse of the golden ratio. The fractional parts of its multiples are spread evenly over 0 to 1. They are
+the times, within a period, at which the devices take turns (`turn`), however many devices there are.
 """
 LONGEST_PERIOD_S = 3600.0
 SEARCH_GROWTH, REFIT_GROWTH = 10, 100
@@ -33,9 +33,9 @@ times the shortest time between refits. Curves are most of the bytes of the reco
 work if there are many devices.
 """
 SEARCH_LAG = 50
-"""A model search takes effect when the epoch has grown by 1/`SEARCH_LAG` since the search began. In the
-meantime samples are processed. This matters when a file is read at full speed, or when many devices began
-together.
+"""A model search takes effect when the epoch has grown by 1/`SEARCH_LAG` of its length since the search
+began. So there is time for the search while samples are processed, even when a file is read at full speed or
+many devices began together.
 """
 
 
@@ -66,9 +66,10 @@ def turn(fit_worker: FitWorker, number: int, period: int) -> int:
 class Refit(NamedTuple):
     """Purpose of a refit, and when it takes effect.
 
-    `settles`: whether the estimates use the result of this refit, until the next refit with `settles`.
-    `fresh`: whether the noise model is searched for again. `curves`: whether the refit's record contains
-    spectrum and Allan deviation. `counts`: number of the sample at which the refit takes effect.
+    `settles`: whether the estimates use the result of this refit. They use it until the next refit for which
+    `settles` is True. `fresh`: whether the noise model is searched for again. `curves`: whether the refit's
+    record contains spectrum and Allan deviation. `counts`: number of the sample at which the refit takes
+    effect.
     """
 
     settles: bool
@@ -99,11 +100,12 @@ class RefitTimes:
     def at(
         self, number: int, samples: int, period: int, *, noticed: bool, busy: bool = False
     ) -> Refit | None:
-        """Return the refit that begins with sample `number`, which is at least `check`; None without a refit.
+        """Return the refit that begins with sample number `number`; None if no refit begins.
 
-        `samples`: number of samples of the whole record. `period`: number of samples between two refits from
-        now on. `noticed`: whether a step or a change of the noise was noticed, so that a refit is wanted now.
-        `busy`: whether the last refit has not taken effect yet.
+        Call this only if `number` is at least `self.check`. `samples`: number of samples of the whole record.
+        `period`: number of samples between two refits from now on. `noticed`: whether a step or a change of
+        the noise was noticed, so that a refit is wanted now. `busy`: whether the last refit has not taken
+        effect yet.
         """
         self.check = (number // period + 1) * period
         settles = number >= self._search

@@ -34,12 +34,14 @@ from fltea.stream.tracked_models import TrackedModel, TrackedModelMaker
 NO_VERDICT = ("too few samples",)
 """Verdicts of a fit that say nothing about the noise. Such a verdict never counts as stable."""
 REFILTERED = 32
-"""The fit worker filters all remembered samples with the new noise model, and does so this many samples
-before the refit takes effect. The device stream then has to filter only this many samples itself (about 5 µs
-per axis), and the test for steps covers as many past samples as without a refit.
+"""When a refit takes effect, the tracker has to continue as if it had always used the new noise model. So
+this many samples earlier, the fit worker filters all remembered samples with the new model. The device stream
+then has to filter only this many samples itself (about 5 µs per axis). The test for steps covers as many past
+samples as without a refit.
 """
 BREAK = 9
-"""When a stretch of samples ends, at least this many samples count as lost. The true number may be unknown.
+"""When a stretch of samples ends, at least this many samples count as lost, since the true number may be
+unknown.
 """
 
 
@@ -228,8 +230,8 @@ class LiveFits:
         begun, self._begun = self._begun, None
         if begun is None:
             return
-        # The fit of the last axis is asked for first, since the fit worker begins with the first axis. So
-        # this thread makes fits that the fit worker has not begun yet.
+        # This thread asks for the fit of the last axis first, and makes the fit if the fit worker has not
+        # begun it yet. The fit worker begins with the first axis, so the two threads share the work.
         refitted = {axis: begun.refits[axis]() for axis in reversed(begun.refits)}
         for wait in reversed(begun.refiltered):
             wait()

@@ -26,8 +26,8 @@ the tracker begins. A fit of fewer samples shows too little of slow noise.
 """
 FEWEST, LIKELIER = 300, 30.0
 """If a fit has fewer samples than `ENOUGH`, but at least `FEWEST`, its noise model has to be far likelier
-than the bank of random walks to replace it: 2 log L of the samples must exceed that with the bank by more
-than `LIKELIER`.
+than the bank of random walks to replace it: 2 log L (twice the log likelihood) of the samples must be higher
+by more than `LIKELIER` than with the bank.
 """
 AHEAD_S = 1, 10, 60, 600, 3600
 GROWTH, APART = 1.5, 0.5
@@ -58,7 +58,7 @@ class TrackedModel(NamedTuple):
     the samples allow.
     """
     K: Interval
-    """Rate random walk K of the offset with its interval (`OffsetWalk.K`)."""
+    """K (rate random walk) of the offset, with its interval."""
     at_rest: Array
     """Covariance (n, n) of the state x of `system` after the sensor was at rest for as long as the fitted
     record.

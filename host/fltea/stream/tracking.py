@@ -25,8 +25,8 @@ from fltea.stream.tracked_models import TrackedModel, TrackedModelMaker
 
 UNDEFINED = Interval()
 CHECKED_S = 1, 10, 60
-"""To check the standard deviation of a bias, the bias is compared with the mean of the samples that follow
-it. These are the lengths of the pieces of samples for such means [s].
+"""To check the standard deviation that the tracker states for a bias, the bias is compared with the mean of
+the samples that follow. These are the durations over which such means are taken [s].
 """
 STILL_S = 10.0
 """If the samples stay at another value for this time, the tracker takes that value as the new offset [s]."""

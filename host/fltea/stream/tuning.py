@@ -10,7 +10,7 @@ from fltea.settings.estimator import LARGEST
 from fltea.settings.live import TUNED_WITHIN
 
 STEP = 0.1
-"""A figure of a fit counts as unchanged if it has changed by at most this fraction of the width of its
+"""A fitted variance counts as unchanged if it has changed by at most this fraction of the width of its
 confidence interval.
 """
 LEAST_R = 1e-3
