@@ -75,8 +75,8 @@ class ArrivalWatch:
     def _slope(self) -> float:
         """Return by how much the delay of the samples grows per second. Jumps of the delay are not included.
 
-        The result is a median of differences. A line as in `clock_fit` is not fitted: a jump of the delay
-        that has not been recognised yet would change the line's slope.
+        The result is a median of differences. A straight line (`clock_fit`) would be worse: a jump of the
+        delay that has not been recognised yet would change the line's slope.
         """
         late, host = np.array(self._whiles).T
         return float(np.median(np.diff(late) / np.diff(host)))

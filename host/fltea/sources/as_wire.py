@@ -87,7 +87,7 @@ class AsWire:
     def _lost(self, event: Event) -> list[TransportEvent]:
         """Return the transport events that say that the source lost its device.
 
-        `event` is the event right after the loss. If it is a trouble, it gives the reason of the loss.
+        `event`: the event right after the loss. If it is a `Trouble`, it states the reason for the loss.
         """
         if self._down is None:
             return []

@@ -169,9 +169,9 @@ take longer than real time.
 
 
 def _paced(event: Event) -> Iterator[Event]:
-    """Yield a block of samples as short blocks. Each short block is due at one time.
+    """Yield a block of samples as short blocks, and any other event unchanged.
 
-    Yield any other event unchanged.
+    The samples of a short block are all due at the same time.
     """
     if not isinstance(event, RawBlock):
         yield event

@@ -154,7 +154,7 @@ class WireEvents:
     def events_of(self, item: tuple[Any, ...]) -> Iterator[Event]:
         """Yield the events of one item from `decoder`.
 
-        This must happen before the decoder is asked for the next item.
+        Consume the events before you ask the decoder for the next item.
         """
         match item:
             case "samples", columns:

@@ -125,7 +125,7 @@ class Driver:
             self._confirm(setting.register, 1, [setting])
 
     def check_settings(self) -> None:
-        """Check that the registers still hold the settings for the samples' rate, scale and content.
+        """Check that the registers still hold the settings of the samples' rate, scale and content.
 
         A chip whose supply voltage failed for a moment still answers, but its settings are reset. So samples
         count as valid only if this check succeeds after the samples were read.

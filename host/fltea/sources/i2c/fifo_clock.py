@@ -18,17 +18,16 @@ the sensor's clock drifts as the sensor warms up.
 
 DRIFT = 1e-4
 SPREAD_NS = 5_000_000
-"""The delays of two kept arrivals differ by at most this [ns]. If this bound is divided by the time that the
-kept arrivals span, it becomes a bound of the relative error of the measured clock rate. Drift of the clock is
-not included.
+"""The delays of two kept arrivals differ by at most this [ns]. So the relative error of the measured clock
+rate is at most this, divided by the time that the kept arrivals span. The clock's drift adds to this error.
 """
 PHASE_NS = 2_000_000
-"""Of the arrivals of a second, that with the smallest delay arrives at most this long after it was sampled
+"""Of the samples of a second, the one with the smallest delay arrives at most this long after it was taken
 [ns].
 """
 SLACK = 0.5
-"""The number of samples in the FIFO may differ from the number that the elapsed time allows by this much
-[samples]. The errors that the bounds above allow are accepted in addition.
+"""The number of samples in the FIFO may differ by this much from the number that follows from the elapsed
+time [samples]. The possible errors of the measured clock (see the bounds above) are added to this.
 """
 
 

@@ -41,8 +41,8 @@ class Loss(NamedTuple):
 def _not_of_empty_fifo(row: Row) -> bool:
     """Return whether a row of counts is a sample, and was not read from an empty FIFO.
 
-    A chip whose FIFO is empty repeats the last byte (section 4.37 of the MPU-9250's register map), so all
-    bytes of the row are equal.
+    A chip whose FIFO is empty repeats the last byte (MPU-9250 register map, section 4.37), so all bytes of
+    the row are equal.
     """
     return len(set(row)) > 1 or row[0] & 0xFF != row[0] >> 8 & 0xFF
 
@@ -51,8 +51,8 @@ class FifoReader:
     """Reads one sensor that `driver` has set up.
 
     `now_ns`: function that reads the host's clock [ns]. `samples`: number of samples that were passed on.
-    `overruns`: number of sampling instants whose samples were lost or are not valid. `restarts`: number of
-    restarts of the FIFO, by cause.
+    `overruns`: number of samples that were lost or are not valid. `restarts`: for each reason to restart the
+    FIFO, how often this was done.
     `losses`: losses that have not been reported yet.
     """
 

@@ -7,8 +7,8 @@ from fltea.sources.i2c.chip import AD0, Chip, Family, Setting
 
 RATE_HZ = 100.0
 SAMPLE = Struct(">7h")
-"""Binary layout of a sample: acceleration, temperature and rate, as in the output registers (sections 4.22 to
-4.24 of the register map).
+"""Binary layout of a sample: acceleration, temperature and rate, as in the output registers (MPU-9250
+register map, sections 4.22 to 4.24).
 """
 
 
@@ -35,15 +35,15 @@ def mpu9250(who_am_i: int) -> Chip:
     return Chip(
         rate_hz=RATE_HZ,
         clock_error=0.03,
-        gyro_range_dps=2000.0,  # source of the ranges: PS-MPU-9250A-01, 3.1 and 3.2
+        gyro_range_dps=2000.0,  # ranges: data sheet PS-MPU-9250A-01, sections 3.1 and 3.2
         gyro_lsb_per_dps=16.4,
         gyro_dlpf_hz=188.0 if old else 184.0,
         accel_range_g=2.0,
         accel_lsb_per_g=16384.0,
         reset=(reg.PWR_MGMT_1, reg.RESET),
-        reset_s=0.1,  # start-up time of the registers in PS-MPU-9250A-01
-        # the gyroscope needs 35 ms to start from sleep [PS-MPU-9250A-01, 3.1], in which an MPU-6050 is after
-        # a reset
+        reset_s=0.1,  # start-up time of the registers by data sheet PS-MPU-9250A-01
+        # the gyroscope needs 35 ms to start from sleep (data sheet PS-MPU-9250A-01, section 3.1), and an
+        # MPU-6050 sleeps after a reset
         settle_s=0.05,
         settings=tuple(s for s in settings if not (old and s.register == reg.ACCEL_CONFIG_2)),
         checked=((reg.SMPLRT_DIV, reg.FIFO_EN + 1 - reg.SMPLRT_DIV),),

@@ -1,39 +1,45 @@
 """Registers of the MPU-9250 that the driver uses, named as in firmware/core/mpu9250_registers.h.
 
-Sections are those of the register map RM-MPU-9250A-00. The MPU-6050 (RM-MPU-6000A-00) has all these registers
-except ACCEL_CONFIG_2 and FIFO_MODE. A test compares the values here with those in the firmware's file.
+The register map is RM-MPU-9250A-00. The MPU-6050 (RM-MPU-6000A-00) has all these registers except
+ACCEL_CONFIG_2 and FIFO_MODE. A test compares the values here with those in the firmware's file.
 """
 
 from typing import Final
 
 SMPLRT_DIV: Final = 0x19
-"""Section 4.4: Output rate = internal rate / (1 + value)."""
+"""MPU-9250 register map, section 4.4: Output rate = internal rate / (1 + value)."""
 CONFIG: Final = 0x1A
-"""Section 4.5: FIFO_MODE, and DLPF_CFG, the gyroscope's low-pass filter."""
+"""MPU-9250 register map, section 4.5: FIFO_MODE, and DLPF_CFG, the gyroscope's low-pass filter."""
 GYRO_CONFIG: Final = 0x1B
-"""Section 4.6: Range of the gyroscope, and FCHOICE_B, which bypasses its filters."""
+"""MPU-9250 register map, section 4.6: Range of the gyroscope, and FCHOICE_B, which bypasses its filters."""
 ACCEL_CONFIG: Final = 0x1C
-"""Section 4.7: Range of the accelerometer."""
+"""MPU-9250 register map, section 4.7: Range of the accelerometer."""
 ACCEL_CONFIG_2: Final = 0x1D
-"""Section 4.8: A_DLPF_CFG, the accelerometer's low-pass filter, and ACCEL_FCHOICE_B, which bypasses it."""
+"""MPU-9250 register map, section 4.8: A_DLPF_CFG, the accelerometer's low-pass filter, and ACCEL_FCHOICE_B,
+which bypasses it.
+"""
 FIFO_EN: Final = 0x23
-"""Section 4.11: Selects which data enter the FIFO."""
+"""MPU-9250 register map, section 4.11: Selects which data enter the FIFO."""
 INT_PIN_CFG: Final = 0x37
-"""Section 4.19: Behaviour of the INT pin."""
+"""MPU-9250 register map, section 4.19: Behaviour of the INT pin."""
 INT_ENABLE: Final = 0x38
-"""Section 4.20: Switches the interrupts on."""
+"""MPU-9250 register map, section 4.20: Switches the interrupts on."""
 INT_STATUS: Final = 0x3A
-"""Section 4.21: Interrupt status; reading clears it."""
+"""MPU-9250 register map, section 4.21: Interrupt status; reading clears it."""
 USER_CTRL: Final = 0x6A
-"""Section 4.33: Switches the FIFO on or off, and resets it."""
+"""MPU-9250 register map, section 4.33: Switches the FIFO on or off, and resets it."""
 PWR_MGMT_1: Final = 0x6B
-"""Section 4.34: Reset, sleep, and choice of the clock."""
+"""MPU-9250 register map, section 4.34: Reset, sleep, and choice of the clock."""
 FIFO_COUNT_H: Final = 0x72
-"""Section 4.36: First of two registers with the number of bytes in the FIFO; reading it latches both."""
+"""MPU-9250 register map, section 4.36: First of two registers with the number of bytes in the FIFO; reading
+it latches both.
+"""
 FIFO_R_W: Final = 0x74
-"""Section 4.37: The FIFO's oldest byte; reading removes it. All reads in a transfer use this address."""
+"""MPU-9250 register map, section 4.37: The FIFO's oldest byte; reading removes it. All reads in a transfer
+use this address.
+"""
 WHO_AM_I: Final = 0x75
-"""Section 4.38: Identity of the chip."""
+"""MPU-9250 register map, section 4.38: Identity of the chip."""
 
 RESET: Final = 0x80
 """Bit of PWR_MGMT_1: H_RESET, which resets the chip."""

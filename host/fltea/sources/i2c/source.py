@@ -97,7 +97,7 @@ def parse_url(rest: str) -> Place:
 
 
 def lost_polls(chip: Chip) -> int:
-    """Return after how many polls in a row that all fail the FIFO may have overflowed."""
+    """Return the number of successive failed polls after which the FIFO may have overflowed."""
     return math.ceil(chip.fifo_s / (sum(POLL_S) / 2))
 
 
@@ -167,8 +167,8 @@ class I2cSource:
     def link_stats(self) -> LinkStats:
         """Return the counts of the connection.
 
-        In these counts, samples are frames, and restarts of the FIFO are bad frames, by the cause of the
-        restart.
+        In these counts, samples are frames. Restarts of the FIFO are bad frames, and are counted for each
+        reason why this program restarted the FIFO.
         """
         return LinkStats(
             bytes=self._reader.samples * self._driver.chip.sample.size,

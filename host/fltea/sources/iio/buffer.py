@@ -168,8 +168,8 @@ class Buffer:
     def _set(self, name: str, value: str, *, undo: bool = True, after: str | None = None) -> None:
         """Write a setting if its present value differs.
 
-        `undo`: whether `close` restores the setting. `after`: the value that `close` then writes; None stands
-        for the present value.
+        `undo`: whether `close` restores the setting. `after`: the value that `close` writes to restore the
+        setting; None stands for the present value.
         """
         if after is None and self._device.text(name) == value:
             return

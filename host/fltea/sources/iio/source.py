@@ -34,8 +34,8 @@ READ_BYTES = 1 << 16
 PATIENCE_NS = 5 * 10**9
 BACKOFF_S = (0.25, 0.5, 1.0, 2.0, 5.0)
 RATE_TOLERANCE = 0.05
-"""If the measured rate differs from the rate that the driver states by a larger proportion than this, the
-user is told. A chip's own oscillator is accurate only to a few percent.
+"""If the measured rate differs from the driver's stated rate by more than this proportion, the user is
+warned. A chip's own oscillator is accurate only to a few percent.
 """
 
 

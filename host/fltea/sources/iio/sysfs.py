@@ -104,7 +104,7 @@ class Attributes:
     def rate_file(self) -> str | None:
         """Return the file with the sampling rate.
 
-        The result is None if the device has no such file. The device's trigger may have one instead.
+        The result is None if the device has no such file. Then the device's trigger may have one.
         """
         names = (f"in_{GYRO}_sampling_frequency", f"in_{GYRO}_x_sampling_frequency", "sampling_frequency")
         return next((name for name in names if self.has(name)), None)
