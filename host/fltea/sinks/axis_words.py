@@ -7,7 +7,7 @@ from fltea.sinks.changes import MOVES
 
 
 def bias_words(estimate: AxisEstimate | None, unit: str) -> str:
-    """Return an axis's present bias as text, which also says if the sensor moves; "" if there is no bias."""
+    """Return an axis's present bias as text, with a note if the sensor moves; "" if there is no bias."""
     if estimate is None or estimate.bias is None:
         return ""
     moving = f", {MOVES}" if estimate.moving else ""

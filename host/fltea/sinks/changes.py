@@ -9,8 +9,8 @@ from fltea.sinks.words import figure
 MOVES = "the sensor moves"
 MINUS = "\u2212"
 UNIX_FROM_NS = 366 * 86400 * 10**9
-"""Smallest Unix time of a date [ns]. A smaller number is the time since the start of a recording without a
-date.
+"""A time of at least this counts as Unix time [ns]. A smaller one is the time since the start of a recording
+without a date.
 """
 
 

@@ -1,6 +1,6 @@
 """Convert the columns of blocks to records as JSON lines.
 
-They are byte for byte what msgspec makes of the records.
+The lines are byte for byte those that the library msgspec would make of the records.
 
 Most of the text is equal in all records of a kind. So one record is encoded with a gap in place of each
 number that comes from a column. The text between the gaps is used again for all blocks that differ only in
@@ -21,8 +21,8 @@ from fltea.records.ports import Wanted
 from fltea.records.records import ACCEL_UNIT
 
 MOST = 4096
-"""The text between the numbers is kept for at most this number of pairs of a device and a kind of text. If
-there are more, all these texts are made again.
+"""The text between the numbers is kept for each pair of a device and a kind of text, but for at most this
+number of pairs. If there are more, all texts are made anew.
 """
 
 HOLE = re.compile(rb"\0(\d+) (\d+)\0")
@@ -72,7 +72,7 @@ def _shape(block: Block) -> list[int]:
 
 
 def _said(block: Block) -> object:
-    """Return everything in a block that is equal in all its records."""
+    """Return all values of a block that are the same in all its records."""
     return (
         block.epoch,
         block.variant,

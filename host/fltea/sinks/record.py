@@ -22,10 +22,8 @@ from fltea.sinks.record_session import NOTHING, OpenPart, Session, longer, summe
 from fltea.sources.as_wire import as_stated
 
 FLUSH_NS = 750_000_000
-"""Shortest time between two writes of buffered data to the file [ns].
-
-If the program is killed, at most the data of this time and of the pause between two calls of `flush` are
-missing from the recording.
+"""Shortest time between two writes of buffered data to the file [ns]. If the program is killed, the newest
+data are missing from the recording: those of this time and of the pause between two calls of `flush`.
 """
 
 RETRY_NS = 5 * 10**9
@@ -120,7 +118,7 @@ class RecordSink(Sink):
                 self._on_link(item)
             case Block():
                 self._on_block(item)
-            case Printed():  # printed text never comes, since only an output with `prints` receives it
+            case Printed():  # this output never receives printed text, which only outputs with `prints` get
                 pass
             case _:
                 self._on_record(item)

@@ -9,8 +9,8 @@ OBJECTS = (
     *("estimator", "accel_estimator"),
     *("board", "device_estimator", "tracker"),
 )
-"""Fields that hold an object or None. A field that is None is left out of the JSON: the Arrow library cannot
-read a file in which a field is null for the first megabyte and an object later.
+"""Fields that hold an object or None. A field that is None is left out of the JSON. Otherwise the Arrow
+library could not read a file in which the field is null for the first megabyte and an object later.
 """
 ABSENT = re.compile(rb',"(?:%b)":null|"(?:%b)":null,' % (("|".join(OBJECTS).encode(),) * 2))
 

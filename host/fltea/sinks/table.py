@@ -194,7 +194,7 @@ class DeviceView:
                 self._stats = record
 
     def _follow(self, host_ns: int) -> None:
-        """Add the newest estimate to the small diagrams, once for each second of the samples' time."""
+        """Add the newest estimate to the small diagrams, once a second by the samples' clock."""
         if host_ns < self._trend_ns or self._estimate is None:
             return
         self._trend_ns = host_ns + TREND_STEP_NS

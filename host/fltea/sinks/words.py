@@ -31,7 +31,7 @@ def signed(value: float) -> str:
 
 
 def apart(value: float) -> str:
-    """Return a small difference as text, with its sign and written with a power of ten."""
+    """Return a small difference as text, with a sign and a power of ten."""
     if not value:
         return "0"
     mantissa, _, exponent = f"{value:+.1e}".partition("e")
@@ -44,9 +44,9 @@ def in_deviations(value: float | None, std: float | None) -> str:
 
 
 def guard_words(interventions: Mapping[str, int]) -> list[list[str]]:
-    """Return the reasons for which the guard of an axis's filters intervened.
+    """Return why the guard of an axis's filters acted, as rows of the page: a reason, and how often.
 
-    Each reason has the number of interventions.
+    The guard limits the values of a filter, such as α, and softens outliers.
     """
     return [[CAUSE_WORDS.get(cause, cause), str(count)] for cause, count in interventions.items()]
 

@@ -45,7 +45,7 @@ class Hidden(NamedTuple):
 
 
 class Shown(NamedTuple):
-    """Declares that a place shows a figure in its own layout. `where`: where to look for the figure there."""
+    """Declares that a place shows a figure in its own layout. `where`: where in this place the figure is."""
 
     where: str
 
@@ -188,7 +188,7 @@ class Root(NamedTuple):
 
     @property
     def by_axis(self) -> bool:
-        """Whether the record has one such part for each axis."""
+        """Whether the record has one part of this type for each axis."""
         return self.path == "axes"
 
 
@@ -206,8 +206,8 @@ ROOTS: dict[type, Root] = {
     AxisFit: Root(Fit, "axes", "fit_"),
     DeviceAxisFit: Root(DeviceFits, "axes", "device_fit_"),
 }
-"""The keys are all types of records, and of parts of records, that contain figures. The values say where in a
-record such a part stands.
+"""All types of records, and of parts of records, that contain figures. For each type: where in a record such
+a part is.
 """
 
 

@@ -19,8 +19,8 @@ the oldest ones are dropped.
 """
 
 IN_FLIGHT = 2000
-"""At most this number of messages may have been sent without an acknowledgement. As long as so many are
-unacknowledged, the network is too slow, and new frequent messages are lost.
+"""At most this number of messages may have been sent without an acknowledgement. As long as there are so
+many, the network is too slow, and new messages of frequent records (such as samples) are lost.
 """
 
 

@@ -36,8 +36,8 @@ IDLE_NS = 3600 * 10**9
 """Time after which a device without records is forgotten [ns]."""
 
 EVERY = 1000
-"""For at most one in `EVERY` samples, estimates are published. A board that samples at 100 Hz thus publishes
-estimates every ten seconds.
+"""Estimates are published for at most one in `EVERY` samples, which is every ten seconds for a board that
+samples at 100 Hz.
 """
 
 
@@ -45,7 +45,7 @@ class ManyMqttSink(Sink):
     """Publishes the records of all devices that reach this program through MQTT brokers.
 
     `program`: name of this program in its status. `apart`: names of the devices that have outputs of their
-    own. Their records are ignored here.
+    own. Records of these devices are ignored here.
 
     Raises:
         UsageError: settings or secrets cannot be used.

@@ -51,13 +51,13 @@ BREAKS = {
     "steps": ("step of the offset", "steps of the offset"),
     "changes": ("lasting change of the power", "lasting changes of the power"),
 }
-"""For each kind of change that interrupts the record but leaves no samples out: the words for one such
+"""For each kind of change that interrupts the record without a loss of samples: the words for one such
 change, and for several.
 """
 
 
 NARROW = 1.25
-"""The interval of α counts as narrow enough if it is at most this many times as wide as its target width."""
+"""The interval of α counts as narrow enough if its width is at most this multiple of the target width."""
 
 
 class Figure(NamedTuple):

@@ -29,8 +29,8 @@ ESTIMATED: dict[str, Kind] = {
     "f_apart": "max",
 }
 """Names of the columns with estimates of an axis. Each name is followed by the way in which the column's
-values are merged when rows are merged. `apart`: α by the device minus α by this computer.
-`f_apart`: absolute difference between f by the device and f by this computer.
+values are merged when rows are merged. `apart`: α from the device minus α from this computer.
+`f_apart`: absolute difference between f from the device and f from this computer.
 """
 
 OF_AXIS: dict[str, Kind] = {

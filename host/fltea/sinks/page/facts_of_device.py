@@ -130,8 +130,7 @@ def fit(history: DeviceHistory, axis: str) -> dict[str, Any] | None:
 def _apart(newest: float | None, farthest: float) -> str:
     """Return the newest and the largest difference between the device and this computer as text.
 
-    `farthest`: largest difference in the rows that are drawn, among which the newest difference may be
-    missing.
+    `farthest`: largest difference in the rows that the page draws. The newest row may be missing in these.
     """
     if newest is None:
         return ""

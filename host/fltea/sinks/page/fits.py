@@ -49,7 +49,7 @@ class TimeToTell:
         self._steady_s: float | None = None
 
     def take(self, samples: int, rate_hz: float, fit: AxisFit) -> None:
-        """Note when the order will be known, as a fit of `samples` samples predicts it."""
+        """Note the time at which the order will be known, as a fit of `samples` samples predicts it."""
         seconds = fit.until_s.seconds if fit.until_s and fit.stable else None
         self._newest_s = samples / rate_hz
         if not seconds:

@@ -143,7 +143,7 @@ class DeviceHistory:
     def samples_of_epoch(self) -> int:
         """Number of samples of this epoch so far.
 
-        Samples that did not reach the page are counted; samples that were lost in gaps are not.
+        This number includes samples that did not reach the page, but not samples that were lost in gaps.
         """
         if self.sample is None or self.epoch is None or self.sample.epoch != self.epoch.epoch:
             return 0

@@ -46,8 +46,8 @@ class PageSite(Site):
         recorder: Recorder | None,
         password: str | None,
     ) -> None:
-        # Each page sends one request a second. The limit of requests a second is a little higher, for pages
-        # that ask early or were just opened.
+        # Each page sends one request a second. The allowed number of requests a second is a little higher,
+        # since pages may ask early, and more often just after they were opened.
         full = FULL.format(visitors, 2 * visitors)
         super().__init__(__package__, names, report, 1.2 * visitors + 1, full, password)
         self.histories, self.state, self.recorder = histories, state, recorder

@@ -108,9 +108,9 @@ class State:
     ) -> bytes:
         """Return, as JSON, what has changed since the page's last request.
 
-        `had`: checksums of the parts that the page has, by name. `cursor`: how far the page has read the rows
-        for the diagrams of the open axis; None if it wants no rows. `drawn`: how far the page has read the
-        rows for the small diagrams; None if it wants none.
+        `had`: for each part that the page has, by name, its checksum. `cursor`: how far the page has read the
+        rows for the diagrams of the open axis; None if it wants no rows. `drawn`: how far the page has read
+        the rows for the small diagrams; None if it wants none.
         """
         parts = {}
         for name in had:

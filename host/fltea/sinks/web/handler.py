@@ -29,7 +29,7 @@ browser would first ask this server for permission, and get none.
 """
 
 BURST = 10
-"""The number of requests that may come at once is the number that is allowed in this time on average [s]."""
+"""As many requests may come at once as are allowed in this time on average [s]."""
 
 TRY_AGAIN_S = 10
 HEADERS = {
