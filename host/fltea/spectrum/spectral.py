@@ -41,12 +41,9 @@ spectral lines of real sensors would be missed in octave spectra, which show lin
 FALSE_COMB = 1e-3
 """Probability of finding a comb where there is none, at the significance level `LEVEL`."""
 FALSE_CHANGE = 1e-3
-"""Probability of finding a change during the record where there is none, at the significance level `LEVEL`.
-"""
+"""Probability of finding a change of the noise where there is none, at the significance level `LEVEL`."""
 LEAKS = 3.0
-"""Around a spectral line, a band is left out. The line leaks over a distance of this many times the band's
-width.
-"""
+"""A spectral line leaks over this many times the width of the band that is left out around the line."""
 SLOW_LINES = 4.0
 """Spectral lines below this multiple of the lowest fitted frequency are called slow lines."""
 LARGEST_SHARE = 0.15
