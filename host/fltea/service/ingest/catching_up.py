@@ -22,8 +22,8 @@ IN_TIME_NS = 10**9
 class _Again:
     """Messages of a partition that are processed a second time.
 
-    `until`: number of the last message that is processed a second time. `count`: number of such messages so
-    far.
+    `until`: number (position in the stream) of the last message that is processed a second time. `count`: how
+    many messages were processed a second time so far.
     """
 
     until: int

@@ -240,7 +240,7 @@ class Ingest:
         return partition not in self._left_out
 
     def _walk(self, groups: dict[str, list[Message]]) -> None:
-        """Process messages. They are grouped by device.
+        """Process messages, which are grouped by device.
 
         For each partition of which no message was left out, note the number of the last processed message.
         """
