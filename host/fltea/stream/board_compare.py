@@ -10,7 +10,7 @@ from fltea.stream.live import AcceptedFit
 
 
 def estimate_of(e: DeviceAxis, fit: AcceptedFit, known: AxisEstimate) -> AxisEstimate:
-    """Return the record of an axis's estimate in which FLTEA's numbers are those of the board's filter."""
+    """Return the record of an axis's estimate, in which α, f and the like come from the board's filter."""
     valid, numbers = _numbers(e)
     of_board = FlteaEstimate(*numbers, valid, e.tuned)
     return msgspec.structs.replace(known, null_p=fit.null_p, whiteness=fit.whiteness, fltea=of_board)

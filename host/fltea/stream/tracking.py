@@ -135,8 +135,8 @@ class SensorTracks:
     def heading_std(self, axis: str, t_s: float) -> float:
         """Return the standard deviation of an axis's heading error `t_s` seconds after the end of a rest.
 
-        For a sensor that measures no rate, it is that of the error of the samples' integral. Return NaN
-        before the first fit of the axis.
+        For a sensor that measures no rate, return the standard deviation of the error of the samples'
+        integral. Return NaN before the first fit of the axis.
         """
         return self._tracked_models[axis].heading_std(t_s) if axis in self._tracked_models else math.nan
 
