@@ -54,7 +54,7 @@ class SystemClock:
 
 
 class _Closed(Exception):
-    """Raised inside `I2cSource.events` to end the iteration after `close` was called."""
+    """Raised inside `I2cSource.events` to end the iteration of events after a call of `close`."""
 
 
 class Place(NamedTuple):

@@ -47,7 +47,6 @@ class Attributes:
         return None
 
     def has(self, name: str) -> bool:
-        """Return whether the file exists."""
         return (self.folder / name).exists()
 
     @property
