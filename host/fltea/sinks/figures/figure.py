@@ -57,8 +57,8 @@ class Metric(NamedTuple):
     counters later.
 
     `text`: explanation of the metric. `factor`: factor from the field's unit to the base unit. `key`: name of
-    the label that holds the keys, if the field is a mapping. If the field's value is a word, it counts as a
-    mapping from that word to 1. `convert`: function that converts the field's value to a number.
+    the label that holds the keys, if the field is a mapping. A field whose value is a word is treated as a
+    mapping from this word to 1. `convert`: function that converts the field's value to a number.
     """
 
     kind: Literal["counter", "gauge"]

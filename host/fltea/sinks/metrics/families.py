@@ -37,8 +37,7 @@ _BOUNDS_S = [repr(bound * 1e-3) for bound in LATENCY_BOUNDS_MS] + ["+Inf"]
 
 
 MOTIONS = (counter("motions", "Number of times that the sensor has begun to move."),)
-"""A counter that is not the number in any record. It counts the records `motion` with which a motion begins.
-"""
+"""A counter whose value is in no record. It counts the records `motion` that say that a motion begins."""
 
 FACTS = "source", "device_id", "sensor", "firmware_version", "sampling_mode"
 """Fields of the record `hello` that become labels of one metric."""

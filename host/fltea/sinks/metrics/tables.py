@@ -20,8 +20,7 @@ from fltea.sinks.figures.table import FIGURES
 DEVICE, AXIS = ("device",), ("device", "axis")
 
 Labelled = Sequence[tuple[tuple[str, ...], Any]]
-"""Pairs of label values and a record or part of a record. The metrics of the record get these label values.
-"""
+"""Pairs: the values of labels, and a record or part of a record whose metrics get these labels."""
 
 
 class Row(NamedTuple):
@@ -29,7 +28,7 @@ class Row(NamedTuple):
 
     `of`: name of the field, if it differs from the metric's name, or a function that computes the value from
     the record. `factor`: factor from the field's unit to the base unit. `key`: name of the label that holds
-    the keys, if the field is a mapping. If the field's value is a word, it counts as a mapping from that word
+    the keys, if the field is a mapping. A field whose value is a word is treated as a mapping from this word
     to 1.
     """
 

@@ -35,8 +35,8 @@ KINDS = {
     "estimate": Wanted(estimates=True),
     "corrected": Wanted(corrected=True),
 }
-"""The kinds of records of which a block has one for each sample. Each kind has a `Wanted`, with which only
-the block's records of this kind are encoded as JSON.
+"""The kinds of records that a block contains once for each sample. For each kind: the `Wanted` that selects
+the records of this kind when the block is encoded as JSON.
 """
 
 
@@ -185,7 +185,7 @@ class MqttSink(Sink):
             self._publish_status()
 
     def leave(self, farewell_s: float = 0.0) -> None:
-        """End the connection, or stop using a shared one, whose owner ends it."""
+        """End the connection. If other devices share the connection, only stop using it."""
         self._delivery.leave(farewell_s)
         self._delivery.give_up()
         self._delivery.lost += len(self._early)

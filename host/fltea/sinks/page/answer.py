@@ -51,7 +51,7 @@ BREAKS = {
     "steps": ("step of the offset", "steps of the offset"),
     "changes": ("lasting change of the power", "lasting changes of the power"),
 }
-"""For each kind of change that interrupts the record without a loss of samples: the words for one such
+"""For each kind of change that interrupts the record but leaves no samples out: the words for one such
 change, and for several.
 """
 

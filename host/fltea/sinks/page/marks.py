@@ -7,8 +7,8 @@ from fltea.records.records import Motion, Step
 from fltea.sinks.changes import short_size
 
 KEPT = 240
-"""At most this many steps are kept for each axis, and at most this many motions. If one occurs every six
-minutes, those of a day are kept.
+"""At most this many steps are kept for each axis, and at most this many motions. If there is one every six
+minutes, this is enough for a day.
 """
 
 MOST_STEPS = 40

@@ -87,7 +87,6 @@ class Door(HTTPServerConnectionDelegate):
 
     @property
     def connections(self) -> int:
-        """Number of open connections."""
         return sum(not stream.closed() for stream in self._open)
 
     def close(self) -> None:
