@@ -1,4 +1,4 @@
-"""Drift: the power at frequencies of which a record has too few periods for a fit."""
+"""Drift: power at frequencies so low that a record contains too few periods for a fit."""
 
 from collections.abc import Callable
 

@@ -64,7 +64,7 @@ def high_passed(
 
 
 def stands_for_shape(f: CandidateModels, model: FittedModel, from_hz: float) -> bool:
-    """Return whether it is possible that all parts other than the high-pass only describe its shape."""
+    """Return whether all parts other than the high-pass may only describe the shape of this filter."""
     high_pass = high_pass_of(model.parts(f.h))
     return high_pass is not None and _crest(f, model, high_pass, from_hz) < SWINGS
 

@@ -107,7 +107,6 @@ class Estimated(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     values: dict[str, Interval]
 
     def value(self, name: str) -> float:
-        """Return the value of a parameter."""
         found = self.values[name].value
         assert found is not None
         return found
@@ -314,7 +313,7 @@ def _interval(
 
 
 def _elsewhere(f: CandidateModels, model: FittedModel, at: int) -> list[list[float]]:
-    """Return the transformed parameters of all fits with a fixed order that lies in the order's interval.
+    """Return the transformed parameters of fits, each with a fixed order that is in the order's interval.
 
     The first call after a model search tries all orders in LOOKED_AT. Later calls repeat only those fits
     whose order was found to lie in the interval.

@@ -1,4 +1,4 @@
-"""Periodogram of one axis: the ordinates in use, and their averages over bins.
+"""Periodogram of one axis: the ordinates (powers at single frequencies) in use, and their averages over bins.
 
 λ is in rad a sample. I(λ) = |sum_t (y_t - mean) e^{-iλt}|² / n, so that white noise of variance σ² has the
 mean I = σ². Some ordinates are not used. Those below number LOWEST contain remains of offset and drift, and

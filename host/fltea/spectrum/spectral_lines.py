@@ -113,7 +113,7 @@ def _search(lines: Ordinates, total: float, false_alarm: float) -> tuple[Peak, .
 
 
 def _notch_below(lines: Ordinates, found: Found) -> float | None:
-    """Return where the notch begins next to which the peak is a side lobe of a filter; None without a notch.
+    """Return where the notch next to the peak begins if the peak is a side lobe of a filter; else None.
 
     If the peak lies among averages over blocks, the notch is searched only among such averages.
     """

@@ -46,7 +46,7 @@ class Swing(NamedTuple):
 
 
 class _Compared(NamedTuple):
-    """Comparisons of one scale's variance with that expected from other scales; all (k,)."""
+    """Comparisons of the variance at a time scale with that expected from other scales; all arrays (k,)."""
 
     ratio: Array
     pairs: Array

@@ -52,7 +52,7 @@ NEXT_PEAK = (
 
 
 class Rule(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A question, its answer, and the figure that decided it."""
+    """A question, its answer, and the figure that decided the answer."""
 
     question: str
     answer: bool
