@@ -34,10 +34,10 @@ from fltea.stream.tracked_models import TrackedModel, TrackedModelMaker
 NO_VERDICT = ("too few samples",)
 """Verdicts of a fit that say nothing about the noise. Such a verdict never counts as stable."""
 REFILTERED = 32
-"""When a refit takes effect, the tracker has to continue as if it had always used the new noise model. So
-this many samples earlier, the fit worker filters all remembered samples with the new model. The device stream
-then has to filter only this many samples itself (about 5 µs per axis). The test for steps covers as many past
-samples as without a refit.
+"""Before a refit takes effect, the samples that the tracker remembers have to be filtered with the new noise
+model. The fit worker does so this many samples before the effect. The device stream then has to filter only
+this many samples itself (about 5 µs per axis). The test for steps covers as many past samples as without a
+refit.
 """
 BREAK = 9
 """When a stretch of samples ends, at least this many samples count as lost, since the true number may be
