@@ -313,7 +313,7 @@ def _read_toml(file: Path) -> dict[str, Any]:
 
 
 def _parsed(text: str) -> dict[str, Any]:
-    """Return the tree of a TOML text; raise ValueError if it is no TOML."""
+    """Return the contents of a TOML text as nested dictionaries; raise ValueError if the text is no TOML."""
     for number, line in enumerate(text.split("\n"), 1):
         if sum(1 for _ in DOT.finditer(line)) > MOST_DOTS:
             raise ValueError(f"line {number} has more than {MOST_DOTS} dots, which no setting has")
@@ -348,7 +348,7 @@ def _explain(message: str, tree: Mapping[str, Any]) -> str:
         key = joined(path, unknown[1])
         return f"{key}: there is no such setting. Known here: {', '.join(TABLES[path].__struct_fields__)}."
     setting = SETTINGS.get(re.sub(r"\[.*", "", path))
-    # with this message, the value has a wrong type, or is none of the words that the setting allows
+    # any other message on a setting says that its value has a wrong type, or is a word that it does not allow
     if setting is not None:
         return f"{setting.wrong(_value(tree, setting.path))}."
     if path in TABLES and reason.partition(" ")[0].rstrip(":") in TABLES[path].__struct_fields__:

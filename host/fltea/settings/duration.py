@@ -13,7 +13,7 @@ MOST_S = 1e9
 
 
 def in_samples(value: Duration, rate_hz: float, least: int) -> int:
-    """Return a duration as a number of samples at `rate_hz`.
+    """Return a duration as a number of samples at the sampling rate `rate_hz`.
 
     If a duration is given as a time above 0 s, it becomes at least `least` samples.
     """

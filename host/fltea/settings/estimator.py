@@ -41,7 +41,7 @@ def _variance(meaning: str, unit: str = "") -> Setting:
 
 
 class StateSettings(Table, frozen=True):
-    """Settings of KFx, the filter of the state."""
+    """Settings of KFx, the paper's Kalman filter of the state x of the noise."""
 
     P0: Annotated[float, _variance("Initial variance P of the state.", SQUARED)] = 0.01
     Q: Annotated[float, _variance("Variance of one step of the noise, h^2α included.", SQUARED)] = 0.15
@@ -49,7 +49,7 @@ class StateSettings(Table, frozen=True):
 
 
 class OrderSettings(Table, frozen=True):
-    """Settings of KFo, the filter of the order α. The order has no unit. P0 = Q0 = 0 keeps it at alpha0."""
+    """Settings of KFo, the paper's Kalman filter of the order α. P0 = Q0 = 0 keeps the order at alpha0."""
 
     P0: Annotated[float, _variance("Initial variance P of the order.")] = 0.01
     Q0: Annotated[float, _variance("Initial variance Q of one step of the order, which walks at random.")] = (
@@ -60,7 +60,7 @@ class OrderSettings(Table, frozen=True):
 
 
 class ParameterSettings(Table, frozen=True):
-    """Settings of KFw, the filter of the parameter f. P0 = Q0 = 0 keeps f at f0."""
+    """Settings of KFw, the paper's Kalman filter of the parameter f. P0 = Q0 = 0 keeps f at f0."""
 
     P0: Annotated[float, _variance("Initial variance P of the parameter f.", "(s^-α)²")] = 0.01
     Q0: Annotated[
@@ -71,7 +71,7 @@ class ParameterSettings(Table, frozen=True):
 
 
 class JointSettings(Table, frozen=True):
-    """Settings of the joint filter, which estimates α and β = h^α f. Neither has a unit."""
+    """Settings of the joint filter of α and β = h^α f (h: the sampling period). Neither has a unit."""
 
     P0: Annotated[float, _variance("Initial variance P of α and of β.")] = 0.06
     Q0: Annotated[float, _variance("Initial variance Q of one step of α and of β, which walk at random.")] = (
@@ -86,7 +86,9 @@ EstimateOn = Literal["host", "device", "both"]
 """Which computer estimates the gyroscope's axes."""
 
 Tuning = Literal["live", "startup"]
-"""The source from which the filters get Q and R while they run: the live fit or the start-up window."""
+"""Source of the filters' variances Q (of a step of the state) and R (of the measurement): the live fit as
+soon as there is one, or the settings and the start-up window.
+"""
 
 DEFAULT_TUNING: Tuning = "live"
 """Default value of the setting `tuning`. With "live", the estimates have smaller errors for most noises, and
@@ -99,7 +101,10 @@ BY_DEVICE = ("device", "both")
 
 # Over 12 attributes: permitted, since each is one setting of the TOML file.
 class EstimatorConfig(Table, frozen=True):
-    """Settings of an estimator's filters, start-up window, bias and R. Defaults: section 7.1 of the paper."""
+    """Settings of an estimator: its filters, start-up window, bias and R, the variance of the measurement.
+
+    Defaults of the filters: the paper, section 7.1.
+    """
 
     window: Annotated[
         Duration,
@@ -237,24 +242,24 @@ class EstimatorConfig(Table, frozen=True):
 
     @property
     def window_samples(self) -> int:
-        """The setting `window` in samples. It is known as soon as `at` has converted the setting."""
+        """The setting `window` in samples. If the setting is a time, the number is known only after `at`."""
         return known("window", self.window)
 
     @property
     def startup_samples(self) -> int:
-        """The setting `startup` in samples. It is known as soon as `at` has converted the setting."""
+        """The setting `startup` in samples. If the setting is a time, the number is known only after `at`."""
         return known("startup", self.startup)
 
     @property
     def startup_needed(self) -> int:
-        """Length of the start-up window in samples; 0 if neither bias nor R is computed from it."""
+        """Length of the start-up window in samples; 0 if neither the bias nor R comes from this window."""
         return self.startup_samples if self.bias == "startup" or self.R == "auto" else 0
 
 
 class AccelConfig(EstimatorConfig, frozen=True):
     """The settings of `EstimatorConfig` for the axes of the accelerometer, with m/s² in place of deg/s.
 
-    The default variances follow from those for the gyroscope by the ratio of the two sensors' noise. The
+    The default variances are those for the gyroscope, scaled by the ratio of the two sensors' noise. The
     variance of a resting MPU-6050's accelerometer is 9e-4 (m/s²)², and that of the paper's gyroscope is 0.02
     (deg/s)².
     """

@@ -36,10 +36,10 @@ RECORDED: tuple[Recorded, ...] = get_args(Recorded)
 
 EACH_SAMPLE: tuple[Recorded, ...] = ("sample", "corrected", "estimate", "device_estimate")
 FEW_DEVICES = 32
-"""By default, recordings hold the records of `EACH_SAMPLE` only if there are at most this number of devices.
+"""By default, recordings hold the kinds of records in `EACH_SAMPLE` only with at most this number of devices.
 
-With many devices, the records of `EACH_SAMPLE` would fill most of a file. A replay makes these records again
-from the recorded bytes.
+These kinds have one record for each sample, which with many devices would fill most of a file. A replay makes
+these records again from the recorded bytes.
 """
 
 LOOPBACK = "127.0.0.1"
@@ -48,7 +48,7 @@ LOOPBACK = "127.0.0.1"
 def listen_address(text: str) -> tuple[str, int]:
     """Return the host and the port in an address.
 
-    If it names no host, this is the loopback, to which no other machine can connect.
+    If the address names no host, the host is the loopback, to which no other machine can connect.
 
     Raises:
         ValueError: `text` is no address.
@@ -252,7 +252,7 @@ class StateConfig(Table, frozen=True):
 class Outputs(Table, frozen=True, kw_only=True):
     """The tables of settings of all outputs.
 
-    The tables are keyword-only. `Config` inherits them, and so they may stand after its own fields.
+    The fields are keyword-only, so that in `Config`, which inherits them, the fields of `Config` come first.
     """
 
     output: OutputConfig = OutputConfig()
@@ -317,5 +317,5 @@ OUTPUTS = (
 )
 """All outputs in the order in which they are opened. Standard output as NDJSON is first, so that it receives
 the errors that other outputs report. The table in the terminal is last, since it draws over the whole
-terminal. The log on stderr is not in the list, since it has no counts in `stats.outputs`.
+terminal. The log on stderr is not in the list, since the record `stats` has no counts of it.
 """

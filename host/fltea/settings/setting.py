@@ -90,7 +90,7 @@ class Setting:
         return f" above {self.above:g}{up}" if self.above > -math.inf else ""
 
     def words(self, kind: types.Type) -> list[str]:
-        """Return texts that say what a value of type `kind` must be, one text for each alternative."""
+        """Return what a value of type `kind` must be, in words: one text for each alternative."""
         if isinstance(kind, types.UnionType):
             parts = [part for one in kind.types for part in self.words(one)]
             return parts[1:] + parts[:1] if isinstance(kind.types[0], types.StrType) else parts
@@ -134,7 +134,7 @@ class Declared(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """Unit of the setting. In settings of the accelerometer, m/s² stands in place of deg/s."""
+        """Unit of the setting. In settings of the accelerometer, deg/s is replaced by m/s²."""
         return of_sensor(self.path, self.setting.unit)
 
     @property
@@ -144,7 +144,7 @@ class Declared(NamedTuple):
 
     @property
     def words(self) -> list[Any]:
-        """Words or whole numbers of which the value has to be one; empty if the setting has no such list."""
+        """The words or whole numbers among which the value must be; empty if the setting has no such list."""
         return [word for kind in self.kinds if isinstance(kind, types.LiteralType) for word in kind.values]
 
     @property
@@ -234,7 +234,7 @@ def joined(path: str, name: str) -> str:
 
 
 def of_sensor(path: str, text: str) -> str:
-    """Return a text about a setting. If the setting is the accelerometer's, m/s² stands in place of deg/s."""
+    """Return a text about a setting. If the setting is the accelerometer's, deg/s is replaced by m/s²."""
     return text.replace("deg/s", "m/s²") if path.startswith("accel.") else text
 
 

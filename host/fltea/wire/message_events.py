@@ -10,8 +10,7 @@ from fltea.wire.sensors import sensor_name
 
 _FIELDS = wire.Estimate._fields
 CAUSES = _FIELDS[_FIELDS.index("order_box") : _FIELDS.index("tracker_bias")]
-"""Fields of ESTIMATE that count the interventions of the filters' guard.
-
+"""Fields of ESTIMATE that count how often the guard, which keeps the filters from diverging, corrected them.
 The estimator on the host uses the same names for its counters.
 """
 

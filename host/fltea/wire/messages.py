@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 from zlib import crc32
 
 # The package `cobs` was written independently of the device's encoder. It therefore does not have the same
-# faults, and tests can compare the two. The package is a fast C extension.
+# faults, and tests can compare the two. The package is fast where its C extension is installed.
 from cobs import cobs
 
 from fltea.wire.layout import (

@@ -83,9 +83,10 @@ class Openings:
     def lost(self, index: int, number: int, *at: int, worked: bool) -> Failed:
         """Close a port that was lost, schedule its next opening, and return the event of the loss.
 
-        `number`: errno of the failed system call that showed the loss.
+        `number`: error code (errno) of the failed system call that showed the loss.
         `at`: host time of the loss, and Unix time minus host time at that moment, both in ns.
-        `worked`: whether bytes had arrived from the port before. If so, the port is opened again soon.
+        `worked`: whether bytes had arrived from the port since it was opened. If so, the port is opened again
+        soon.
         """
         state = self._states[index]
         if worked:

@@ -24,8 +24,8 @@ FORBIDDEN_BAUD = 1200
 DUE_VENDORS = (0x2341, 0x2A03)
 DUE_PROGRAMMING_PORT = 0x003D
 DUE_NATIVE_PORT = 0x003E
-"""USB product IDs of the two ports of an Arduino Due, and USB vendor IDs, from boards.txt of Arduino's SAM
-core.
+"""USB product IDs of the two ports of an Arduino Due. DUE_VENDORS has the USB vendor IDs of both. Source:
+boards.txt of Arduino's SAM core.
 """
 
 ANY_BOARD = f"hwgrep://VID:PID=({'|'.join(f'{v:04X}' for v in DUE_VENDORS)}):{DUE_PROGRAMMING_PORT:04X}"
@@ -69,7 +69,7 @@ def check_url(url: str, baud: int) -> None:
     if baud <= 0:
         raise UsageError(f"a baud rate of {baud} is not possible; the firmware speaks 250000 baud.")
     try:
-        # pyserial looks for the scheme of a URL in the same way
+        # pyserial, too, takes what precedes `://` as the scheme
         scheme, is_url, _ = url.lower().partition("://")
         if is_url and scheme not in SCHEMES:
             raise ValueError(f"'{scheme}://' is not among the kinds of addresses that fltea opens")
@@ -185,8 +185,8 @@ class Port:
     def has_worked(self) -> None:
         """Make the pauses between attempts to open the port short again.
 
-        This method is called only when bytes have arrived, not as soon as the port is open, because a port
-        may be lost right after it was opened.
+        This method is called only when bytes have arrived, not as soon as the port is open: a port may be
+        lost right after it was opened.
         """
         self._failures = 0
 
