@@ -98,7 +98,7 @@ class AxisColumns(NamedTuple):
 
 
 class TrackedColumns(NamedTuple):
-    """Results of the bias trackers of one sensor's axes after each of n samples.
+    """Results of the bias trackers (Kalman filters) of one sensor's axes after each of n samples.
 
     Arrays have shape (n, axes) and are in `unit`; NaN means unknown.
 
@@ -140,7 +140,7 @@ def _by_axis(axes: tuple[str, ...], values: Iterator[T]) -> Iterator[dict[str, T
 
 
 def _tracked(tracked: TrackedColumns | None, values: Values, rows: int, axes: int) -> list[Sequence[Any]]:
-    """Return a flat list, row after row, for each of the fields `verdict` to `moving` of `AxisEstimate`."""
+    """Return, for each of the fields `verdict` to `moving` of `AxisEstimate`, a flat list, row after row."""
     if tracked is None:
         nothing = (None, Interval(), Interval(), *[None] * 5, False)
         return [[one] * (rows * axes) for one in nothing]
@@ -225,7 +225,7 @@ class Block:
     def estimates_at(self, row: int, unit: str) -> dict[str, AxisEstimate]:
         """Return the estimates after one sample, for the axes of the sensor whose samples are in `unit`.
 
-        If only the tracker of these axes runs yet, the estimates by the paper's filters are empty.
+        As long as only the tracker of these axes runs, the estimates by the paper's filters are empty.
         """
         values = Values(slice(row, row + 1))
         tracked, own = _in_unit(self.tracked, unit), _in_unit(self.estimates, unit)

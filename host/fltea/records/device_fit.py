@@ -38,21 +38,21 @@ class DeviceAxisFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     samples, modulo 2^32.
     """
     samples: int
-    """Number of samples in the spectrum, modulo 2^32."""
+    """Number of samples from which the spectrum was computed, modulo 2^32."""
     ordinates: float
     """Effective number of independent ordinates of the spectrum."""
     evaluations: int
     """Number of evaluations of the likelihood."""
     searched: bool
-    """Whether the fit began by trying a grid of orders. It does so if there was no earlier fit from which to
-    begin.
+    """Whether the fit began by trying a grid of orders. It does so if there was no earlier fit, or one of far
+    fewer samples.
     """
     tuned: bool
     """Whether the device's filters now use `s2` and `R` as Q and R (in firmware built with
     `FLTEA_TUNED=true`).
     """
     bins_left_out: bool
-    """Whether some of the lowest frequencies are missing, since the message has no room for them."""
+    """Whether some of the lowest frequencies are missing, since the device's memory had no room for them."""
     ratio_white: float
     """2 log L of the fractional model with orders up to 1, minus 2 log L of white noise."""
     ratio_relaxation: float
@@ -64,7 +64,7 @@ class DeviceAxisFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     f: Interval = Interval()
     """Parameter f, without an interval, since the device sends none [s^-α]."""
     s2: Interval = Interval()
-    """Variance of the state's innovations, without an interval [(deg/s)²]."""
+    """Variance, for one sample, of the noise ω that drives the state; without an interval [(deg/s)²]."""
     R: Interval = Interval()
     """Variance of the white noise, without an interval; for `white`, the power of the axis [(deg/s)²]."""
     alpha_difference: float | None = None

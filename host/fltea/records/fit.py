@@ -172,13 +172,13 @@ class FittedAxis(Curves, frozen=True):
     f: Interval = Interval()
     """The parameter f; null if the noise has no order [s^-α]."""
     F: Interval = Interval()
-    """F = h^α f + α, the combination of α and f that the data determine best."""
+    """F = h^α f + α, with the sampling period h: the combination of α and f that the data determine best."""
     s2: Interval = Interval()
-    """Variance of the state's innovations, h^2α Q [`unit` squared]."""
+    """Variance, for one sample, of the noise ω that drives the state: h^2α Q [`unit` squared]."""
     R: Interval = Interval()
     """Variance of the white noise [`unit` squared]."""
     odds: float | None = None
-    """Odds that the noise is fractional (has an order), against that it is not; null if the noise is
+    """Odds that the noise is fractional, which means that it has an order; null if the noise is
     indistinguishable from white noise, or if no fractional model fits.
     """
 
@@ -194,8 +194,8 @@ class AxisFit(FittedAxis, frozen=True, forbid_unknown_fields=True):
     reduced to a limit. A restart counts as nine lost samples.
     """
     breaks: dict[str, int] = {}
-    """Number of interruptions of the samples by cause: `gaps`, `knocks` (each leaves 128 samples out),
-    `motions`, `steps` of the offset, lasting `changes` of the power.
+    """Number of interruptions between the samples that are fitted together, by cause: `gaps`, `knocks` (each
+    leaves 128 samples out), `motions`, `steps` of the offset, lasting `changes` of the power.
     """
     low_pass: FitLowPass | None = None
     """A low-pass filter that the noise has passed; the fitted parameters describe the noise before the
@@ -208,6 +208,6 @@ class AxisFit(FittedAxis, frozen=True, forbid_unknown_fields=True):
     until_s: Until | None = None
     """Time until α's interval is as narrow as the user wants."""
     stable: bool = True
-    """Whether the verdict is stable. It is stable if two fits agreed, and the later one had a tenth more
+    """Whether the verdict is stable. It is stable if two fits agreed, of which the later had a tenth more
     samples, or if the fit used a whole recording.
     """

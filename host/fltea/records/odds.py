@@ -1,4 +1,4 @@
-"""Write the odds of an order as text for people."""
+"""Write the odds that a noise has an order (is fractional) as text for people."""
 
 MOST = 50.0
 """Larger odds are shown as "more than 50 : 1", since the calibration of the odds was not checked beyond this

@@ -51,7 +51,7 @@ class Latency:
 
 
 class OutputView(Protocol):
-    """What others may ask of a running output: its name, its latency and its counts."""
+    """What other parts of the program may ask of a running output: its name, its latency and its counts."""
 
     latency: Latency
 
@@ -151,7 +151,7 @@ class Sink:
     def flush(self) -> None:
         """Write the data that `write` has buffered.
 
-        This method is called when the queue is empty, and twice a second.
+        This method is called whenever the sink's queue is empty, and twice a second.
         """
 
     def depart(self, departed: Departed) -> None:

@@ -26,7 +26,9 @@ _ACCEL = {
     "mg": 1e3 / STANDARD_GRAVITY_MS2,
     "µg": 1e6 / STANDARD_GRAVITY_MS2,
 }
-"""For each unit of the same quantity, how many of this unit equal 1 deg/s, or 1 m/s²."""
+"""For each unit of acceleration, how many of it equal 1 m/s². `_GYRO` has for each unit of angular rate how
+many of it equal 1 deg/s.
+"""
 
 
 class CoefficientUnits(NamedTuple):
@@ -224,7 +226,7 @@ def number(value: float, digits: int = FEWEST_DIGITS) -> str:
 
 
 def _digits(value: float, half: float) -> int:
-    """Return how many significant digits `value` needs to end where two digits of `half` end.
+    """Return the number of significant digits with which `value` is as exact as `half` with two digits.
 
     `half`: half-width of the interval.
     """

@@ -97,7 +97,7 @@ class Placed(Record, frozen=True):
     seq: int
     """Number of the sample, unwrapped."""
     epoch: int
-    """Number of the epoch that the sample belongs to."""
+    """Number of the sample's epoch, which is a run of samples without a restart or a long gap."""
     device_us: int
     """Device time, unwrapped [µs]."""
     host_ns: int
@@ -110,7 +110,7 @@ class Placed(Record, frozen=True):
 class Sample(Placed, frozen=True, tag="sample"):
     """One sample in physical units.
 
-    This record comes before the sample's `estimate`, only with `--samples`.
+    With `--samples`, this record comes before the record `estimate` of the sample.
     """
 
     gyro_dps: tuple[float, ...]
@@ -127,7 +127,7 @@ class CorrectedAxis(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The angular rate of one axis minus its bias."""
 
     rate: float | None
-    """Sample minus the bias in `estimate`; null for the first samples [deg/s]."""
+    """Sample minus the bias in the record `estimate`; null for the first samples [deg/s]."""
     rate_std: float | None
     """Standard deviation of the subtracted bias [deg/s]."""
     moving: bool
@@ -151,8 +151,7 @@ class FlteaEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     alpha: float | None = None
     """Order α."""
     alpha_std: float | None = None
-    """Standard deviation of α. As soon as the live fit tunes the filters, it includes the uncertainty of the
-    fit.
+    """Standard deviation of α. As soon as the live fit tunes the filters, the fit's uncertainty is included.
     """
     f: float | None = None
     """Parameter f [s^-α]."""
@@ -165,8 +164,8 @@ class FlteaEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     valid: bool = False
     """False if the estimate diverged, the axis was constant, or a device sent a number that is not finite."""
     settled: bool = False
-    """False while the filters settle: α and f then say little about the noise. For the filters of a device,
-    it says whether they use the variances of the device's own fit.
+    """False while the filters settle: α and f then say little about the noise. For a device's filters:
+    whether these use the variances of the device's own fit.
     """
 
 
@@ -175,7 +174,8 @@ class AxisEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The estimates of one axis after one sample. A value that is not known is null."""
 
     verdict: VerdictKind | None
-    """Kind of the noise by the newest fit whose verdict is stable; null before the first such fit."""
+    """Kind of the noise by the newest record `fit` with a stable verdict; null before the first such record.
+    """
     alpha: Interval
     """Order α of the fit that gave `verdict`; null if undefined."""
     f: Interval
@@ -197,11 +197,11 @@ class AxisEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     null_p: float | None
     """p-value of the test for white noise in the newest record `fit`."""
     whiteness: Whiteness | None
-    """`not rejected`: α is undefined; `rejected`: `null_p` is below the significance level for all repeated
-    fits together; null if `null_p` is null.
+    """Result of that test. `not rejected`: α is undefined. `rejected`: `null_p` is below a significance level
+    that holds for all repeated fits together. Null if `null_p` is null.
     """
     unit: str
-    """`deg/s`, or `m/s^2` for the axes `accel_x`, … that `--channels` names."""
+    """`deg/s`; for axes of the accelerometer, which `--channels` names, `m/s^2`."""
     fltea: FlteaEstimate
     """The estimates of the paper's filters after the sample."""
 
@@ -213,7 +213,7 @@ class Estimate(Placed, frozen=True, tag="estimate"):
     """
 
     variant: str
-    """Variant of the estimator: `triple` or `joint`."""
+    """Variant of the estimator: `triple` (the paper's three filters) or `joint` (one filter for α and f)."""
     axes: dict[str, AxisEstimate]
     """Estimates of each axis, by the name of the axis."""
 
@@ -230,8 +230,8 @@ class DeviceAxisEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True
     after the first step.
     """
     tracker_bias: float | None = None
-    """Bias (offset plus state) by the device's tracker, which uses the device's own fit; null before the
-    device's first fit of the axis [deg/s].
+    """Bias (offset plus state) by the device's tracker, a Kalman filter with the model of the device's own
+    fit; null before the device's first fit of the axis [deg/s].
     """
     tracker_bias_std: float | None = None
     """Standard deviation of `tracker_bias` [deg/s]."""
@@ -246,18 +246,16 @@ class DeviceAxisEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True
     different fits.
     """
     alpha_difference: float | None = None
-    """The device's α minus this computer's after the same sample; null where they cannot be compared."""
+    """The device's α minus this computer's after the same sample; null for the reason in `why_not`."""
     f_difference: float | None = None
-    """The device's f minus this computer's after the same sample; null where they cannot be compared
-    [s^-α].
-    """
+    """The device's f minus this computer's after the same sample; null for the reason in `why_not` [s^-α]."""
     state_difference: float | None = None
-    """The device's state minus this computer's after the same sample; null where they cannot be compared
+    """The device's state minus this computer's after the same sample; null for the reason in `why_not`
     [deg/s].
     """
     why_not: WhyNot | None = None
     """Why the differences are null. `device_not_valid`: the device's estimate is not valid; `host_not_valid`:
-    this computer's estimate is not valid; `other_start`: the device began at another sample;
+    this computer's estimate is not valid; `other_start`: the device began to estimate at another sample;
     `device_skipped`: the device has skipped samples; `other_settings`: the settings differ, or the device
     uses the variances of its own fit.
     """
@@ -272,7 +270,7 @@ class DeviceEstimates(Placed, frozen=True, tag="device_estimate"):
     """
 
     variant: str
-    """Variant of the device's estimator: `triple` or `joint`."""
+    """Variant of the device's estimator: `triple` or `joint`, as in the record `estimate`."""
     axes: dict[str, DeviceAxisEstimate]
     """The device's estimates of each axis, by the name of the axis."""
     comparable: bool
@@ -280,7 +278,7 @@ class DeviceEstimates(Placed, frozen=True, tag="device_estimate"):
 
 
 class DeviceFits(Placed, frozen=True, tag="device_fit"):
-    """The device's own maximum-likelihood fit of one axis, every three seconds or later.
+    """The device's own maximum-likelihood fit of one axis, made every three seconds or less often.
 
     This record comes only with `--estimate-on device` or `both`. `seq` is the number of the newest sample at
     the time at which the fit arrived. If the device also sends the spectrum of a fit, the record comes twice:
@@ -303,8 +301,8 @@ class Fit(Placed, frozen=True, tag="fit"):
     """
 
     samples: int
-    """Number of samples received from the same sensor in all epochs. Samples that the fit leaves out count,
-    too. With `--state`, the samples of the earlier run count as well.
+    """Number of samples received from the same sensor in all epochs. Samples that the fit leaves out are
+    included, and with `--state` the samples of the earlier run.
     """
     axes: dict[str, AxisFit]
     """The fit of each axis, by the name of the axis."""
@@ -367,7 +365,7 @@ class EstimatorInfo(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The settings of the estimator of an epoch."""
 
     variant: str
-    """`triple`: the published algorithm; `joint`: one filter on α and h^α f."""
+    """`triple`: the paper's three filters; `joint`: one filter for α and h^α f (h: the sampling period)."""
     estimate_on: str
     """Which computer estimates: `host` (this one), `device` (the board) or `both`."""
     memory: str
@@ -375,8 +373,8 @@ class EstimatorInfo(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     (exact).
     """
     guard: str
-    """The guard that keeps the filters from diverging: `off` (no guard, as in the paper), `faithful` or
-    `consistent`.
+    """The guard that keeps the filters from diverging: `off` (none, as in the paper), `faithful` (bounds), or
+    `consistent` (bounds, and the variance of the state, which the paper's algorithm leaves out).
     """
     window: int
     """Length L of the filters' memory in samples; 0 means unlimited."""
@@ -388,11 +386,12 @@ class EstimatorInfo(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """
     R: tuple[float, ...]
     """Measurement variance of each axis, or one number for all axes [(deg/s)², for the accelerometer
-    (m/s²)²]. An empty list means that it is the variance of the start-up window.
+    (m/s²)²]. An empty list means the variance of the start-up window.
     """
     tuning: str = "startup"
-    """`startup`: Q and R stay as at the start; `live`: Q and R come from the live fit as soon as it knows
-    them."""
+    """`startup`: the filters' variances Q (of a step of the state) and R (of the measurement) stay as at the
+    start; `live`: Q and R come from the live fit as soon as it knows them.
+    """
 
 
 class Epoch(Record, frozen=True, tag="epoch"):
@@ -401,9 +400,10 @@ class Epoch(Record, frozen=True, tag="epoch"):
     epoch: int
     """Number of the epoch: 1, 2, …"""
     reason: EpochReason
-    """`start`; `restart` (another boot); `sensor_restart` (the device has set up its sensor again);
-    `discontinuity` (sequence and time disagreed); `gap` (longer than `max_gap`); `silence` (longer than 30
-    minutes); `resumed` (goes on from the snapshot of an earlier run)."""
+    """`start`; `restart` (another boot); `sensor_restart` (the device set up its sensor again);
+    `discontinuity` (sample number and device time disagreed); `gap` (longer than `max_gap`); `silence`
+    (longer than 30 minutes); `resumed` (goes on from the snapshot of an earlier run).
+    """
     seq: int
     """Number of the epoch's first sample."""
     device_us: int
@@ -447,7 +447,7 @@ class Stats(Record, frozen=True, tag="stats"):
     sample_counts: SampleStats
     """Counts of used, lost and refused samples, since the start of the program."""
     axes: dict[str, AxisStats]
-    """Bias, R, filters and tracker of each axis, by the name of the axis."""
+    """Bias, measurement variance R, filters and bias tracker of each axis, by the name of the axis."""
     board: DeviceStatus | None = None
     """The device's own counters since its boot; null before its first STATUS."""
     outputs: dict[str, OutputStats] = {}
@@ -457,7 +457,7 @@ class Stats(Record, frozen=True, tag="stats"):
     """State of the device's own estimator; null without `--estimate-on device` or `both`."""
     fit_period_s: float | None = None
     """Shortest time between fits [s]. It is 1 s, or with more than 12 devices as many twelfths of a second as
-    there are devices. Null where nothing is fitted.
+    there are devices. Null if no axis is fitted.
     """
 
 

@@ -24,8 +24,8 @@ class Kind(NamedTuple):
 
 SERVER = r"@"
 FILE = r"^[^/]*@|^[^/@]*:(?!\d*(?:/|$))[^@]*@"
-"""Regular expression that finds a secret in an address whose scheme is not in `KINDS`. An @ in the path does
-not count as one, and neither does a number after a colon, which is a port.
+"""Regular expression that finds a secret in an address whose scheme is not in `KINDS`. An @ in the path is no
+secret, and neither is a number after a colon, which is a port.
 """
 
 PASSWORD = r"(?:^|[\s?&])(?:ssl)?password\s*="

@@ -44,7 +44,7 @@ class SensorKind(NamedTuple):
     scale_field: str
     """Field of `Hello` that states the sensor's scale, the number of counts in 1 deg/s or in 1 g."""
     scale_size: float
-    """The field `scale_field` counts per 1 deg/s or per 1 g; this is the size of 1 deg/s or 1 g in `unit`."""
+    """Size in `unit` of the 1 deg/s or 1 g to which the number of counts in `scale_field` refers."""
 
     def resolution(self, hello: WithScales) -> float | None:
         """Return the size of one count in `unit`; None if the scale is not known or samples are no counts."""

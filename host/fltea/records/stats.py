@@ -15,8 +15,8 @@ CAUSE_WORDS = {
     "state_bound": "the state held near the sample",
     "memory_order": "an order beyond the memory's range",
 }
-"""Causes for which the guard of the filters intervenes. The keys stand in records, and the values are the
-words that people read.
+"""Causes for which the guard, which keeps the filters from diverging, corrects them. The keys are those in
+records, and the values are the words that people read.
 """
 
 
@@ -86,13 +86,12 @@ class SampleStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class BiasCheck(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Comparison of Bias(T) with the mean of the T seconds after it, over all such periods at rest so far."""
+    """Comparison of Bias(T), the bias expected over the next T seconds, with the mean of their samples."""
 
     pieces: int
-    """Number of periods of T seconds that were compared."""
+    """Number of periods of T seconds, all at rest, that were compared."""
     rms: float
-    """Root mean square of the differences, each of which is divided by its σ. It is 1 if Bias(T) and its σ
-    are right.
+    """Root mean square of the differences, each divided by its own σ. It is 1 if Bias(T) and its σ are right.
     """
 
 
@@ -119,7 +118,7 @@ class TrackerStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
     value.
     """
     K: Interval = Interval()
-    """Random walk of the offset, estimated from the samples in the time domain [`unit`/s/√s]; null if the
+    """Random walk of the offset, estimated from the samples in the time domain [`unit`/√s]; null if the
     offset may be constant.
     """
     heading_std: dict[int, float] = {}
@@ -140,7 +139,7 @@ class TrackerStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
 
 
 class AxisStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Bias and R that are used for an axis, and the state of its filters."""
+    """Bias and measurement variance R that are used for an axis, and the state of the axis's filters."""
 
     bias: float | None
     """Bias in use (for an accelerometer it includes gravity); null until the start-up window is full
@@ -151,23 +150,24 @@ class AxisStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     restarts: int
     """Number of restarts of the axis's filters in this epoch."""
     interventions: dict[str, int]
-    """Number of samples in which the guard intervened since the last start of the axis's filters, by cause.
+    """For each cause, number of samples in which the guard corrected the axis's filters since their last
+    start.
     """
     innovation_lag1: float | None = None
     """Correlation of neighbouring innovations of the paper's filters over the last 1,000 innovations; 0 ±
     0.03 if they are white.
     """
     innovation_nis: float | None = None
-    """Mean normalised innovation squared; 1 if the filter's model is right."""
+    """Mean normalised innovation squared of the paper's filters; 1 if their model is right."""
     unit: str = "deg/s"
     """`deg/s`, or `m/s^2` for axes of the accelerometer."""
     Q_in_use: float | None = None
-    """Variance of one step of the process noise: Q in use, times h^2α; null if a device estimates [`unit`
-    squared].
+    """Variance Q of one step of the state from one sample to the next, as the filters use it; null if a
+    device estimates [`unit` squared].
     """
     tuned: bool = False
-    """Whether Q and R come from the live fit, and the filters of α and f started from the fit's α and f
-    (`estimator.tuning`).
+    """Whether the live fit has set the filters' variances Q and R, and the values of α and f from which the
+    filters started (setting `estimator.tuning`).
     """
     describes_noise: bool | None = None
     """False if the filters' α and f do not describe the noise, for one of three reasons: the innovations are
@@ -195,7 +195,7 @@ class DeviceEstimatorStats(msgspec.Struct, frozen=True, forbid_unknown_fields=Tr
     fallen behind.
     """
     longest_axis_us: int
-    """Longest computing time of one step of one axis since the device's boot [µs]."""
+    """Longest computing time of one step of one axis's filters since the device's boot [µs]."""
     estimates: int
     """Number of estimates (of one axis each) that arrived."""
     lost: int
@@ -207,8 +207,8 @@ class DeviceEstimatorStats(msgspec.Struct, frozen=True, forbid_unknown_fields=Tr
     restarts: dict[str, int]
     """Number of restarts of each axis's filters since the device's start-up window."""
     interventions: dict[str, dict[str, int]]
-    """For each axis, number of samples in which the guard intervened since the last start of the axis's
-    filters, by cause.
+    """For each axis and cause, number of samples in which the guard corrected the axis's filters since their
+    last start.
     """
     fit_every: int = 0
     """Number of samples from one round of the device's fits to the next; 0 if the device makes no fits."""
@@ -217,7 +217,7 @@ class DeviceEstimatorStats(msgspec.Struct, frozen=True, forbid_unknown_fields=Tr
     fits_refused: int = 0
     """Number of fits with impossible numbers, or that arrived before the first sample."""
     longest_slice_us: int = 0
-    """Longest time for which a fit has computed without a pause since the device's boot [µs]."""
+    """Longest time since the device's boot for which a fit has computed without a pause [µs]."""
 
 
 class OutputStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
