@@ -212,9 +212,9 @@ def _as_texts(column: Floats, name: str, words: Words) -> NDArray[np.str_]:
 
 
 def _samples_of_fifo(values: Floats) -> tuple[Ints, Floats]:
-    """Return, for each sample of messages with several, its message, its time [µs] and its rates [rad/s].
+    """Return the index of the message, the time [µs] and the rates [rad/s] of each sample.
 
-    A message is given by its index.
+    A message holds several samples.
 
     `values`: columns with the time of the last sample [µs], the samples of each axis, the sampling period
     [µs], the scale [rad/s], and the number of samples.

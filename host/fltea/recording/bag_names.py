@@ -122,7 +122,7 @@ def by_convention(kind: str) -> tuple[Said | None, Said | None]:
 def named_layout(
     names: Sequence[str], kind: str, texts: Texts = NO_TEXTS, sensor: str | None = None
 ) -> Layout | None:
-    """Return the layout of messages with fields of these names; None if these lack a gyroscope's three axes.
+    """Return the layout of messages with fields of these names; None if these include no gyroscope's axes.
 
     `kind`: message type. `sensor`: the gyroscope to read if a message holds several.
 
@@ -187,8 +187,8 @@ def _without(name: str, at: int) -> str:
 def _called(labels: Sequence[str]) -> dict[str, str]:
     """Return the names by which a user may choose a gyroscope, each with the label of that gyroscope.
 
-    A gyroscope's name is its label (the common part of its fields' names), or the name of the group of fields
-    that it is in, if that group has no other gyroscope.
+    A gyroscope's name is its label, which is the common part of its fields' names. The name of the group of
+    fields around it is another name, if that group has no other gyroscope.
     """
     groups = [label.rpartition(".")[0] for label in labels]
     by_group = zip(groups, labels, strict=True) if len({*groups} - {""}) == len(groups) else ()

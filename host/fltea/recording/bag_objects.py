@@ -85,9 +85,8 @@ def _is_whole(value: Any) -> bool:
 def _telling(found: dict[str, Any], known: Container[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return fields whose names show that they distinguish sensors, and other fields that perhaps do.
 
-    The other fields hold texts or whole numbers.
-
-    A field frame_id that holds a number is one of the others, since it may count images.
+    The fields of the second kind hold texts or whole numbers. A field frame_id that holds a number is of the
+    second kind, since it may count images.
     """
     free = [name for name, value in found.items() if name not in known and type(value) in (str, int)]
     tell = [name for name in free if tells_sensors(name) or name.rpartition(".")[2] == FRAME]
@@ -235,7 +234,7 @@ def _files_of(schema: bytes) -> Any:
 def _fields_left(message: Any, most: int) -> int:
     """Return `most` less the number of a message's fields, including those of nested messages.
 
-    Fields that the message could have, but has not, count, too.
+    Fields that the message's type has, but the message lacks, are counted, too.
     """
     left = most - len(message.DESCRIPTOR.fields)
     for field, value in message.ListFields() if left >= 0 else ():

@@ -1,7 +1,7 @@
 """Reads bags of ROS 2: SQLite or MCAP files, and the folders that `ros2 bag record` makes of them.
 
 The file `metadata.yaml` of a folder is not used: the bag's files hold the same facts, and a recorder that was
-killed has not written it.
+killed has not written `metadata.yaml`.
 """
 
 import contextlib

@@ -15,8 +15,7 @@ ALL_ARE_ONE = "1/1"
 """Value of the option --sensor by which the user states that all messages are from one sensor."""
 
 FEWEST = 10
-"""A field that has another value in each message counts as a counter if there are at least this many
-messages.
+"""A field with another value in each message is taken as a counter if there are at least this many messages.
 """
 
 MOST_LOOKED_AT = 500
@@ -25,7 +24,8 @@ sensors.
 """
 
 PUBLISHER = "publisher"
-"""The publisher of a message counts as one of the message's fields, and this is the name of that field."""
+"""The publisher of a message is treated as one of the message's fields, and this is the name of that field.
+"""
 
 
 def are_at_once(publishers: NDArray[np.str_], arrival_ns: Ints) -> bool:
@@ -58,7 +58,7 @@ class Sensors:
         self.which: Missing | None = None
 
     def keep(self, values: Sequence[NDArray[np.str_]], figures: Floats | None = None) -> Marks:
-        """Mark the messages that are to be read, which are those of one sensor.
+        """Mark the messages to read, which are the messages of one sensor.
 
         `values`: for each field, its value in each message (n,). `figures`: numbers (n, columns) of the same
         messages.

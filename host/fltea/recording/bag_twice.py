@@ -12,7 +12,7 @@ FACTORS = np.random.default_rng(1).integers(1 << 62, 1 << 63, 6, dtype=np.uint64
 
 
 def held_twice(spool: Spool) -> Marks | None:
-    """Mark the messages (n,) that repeat an earlier one of the bag.
+    """Mark the messages (n,) that repeat an earlier message of the bag.
 
     Return None if the times never run backwards, since no stretch of the bag is then repeated. Two messages
     are equal if all their numbers and their stamps are equal. Without stamps, their arrival times must be

@@ -1,7 +1,7 @@
 """Finds the units of a bag's numbers. Stated units are compared with the values that the sensor has at rest.
 
 Some drivers break ROS's conventions and write deg/s instead of rad/s, or g instead of m/s². At rest, the
-length of gravity shows the accelerometer's unit. The noise of MEMS gyroscopes lies in a known range, so it
+length of gravity shows the accelerometer's unit. The noise of MEMS gyroscopes is in a known range, so it
 shows the gyroscope's unit: rad/s and deg/s differ by a factor of 57.
 """
 
@@ -29,7 +29,7 @@ Means over 0.1 s show the noise density N even if a low-pass filter removes the 
 """
 
 QUIET = 0.1
-"""The stretches of time with the least noise count as rest. They are this fraction of all stretches."""
+"""This fraction of all stretches of time, those with the least noise, is taken as rest."""
 
 MOVING = 0.05
 """The sensor counts as at rest if σ of the accelerations is at most this proportion of gravity."""
@@ -199,7 +199,7 @@ def check_rates(
     table: Callable[[], str],
     options: Sequence[str],
 ) -> None:
-    """Check that noise and mean at rest are those of a gyroscope, if only a convention gives the rates' unit.
+    """If only a convention gives the unit of the rates: check that noise and mean at rest suit a gyroscope.
 
     `accel`: result of the comparison of the accelerometer with gravity. `table`: function that returns the
     table of candidate units for the error message. `options`: the user's options.

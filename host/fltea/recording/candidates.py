@@ -110,7 +110,7 @@ def columns_table(names: Sequence[str] | None, values: Floats) -> str:
 
 
 def times_table(step: float, limits_hz: tuple[float, float] = LIKELY_HZ, also: str = "") -> list[str]:
-    """Return a line for each time unit in which `step` gives a possible sampling rate: option and rate.
+    """Return a line for each unit of time in which `step` gives a possible sampling rate: option and rate.
 
     `step`: usual step between times in the file.
 
@@ -125,7 +125,10 @@ def times_table(step: float, limits_hz: tuple[float, float] = LIKELY_HZ, also: s
 
 
 def ticks_table(step: float, units: Sequence[str]) -> str:
-    """Return a text of `step`, the lines `units` of a `times_table`, and the option for unknown ticks."""
+    """Return a text on what `step` would be in each unit of time.
+
+    `units`: lines of a `times_table`. The text ends with the option for times in counts of unknown length.
+    """
     return "\n".join([f"A step of {step:.6g} would be:", *units, "  or in ticks of unknown length: --rate ?"])
 
 

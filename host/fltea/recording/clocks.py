@@ -1,4 +1,4 @@
-"""Decides by the steps between times whether they are a sensor clock's, and measures the sampling period."""
+"""Decides by the steps between times whether a sensor's clock gave them, and measures the sampling period."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator
@@ -31,7 +31,7 @@ hundredths of a second look like 100 Hz with every hundredth sample lost.
 """
 
 FEWEST_ODD, ODD_SHARE = 20, 0.005
-"""A clock counts as too coarse if many rows repeat the time of the row before, with other values: at least
+"""A clock is taken as too coarse if many rows repeat the time of the row before, with other values: at least
 FEWEST_ODD rows, and at least the fraction ODD_SHARE of all rows.
 """
 
@@ -81,7 +81,7 @@ class Clock(NamedTuple):
 
 
 def clock_of(blocks: Blocks, elapsed: Elapsed) -> Clock | None:
-    """Examine elapsed times, and return what they show; None if all times are equal.
+    """Examine elapsed times, and return what is known of their clock; None if all times are equal.
 
     `elapsed`: the converter that made these elapsed times from a column, with its counts of faulty times.
     """
@@ -157,7 +157,7 @@ def _even_share(
 def _grain(blocks: Blocks, median: float) -> float:
     """Return the resolution to which all times are rounded, a power of ten.
 
-    Return 0 if it is only a small part of the period.
+    Return 0 if the resolution is much finer than the period.
     """
     grain = 10.0 ** math.floor(math.log10(median * (1 + NEARLY)))
     is_fine = grain <= EVENNESS * median
@@ -166,11 +166,12 @@ def _grain(blocks: Blocks, median: float) -> float:
 
 
 def _by_stretches(blocks: Blocks, median: float, grain: float) -> float | None:
-    """Return the period of rounded times, measured over long stretches; None if it is the median step.
+    """Return the period of rounded times, measured over long stretches; None if the median step is right.
 
     At 800 Hz in whole ms, steps of 1 and 2 ms alternate, and all stretches with the same number of steps have
-    nearly the same length. At 1000 Hz with lost samples, some stretches last as many ms as they have steps.
-    The result is infinite if the stretches are too short to decide.
+    nearly the same length: the period is this length over that number. At 1000 Hz with lost samples, some
+    stretches last as many ms as they have steps: the median step, 1 ms, is right. The result is infinite if
+    the stretches are too short to decide.
     """
     found = [(len(t), _of_block(t, median, grain)) for t in blocks() if len(t) > 1]
     total = sum(rows for rows, _ in found)
@@ -197,7 +198,7 @@ def _of_block(times: Floats, median: float, grain: float) -> float | None:
     if period == math.inf:
         return period
     steps[steps > (SHORT_GAPS[-1] + 0.5) * period] = period
-    times = np.cumsum(steps)  # the samples are numbered, since some were lost in some stretches
+    times = np.cumsum(steps)  # numbered below, since samples may be missing
     numbers = (
         Numbering(period, 1 / period, is_rounded=True).add(times, np.zeros(len(times), np.bool_)).sequence
     )

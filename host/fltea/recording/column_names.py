@@ -154,10 +154,10 @@ def time_unit_of(name: str) -> TimeUnit | None:
 
 
 def time_scale_of(name: str) -> tuple[TimeUnit, float] | None:
-    """Return the unit of times in a name, and how many of that unit a 1 in the column stands for.
+    """Return the unit of times in a name, and the number of such units that a 1 in the column means.
 
-    Abbreviations of minutes and longer units count only if they stand as a unit, since they may mean other
-    things.
+    Abbreviations of minutes and of longer units must be marked as units, for instance by brackets, since they
+    may mean other things.
     """
     found = _parts(name)
     if found.unit:
@@ -184,7 +184,7 @@ def accel_unit_of(name: str) -> float | None:
 
 
 def is_time(name: str) -> bool:
-    """Return whether a name is that of a column of times. T is one here; `times_in` decides about T."""
+    """Return whether a name can be that of a column of times. T can be; `times_in` decides about T."""
     found = _parts(name)
     if is_physical(found.unit) and time_scale(found.unit) is None:
         return False
@@ -199,7 +199,7 @@ def is_time(name: str) -> bool:
 def times_in(names: Sequence[str]) -> list[str]:
     """Return the names of columns of times.
 
-    T may be a temperature, so a column T counts only if no other column is one of times.
+    T may be a temperature, so a column T is used only if no other column holds times.
     """
     found = [name for name in names if is_time(name)]
     return [name for name in found if name.strip() != "T"] or found
@@ -274,10 +274,10 @@ def accel_axis_of(name: str, unit: str = "") -> str | None:
 
 
 def _axis_in(name: str, unit: str, axis: re.Pattern[str], kind: Callable[[str], object]) -> str | None:
-    """Return the axis that a name means for the sensor that `axis` matches; None if its unit contradicts.
+    """Return the axis that a name means; None if it means none, or if the column's unit contradicts.
 
-    `kind`: function that knows the sensor's units. If it knows the column's unit, the name `x` alone is an
-    axis, too.
+    `axis`: matches the names of the sensor's axes. `kind`: function that knows the sensor's units. If it
+    knows the column's unit, the name `x` alone is an axis, too.
     """
     parts = _parts(name)
     stated = _stated(parts, unit)

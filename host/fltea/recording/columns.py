@@ -84,7 +84,7 @@ class Chosen:
 
     @cached_property
     def places(self) -> tuple[int, ...]:
-        """All columns that are read as numbers: those of `needed`, then the accelerometer's."""
+        """All columns that are read as numbers: the columns of `needed`, then the accelerometer's."""
         return (*self.needed, *self.accel)
 
     def scale(self, values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -35,8 +35,8 @@ which the user can decompress it.
 """
 
 DAMAGE = (OSError, ValueError, zlib.error, lzma.LZMAError, zipfile.BadZipFile, NotImplementedError)
-"""Errors that libraries raise for damaged data. An archive with a password raises a RuntimeError, which is
-not among them.
+"""Errors that libraries raise for damaged data. For an archive with a password they raise a RuntimeError,
+which is not in this list.
 """
 
 LIKELY = ("gyro", "imu", "raw data", "angular", "rotation")

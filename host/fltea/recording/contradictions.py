@@ -19,8 +19,8 @@ from fltea.records.units import STANDARD_GRAVITY_MS2
 from fltea.settings.how import TimeUnit
 
 MOST_OFFSET_DPS = 5.0
-"""A usual offset at rest is at most this large [deg/s]. If the rates are no larger, a length near 1 is not
-taken for gravity in g.
+"""A usual offset at rest is at most this large [deg/s]. If three rates are no larger, a length of their
+vector near 1 is not taken for gravity in g.
 """
 
 FEWEST_STEPS = 8
@@ -36,8 +36,8 @@ def check_clock(
 ) -> None:
     """Compare the chosen clock with the dialect, the rate in the file's head and other columns of times.
 
-    `time`: column of times. `unit`, `factor`: unit of the times, and how many of it a 1 in the column stands
-    for. `fine`: column of fractions that is added to whole seconds, and the unit of this column [s].
+    `time`: column of times. `unit`, `factor`: unit of the times, and the number of such units that a 1 in the
+    column means. `fine`: column of fractions that is added to whole seconds, and the unit of this column [s].
 
     Raises:
         UsageError: the user's rate differs from the rate in the file's head.
@@ -124,14 +124,14 @@ def _runs_as(times: Floats, others: Floats) -> float | None:
 def check_gravity(
     choice: Choice, gyro: Sequence[int], dps: float, accel: Sequence[int], accel_ms2: float
 ) -> None:
-    """Check that the accelerometer's axes, and not the gyroscope's, have the length of gravity.
+    """Check that the vector of the accelerations is as long as gravity, and the vector of the rates is not.
 
     `gyro`: columns of the gyroscope's axes. `dps`: unit of their numbers [deg/s]. `accel`: columns of the
     accelerometer's axes; `accel_ms2`: unit of these columns [m/s²].
 
     Raises:
-        UsageError: the accelerations have the length of gravity in another unit than the user says, or the
-            gyroscope's columns have the length of gravity.
+        UsageError: the vector of the accelerations is as long as gravity only in another unit than the user
+        says, or the vector of the rates is as long as gravity.
     """
     how, dialect, values = choice.how, choice.dialect, choice.first_rows()
     if how.overrule or values is None:
@@ -163,7 +163,8 @@ def check_gravity(
 
 
 def _check_alone(choice: Choice, gyro: Sequence[int], values: Floats, dps: float) -> None:
-    """Raise UsageError if columns have the length of gravity, and only the user says that they are rates."""
+    """Raise UsageError if the vector of the rates is as long as gravity, and only the user calls them rates.
+    """
     names = [choice.names[place] for place in gyro]
     is_stated = any(rate_unit_of(choice.names[p]) or rate_unit(choice.units[p]) for p in gyro)
     measured = candidates.gravity_units(values) if len(gyro) == 3 and not is_stated else []

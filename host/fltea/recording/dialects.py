@@ -113,9 +113,9 @@ class Facts(NamedTuple):
     """What a file states in addition to the names of its columns.
 
     `head`: the lines before the column names. `file`: name of the file. `rates`: sampling rates that the file
-    states [Hz], by the place where each stands, such as `imu.fs`. `sample`: function that returns the first
-    rows of all columns (n, width), NaN where there is no number. `units_from`: evidence and source of the
-    units of the columns.
+    states [Hz], each by where it was found, such as `imu.fs`. `sample`: function that returns the first rows
+    of all columns (n, width), NaN where there is no number. `units_from`: evidence and source of the units of
+    the columns.
     `beside`: names that label numbers on other lines of the text, as some boards print them. `cells`:
     function that returns the texts in a column, given its index, in the same first rows. `changed`: columns
     whose numbers may need a further scale or offset, each with a text about it.
@@ -168,7 +168,7 @@ def may_be_of_a_dialect(names: Sequence[str]) -> bool:
 
 
 def names_kinds(line: str) -> bool:
-    """Return whether a line is one that stands before the rows in a dialect with rows of several kinds."""
+    """Return whether a line is in a form that shows a dialect with rows of several kinds."""
     return any(re.search(pattern, line) for one in dialects() if one.tag for pattern in one.head)
 
 
@@ -199,7 +199,9 @@ def _has_gravity(one: Dialect, facts: Facts) -> bool:
 
 
 def columns_of(triples: Sequence[Sequence[str]], names: Sequence[str], near: str = "") -> tuple[int, ...]:
-    """Return the columns of the first triple of patterns by which each axis has exactly one column, or ().
+    """Return the columns that match the first usable triple of patterns; () if no triple is usable.
+
+    A triple is usable if each of its three patterns matches exactly one column.
 
     `near`: text with which the names of the wanted sensor's columns begin. If there are columns of several
     sensors, those whose names begin most like it are used.

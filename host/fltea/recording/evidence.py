@@ -45,8 +45,7 @@ _TWO_FIELDS = re.compile(r"(\d+)\+(\d+)")
 """Matches the positions of two columns: one of whole seconds, and one of nanoseconds."""
 
 ENOUGH = 10
-"""A column counts as empty if it holds no number in the first rows, provided that there are at least this
-many rows.
+"""A column without a number in the first rows is taken as empty if there are at least this many first rows.
 """
 
 
@@ -134,7 +133,7 @@ class Choice:
     def scale(self, name: str) -> float | None:
         """Return the factor that the lines before the column names give for `name`; 1 if `name` is empty.
 
-        The result is None if these lines give no positive number.
+        The result is None if these lines give no positive number for `name`.
         """
         scale = self.facts.number(name) if name else 1.0
         return scale if scale is not None and math.isfinite(scale) and scale > 0 else None
@@ -175,8 +174,8 @@ class Choice:
     def clock(self, gyro: Sequence[int]) -> tuple[int | None, TimeUnit | None, float, int | None, float]:
         """Find the column of times and its unit.
 
-        Returns the column, its unit, how many of this unit a 1 in it stands for, the column of fractions to
-        add, and the unit of that column [s].
+        Returns five facts: the column, its unit, the number of such units that a 1 in the column means, the
+        column of fractions to add, and the unit of the latter column [s].
         """
         place, by_dialect = self._time_column(gyro)
         given, factor = self.how.time_unit, 1.0
@@ -304,7 +303,7 @@ class Choice:
         return is_asked and any(is_time(name.rpartition(".")[2]) for name in self.names)
 
     def stated_rates(self) -> Mapping[str, float]:
-        """Return the sampling rates that the file states [Hz], by the place where each stands.
+        """Return the sampling rates that the file states [Hz], by where in the file each was found.
 
         Several rates may contradict each other.
         """
@@ -314,7 +313,7 @@ class Choice:
         return self.facts.rates or {f"the head: {line}": hz for line, hz in stated_in(head).rates.items()}
 
     def measured_hz(self, time: int, unit: TimeUnit | None, factor: float) -> float | None:
-        """Return the sampling rate measured from the first times; None if they are uneven or have no unit."""
+        """Return the sampling rate by the first times; None if these times are uneven or have no unit."""
         values = self.facts.sample()
         if values.ndim != 2 or values.shape[1] <= time or len(values) < 3:
             return None

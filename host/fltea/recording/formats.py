@@ -30,7 +30,7 @@ class Format(NamedTuple):
     """A file format that fltea reads.
 
     `title`: name for people. `guide`: description in the guide. `suffixes`: endings of file names.
-    `is_certain`: whether a file whose name has such an ending counts as this format even if it begins with
+    `is_certain`: whether a file whose name has such an ending is read in this format even if it begins with
     none of `magic`. `corpus`: example files in `tests/recording/corpus`, each with the options that read it.
     `magic`: possible first bytes, which no other format has. `member`: file in an archive (.zip) that shows
     this format. `opener`: function that reads the file in this process, as MODULE:FUNCTION. `reader`:

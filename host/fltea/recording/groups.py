@@ -52,7 +52,7 @@ def is_of_accelerometer(name: str) -> bool:
 
 
 def tells_gyroscope(group: str) -> bool:
-    """Return whether a group's name is that of a gyroscope, whatever the group contains."""
+    """Return whether a group's name alone shows that the group is a gyroscope."""
     return axis_of(f"{group.rpartition('.')[2]}_x") is not None
 
 
@@ -79,7 +79,7 @@ def short_names(
 ) -> dict[int, str]:
     """Return short names of columns, by column index.
 
-    They lack the names of the groups `of`, innermost first.
+    A short name lacks the name of the innermost of the groups `of` that contains the column.
 
     `fixed`: names that stay unchanged. `keep`: columns that get short names. If several columns would get the
     same short name, only the column in the innermost group gets it.

@@ -20,7 +20,7 @@ from fltea.records.small_file import open_stream
 
 BEGIN_BYTES = 512
 FEWEST_ROWS = 2
-"""A file with at least this many rows of numbers counts as text, whatever the ending of its name."""
+"""A file with at least this many rows of numbers is read as text, whatever the ending of its name."""
 
 TEXTS = "csv", "ndjson", "json"
 OURS, ARRAY = re.compile(rb'\{\s*"class"'), re.compile(rb"\[\s*\{")
@@ -70,7 +70,7 @@ def is_of_this_process(path: Path) -> bool:
 
 
 def kind_of(begin: bytes) -> Kind | None:
-    """Return the format that the first bytes of a file prove; None if they prove none."""
+    """Return the format that the first bytes of a file prove; None if these bytes prove no format."""
     return next((kind for magic, kind in MAGIC.items() if begin.startswith(magic)), None)
 
 

@@ -53,7 +53,7 @@ class LabelLines:
         return self._is_on or bool(self._held)
 
     def take(self, lines: list[str], *, is_known: bool) -> list[str]:
-        """Return the lines that are complete. `is_known`: the text's form is known, so none are held back."""
+        """Return the lines that are complete. `is_known`: the text's form is known, so none is held back."""
         if is_known and not self._is_on:
             return [*self.finish(), *lines]
         found: list[str] = []
@@ -107,7 +107,9 @@ class LabelLines:
 
 
 def _begins_at(labels: list[str]) -> int:
-    """Return the index of the label with which a sample begins: one after a label of the z axis, or else 0.
+    """Return the index of the label with which a sample begins, since a text may begin within a sample.
+
+    In the order of labels from this index on, the axes come as x, y, z.
 
     `labels`: labels in order, until they repeat.
     """

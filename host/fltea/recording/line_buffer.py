@@ -24,7 +24,7 @@ class LineBuffer:
 
     @property
     def is_cut(self) -> bool:
-        """Whether the text consists of documents, and the last document was truncated and left out."""
+        """Whether the text consists of YAML documents, and the last document was truncated and left out."""
         return self._decoder.is_cut
 
     def resume(self, *, within_line: bool) -> None:

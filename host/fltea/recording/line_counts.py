@@ -23,8 +23,8 @@ class Bad(NamedTuple):
 class BadLines:
     """Counts of the lines of a text that hold no sample.
 
-    `counts`: number of such lines for each reason in `text_numbers.REASONS`, except the last three reasons.
-    `first`, `newest`: the first and the newest such line.
+    `counts`: number of such lines for each reason in `text_numbers.REASONS`. The last three reasons are not
+    for lines. `first`, `newest`: the first and the newest such line.
     """
 
     def __init__(self) -> None:
@@ -34,7 +34,7 @@ class BadLines:
 
     @property
     def left_out(self) -> int:
-        """Number of lines without a sample, counted from the line that made the columns known."""
+        """Number of lines without a sample, counted from the line that determined the columns."""
         return self.counts.total() - self.counts["before_header"]
 
     def add(self, line: int, reason: str, why: str) -> None:

@@ -1,6 +1,6 @@
 """Measures sampling rate and lost samples by the time stamps of messages, and how reliable the stamps are.
 
-A driver stamps samples with the sensor's clock, or with its computer's clock, and then stamps may be
+A driver stamps samples with the sensor's clock or with its computer's clock. The computer's stamps may be
 milliseconds late. In both cases the sensor samples evenly. So messages are numbered in the order of arrival,
 and a sample counts as lost only where the stamps become late and stay late.
 """
@@ -23,8 +23,8 @@ LATE = 1.5
 """Steps longer than this many periods are examined as gaps."""
 
 ALIKE = 0.1
-"""A step shorter than this many periods counts as a repetition of the stamp before. Such a stamp may be too
-early.
+"""If a step is shorter than this many periods, its second stamp is taken as a repetition of the first. Such a
+stamp may be too early.
 """
 
 SET_BACK = 10
@@ -84,7 +84,7 @@ class Stamps(NamedTuple):
     spread_ns: float
 
     def sequence(self, begin: int, end: int) -> Times:
-        """Return the sequence numbers of the rows from `begin` to `end`; lost samples take numbers too."""
+        """Return the sequence numbers of the rows from `begin` to `end`, which skip those of lost samples."""
         lost = np.concatenate([[0], np.cumsum(self.missing)])
         rows = np.arange(begin, end)
         return np.asarray(rows + lost[np.searchsorted(self.gap_row, rows, "right")])

@@ -78,7 +78,7 @@ class NamedLines:
     def _are_meant(self, names: Sequence[str], units: Sequence[str]) -> bool:
         """Return whether a line with these names has the wanted columns.
 
-        If the user gives columns by position, they are meant for the most common kind of line.
+        If the user gives columns by position, the positions are those in the most common kind of line.
         """
         if not self._wanted.by_position or self._wanted.is_in(names):
             return self._are_names(names, units)

@@ -32,7 +32,8 @@ status.
 
 CHANCE_SIGMA, APART = 5.0, 5.0
 """Thresholds in standard deviations. CHANCE_SIGMA: how far the regularity of a cycle has to exceed chance.
-APART: how far the mean numbers of two sensors have to differ, in the sum of their standard deviations.
+APART: how far the mean numbers of two sensors have to differ, as a multiple of the sum of their standard
+deviations.
 """
 
 FEWEST_SHARE, FEWEST_COUNTED = 0.6, 5

@@ -61,8 +61,8 @@ class PartWriter:
 
     Raises:
         OSError: the disk failed. The constructor, `flush` and `finish` raise it; call `abandon` afterwards.
-        Meddled: the file was deleted, moved or truncated. `flush` and `finish` raise it; it is an OSError,
-        too.
+        Meddled: the file was deleted, moved or truncated. `flush` and `finish` raise it. `Meddled` is a kind
+        of OSError.
     """
 
     def __init__(

@@ -63,6 +63,6 @@ class Plausible:
 
 
 def is_of_sensor(values: Floats) -> Marks:
-    """Mark the rows whose numbers, in deg/s or m/s², a sensor can give. Rows with NaN are not marked."""
+    """Mark the rows whose numbers, in deg/s or m/s², are possible for a sensor. Rows with NaN get no mark."""
     good = np.abs(values) <= LARGEST_DPS
     return np.ones(len(values), np.bool_) if good.all() else np.asarray(good.all(axis=1))

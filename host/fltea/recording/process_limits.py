@@ -1,8 +1,8 @@
 """Limits of a reader process, and the error message if a limit ended the process.
 
 The operating system enforces the limits, whatever a library does: on processor time, on time without output,
-and on memory. Files cannot be written at all. Lower limits of the login session apply too. The process ends
-when the process that started it ends.
+and on memory. Files cannot be written at all. Lower limits of the login session apply too. The reader process
+ends when the process that started it ends.
 """
 
 import contextlib

@@ -87,7 +87,10 @@ def not_stated(
 
 
 def asked_with(where: str, first: Missing, known: Sequence[str], then: Callable[[], object]) -> NotStated:
-    """Return the error that asks the user for `first` and for all further facts whose lack `then` reports."""
+    """Return the error that asks the user for the missing fact `first`, and for further missing facts.
+
+    `then`: function that raises `NotStated` if further facts are missing.
+    """
     try:
         then()
     except NotStated as error:

@@ -16,7 +16,7 @@ from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
 
 class Recovered(NamedTuple):
-    """Result of a recovery. `out`: path of the new file, None if no recovery was needed."""
+    """Result of a recovery. `out`: path of the recovered file, None if no recovery was needed."""
 
     out: Path | None
     messages: int

@@ -17,7 +17,7 @@ FOOTER = struct.Struct("<BQQQI")
 
 PACKERS = (b"\x04\x00\x00\x00zstd", b"\x03\x00\x00\x00lz4")
 """Names of the two methods of compression, as chunks store them. The search for the next chunk looks for
-these names, so it cannot find chunks that are not compressed.
+these names, so the search cannot find chunks that are not compressed.
 """
 
 PACKER_AT = HEAD.size + 28
@@ -33,8 +33,8 @@ valid.
 
 
 LAST_KIND = Opcode.DATA_END
-"""Highest opcode of a record that MCAP defines. Higher opcodes are those of other programs or of later
-versions of MCAP.
+"""Highest opcode of a record that MCAP defines. Other programs, or later versions of MCAP, define higher
+opcodes.
 """
 
 

@@ -1,7 +1,4 @@
-"""Counts the rows of a table, and those of its rows that are not samples.
-
-Says what is wrong with the rows that are not samples.
-"""
+"""Counts the rows of a table, also the rows that are not samples, and says what is wrong with the latter."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -27,7 +24,11 @@ class RowCounts:
         self._some = np.zeros(len(chosen.needed), dtype=bool)
 
     def add(self, values: Floats, left_out: dict[str, tuple[int, int]]) -> None:
-        """Count rows of the table. `values`: numbers in these rows. `left_out`: as in `table.Samples`."""
+        """Count rows of the table.
+
+        `values`: numbers in these rows. `left_out`: for each reason, the first row left out, and their
+        number.
+        """
         self._rows += len(values)
         self._some |= np.isfinite(values[:, : len(self._some)]).any(axis=0)
         for reason, (first, count) in left_out.items():

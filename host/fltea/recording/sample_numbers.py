@@ -25,15 +25,15 @@ end. Therefore the remainder is multiplied by LEAK at each step, or by LEAK_OF_R
 """
 
 FEW, STRETCH, FADED = 8, 256, 2048
-"""Numbers of steps (from one time to the next) that are processed together.
+"""Numbers of steps that are processed together. A step leads from one time to the next.
 
 Up to FEW steps are processed one by one, and more steps in stretches of STRETCH steps. After FADED steps,
 what is left of a remainder is negligible.
 """
 
 NO_DOUBT = 0.499
-"""If the remainder of each step, with what earlier steps have added to it, is below this, rounding each step
-to whole sampling periods is certainly right [sampling periods].
+"""If the remainder of each step stays below this number of sampling periods, even with the remainders of
+earlier steps, each step may be rounded by itself to whole sampling periods.
 """
 
 DOUBT_OF_ROUNDED = 0.6

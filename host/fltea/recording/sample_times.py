@@ -52,8 +52,8 @@ Marks = NDArray[np.bool_]
 SECONDS: dict[TimeUnit, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 EVENNESS, EVEN_SHARE = 0.2, 0.9
-"""Times count as those of a sensor's clock if at least nine in ten steps from one time to the next differ by
-less than a fifth from the median step.
+"""Times are taken as those of a sensor's clock if nine tenths of their steps are even. A step from one time
+to the next is even if it differs by less than a fifth from the median step.
 """
 
 PLAUSIBLE_HZ = 5.0, 10_000.0
@@ -116,7 +116,7 @@ class Elapsed:
 
     @property
     def between(self) -> float:
-        """Difference between the latest and the earliest time of a row, in the unit of the times."""
+        """Difference between the latest and the earliest time of all rows, in the unit of the times."""
         return self._between[1] - self._between[0]
 
     @property
@@ -177,7 +177,7 @@ class Elapsed:
         off_s = np.abs(np.abs(steps[turns]) * self.unit_s - HOUR_S)
         self.hours += int((off_s < NEAR_TURN_S).sum())
         after_s, before_s = time[turns] * self.unit_s, (time[turns] - steps[turns]) * self.unit_s
-        # the true step is NaN if one of the two numbers is no time of day
+        # the true step is NaN if the number before or after it is no time of day
         real_s = (_of_day(after_s) - _of_day(before_s)) % DAY_S
         ends = (before_s % 100 >= 60 - NEAR_TURN_S) & (after_s % 100 < NEAR_TURN_S)
         is_turn = ends & (real_s > 0) & (real_s < 2 * NEAR_TURN_S)
@@ -217,7 +217,7 @@ def differences(values: Floats, before: float) -> Floats:
 class TimeColumn(NamedTuple):
     """A column of times. `unit`: unit of the times, None if unknown.
 
-    `ticks`: how many units of time the number 1 in the column stands for.
+    `ticks`: number of such units that a 1 in the column means.
 
     `rate_hz`: sampling rate that the user or the file states; `is_given`: whether the user states it.
     `overrule`: whether the user's rate is used even if the times contradict it.
@@ -232,7 +232,7 @@ class TimeColumn(NamedTuple):
 
 
 def between(times: Floats, period: float) -> Marks:
-    """Mark surplus rows: rows between two samples of an even clock that are only one period apart.
+    """Mark surplus rows. A row is surplus if the samples before and after it are only one period apart.
 
     `times`: elapsed times (n,) in the unit of `period`; repeated times are skipped. If one of two
     neighbouring rows is surplus, but it is not clear which one, the row farther from the expected time of the

@@ -139,7 +139,7 @@ class Scan:
         self._spent_bytes = 0
 
     def __iter__(self) -> Iterator[Item]:
-        """Yield the contents of the file in the order in which they stand in the file.
+        """Yield the contents of the file in the file's order.
 
         Raises:
             OSError: the file cannot be read.
@@ -183,8 +183,8 @@ class Scan:
         """Return the true length of a chunk or message index if its header states a wrong one, else None.
 
         The length follows from the fields of the record. It is true if another record begins where this
-        length ends. Without this function, chunks could be lost unnoticed: a wrong length may lead to the
-        beginning of a later record, and the chunks in between would be skipped.
+        length ends. Without this function, chunks could be lost unnoticed: with a wrong length, reading may
+        go on at a later record and skip the chunks before it.
         """
         if kind == Opcode.CHUNK:
             found = chunk_length(file, at)
@@ -300,7 +300,7 @@ def _unpacked(chunk: Chunk, limits: Limits, place: str) -> bytes:
 
 
 def _records(data: bytes) -> Iterator[Schema | Channel | Messages]:
-    """Yield the contents of a chunk in the order in which they stand in the chunk."""
+    """Yield the contents of a chunk in the chunk's order."""
     table = np.frombuffer(_native.chunk_records(data), np.int64).reshape(-1, 7)
     kind = table[:, 0]
     if len(table) and table[:, LOG_TIME:].max() > LATEST_NS:

@@ -109,7 +109,7 @@ class SensorLines:
 
 
 def _value(layout: Layout, place: int, line: bytes) -> str | None:
-    """Return the text that stands in a line's column that names the sensor; None if the line is too short."""
+    """Return the name of the sensor in a line; None if the line has too few fields."""
     if layout.parse is not None:
         try:
             value = layout.parse(decoded(line)).get(layout.chosen.names[place])

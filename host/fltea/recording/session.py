@@ -13,7 +13,7 @@ device sends a new HELLO message.
 
 FORMAT = 1
 WIRE, LINK = "wire", "link"
-"""Last parts of the names of two topics: of the topic of raw bytes, and of the topic of port events. The
+"""Last parts of the names of two topics. WIRE: the topic of raw bytes. LINK: the topic of port events. The
 names of other topics end in the class of their records.
 """
 
@@ -37,8 +37,8 @@ million digits.
 
 LOWEST_RATE_HZ, HIGHEST_RATE_HZ = 1e-6, 1e7
 LOWEST_SCALE, HIGHEST_SCALE = 1e-6, 1e12
-"""Limits for the sampling rate and for the scales in a HELLO message. They are far beyond those of any
-sensor. Within these limits, all numbers that are computed from rate and scales are finite.
+"""Limits for the sampling rate and for the scales in a HELLO message. The limits are far beyond the values of
+any sensor. Within these limits, all numbers that are computed from rate and scales are finite.
 """
 
 WIRE_WRAP = 1 << 32
@@ -109,9 +109,9 @@ def check_hello(hello: Hello) -> None:
 class LinkMessage(msgspec.Struct, frozen=True, omit_defaults=True):
     """An event of the serial port or of the recorder, as it is stored in a recording.
 
-    `kind`, `message`: kind and description of a failure. For a gap in the recording, `kind` is the reason.
-    `chunks` and `bytes` are the numbers of serial reads and of bytes that are missing, as far as they were
-    counted. `items` is the number of missing queue items.
+    `kind`, `message`: kind and description of a failure. For a gap in the recording, `kind` is the reason for
+    the gap. `chunks` and `bytes` are the numbers of serial reads and of bytes that are missing, as far as
+    they were counted. `items` is the number of missing queue items.
     """
 
     event: Literal["opened", "failed", "gap"]

@@ -43,7 +43,7 @@ SAMPLE_ROWS, MOST_SAMPLED = 60, 64
 """
 
 FEW = 10
-"""An array with fewer rows than this counts as a calibration, not as samples, if the file also holds longer
+"""An array with fewer rows than this is taken as a calibration, not as samples, if the file also holds longer
 arrays.
 """
 

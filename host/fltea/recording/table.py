@@ -29,7 +29,7 @@ from fltea.settings.limits import Limits
 
 FEWEST_BETWEEN = 20
 """Surplus rows (see `sample_times.between`) are left out only if a recording has at least this many of them.
-If there are fewer, they may only look surplus because of the clock's jitter.
+Fewer rows may only look surplus, because of the clock's jitter.
 """
 
 STEPS_AT_ONCE = 1 << 16
@@ -42,8 +42,8 @@ class Rows(NamedTuple):
 
     `numbers`: (n,) number of each row or line in the file, for messages. `values`: (n, columns), in the order
     of `Chosen.places` and scaled by `Chosen.scale`; NaN: no number. `ordinal`: (n,) index of each row, from
-    0, in the sequence of all samples, including lost samples. `begins`: whether the sender restarted before
-    the first of these rows.
+    0, in the sequence of all samples, including lost samples. `begins`: whether the sender restarted just
+    before the first of these rows.
     """
 
     numbers: Ints
@@ -246,7 +246,7 @@ class _Table:
         chosen, spool, elapsed = self._chosen, self._samples.spool, self._elapsed
         by_headers = np.array(self._runs.by_headers, np.int64)
         if chosen.time is None:
-            # if there is no column of times, there is a rate: `choose` has required one of the two
+            # without a column of times there is a rate: `choose` requires a column of times or a rate
             assert chosen.rate_hz is not None
             check_given(str(self._path), chosen.rate_hz, overrule=chosen.overrule)
             return Timing(chosen.rate_hz, None), by_headers

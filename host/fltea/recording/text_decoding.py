@@ -31,7 +31,7 @@ class TextDecoder:
         return self._yaml is not None and self._yaml.is_cut
 
     def drop(self) -> None:
-        """Delete the bytes that are held back. Call this when bytes that came after them were lost."""
+        """Delete the bytes that are held back. Call this if the bytes that follow in the text were lost."""
         self._held = b""
 
     def feed(self, data: bytes, *, hold: bool = True) -> bytes:

@@ -200,7 +200,7 @@ def sample_of(lines: Sequence[str], names: Sequence[str] | None, width: int, tag
 def cells_of(
     lines: Sequence[str], names: Sequence[str] | None, width: int, tag: str, place: int
 ) -> list[str]:
-    """Return what stands in one column of the rows that `sample_of` reads, as texts."""
+    """Return the texts in one column of the rows that `sample_of` reads."""
     found = (row[place] for row in _rows(tuple(lines), tuple(names or ()), width, tag))
     return [as_word(one) if isinstance(one, float) else "" if one is None else str(one) for one in found]
 

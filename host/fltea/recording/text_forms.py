@@ -92,8 +92,8 @@ YAML = re.compile(
 """Matches the beginning of the first YAML document in a text."""
 
 BEGINNING = re.compile(_BEFORE + rb"(?:" + _KEY + rb"(?:[ \t\r]*|[ ]*\{[^\n]{0,256})\n)?[^\n]{0,256}")
-"""Matches the first bytes of a text if they may be the beginning of a YAML document. Whether they are shows
-only when the next line is complete.
+"""Matches the first bytes of a text if they may begin a YAML document. Only the next complete line shows
+whether they do.
 """
 
 LONGEST_DOCUMENT, LONGEST_LINE = 1 << 20, 1 << 14

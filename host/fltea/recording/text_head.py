@@ -121,7 +121,7 @@ def stated_in(head: str) -> Head:
 
 
 def _rates(text: str) -> Iterator[tuple[bool, float]]:
-    """Yield the sampling rates that a line states [Hz], and for each whether the line names the gyroscope."""
+    """Yield each sampling rate that a line states [Hz], and whether the line names the gyroscope."""
     for found in _FACT.finditer(text):
         words = {word.lower() for word in _WORD.findall(found[1])}
         number, unit = float(found[2]), found[3].lower().rstrip(".")
@@ -141,7 +141,7 @@ def _rates(text: str) -> Iterator[tuple[bool, float]]:
 
 
 def _units(text: str) -> Iterator[tuple[bool, str]]:
-    """Yield the gyroscope's units that a line states, and for each whether the line names the gyroscope."""
+    """Yield each unit of angular rates that a line states, and whether the line names the gyroscope."""
     if (found := _SCALE.search(text)) is not None:
         unit = rate_unit((found["of"] or found["unit"]).strip(" ()"))
         words = {word.lower() for word in _WORD.findall(text[: found.start()])}

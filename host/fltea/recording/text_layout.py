@@ -167,7 +167,7 @@ class LayoutFinder:
         return next(self._headers(line), None)
 
     def _headers(self, line: str) -> Iterator[_Names]:
-        """Yield the names of columns in a line, once for each separator that may stand between names."""
+        """Yield the names of columns in a line, once for each separator that may be between names."""
         # tabs are not stripped: a tab at the beginning means that the first column has no name
         text = line.strip(" \r\n")
         for mark in COMMENTS:
@@ -190,7 +190,7 @@ class LayoutFinder:
                 yield _Names(names, separator, separator is None or is_comment(line))
 
     def _are_names(self, names: Sequence[str], units: Sequence[str] = ()) -> bool:
-        """Return whether the fields of a line are names of columns, among them all columns to read."""
+        """Return whether the fields of a line are names of columns, including all columns to read."""
         wanted = self._wanted
         if wanted.columns is None:
             has_times = wanted.time is None or wanted.time in names
@@ -227,7 +227,7 @@ class LayoutFinder:
     def _choose_named(self, line: str) -> None:
         """Choose the columns by the header and by the line after it, which shows the number of fields."""
         self._thousands.check(self._where, self._sample())
-        header, self._header = self._header, None  # if an error is raised below, the header stays forgotten
+        header, self._header = self._header, None  # reset at once, in case an error is raised below
         assert header is not None
         fields = split(line, separator_of(line))
         if 2 * sum(map(is_number, fields)) > len(fields):

@@ -49,7 +49,7 @@ REASONS = {
 """Reasons why a line holds no sample. The keys are the same as those of the counts in `link.bad_frames`. The
 values say to the user what is wrong with the line.
 
-The last three reasons are found by `fltea.recording.table`, when it turns rows into samples.
+The module `table` finds the last three reasons, when it turns rows into samples.
 """
 
 WhyNot = tuple[str, str]
@@ -168,7 +168,7 @@ class RowParser:
             return "number", why
         fields += [""] * (
             max(layout.chosen.places) + 1 - len(fields)
-        )  # a row may lack the fields of the accelerometer
+        )  # a row may end before the fields of the accelerometer
         chosen = [fields[place].strip().strip('"').strip() for place in layout.chosen.places]
         if layout.separator != ",":
             self._note_decimal(chosen[: len(layout.chosen.needed)])

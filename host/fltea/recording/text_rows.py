@@ -1,8 +1,8 @@
 """Reads text as rows of numbers, from bytes in pieces of any length: from a file, a pipe, or a board.
 
 A line without a sample is left out, and is counted under the reason why it holds no sample. If such a line
-was meant as a sample, it stands for a lost sample. Then it gets a sequence number of its own, so that the
-numbers show the loss.
+was meant as a sample, its sample is lost. The line then takes one sequence number, so that the numbers show
+the loss.
 """
 
 import math
@@ -76,8 +76,8 @@ class TextReader:
         self._finder = LayoutFinder(where, how, lambda: self._sample)
         self._finder.head += head
         self._parser: RowParser | None = None
-        # The key is a line of column names. The value is the layout of the rows below it, or None if its
-        # columns do not fit those of the first line of column names.
+        # The key is a line of column names. The value is the layout of the rows below this line, or None if
+        # the columns do not fit those of the first line of column names.
         self._layouts: dict[str, Layout | None] = {}
         self._checks = 0
         self._sensors = SensorLines(where, how)
@@ -92,7 +92,7 @@ class TextReader:
 
     @property
     def left_out(self) -> int:
-        """Number of lines without a sample after the line that made the columns known."""
+        """Number of lines without a sample after the line that determined the columns."""
         return self.bad.left_out
 
     @property
@@ -257,7 +257,7 @@ class TextReader:
         return LayoutFinder(self._where, self._how, lambda: self._sample, self._finder)
 
     def _is_as_before(self, chosen: Chosen) -> bool:
-        """Return whether the columns of a new header can continue those that were read before this header."""
+        """Return whether a new header has columns of the same kinds as the header before it."""
 
         def kind(of: Chosen) -> tuple[object, ...]:
             return len(of.gyro), of.lsb, of.time is None, of.time_unit, len(of.accel)
@@ -281,7 +281,7 @@ class TextReader:
     def _read(self, parser: RowParser, data: bytes, begin: int, pieces: list[Rows]) -> int | None:
         """Read rows up to another header; return the header's offset, or None if the data end first."""
         is_plain = is_first = (
-            True  # after two lines without a row, lines are read one by one until a row comes
+            True  # after two lines without a row, lines are read one by one until a row appears
         )
         while begin <= len(data):
             if is_plain:
@@ -358,7 +358,7 @@ class TextReader:
 
 
 def _by_run(pieces: list[Rows]) -> list[Rows]:
-    """Join successive `Rows`, so that there is one `Rows` for each run of the sender."""
+    """Join successive `Rows`, so that there is one `Rows` from each restart of the sender to the next."""
     found: list[list[Rows]] = []
     for piece in pieces:
         if piece.begins or not found:

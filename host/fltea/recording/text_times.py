@@ -202,7 +202,7 @@ class _DayMonth:
     def days(self, month_first: int | None, day_first: int | None) -> int | None:
         """Return the number of days from 1970 to a date, or None if there is no such date.
 
-        `month_first`, `day_first`: these days if the month, or the day, stands first in the text of the date.
+        `month_first`, `day_first`: these days if the month, or the day, is first in the text of the date.
         """
         newest = self._newest
         if self._is_day_first is None and (month_first is None or day_first is None):

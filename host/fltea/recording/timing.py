@@ -191,9 +191,9 @@ def _uneven(
 
 
 def _turns(where: str, name: str, count: int, at: str, mean: str) -> NotStated:
-    """Return the error for times that stand in `count` rows each.
+    """Return the error for times that occur in `count` rows each.
 
-    It asks whether the rows are from `count` sensors.
+    The error asks whether there are `count` sensors.
     """
     what = f"whether {count} sensors take turns, or the clock is coarser than the samples"
     table = [

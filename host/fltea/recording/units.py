@@ -191,9 +191,7 @@ def time_unit(text: str) -> TimeUnit | None:
 
 
 def time_scale(text: str) -> tuple[TimeUnit, float] | None:
-    """Return the unit of times that a text means, and how many of this unit the text means.
-
-    For example, a minute is 60 s.
+    """Return the unit of times that a text means, and a number of such units: for a minute, s and 60.
 
     Minutes, hours and days are given as multiples of s. Return None if the text is no unit of time.
     """

@@ -55,8 +55,7 @@ def choose_accelerometer(choice: Choice, taken: set[int | None]) -> Acceleromete
     measured: list[str] = []
     if values is not None and len(values) and not stated:
         measured = candidates.gravity_units(values[:, list(accel)])
-    # A unit in counts can be computed from the length of gravity, but is not used, since its scale would be
-    # uncertain.
+    # The length of gravity also gives the scale of counts, but this scale is not used, since it is uncertain.
     if len(measured) == 1 and not measured[0].startswith("lsb:"):
         choice.answer(
             "accelerometer", f"{shown} in {measured[0]}", "measured", "their length is that of gravity"

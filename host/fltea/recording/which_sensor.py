@@ -24,8 +24,8 @@ columns.
 def choose_sensor(choice: Choice, tag: str, gyro: Sequence[int]) -> tuple[int, str | None] | None:
     """Find the column that distinguishes sensors, and the sensor to read; None if there is no such column.
 
-    Only the first rows of the file are examined. All later decisions about the file use only those of these
-    rows that are from the sensor to read.
+    Only the first rows of the file are examined. All later decisions use only the rows of one sensor: the
+    sensor to read or, if the user has to choose it first, the most frequent one.
 
     `tag`: first field of the rows, in files with rows of several kinds. `gyro`: columns of the axes.
 
@@ -112,7 +112,7 @@ def _named(choice: Choice) -> list[int]:
 
 
 def _counts(choice: Choice, place: int) -> bool:
-    """Return whether the values in a column count up, or are too many to be names of sensors."""
+    """Return whether the values in a column only rise, or are too many to be names of sensors."""
     cells = _cells(choice, place)
     if len({*cells}) > MOST_SENSORS:
         return True
@@ -121,7 +121,7 @@ def _counts(choice: Choice, place: int) -> bool:
 
 
 def _measured(choice: Choice, gyro: Sequence[int]) -> Iterator[int]:
-    """Yield the columns whose values alternate as numbers of sensors would.
+    """Yield the columns whose values alternate as identifiers of sensors would.
 
     Times and measurements are left out.
     """
@@ -152,7 +152,10 @@ def _cells(choice: Choice, place: int) -> Sequence[str]:
 
 
 def _only(choice: Choice, marks: Marks) -> None:
-    """Keep only the chosen sensor's rows of the first rows. All later choices are made by these rows."""
+    """Of the file's first rows, keep only those of the chosen sensor.
+
+    All later choices are made by these rows.
+    """
     values = choice.facts.sample()
     if len(marks) == len(values) and marks.any():
         values, all_cells = values[marks], choice.facts.cells

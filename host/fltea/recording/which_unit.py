@@ -68,8 +68,8 @@ def choose_unit(choice: Choice, gyro: tuple[int, ...]) -> Unit:
 def _ask(choice: Choice, gyro: Sequence[int], stated: Sequence[str | None]) -> None:
     """Ask the user for the unit.
 
-    If the axes are unknown, the user is asked which columns they are. Then the unit is asked for only if no
-    column states a unit of angular rate.
+    If the axes are unknown, the user is asked for the axes' columns, too. The unit is then asked for only if
+    no column states a unit of angular rate.
     """
     if any(one.option.startswith("--units ?") for one in choice.missing):
         return
@@ -215,7 +215,7 @@ def _whole(
 ) -> tuple[float, float | None]:
     """Return the factor that converts the numbers to deg/s or counts, and the counts in 1 deg/s.
 
-    If the numbers have fractions, they are no counts. Then the N of the unit `lsb:N` only becomes part of the
+    If the numbers have fractions, they are no counts. Then the N of the unit `lsb:N` is only used in the
     factor, and None is returned as number of counts.
     """
     factor, lsb = parsed

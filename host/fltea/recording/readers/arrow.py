@@ -153,7 +153,7 @@ class _Reader:
             self._begin = int(known[0].astype(np.int64))
         seconds = (points - np.datetime64(self._begin or 0, "ns")) / np.timedelta64(1, "s") + self._passed_s
         first, last = (seconds[np.isfinite(seconds)][[0, -1]]) if len(known) else (self._last_s, self._last_s)
-        if first < self._last_s - DAY_S / 2:  # in this case midnight lies between two batches
+        if first < self._last_s - DAY_S / 2:  # in this case midnight fell between two batches
             self._passed_s += DAY_S
             seconds, last = seconds + DAY_S, last + DAY_S
         self._last_s = float(last)

@@ -167,7 +167,7 @@ class Near:
             self._found[owner if "@" in name else f"{group_of(owner)}."][name] = facts[name]
 
     def of(self, array: str) -> Mapping[str, Any]:
-        """Return the facts about an array, and those in the group around the array."""
+        """Return the facts about an array, and the facts in the group that contains the array."""
         return self._found.get(array, {}) | self._found.get(f"{group_of(array)}.", {})
 
 

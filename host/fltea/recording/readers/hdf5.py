@@ -30,7 +30,7 @@ https://cfconventions.org (8.1 Packed Data) and https://nwb-schema.readthedocs.i
 """
 
 NOT_READ = "copy it into this file: h5repack or h5py write it"
-"""Advice for the user if a data set lies in another file."""
+"""Advice for the user if a data set is stored in another file."""
 
 MATLABS = "#refs#", "#subsystem#"
 
@@ -84,11 +84,11 @@ def read(path: Path, _: str) -> Sheet:
 
 
 def outside(item: Any) -> str:
-    """Return a text that says in which other file a data set lies.
+    """Return a text that says in which other file a data set is stored.
 
     The caller writes the name of the data set in front of the text, so that both together are a sentence.
 
-    Return an empty text if the data set lies in this file.
+    Return an empty text if it is stored in this file.
     """
     import h5py
 
@@ -147,9 +147,7 @@ def _parts_elsewhere(group: Any) -> str:
 def _attributes_of(item: Any) -> dict[str, Any]:
     """Return the attributes of an HDF5 object, by their names in small letters.
 
-    Attributes that hold many values are left out, since they do not describe columns.
-
-    Attributes with more values than this are not read, since they do not describe columns.
+    Attributes with more than `MOST_SENSORS` values are left out, since they do not describe columns.
     """
     sizes = {key: np.size(one) for key, one in item.attrs.items()}  # np.size is None for an empty attribute
     return {key.lower(): item.attrs[key] for key, size in sizes.items() if 0 < (size or 0) <= MOST_SENSORS}

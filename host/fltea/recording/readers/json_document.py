@@ -189,7 +189,7 @@ def _in_order(rows: Mapping[str, Any]) -> list[str] | None:
 def _index(keys: Sequence[str]) -> dict[str, Any]:
     """Return the keys under which an object holds its rows, as a column `index`.
 
-    If the keys are 0, 1, 2 and so on, they only count the rows, and no column is returned.
+    If the keys are 0, 1, 2 and so on, they are only numbers of the rows, and no column is returned.
 
     Keys that are Unix times become dates.
     """

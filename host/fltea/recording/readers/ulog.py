@@ -51,9 +51,9 @@ PADDING = "_padding"
 
 FLAGS_AT = FILE_HEAD_BYTES + HEAD.size
 APPENDED_AT, APPENDED = FLAGS_AT + 8, struct.Struct("<B7x3Q")
-"""After a crash of the logger, data may have been appended to the log. Flags in the log say so, and the
-offsets of the appended data follow these flags. APPENDED_AT is where the flags stand in the log. APPENDED is
-the binary format of flags and offsets.
+"""After a crash of the logger, data may have been appended to the log. If so, flags in the log say this, and
+are followed by the offsets of the appended data. APPENDED_AT is the offset of the flags in the log. APPENDED
+is the binary format of flags and offsets.
 """
 
 
@@ -337,7 +337,7 @@ class _LogScan:
         Return 0 if the type is unknown or contains itself.
         """
         if kind not in self._lengths:
-            self._lengths[kind] = 0  # a format that contains itself, of unknown length, then finds this 0
+            self._lengths[kind] = 0  # a format that contains itself finds this 0
             fields = self._forms.get(kind, []) if most_nested else []
             sizes = [self._length(inner, most_nested - 1) * many for inner, many, _ in fields]
             self._lengths[kind] = 0 if 0 in sizes or sum(sizes) > MOST_BYTES else sum(sizes)
