@@ -163,8 +163,7 @@ def check_gravity(
 
 
 def _check_alone(choice: Choice, gyro: Sequence[int], values: Floats, dps: float) -> None:
-    """Raise UsageError if the vector of the rates is as long as gravity, and only the user calls them rates.
-    """
+    """Raise UsageError if the rates form a vector as long as gravity, and only the user calls them rates."""
     names = [choice.names[place] for place in gyro]
     is_stated = any(rate_unit_of(choice.names[p]) or rate_unit(choice.units[p]) for p in gyro)
     measured = candidates.gravity_units(values) if len(gyro) == 3 and not is_stated else []

@@ -1,8 +1,7 @@
 """Reads text as rows of numbers, from bytes in pieces of any length: from a file, a pipe, or a board.
 
 A line without a sample is left out, and is counted under the reason why it holds no sample. If such a line
-was meant as a sample, its sample is lost. The line then takes one sequence number, so that the numbers show
-the loss.
+was meant as a sample, one sequence number is left out, so that the numbers show the loss.
 """
 
 import math
@@ -321,7 +320,7 @@ class TextReader:
         return None
 
     def _leave_out(self, why: WhyNot) -> None:
-        """Count a line without a sample; a line that was meant as a sample takes a sequence number."""
+        """Count a line without a sample. If it was meant as a sample, skip a sequence number."""
         if why[0] not in ("text", "columns"):
             self._numbers.lose()
         self.lines += 1

@@ -379,7 +379,7 @@ class EstimatorInfo(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     window: int
     """Length L of the filters' memory in samples; 0 means unlimited."""
     startup_samples: int
-    """Length of the start-up window in samples; 0 if none is needed."""
+    """Length of the start-up window, from which bias and R come, in samples; 0 if none is needed."""
     bias: tuple[float, ...]
     """Bias that is subtracted from each axis, or one number for all axes [deg/s, for the accelerometer m/s²].
     An empty list means that the bias is the mean of the start-up window.

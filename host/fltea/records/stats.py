@@ -97,7 +97,7 @@ class BiasCheck(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 # Over 12 attributes: permitted, since each is one field of the published record.
 class TrackerStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """State and checks of the tracker of an axis's bias."""
+    """State and checks of the tracker of an axis's bias, which is a Kalman filter."""
 
     model: str
     """The tracker's noise model: the parts of the fit, or `walks` (random walks) before the first fit."""

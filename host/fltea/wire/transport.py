@@ -24,8 +24,8 @@ FORBIDDEN_BAUD = 1200
 DUE_VENDORS = (0x2341, 0x2A03)
 DUE_PROGRAMMING_PORT = 0x003D
 DUE_NATIVE_PORT = 0x003E
-"""USB product IDs of the two ports of an Arduino Due. DUE_VENDORS has the USB vendor IDs of both. Source:
-boards.txt of Arduino's SAM core.
+"""USB product IDs of the two ports of an Arduino Due; DUE_VENDORS are its USB vendor IDs. Source: boards.txt
+of Arduino's SAM core.
 """
 
 ANY_BOARD = f"hwgrep://VID:PID=({'|'.join(f'{v:04X}' for v in DUE_VENDORS)}):{DUE_PROGRAMMING_PORT:04X}"
