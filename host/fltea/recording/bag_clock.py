@@ -108,8 +108,8 @@ def judged(
 
     Raises:
         NotStated: neither stamps nor arrival times show the sampling rate.
-        UsageError: the stamps contradict the user's rate or the arrival times, or no gyroscope has a sampling
-            rate like theirs.
+        UsageError: the stamps contradict the user's rate or the arrival times, or show a sampling rate that
+            no gyroscope has.
     """
     given_hz = how.rate_hz
     known = bool((np.abs(arrival_ns) <= LATEST_NS).all() and np.ptp(arrival_ns) > 0)

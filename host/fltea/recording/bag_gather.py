@@ -36,7 +36,7 @@ from fltea.settings.extras import load
 from fltea.settings.how import How
 
 COLUMNS, NUMBERS = ("gyro", "accel", "stamp", "arrival"), 8
-"""COLUMNS: columns of the temporary file. NUMBERS: how many numbers all these columns together hold for each
+"""COLUMNS: columns of the temporary file. NUMBERS: how many numbers these columns together hold for each
 sample.
 """
 

@@ -22,8 +22,8 @@ from fltea.records.units import SQRT_HOUR
 from fltea.settings.how import How
 
 CLUSTER_S, CLUSTERS, FEWEST = 0.1, 16, 8
-"""CLUSTER_S is the time over which means are taken [s]. CLUSTERS and FEWEST are the largest and smallest
-number of such means in a stretch of time.
+"""CLUSTER_S is the time over which means are taken [s]. A stretch of time has at most CLUSTERS and at least
+FEWEST such means.
 
 Means over 0.1 s show the noise density N even if a low-pass filter removes the noise of single samples.
 """

@@ -1,7 +1,7 @@
 """Shows the user what each possible answer to a question would mean for the numbers of a file.
 
-Nothing is decided here. One table shows what the columns hold. Another shows the noise and the mean that the
-rates would have in each candidate unit.
+This module decides nothing. One table shows what the columns hold. Another shows the noise and the mean that
+the rates would have in each candidate unit.
 """
 
 import math
@@ -34,8 +34,8 @@ distinguished.
 """
 
 STEADY = 0.1
-"""Vectors may be gravity if their lengths deviate from the median length by at most this proportion of it, in
-the median.
+"""Vectors may be gravity if the median deviation of their lengths from the median length is at most this
+proportion of the median length.
 """
 
 UNITS = ("rad/s", "deg/s", "mrad/s", "mdps", "deg/h")

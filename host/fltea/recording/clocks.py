@@ -21,7 +21,9 @@ steps there are. Longer steps may also be pauses between bursts of rows.
 """
 
 NEARLY = 1e-3
-"""A time differs from a multiple of the times' resolution by less than this proportion of the resolution."""
+"""A time is taken as a multiple of a resolution if it differs from one by less than this proportion of the
+resolution.
+"""
 
 COARSEST_S = 1e-3 * (1 + NEARLY)
 """Coarsest resolution of times from which the period is measured: milliseconds [s].
@@ -36,7 +38,7 @@ FEWEST_ODD rows, and at least the fraction ODD_SHARE of all rows.
 """
 
 RARE, CLEAN_SHARE = 0.05, 0.5
-"""Among all stretches with a certain number of rows, the quantile RARE of their durations counts as the
+"""Among all stretches with a certain number of rows, the quantile RARE of their durations is taken as the
 duration without lost samples. At least the fraction CLEAN_SHARE of the stretches must be free of loss.
 """
 

@@ -54,8 +54,8 @@ def _sensor(words: str, letters: str) -> re.Pattern[str]:
 
 _GYRO_AXIS, _ACCEL_AXIS = _sensor(_GYRO, "gw"), _sensor(_ACCEL, "a")
 _BARE_AXIS = _axis("(?:(?:as|axis|rate|rotation)_?)?(?P<x>[xyz])")
-"""Matches names of axes that may be rates or accelerations, so that only the unit decides. WitMotion calls a
-rate AsX.
+"""Matches names of axes that may be rates or accelerations. Only the unit shows which of the two they are.
+WitMotion calls a rate AsX.
 """
 
 _TIME = re.compile(rf"{_TIMES}|{_BEFORE}(?:(?:{_OF_CLOCK})_)*(?:{_OF_TIME})(?:_formatted)?(?:_unix)?{_SORT}")

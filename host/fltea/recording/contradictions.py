@@ -92,7 +92,7 @@ def _compare_clocks(choice: Choice, time: int, unit_s: float | None, fine: int |
             other_s = unit_s
         if other_s is not None and unit_s is not None:
             ratio = found * other_s / unit_s
-        else:  # the units are unknown, so a power of 1000 in the ratio is taken as the ratio of the units
+        else:  # the units are unknown, so a power of 1000 in the clocks' ratio is taken as a ratio of units
             ratio = found / 1000 ** round(math.log(found, 1000))
         if abs(ratio - 1) > SAME_RATE:
             what = f"which clock is right: {listed([names[time], name])} differ by a factor of {ratio:.4g}"
@@ -131,7 +131,7 @@ def check_gravity(
 
     Raises:
         UsageError: the vector of the accelerations is as long as gravity only in another unit than the user
-        says, or the vector of the rates is as long as gravity.
+            says, or the vector of the rates is as long as gravity.
     """
     how, dialect, values = choice.how, choice.dialect, choice.first_rows()
     if how.overrule or values is None:

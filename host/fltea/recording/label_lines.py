@@ -7,7 +7,9 @@ from fltea.recording.text_labels import COMMA, LONGEST_LABEL
 from fltea.recording.wanted import NUMBER
 
 MOST_LINES = 64
-"""Largest number of lines of one sample. If more lines come before a label repeats, they form no samples."""
+"""Largest number of lines of one sample. If more lines come before a label repeats, the lines form no
+samples.
+"""
 
 _ONE = re.compile(
     rf"\s*(?P<mark>>?)\s*(?P<label>[^\W\d][^:=,;|\t\[\]{{}}\"§]{{0,{LONGEST_LABEL}}}?)\s*[:=]\s*"

@@ -69,9 +69,9 @@ class Stamps(NamedTuple):
 
     `period_ns`: sampling period [ns]. `gap_row`, `missing`: rows before which samples were lost, and the
     number of samples lost before each. `epoch_row`: rows before which the clock was set, so that the number
-    of lost samples there is unknown. `uneven`, `alike`, `backward`: numbers of steps that deviate by over a
-    fifth of the period, are 0, or run backwards. `spread_ns`: root mean square deviation of the steps without
-    gaps from the period [ns].
+    of lost samples there is unknown. `uneven`: number of steps that deviate by over a fifth of the period.
+    `alike`: number of steps of 0. `backward`: number of steps backwards. `spread_ns`: root mean square
+    deviation of the steps without gaps from the period [ns].
     """
 
     period_ns: float

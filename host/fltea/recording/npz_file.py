@@ -28,7 +28,7 @@ from fltea.records.records import AXES
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
 BESIDE = ("t_host_s", "accel_raw", "accel_ms2", "time_s", "seq", "epoch")
-"""Optional arrays that have a row for each sample."""
+"""Optional arrays of an .npz recording that have a row for each sample."""
 
 LEAST_POSITIVE = 1e-9
 """Smallest accepted sampling rate or scale. Counts divided by a smaller number might not be finite."""

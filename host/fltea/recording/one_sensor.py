@@ -25,8 +25,8 @@ FEWEST_ROWS: least number of rows that is enough for this recognition.
 LONGEST_TURN, REGULAR, SELDOM = 32, 0.9, 0.7
 """Thresholds for alternating sensors: the longest cycle [rows], and two fractions of the rows.
 
-REGULAR: smallest fraction of rows that have the same value as the row one cycle before. SELDOM: largest
-fraction of rows that have the same value as the previous row; a column that changes less often holds a
+REGULAR: least fraction of rows that must have the same value as the row one cycle before. SELDOM: largest
+fraction of rows that may have the same value as the previous row; a column that changes less often holds a
 status.
 """
 
@@ -37,8 +37,8 @@ deviations.
 """
 
 FEWEST_SHARE, FEWEST_COUNTED = 0.6, 5
-"""FEWEST_SHARE: each sensor has at least this fraction of the rows that it would have if all sensors had
-equally many. FEWEST_COUNTED: the cycle of a counter has at least this many numbers.
+"""FEWEST_SHARE: each sensor must have at least this fraction of the rows that it would have if all sensors
+had equally many rows. FEWEST_COUNTED: the cycle of a counter must have at least this many numbers.
 """
 
 

@@ -37,7 +37,10 @@ CHUNK_BYTES = 1 << 20
 
 
 class _Packer(threading.local):
-    """Compressor for chunks of messages. A thread uses one for all its files, since each takes a megabyte."""
+    """Compressor for chunks of messages.
+
+    A thread uses one compressor for all its files, since each compressor takes a megabyte.
+    """
 
     def __init__(self) -> None:
         self.packed = ZstdCompressor(level=1, write_checksum=True).compress

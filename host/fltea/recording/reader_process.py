@@ -58,8 +58,9 @@ def open_in_process(kind: Kind, path: Path, how: How, limits: Limits, file: Bina
     except OSError as error:
         raise UsageError(f"{path}: cannot be read ({error.strerror or error}).") from error
     with opened as content:
-        # Another process cannot always open the content by its path: /dev/stdin would be its own stdin, and
-        # archive members have no path. Then it gets the open descriptor.
+        # Another process cannot always open the content by its path: /dev/stdin would be that process's own
+        # stdin, and archive members have no path. In these cases, the reader process gets the open
+        # descriptor.
         is_named = file is None and not is_of_this_process(path)
         place = os.fspath(path) if is_named else f"/dev/fd/{content.fileno()}"
         limits_of_it = ProcessLimits.of(quota)

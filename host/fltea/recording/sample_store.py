@@ -50,8 +50,8 @@ class SampleStore:
     `spool`: the stored columns. These are `gyro` and `accel`, with numbers as in the file or scaled, and the
     columns that the caller of `add` names.
     `plausible`: whether a gyroscope can have given the rates. `bad_accel`: count of the samples without a
-    usable acceleration, among all samples that were added. `moving`: those of the columns `gyro` and `accel`
-    in which a value was not 0. `is_whole`: whether all rates are whole numbers.
+    usable acceleration, among all samples that were added. `moving`: which of the columns `gyro` and `accel`
+    had a value other than 0. `is_whole`: whether all rates are whole numbers.
     """
 
     def __init__(self, chosen: Chosen, numbers: int, limits: Limits) -> None:

@@ -28,7 +28,7 @@ _WORDS = re.compile(r"[^\s\[(]+(?:\s*(?:\[[^\[\]]*\]|\([^()]*\)))?\S*")
 
 MOST_KINDS = 20
 """Rows may begin with a word that tells the kind of the row. If rows begin with more different words than
-this, the words tell no kinds.
+this, the words are not taken as kinds.
 """
 
 

@@ -100,7 +100,7 @@ class TextReader:
         return self._buffer.pending_bytes
 
     def resume(self, *, within_line: bool) -> None:
-        """Continue after the sender was lost and found again.
+        """Continue after the connection to the sender was lost and made again.
 
         `within_line`: whether the next bytes may be the end of a line.
         """

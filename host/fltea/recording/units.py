@@ -72,8 +72,8 @@ _LONG_TIMES_S = {"min": 60.0, "h": 3600.0, "d": 86_400.0}
 _DAYS = dict.fromkeys(("d", "day", "days"), "d")
 
 AMBIGUOUS = ("rads",)
-"""Words that may mean radians per second, or just radians. If a column is known to be a gyroscope's, such a
-word as its unit means radians per second. As the unit of a column `x`, the word is ambiguous.
+"""Words that may mean radians per second, or just radians. As the unit of a gyroscope's column, such a word
+means radians per second. As the unit of a column `x`, which may be of any sensor, the word is ambiguous.
 """
 
 _OF_COUNTS = "- 1 lsb lsbs count counts raw adc digit digits bit bits tick ticks no_units unitless"

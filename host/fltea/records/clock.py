@@ -33,7 +33,10 @@ def unix_offset_ns() -> int:
 
 
 def unix_ns() -> int:
-    """Return the current Unix time [ns]. If the machine's date is impossible, return `host_ns`."""
+    """Return the current Unix time [ns].
+
+    If the machine's date is impossible, return the monotonic time `host_ns`.
+    """
     return host_ns() + unix_offset_ns()
 
 

@@ -42,7 +42,7 @@ EpochReason = Literal["start", "restart", "sensor_restart", "discontinuity", "ga
 
 
 class Record(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="class", kw_only=True):
-    """Base class of all records that sinks write."""
+    """Base class of all records that outputs write."""
 
     device: str | None = None
     """Name in this program of the device or recording that the record is from."""
@@ -197,8 +197,8 @@ class AxisEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     null_p: float | None
     """p-value of the test for white noise in the newest record `fit`."""
     whiteness: Whiteness | None
-    """Result of that test. `not rejected`: α is undefined. `rejected`: `null_p` is below a significance level
-    that holds for all repeated fits together. Null if `null_p` is null.
+    """Result of the test for white noise. `not rejected`: α is undefined. `rejected`: `null_p` is below a
+    significance level that holds for all repeated fits together. Null if `null_p` is null.
     """
     unit: str
     """`deg/s`; for axes of the accelerometer, which `--channels` names, `m/s^2`."""
@@ -295,9 +295,9 @@ class Fit(Placed, frozen=True, tag="fit"):
     This record comes whenever the number of samples has grown by a hundredth, once a second at most and once
     a minute at least. It also comes within a second after a step of the bias or a change of the noise's
     power. If `live.period_s` is given, the record comes once in each such period instead. A last record, with
-    curves, comes at the end of a recording or of `--once`. A fit uses the samples up to `seq` and is
-    published a little later; estimates use it from the next sample on. A replay gives the same records as the
-    live run.
+    curves, comes at the end of a recording, or of a run with `--once`. A fit uses the samples up to `seq` and
+    is published a little later; estimates use it from the next sample on. A replay gives the same records as
+    the live run.
     """
 
     samples: int
@@ -465,7 +465,7 @@ class Error(Record, frozen=True, tag="error"):
     """A message to a person about a problem. The program continues, unless `--once` was given."""
 
     kind: str
-    """Kind of the problem: see Errors and exit codes."""
+    """Kind of the problem, one of those in host/docs/reference/errors.md."""
     message: str
     """What happened, the likely cause, what to do."""
     host_ns: int

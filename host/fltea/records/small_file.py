@@ -74,7 +74,7 @@ def open_file(path: Path) -> BinaryIO:
 
 
 def open_stream(path: Path) -> BinaryIO:
-    """Open a pipe or a device to read. Once it is open, its writer may take any time.
+    """Open a pipe or a device to read. Once it is open, the program that writes to it may take any time.
 
     Raises:
         OSError: the pipe cannot be opened.

@@ -1,7 +1,7 @@
 """Lists the sensors that fltea knows: value of the register WHO_AM_I, name, and scale of the thermometer.
 
 Sources: MPU-9250 register map RM-MPU-9250A-00, registers 65-66 and 117; MPU-6050 register map
-RM-MPU-6000A-00, registers 65-66 and 117; ICM-20948 data sheet DS-000189, 8.1 and 8.30.
+RM-MPU-6000A-00, registers 65-66 and 117; ICM-20948 data sheet DS-000189, sections 8.1 and 8.30.
 
 For sensors on a Raspberry Pi's I²C bus, `sources/i2c` holds the registers of each family of chips.
 """

@@ -88,7 +88,7 @@ def outside(item: Any) -> str:
 
     The caller writes the name of the data set in front of the text, so that both together are a sentence.
 
-    Return an empty text if it is stored in this file.
+    Return an empty text if the data set is stored in this file.
     """
     import h5py
 
