@@ -132,7 +132,7 @@ def _member(path: Path, archive: zipfile.ZipFile, command: str) -> zipfile.ZipIn
 
 
 class _Counted(io.RawIOBase):
-    """Stream of decompressed data, whose length counts against the quota.
+    """Stream of decompressed data, whose length the quota limits.
 
     `is_cut`: whether the compressed data end too early.
     """

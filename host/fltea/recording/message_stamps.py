@@ -210,7 +210,7 @@ def _gaps(
 def _refined(times_ns: Times, gap_row: Times, missing: Times, epoch_row: Times, period_ns: float) -> float:
     """Return the sampling period [ns], as the mean step over all stretches without a long gap.
 
-    Lost samples are counted.
+    A step over lost samples counts as one step for each of them and one more.
     """
     sure = missing <= SURE
     breaks = np.union1d(gap_row[~sure], epoch_row)

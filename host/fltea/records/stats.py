@@ -86,7 +86,7 @@ class SampleStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class BiasCheck(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Comparison of Bias(T), the bias expected over the next T seconds, with the mean of their samples."""
+    """Comparison of Bias(T), the bias expected over the next T seconds, with the mean of the samples then."""
 
     pieces: int
     """Number of periods of T seconds, all at rest, that were compared."""

@@ -49,7 +49,7 @@ class Openings:
         self._closed = False
 
     def begin(self, now_ns: int) -> None:
-        """Start to open those ports whose time to be opened has come.
+        """Start to open the ports that have to be opened by now.
 
         Each is opened in its own thread, since opening a port on a network may be slow.
         """
