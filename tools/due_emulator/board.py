@@ -35,8 +35,8 @@ OPENING_PS = 205_000 * PS_PER_US
 port. The value comes from the hardware notes of the project.
 """
 RESET_PS = 100 * PS_PER_US
-"""Duration of a reset that the microcontroller itself causes. It is a round number of at least three cycles
-of the slow clock.
+"""Duration of a reset that the microcontroller itself causes. The value is a round number of at least three
+cycles of the slow clock.
 """
 
 
@@ -48,7 +48,10 @@ class _Nowhere:
 
 
 class _SerialPin:
-    """Connection from the pin UTXD to the bridge. The program has to assign this pin to the UART."""
+    """Connection from the UART's output pin UTXD to the bridge between UART and USB.
+
+    The program has to assign this pin to the UART.
+    """
 
     def __init__(self, pio: Pio, line: Line) -> None:
         self._pio = pio

@@ -80,7 +80,7 @@ class Bridge:
             self.delivered += taken
 
     def forget(self) -> None:
-        """Discard the bytes in the ring buffer, as the bridge does when the port is opened."""
+        """Discard the bytes in the ring buffer, as the real bridge does when the host opens the port."""
         self._ring.clear()
 
     def lose_next(self, count: int) -> None:

@@ -43,7 +43,7 @@ class Fifo:
     def pop(self) -> int:
         """Remove and return the oldest byte.
 
-        An empty FIFO repeats the last byte (RM-MPU-9250A-00, register 116).
+        An empty FIFO repeats the last byte (MPU-9250 register map, register 116).
         """
         if self._bytes:
             self._last = self._bytes.popleft()
@@ -61,8 +61,8 @@ class Chip:
     """One chip on the bus; bytes are transferred by `start`, `write`, `read` and `stop`.
 
     `address`: address on the bus. `clock_ppm`: error of the chip's clock, positive if it is too fast.
-    `fifo_register`: the register of the FIFO; only after an access to this register, the register pointer
-    does not advance.
+    `fifo_register`: the register of the FIFO. After each access to another register, the chip goes on to the
+    next register; after an access to this one it stays.
     """
 
     fifo_register: int
@@ -88,7 +88,7 @@ class Chip:
 
     @property
     def _register(self) -> int:
-        """Number of the register to which the next byte belongs."""
+        """Number of the register from which the next byte is read, or to which it is written."""
         return self._pointer
 
     def _load(self, register: int) -> int:
@@ -129,7 +129,8 @@ class Chip:
     def _begin(self, quiet_ns: int, ready_ns: int) -> None:
         """Reset the chip.
 
-        For `quiet_ns` the chip acknowledges nothing, and values that are written within `ready_ns` are lost.
+        For the time `quiet_ns` the chip acknowledges nothing. It loses values that are written within the
+        time `ready_ns`.
         """
         self._restore()
         self._quiet_until_ns = self._now_ns + quiet_ns
@@ -209,7 +210,7 @@ class Chip:
     # Clock
 
     def _start_clock(self) -> None:
-        """Count updates of the output registers from now on, at the configured rate."""
+        """Start the chip's clock now; it updates the output registers at the configured rate."""
         self._anchor_ps, self._updates = self._now_ns * PS_PER_NS, 0
         rate_hz = self.output_hz * (1 + self._clock_ppm * 1e-6)
         self._period_ps = round(1e12 / rate_hz) if rate_hz else None

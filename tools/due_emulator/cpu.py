@@ -3,10 +3,10 @@
 This module adds exceptions and sleep. It also ends the run if the program does what the real chip does not
 tolerate.
 
-Unicorn has no NVIC, so exceptions are entered and left by this code (ARMv7-M, B1.5). The program runs in
-slices (`execution`) that end where an exception is entered or left, or the processor sleeps. Every
-instruction takes one cycle, and an access to a peripheral takes a few cycles. These durations give the
-program a clock. A real processor has another speed.
+Unicorn has no NVIC, so exceptions are entered and left by this code (ARMv7-M Architecture Reference Manual,
+B1.5). The program runs in slices (`execution`) that end where an exception is entered or left, or the
+processor sleeps. Every instruction takes one cycle, and an access to a peripheral takes a few cycles. These
+durations give the program a clock. A real processor has another speed.
 """
 
 import ctypes
@@ -30,8 +30,8 @@ SLICE_INSTRUCTIONS = 50_000
 
 EXCEPTION_EXIT = 8
 RETURN_TO_HANDLER, RETURN_TO_THREAD = 0xFFFF_FFF0, 0xFFFF_FFF8
-"""The values of EXC_RETURN as they appear in PC, with bit 0 cleared. The value for the process stack (…FFFD)
-is not modelled.
+"""The addresses (EXC_RETURN) to which a handler jumps to return, without bit 0. The one for the process stack
+(…FFFD) is not modelled.
 """
 FRAME = Struct("<8I")
 SPACES = {PERIPHERALS_BASE: PERIPHERALS_BYTES, system_control.BASE: system_control.BYTES}
@@ -82,7 +82,7 @@ class Cpu:
         self._restart = True
         self._halted_until_ps = 0
         self._handed_over: tuple[int, ...] | None = None
-        """The machine's state that was last passed to the slice; None if it must be passed again."""
+        """The machine's state that `execution` got last; None if it must get it again."""
         self._pc = 0
         machine.where = lambda: f"at PC 0x{self._pc:08X}"
 
@@ -132,8 +132,8 @@ class Cpu:
         `kind`: UC_HOOK_MEM_READ or UC_HOOK_MEM_WRITE of Unicorn. The calls end at the next reset.
         """
         self._uc.hook_add(kind, lambda *_: on_use(self._execution.address), begin=address, end=address + 3)
-        # While any breakpoint is set, the exact processor (execution.cpp) runs all instructions, so the
-        # address is exact.
+        # With a breakpoint set, Unicorn runs instruction by instruction (execution.cpp), so that the address
+        # is exact.
         self.breakpoint(0)
         self._uc.ctl_flush_tb()
 
@@ -399,7 +399,7 @@ class Cpu:
         return 0
 
     def _hand_over(self) -> None:
-        """Pass the machine's state to the slice.
+        """Pass the machine's state to `execution`, which runs the instructions.
 
         This method is called after everything that may have changed the machine's state.
         """

@@ -43,5 +43,5 @@ class CycleCounter:
         return max(0, at_ps - self._machine.now_ps)
 
     def lay_out(self, register: QuickRegister, period: int) -> None:
-        """Make a register show this count modulo `period` when C++ reads the register."""
+        """Make a register show this count modulo `period` when `execution.cpp` reads it without Python."""
         register.count(self._from_ps, self._from_cycles, self._rate, period)

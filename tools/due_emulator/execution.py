@@ -31,15 +31,15 @@ NOWHERE = 1
 """An odd number, which stands for "no address", since no instruction can be at an odd address."""
 NO_INTERRUPT = (1 << 64) - 1
 ACCESS_CYCLES = 4
-"""Duration of an access to a peripheral through the bus bridge [cycles]. The real duration varies; this is a
-round number.
+"""Duration of an access to a peripheral through the bus bridge [cycles]. On the real chip the duration
+varies; the value here is a round number.
 """
 WAITING_INSTRUCTIONS = 200
 """Largest number of instructions in a slice while an interrupt waits because its priority is too low; 2.4 us
 at 84 MHz.
 
-Slices are short then because any instruction may change BASEPRI and so let the interrupt in, and Unicorn does
-not report the change.
+Slices are short then, because any instruction may lower the barrier (the register BASEPRI) so that the
+interrupt is handled, and Unicorn does not report this change.
 """
 POLL_PCS = 8
 POLL_NEAR_PS = 25_000_000
@@ -57,7 +57,7 @@ changed.
 """
 NUMBERS = 16
 MOST_AT_ONCE = 8
-"""Largest number of registers that one call reads or sets."""
+"""Largest number of registers of the processor that one call reads or sets."""
 RegisterNumbers = ctypes.Array[ctypes.c_int32]
 
 REASONS = {
@@ -132,21 +132,19 @@ class Execution(ctypes.Structure):
 
     `done`: number of instructions that began in this slice. `limit`: the slice ends before the next
     instruction once `done` reaches it. `address`: address of the instruction that began last. `slice_ps`:
-    moment when the slice began.
-    `hz`: frequency of the processor's clock. `until_ps`, `longest`: latest end of the slice [ps] and largest
-    number of instructions in it.
+    moment when the slice began. `hz`: frequency of the processor's clock. `until_ps`, `longest`: latest end
+    of the slice [ps] and largest number of instructions in it.
 
     The callbacks keep these up to date: `next_event_ps`: time of the next event; `halted_until_ps`: no
-    instruction runs before this time; `waiting`: an interrupt is pending;
-    `stops`: the next instruction may not run in this slice; `dead`: an error has to be raised; `dropped`: a
-    reset came before the access.
+    instruction runs before this time; `waiting`: an interrupt is pending; `stops`: the next instruction may
+    not run in this slice; `dead`: an error has to be raised; `dropped`: a reset came before the access.
 
     `interrupt`: number of the exception that ended the slice, or NO_INTERRUPT. `refusal`: index in REFUSALS
     of the reason that ended the slice before an instruction; `refused_value`: value of the register that
-    caused it;
-    `traps_division`: division by 0 is refused. `breakpoint`: on_limit is called before the instruction at
-    this address, or NOWHERE; only the exact processor stops there. `may_be_fast`, `may_be_quick`: 0 turns off
-    the fast processor and the reading of registers in C++, which does not change the results.
+    caused it; `traps_division`: division by 0 is refused. `breakpoint`: on_limit is called before the
+    instruction at this address, or NOWHERE. `may_be_fast`: whether Unicorn may run whole blocks of code where
+    nothing needs to stop between two instructions. `may_be_quick`: whether C++ may read registers without
+    Python. Neither changes the results.
     """
 
     _fields_ = (
@@ -219,7 +217,9 @@ class Execution(ctypes.Structure):
         self.breakpoint = NOWHERE
 
     def attach(self, exact: unicorn.Uc, fast: unicorn.Uc, peripherals: dict[int, int]) -> None:
-        """Use these two Unicorn instances, which are new and share one memory.
+        """Use these two new Unicorn instances, one to run single instructions and one to run whole blocks.
+
+        Both share one memory.
 
         `peripherals`: size of each range of peripherals, by base address.
         """
@@ -260,7 +260,7 @@ class Execution(ctypes.Structure):
         )
 
     def forget_reads(self) -> None:
-        """Forget earlier reads, so that the next read does not count as a poll."""
+        """Forget earlier reads, so that the next read is not taken for one by which the program waits."""
         self._recent_count = 0
 
     def begin(self, slice_ps: int, hz: int, until_ps: int, longest: int) -> None:

@@ -73,10 +73,10 @@ class NackBurst(_Fault, frozen=True, tag="nack_burst"):
 
 
 class StaleByte(_Fault, frozen=True, tag="stale_byte"):
-    """After each of the next `count` complete reads, an extra byte stays in the TWI's RHR.
+    """After each of the next `count` complete reads, an extra byte stays in the I²C controller.
 
-    RHR is the TWI's receive register. If the program does not empty RHR before the next read, it takes the
-    extra byte for the first byte of that read.
+    The byte stays in the controller's receive register, RHR. If the program does not empty RHR before the
+    next read, it takes the extra byte for the first byte of that read.
     """
 
     count: Annotated[int, msgspec.Meta(ge=1)] = 1

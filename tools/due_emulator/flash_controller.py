@@ -1,6 +1,7 @@
-"""The flash controllers EEFC0 and EEFC1 (datasheet 18): wait states, unique identifier, GPNVM bits.
+"""The two flash controllers, EEFC0 and EEFC1 (SAM3X datasheet, chapter 18).
 
-Erasing and programming are not modelled. A command for them ends the run.
+Modelled are the wait states, the chip's unique identifier and the GPNVM bits (settings that survive a loss of
+power). Erasing and programming are not modelled. A command for them ends the run.
 """
 
 from collections.abc import Callable
@@ -18,22 +19,23 @@ FASTEST_HZ = (19_000_000, 34_000_000, 53_000_000, 78_000_000, 90_000_000)
 """Highest master clock [Hz] that the flash tolerates with 0, 1, 2, 3 and 4 wait states. Each is the lower
 value of two sources.
 
-Datasheet 45.9 at VDDCORE 1.8 V has 19, 50, 64, 80 and 90 MHz for 0 to 4 wait states. The vendor's header
-sam3x8e.h (CHIP_FREQ_FWS_0 to 3) has 22.5, 34, 53 and 78 MHz.
+The SAM3X datasheet, 45.9, at a core voltage of 1.8 V has 19, 50, 64, 80 and 90 MHz for 0 to 4 wait states.
+The vendor's header sam3x8e.h (CHIP_FREQ_FWS_0 to 3) has 22.5, 34, 53 and 78 MHz.
 """
 BOOT_FROM_FLASH = 0b010
-"""GPNVM bit 1. If it is not set, the chip starts the program in ROM (datasheet 11.2)."""
+"""GPNVM bit 1. If it is not set, the chip starts the program in ROM (SAM3X datasheet, 11.2)."""
 DESCRIPTOR = (0x000F_0950, BANK_BYTES, 256, 1, BANK_BYTES, 16, *[BANK_BYTES // 16] * 16)
-"""Words of the flash descriptor: FL_ID (this value was not checked in a document), size, page size, number of
-planes, size of the plane, number of lock regions, size of each region [bytes].
+"""Words by which the flash describes itself: FL_ID, its identifier (this value was not checked in a
+document), size, page size, number of planes, size of the plane, number of lock regions, size of each region
+[bytes].
 """
 
 
 class FlashController(Peripheral):
-    """One of the two controllers with its bank of flash.
+    """One of the two flash controllers with its bank of flash.
 
     `uid`: the chip's unique identifier of 16 bytes, which replaces the bank's contents between the commands
-    STUI and SPUI.
+    STUI (start reading it) and SPUI (stop).
     """
 
     def __init__(self, machine: Machine, number: int, memory: Memory, uid: bytes) -> None:
@@ -74,9 +76,10 @@ class FlashController(Peripheral):
             )
 
     def on_read(self, register: str) -> int:
-        """Read a register. A read of FSR clears its error flags.
+        """Read a register.
 
-        Reads of FRR return the words of the result in order.
+        A read of the status register FSR clears its error flags. Reads of the result register FRR return the
+        words of the result in order.
         """
         value = self.registers[register]
         if register == "FSR":
@@ -127,8 +130,8 @@ class FlashController(Peripheral):
             self.machine.fault(
                 f"{self.name}: STUI without FMR.SCOD: the erratum says that wrong values are read"
             )
-        # FRDY stays 0 until SPUI. The datasheet (18.4.3.8) says that FRDY falls at STUI, and rises after
-        # SPUI.
+        # The flag FRDY (ready) stays 0 until the command SPUI. The SAM3X datasheet (18.4.3.8) says that FRDY
+        # falls at the command STUI, and rises after SPUI.
         self.flag("FSR", FRDY, False)
         end = self._start + BANK_BYTES
         self._hidden = self._memory.flash[self._start : end]
@@ -144,7 +147,7 @@ class FlashController(Peripheral):
         self._event = self.machine.schedule(delay_ps, lambda: self.flag("FSR", flag, True))
 
     def settle_irq(self) -> None:
-        """Request the interrupt while the controller is ready and FMR enables the interrupt."""
+        """Request the interrupt while the controller is ready and its mode register enables the interrupt."""
         assert self.table.irq is not None
         ready = self.registers["FSR"] & self.registers["FMR"] & FRDY
         self.machine.set_irq(self.table.irq, bool(ready))

@@ -38,8 +38,8 @@ class Profile:
     `functions`: names by address. A function extends to the next one; if code runs into the next function
     without a jump, its instructions count for the first function until the next jump. `phases`: names of
     functions. A phase lasts from a call of its function to the return. Instructions of interrupts, and of
-    other phases that the function calls, do not count for it. A function that the compiler has inlined cannot
-    be a phase.
+    other phases that the function calls, do not count for it. A function cannot be a phase if the compiler
+    has inlined it.
 
     Raises:
         ValueError: the program has no function with a phase's name.

@@ -42,7 +42,7 @@ class HostView:
         self.statuses: list[wire.Status] = []
         """The last STATUS message of each boot that sent one."""
         self.faults: list[tuple[str, int]] = []
-        """Name of the fault code, and detail, of each FAULT message."""
+        """The FAULT messages: for each, the name of its fault code, and its detail."""
         self.fault_texts: list[str] = []
         self.refused: str | None = None
         self.flags: dict[str, int] = {}
@@ -51,7 +51,9 @@ class HostView:
         self.max_step_us: int | None = None
         self._steps = self._steps_us = 0
         self._last: tuple[int, int] | None = None
-        """Sequence number and device time of the last sample, both without wraps."""
+        """Sequence number and device time of the last sample. Both go on growing where the numbers in the
+        messages wrap.
+        """
         self._block = bytearray()
         self._new_boot = True
         BusWatch(board, self.on_burst)
@@ -162,10 +164,7 @@ class HostView:
 
     @property
     def due(self) -> int | None:
-        """Number of samples that the board's timer demanded.
-
-        None if no timer on the board sets the times of samples.
-        """
+        """Number of samples that the board's timer demanded. None if the sensor's clock times the samples."""
         timer = self.hello is not None and self.hello.sampling_mode == wire.SamplingMode.TIMER
         return sum(boot.due for boot in self.boots) if timer else None
 

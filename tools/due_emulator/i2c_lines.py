@@ -2,9 +2,9 @@
 
 If the program drives the wires itself (bit-banging), every edge is modelled.
 
-For speed the TWI transfers whole bytes; its clock edges are not on the wires. If the TWI is cut off within a
-byte, the sensor stays in the middle of that byte, holds SDA low if its present bit is a 0, and releases SDA
-only after further clock edges (NXP UM10204, 3.1.16).
+The Due's I²C controller (TWI) transfers whole bytes, for speed; its clock edges are not on the wires. If a
+transfer is cut off within a byte, the sensor stays in the middle of that byte, holds SDA low if its present
+bit is a 0, and releases SDA only after further clock edges (NXP's I²C-bus specification UM10204, 3.1.16).
 """
 
 from enum import Enum, auto
@@ -14,7 +14,9 @@ from tools.due_emulator.sensor_socket import SensorSocket
 from tools.due_emulator.wire import Wire
 
 FASTEST_HZ = 400_000
-"""Clock rate of fast mode, which is the highest rate that the sensor supports (PS-MPU-9250A-01, 3.5)."""
+"""Clock rate of I²C's fast mode, which is the highest rate that the sensor supports (MPU-9250 product
+specification, 3.5).
+"""
 TOLERANCE = 0.01
 SHORTEST_PERIOD_PS = round(1e12 / (FASTEST_HZ * (1 + TOLERANCE)))
 
@@ -35,7 +37,7 @@ class I2cLines:
 
     If `socket` is None, there is no sensor, only pull-ups.
 
-    SDA is the wire `sda`, SCL the wire `scl`; the PIO drives them like any other wire.
+    SDA is the wire `sda`, SCL the wire `scl`; the Due's pin controllers (PIO) drive both like any other wire.
     """
 
     def __init__(self, machine: Machine, socket: SensorSocket | None, pull_ups: bool = True) -> None:

@@ -13,12 +13,12 @@ from tools.due_emulator.mpu9250_scaling import ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS
 from tools.due_emulator.noise import World
 
 QUIET_NS = 11 * MS_NS
-"""Time after power-up or reset in which the chip does not acknowledge."""
+"""Time [ns] after power-up or reset in which the chip does not acknowledge."""
 READY_NS = 95 * MS_NS
 """Time after power-up or reset in which written settings are lost.
 
-The register start-up time is 100 ms at most [3.4]. The model's time is a little shorter, because a driver may
-count from the time at which it began to write the reset command.
+The data sheet, 3.4, gives 100 ms at most until registers can be written. The model's time is a little
+shorter, because a driver may count from the time at which it began to write the reset command.
 """
 
 WHO_AM_I, USER_CTRL, PWR_MGMT_1 = 0x000, 0x003, 0x006
@@ -54,9 +54,12 @@ _WRITABLE = {
     0x215: 0x1F,
     0x253: 0x07,
 }
-"""Writable bits of each register [8, 10]; other registers are read-only, reserved, or not modelled."""
+"""Writable bits of each register (data sheet, 8 and 10). Other registers are read-only, reserved, or not
+modelled.
+"""
 _SOURCES = ((0x10, 0, 6), (0x02, 6, 8), (0x04, 8, 10), (0x08, 10, 12))
-"""For each source of data in the FIFO: its bit in FIFO_EN_2, and its slice of the output bytes."""
+"""For each source of data in the FIFO: its bit in the register FIFO_EN_2, and its slice of the output bytes.
+"""
 
 
 class Icm20948(Chip):
@@ -92,11 +95,12 @@ class Icm20948(Chip):
 
     @property
     def output_hz(self) -> float:
-        """Nominal rate of the output registers; 0 when the chip does not convert [8.4, 10.1, 10.2]."""
+        """Nominal rate of the output registers; 0 when the chip does not convert (data sheet, 8.4 and 10)."""
         power = self.register(PWR_MGMT_1)
         if not self.powered or self._ready_at_ns is not None or power & 0x40 or power & 7 == 7:
             return 0.0
-        if not self.register(GYRO_CONFIG_1) & 1:  # If GYRO_FCHOICE is 0, the divider is not used.
+        # If GYRO_FCHOICE is 0, the gyroscope's low-pass is off, and its rate is not divided.
+        if not self.register(GYRO_CONFIG_1) & 1:
             return 9000.0
         return 1125.0 / (1 + self.register(GYRO_SMPLRT_DIV))
 
@@ -132,7 +136,9 @@ class Icm20948(Chip):
             case 0x01B:
                 status, self._status = self._status, 0
                 return status
-            case 0x070:  # Reading this register latches both bytes of the count [8.60].
+            # Reading this register stores both bytes of the FIFO's count, so that they belong together (data
+            # sheet, 8.60).
+            case 0x070:
                 self._count = len(self.fifo)
                 return self._count >> 8
             case 0x071:
@@ -151,7 +157,7 @@ class Icm20948(Chip):
             self._registers[register] = value & _WRITABLE.get(register, 0)
             if self.output_hz != before:
                 self._start_clock()
-        if self.register(FIFO_RST):  # While FIFO_RST is not 0, the FIFO stays empty [8.58].
+        if self.register(FIFO_RST):  # While FIFO_RST is not 0, the FIFO stays empty (data sheet, 8.58).
             self.fifo.clear()
 
     def _restore(self) -> None:

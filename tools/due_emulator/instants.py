@@ -10,7 +10,7 @@ from tools.due_emulator.machine import PS_PER_S
 from tools.due_emulator.reset_controller import ResetType
 
 DATA = 0x3B
-"""Number of the first of the sensor's data registers."""
+"""Number of the first of the sensor's data registers, which have acceleration, temperature and rate."""
 PERIOD_PS = PS_PER_S // 100
 
 

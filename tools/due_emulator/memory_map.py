@@ -1,4 +1,4 @@
-"""Flash and RAM of the ATSAM3X8E (datasheet 7, Memories)."""
+"""Flash and RAM of the Due's microcontroller ATSAM3X8E (SAM3X datasheet, chapter 7)."""
 
 import ctypes
 import mmap
@@ -9,8 +9,8 @@ FLASH_BASE = 0x0008_0000
 FLASH_BYTES = 512 * 1024
 BANK_BYTES = FLASH_BYTES // 2
 RAM_BASE = 0x2007_0000
-"""Second address of the memory SRAM0. There, SRAM1 follows SRAM0 without a gap, so linker scripts for the
-board use this address.
+"""Second address of the chip's first RAM, SRAM0. From this address, the second RAM follows the first without
+a gap, so linker scripts for the board use it.
 """
 SRAM0_BASE = 0x2000_0000
 SRAM0_BYTES = 64 * 1024

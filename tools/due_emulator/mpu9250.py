@@ -13,14 +13,14 @@ from tools.due_emulator.mpu9250_scaling import OUTPUT_BYTES, output_bytes
 from tools.due_emulator.noise import Motion, World
 
 QUIET_NS = 11 * MS_NS
-"""Time after power-up in which the chip does not acknowledge: the typical start-up time (PS-MPU-9250A-01,
-3.4.2).
+"""Time after power-up in which the chip does not acknowledge: the typical start-up time (MPU-9250 product
+specification, 3.4.2).
 """
 READY_NS = 95 * MS_NS
 """Time after power-up in which settings that a driver writes are lost.
 
-The limit in 3.4.2 is 100 ms. The model's time is a little shorter, because a driver may count its 100 ms from
-an earlier time.
+The limit in the MPU-9250 product specification, 3.4.2, is 100 ms. The model's time is a little shorter,
+because a driver may count its 100 ms from an earlier time.
 """
 RESET_NS = READY_NS
 """Time after a reset by the bit H_RESET in which settings that a driver writes are lost.
@@ -29,7 +29,7 @@ No document gives this time; the vendor's driver waits 100 ms. In this time the 
 H_RESET reads as 1.
 """
 PULSE_NS = 50_000
-"""Duration of a pulse of the INT pin if LATCH_INT_EN is 0 (PS-MPU-9250A-01, 3.4.2)."""
+"""Duration of a pulse of the INT pin if LATCH_INT_EN is 0 (MPU-9250 product specification, 3.4.2)."""
 
 _CLOCKING = {reg.SMPLRT_DIV, reg.CONFIG, reg.GYRO_CONFIG, reg.PWR_MGMT_1}
 _SCALING = {reg.CONFIG, reg.GYRO_CONFIG, reg.ACCEL_CONFIG, reg.ACCEL_CONFIG_2, reg.PWR_MGMT_1, reg.PWR_MGMT_2}
@@ -147,8 +147,8 @@ class Mpu9250(Chip):
     def start(self, address: int, read: bool) -> bool:
         """Receive a START or repeated START with an address; return whether the chip acknowledges.
 
-        From the START to the STOP, the output registers show the values of one instant. The registers that
-        can be read follow the internal registers only while the bus is idle (RM-MPU-6000A-00, 4.17).
+        From the START to the STOP, the output registers show the values of one instant. The chip copies its
+        internal registers to those that can be read only while the bus is idle (MPU-6000 register map, 4.17).
         """
         self._selected = super().start(address, read) and not (
             self._registers[reg.USER_CTRL] & reg.I2C_IF_DIS
@@ -179,7 +179,8 @@ class Mpu9250(Chip):
         match register:
             case reg.WHO_AM_I:
                 return self.variant.who_am_i
-            # Reading this register latches both bytes of the count (registers 114 and 115).
+            # Reading this register stores both bytes of the FIFO's count, so that they belong together
+            # (MPU-9250 register map, 114 and 115).
             case reg.FIFO_COUNTH:
                 self._count_latch = len(self.fifo)
                 return self._count_latch >> 8
@@ -301,7 +302,7 @@ class Mpu9250(Chip):
     def _measure(self, motion: Motion) -> bytes:
         """Return the counts of a motion at the configured ranges.
 
-        Axes that are switched off keep their last counts (register 108).
+        Axes that are switched off keep their last counts (MPU-9250 register map, 108).
         """
         gyro_fs = self._registers[reg.GYRO_CONFIG] >> 3 & 3
         accel_fs = self._registers[reg.ACCEL_CONFIG] >> 3 & 3
@@ -310,7 +311,7 @@ class Mpu9250(Chip):
         if not off and known is not None and known[0] is motion and known[1:3] == (gyro_fs, accel_fs):
             return known[3]
         data = bytearray(output_bytes(motion, gyro_fs, accel_fs, self.variant.who_am_i))
-        # Bits 0 to 5 switch off z, y, x of the gyroscope, then z, y, x of the accelerometer.
+        # Bits 0 to 5 of PWR_MGMT_2 switch off z, y, x of the gyroscope, then z, y, x of the accelerometer.
         for bit, place in enumerate((12, 10, 8, 4, 2, 0)):
             if off >> bit & 1:
                 data[place : place + 2] = self._output[place : place + 2]

@@ -1,7 +1,8 @@
 """Register map of the MPU-9250 family, as far as the chip model needs it.
 
-Sources: RM-MPU-9250A-00 revision 1.4 (section 3 and the descriptions by register number) and, for the
-MPU-6050, RM-MPU-6000A-00 revision 4.2. In these documents register numbers are decimal: 0x19 is register 25.
+Sources: the MPU-9250 register map (RM-MPU-9250A-00, revision 1.4, section 3 and the descriptions by register
+number) and, for the MPU-6050, the MPU-6000 register map (RM-MPU-6000A-00, revision 4.2). In these documents
+register numbers are decimal: 0x19 is register 25.
 """
 
 from typing import NamedTuple
@@ -29,7 +30,7 @@ WHO_AM_I = 0x75
 FIFO_MODE_STOP = 0x40
 # INT_PIN_CFG, register 55
 ACTIVE_LOW, LATCH_INT_EN, INT_ANYRD_2CLEAR = 0x80, 0x20, 0x10
-# INT_ENABLE and INT_STATUS, registers 56 and 58
+# bits of INT_ENABLE (which interrupts are on) and INT_STATUS (which have come), registers 56 and 58
 FIFO_OFLOW, RAW_DATA_RDY = 0x10, 0x01
 # USER_CTRL, register 106
 USER_FIFO_EN, I2C_IF_DIS, FIFO_RST = 0x40, 0x10, 0x04
@@ -69,10 +70,10 @@ _WRITABLE = {
 class Variant(NamedTuple):
     """Differences between the chips of the family.
 
-    `reset`: registers that are not 0 after a reset. `has_fchoice`: bits of GYRO_CONFIG can select 32 kHz; on
-    chips without these bits, SMPLRT_DIV also divides 8 kHz. `fifo_reset_needs_off`: FIFO_RST works only while
-    FIFO_EN in USER_CTRL is 0. `fifo_bytes`: capacity of the FIFO (PS-MPU-9250A-01, 4.17; PS-MPU-6000A-00,
-    7.17).
+    `reset`: registers that are not 0 after a reset. `has_fchoice`: bits of GYRO_CONFIG can select a rate of
+    32 kHz. On chips without these bits, the divider SMPLRT_DIV also divides the rate of 8 kHz.
+    `fifo_reset_needs_off`: FIFO_RST works only while FIFO_EN in USER_CTRL is 0. `fifo_bytes`: capacity of the
+    FIFO (product specification of the MPU-9250, 4.17, and of the MPU-6000, 7.17).
     """
 
     who_am_i: int
@@ -87,7 +88,7 @@ def variant_of(who_am_i: int) -> Variant:
     """Return the variant with this WHO_AM_I. For an unknown value it is an MPU-9250 with that value."""
     if who_am_i == 0x68:
         # The MPU-6050 lacks the bit FIFO_MODE. When its FIFO is full, the newest bytes always replace the
-        # oldest (RM-MPU-6000A-00, registers 26 and 116).
+        # oldest (MPU-6000 register map, 26 and 116).
         writable = _WRITABLE | {CONFIG: 0x3F, GYRO_CONFIG: 0xF8, INT_ENABLE: 0x19, PWR_MGMT_2: 0xFF}
         del writable[ACCEL_CONFIG_2]  # reserved on the MPU-6050
         return Variant(who_am_i, {PWR_MGMT_1: 0x40}, writable, False, True, fifo_bytes=1024)

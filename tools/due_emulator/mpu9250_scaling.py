@@ -5,9 +5,9 @@ from fltea.wire.sensors import temperature_counts
 from tools.due_emulator.noise import Motion
 
 GYRO_LSB_PER_DPS = (131.0, 65.5, 32.8, 16.4)
-"""Counts per deg/s for each value of GYRO_FS_SEL, register 27; PS-MPU-9250A-01, 3.1."""
+"""Counts per deg/s for each value of GYRO_FS_SEL in register 27 (MPU-9250 product specification, 3.1)."""
 ACCEL_LSB_PER_G = (16384, 8192, 4096, 2048)
-"""Counts per g for each value of ACCEL_FS_SEL, register 28; PS-MPU-9250A-01, 3.2."""
+"""Counts per g for each value of ACCEL_FS_SEL in register 28 (MPU-9250 product specification, 3.2)."""
 OUTPUT_BYTES = 14
 
 

@@ -22,7 +22,9 @@ from fltea.sources.synthetic import NoiseGenerator, NoiseSettings, parse_noise
 Vector = tuple[float, float, float]
 
 ACCEL_STD_G = 0.004
-"""Standard deviation of the accelerometer's noise [g]: 300 ug/sqrt(Hz) over 184 Hz (PS-MPU-9250A-01, 3.2)."""
+"""Standard deviation of the accelerometer's noise [g]: 300 ug/sqrt(Hz) over 184 Hz (MPU-9250 product
+specification, 3.2).
+"""
 ACCEL_PERIOD_NS = 1_000_000
 ACCEL_ROWS = 4099
 """Number of rows of accelerometer noise. After the last row the noise begins again. The number is a prime, so

@@ -1,11 +1,15 @@
-"""The Cortex-M3's interrupts and priorities: NVIC and system exceptions (ARMv7-M, B1.5 and B3.4)."""
+"""The Cortex-M3's interrupts and priorities.
+
+These are its interrupt controller NVIC and the system exceptions (ARMv7-M Architecture Reference Manual, B1.5
+and B3.4).
+"""
 
 from tools.due_emulator.machine import Machine
 
 SVCALL, PENDSV, SYSTICK = 11, 14, 15
 FIRST_IRQ = 16
 IRQS = 45
-"""Number of interrupts of the ATSAM3X8E (datasheet 9.1)."""
+"""Number of interrupts of the ATSAM3X8E (SAM3X datasheet, 9.1)."""
 PRIORITY_MASK = 0xF0
 """Mask of the four priority bits that the chip implements."""
 LOWEST = 0x100
@@ -51,9 +55,9 @@ class Nvic:
         return self.priority[exception] & -(2 << self.priority_group)
 
     def urgent(self, base_priority: int = 0) -> int | None:
-        """Return the pending exception that would be entered now if PRIMASK were clear.
+        """Return the pending exception that would be handled now if PRIMASK let interrupts in.
 
-        `base_priority`: BASEPRI, 0 for none.
+        `base_priority`: the register BASEPRI, which holds back less urgent interrupts; 0 holds back none.
         """
         waiting = self.pending & self.enabled
         if not waiting:

@@ -7,19 +7,20 @@ from tools.due_emulator.machine import Machine
 from tools.due_emulator.register_table import Register, bit_registers, peripherals
 
 FIRST_CLOCKED_ID = 8
-"""Smallest peripheral identifier with a clock. Lower identifiers are in the system controller (datasheet
-9.1).
+"""Smallest peripheral identifier with a clock. Lower identifiers belong to the system controller (SAM3X
+datasheet, 9.1).
 """
 
 
 class Peripheral:
-    """The registers of a peripheral, as in the vendor's description (SVD).
+    """The registers of a peripheral, as in the vendor's register description (SVD).
 
     `on_read` and `on_write` define what accesses to the registers do.
 
     Programs use `read` and `write` with the register's name. The run ends at a register that does not exist,
     an access that its mode forbids, or an access without the peripheral's clock. `status`: name of the
-    register whose flags request an interrupt if IMR enables them; empty if there is no such register.
+    register whose flags request an interrupt if the mask register IMR enables them; empty if there is no such
+    register.
     """
 
     status = ""
@@ -68,7 +69,7 @@ class Peripheral:
         self.settle_irq()
 
     def settle_irq(self) -> None:
-        """Request the interrupt while an enabled flag is set."""
+        """Request the peripheral's interrupt while a status flag is set that the mask register enables."""
         if self.status and self.table.irq is not None:
             flags = self.registers[self.status] & self.registers["IMR"]
             self.machine.set_irq(self.table.irq, bool(flags))

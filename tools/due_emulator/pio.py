@@ -1,7 +1,7 @@
-"""PIOA to PIOD: pins as outputs, as inputs with interrupts, or assigned to a peripheral.
+"""The pin controllers PIOA to PIOD: pins as outputs, as inputs, or assigned to a peripheral.
 
-Source: SAM3X datasheet, chapter 31. Not modelled: input filters (there are no glitches here) and the drive of
-unconnected pins.
+Source: SAM3X datasheet, chapter 31. Inputs can request interrupts. Not modelled: input filters (there are no
+glitches here) and the drive of unconnected pins.
 """
 
 from collections.abc import Callable
@@ -18,10 +18,11 @@ PROTECTED = {
     *("PER", "PDR", "OER", "ODR", "IFER", "IFDR", "MDER", "MDDR"),
     *("PUDR", "PUER", "ABSR", "OWER", "OWDR"),
 }
-"""Registers that WPMR protects (31.5.16)."""
+"""Registers that the register WPMR can protect against writes (SAM3X datasheet, 31.5.16)."""
 
 NEEDS_CLOCK = {"PDSR", "ISR", "IER"}
-"""Registers for sampled input levels and for edges. No other register needs the controller's clock (31.4.3).
+"""Registers for sampled input levels and for edges. No other register needs the controller's clock (SAM3X
+datasheet, 31.4.3).
 """
 
 
@@ -41,7 +42,7 @@ class Pio(Peripheral):
         self._power_up()
 
     def reset(self) -> None:
-        """Make all pins inputs with pull-ups, assigned to this controller (31.7: PSR, PUSR)."""
+        """Make all pins inputs with pull-ups, assigned to this controller (SAM3X datasheet, 31.7)."""
         super().reset()
         self._power_up()
 
@@ -89,7 +90,7 @@ class Pio(Peripheral):
         return super().clock_id(register) if register in NEEDS_CLOCK else None
 
     def on_read(self, register: str) -> int:
-        """Return the present levels for PDSR; a read of ISR clears ISR."""
+        """Read a register. PDSR has the pins' present levels. A read of the events in ISR clears them."""
         if register == "PDSR":
             return sum(1 << bit for bit in range(32) if self.level(bit))
         value = self.registers[register]
@@ -99,7 +100,7 @@ class Pio(Peripheral):
         return value
 
     def on_write(self, register: str, value: int) -> None:
-        """Set or clear bits; changes of outputs and assignments take effect immediately."""
+        """Write a register. Changes of outputs and of the pins' assignments take effect immediately."""
         if register in PROTECTED and self.registers["WPMR"] & WPEN:
             self.machine.fault(f"write of 0x{value:X} to {self.name}_{register}, which WPMR protects")
         if register == "WPMR":
@@ -151,7 +152,7 @@ class Pio(Peripheral):
             self.settle_irq()
 
     def _is_event(self, bit: int, level: bool) -> bool:
-        """Return whether an edge is an event (31.5.10).
+        """Return whether an edge at a pin is an event, which sets a bit of ISR (SAM3X datasheet, 31.5.10).
 
         Any edge is an event, unless the pin's additional mode selects one direction.
 

@@ -1,6 +1,6 @@
-"""The Power Management Controller: oscillators, PLLs, the master clock, peripheral clocks (datasheet 28).
+"""The Power Management Controller: oscillators, PLLs, the master clock, peripheral clocks.
 
-The main oscillator has the board's 12 MHz crystal.
+Source: SAM3X datasheet, chapter 28. The main oscillator has the board's 12 MHz crystal.
 """
 
 from collections.abc import Callable
@@ -18,12 +18,12 @@ start-up times differ from board to board.
 """
 MCK_MAX_HZ = 84_000_000
 PLLA_OUTPUT_HZ = (96_000_000, 192_000_000)
-"""Allowed range of the PLL's output (datasheet 45.5, taken from a secondary source)."""
+"""Allowed range of the PLL's output (SAM3X datasheet, 45.5, as quoted elsewhere)."""
 UPLL_HZ = 480_000_000
 KEY, WP_KEY = 0x37, 0x50_4D43
 CLOCKED_IDS = (1 << 45) - (1 << 8)
-"""Bits of the peripherals whose clock can be switched: identifiers 8 to 44 (datasheet 9.1, taken from a
-secondary source).
+"""Bits of the peripherals whose clock can be switched: identifiers 8 to 44 (SAM3X datasheet, 9.1, as quoted
+elsewhere).
 """
 CSS_SLOW, CSS_MAIN, CSS_PLLA, CSS_UPLL = range(4)
 MOSCXTS, LOCKA, MCKRDY, LOCKU, MOSCSELS, MOSCRCS = (1 << bit for bit in (0, 1, 3, 6, 16, 17))
@@ -60,7 +60,7 @@ class Pmc(Peripheral):
         self.machine.set_mck(RC_HZ[0])
 
     def on_write(self, register: str, value: int) -> None:
-        """Write a register, after checks of the key, the order of writes and the state of the clocks."""
+        """Write a register. Check first the value's key, the order of writes and the state of the clocks."""
         r = self.registers
         match register:
             case "PCER0" | "PCER1" | "PCDR0" | "PCDR1":
@@ -95,8 +95,8 @@ class Pmc(Peripheral):
     def on_read(self, register: str) -> int:
         """Read a register.
 
-        A read of CKGR_MCFR returns the measurement of the main clock, which is always ready. All other reads
-        return the stored value.
+        A read of CKGR_MCFR returns the measured frequency of the main clock; the measurement is always ready.
+        All other reads return the stored value.
         """
         if register == "CKGR_MCFR":
             return 1 << 16 | self._main_hz() * 16 // SLOW_CLOCK_HZ

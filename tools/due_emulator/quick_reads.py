@@ -38,7 +38,7 @@ class QuickRegister(ctypes.Structure):
 
 
 class QuickReads(ctypes.Structure):
-    """All quick registers of a machine. `clocked` has the meaning of `Machine.clocked`."""
+    """All quick registers of a machine. `clocked`: as in `Machine`, which peripherals have a clock."""
 
     _fields_ = (
         ("clocked", ctypes.c_uint64),

@@ -9,7 +9,8 @@ PLAIN = (
 """Names of the peripherals of which only the registers are emulated."""
 
 RESET_VALUES = {
-    ("CHIPID", "CIDR"): 0x285E_0A60,  # SAM3X8E (datasheet 9.2.3; flash tools expect this value)
+    # the chip's identifier (SAM3X datasheet, 9.2.3), which flash tools check
+    ("CHIPID", "CIDR"): 0x285E_0A60,
 }
 REFUSED = {
     ("ADC", "CR"): 0x02,

@@ -23,7 +23,7 @@ TRIPLES = (
         ("LSR", "ESR", "ELSR"),
     ),
     *(("REHLSR", "FELLSR", "FRLHSR"), ("DIFSR", "SCIFSR", "IFDGSR")),
-    ("PUDR", "PUER", "PUSR"),  # a 1 in PUSR means that the pull-up is off
+    ("PUDR", "PUER", "PUSR"),  # PUSR: a 1 means that the pin's pull-up is off
 )
 """Triples of registers: the first sets bits, the second clears them, the third shows them."""
 

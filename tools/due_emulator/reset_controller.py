@@ -1,4 +1,4 @@
-"""The Reset Controller: causes of a start, and resets by the program (datasheet 12)."""
+"""The Reset Controller: why the chip started, and resets by the program (SAM3X datasheet, chapter 12)."""
 
 from collections.abc import Callable
 from enum import IntEnum
@@ -30,19 +30,19 @@ class ResetController(Peripheral):
         self.restarted(ResetType.POWER_UP)
 
     def restarted(self, cause: ResetType) -> None:
-        """Store why the chip starts. A user reset also sets URSTS."""
+        """Store why the chip starts. A reset by the reset pin also sets the flag URSTS (user reset)."""
         self.reset()
         self.registers["SR"] = cause << 8 | NRSTL | (cause is ResetType.USER)
 
     def on_read(self, register: str) -> int:
-        """Read a register; a read of SR clears URSTS."""
+        """Read a register; a read of the status register SR clears the flag URSTS (user reset)."""
         value = self.registers[register]
         if register == "SR":
             self.registers["SR"] &= ~1
         return value
 
     def on_write(self, register: str, value: int) -> None:
-        """Write a register; values for both writable registers must contain the key."""
+        """Write a register. Both writable registers accept only values that contain the chip's key."""
         if value >> 24 != KEY:
             self.machine.fault(f"RSTC_{register} = 0x{value:08X} without its key 0xA5: the chip ignores it")
         if register == "MR":

@@ -18,7 +18,7 @@ class SensorSocket:
         self.chip = chip
         self.int_wire = Wire(machine, "the sensor's INT pin")
         self.nacks_left = 0
-        """The sensor will not acknowledge the next so many bytes."""
+        """Number of bytes, from the next one on, that the sensor will not acknowledge."""
         self.nack_until_ps = 0
         """Time until which no byte is acknowledged [ps]."""
         self._alarm = Alarm(machine, self._on_event)
@@ -88,7 +88,7 @@ class SensorSocket:
         self.settle()
 
     def settle(self) -> None:
-        """Set the alarm for the next time at which the INT pin can change."""
+        """Set the alarm for the next time at which the sensor's INT pin can change."""
         self._alarm.cancel()
         at_ns = self.chip.next_event_ns()
         if at_ns is not None:

@@ -1,4 +1,8 @@
-"""The System Control Space at 0xE000E000: registers of SysTick, NVIC and SCB (ARMv7-M, B3)."""
+"""The System Control Space at 0xE000E000: registers of SysTick, NVIC and SCB.
+
+SysTick is the processor's timer, NVIC its interrupt controller, SCB the rest (ARMv7-M Architecture Reference
+Manual, B3).
+"""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -29,7 +33,7 @@ class Word(NamedTuple):
 class SystemControl:
     """The system registers.
 
-    An access to a register that is not listed here, such as one of the MPU, ends the run.
+    An access to a register that is not listed here, such as one for memory protection, ends the run.
     """
 
     def __init__(self, machine: Machine, nvic: Nvic, system_reset: Callable[[], None]) -> None:
@@ -177,8 +181,8 @@ class SystemControl:
                 act(exception)
 
     def _write_vtor(self, value: int) -> None:
-        # The table has 61 vectors of 4 bytes. Its alignment is that size, rounded up to a power of two
-        # (ARMv7-M, B3.2.5).
+        # The table of exception vectors has 61 entries of 4 bytes. Its alignment is that size, rounded up to
+        # a power of two (ARMv7-M Architecture Reference Manual, B3.2.5).
         if value & 0xFF:
             self._machine.fault(f"VTOR 0x{value:08X}: the vector table has to be aligned to 256 bytes")
         self.vector_table = value

@@ -1,4 +1,4 @@
-"""SysTick, the processor's own timer (ARMv7-M, B3.3)."""
+"""SysTick, the processor's own timer (ARMv7-M Architecture Reference Manual, B3.3)."""
 
 from collections.abc import Callable
 
@@ -11,13 +11,15 @@ CLKSOURCE = 1 << 2
 COUNTFLAG = 1 << 16
 SLOW_DIVIDER = 8
 CALIB_10MS_AT_84MHZ = 10_500
-"""SysTick's calibration value on this chip: 1 ms at 10.5 MHz (datasheet 10.22; not checked on a board)."""
+"""SysTick's calibration value on this chip: 1 ms at 10.5 MHz (SAM3X datasheet, 10.22; not checked on a
+board).
+"""
 
 
 class SysTick:
     """Counts down from LOAD to 0, then starts at LOAD again.
 
-    At each 0, `pend` is called if TICKINT is set.
+    At each 0, `pend` is called if the flag TICKINT enables the interrupt.
     """
 
     def __init__(self, machine: Machine, pend: Callable[[], None]) -> None:
@@ -47,7 +49,7 @@ class SysTick:
         return bool(self._control & ENABLE) and self._load > 0
 
     def read_control(self) -> int:
-        """Read SYST_CSR, the control register. The read clears COUNTFLAG."""
+        """Read SYST_CSR, the control register. The read clears the flag COUNTFLAG (0 has been reached)."""
         self._settle()
         flag, self._flag = self._flag, False
         return self._control | COUNTFLAG * flag
@@ -75,7 +77,7 @@ class SysTick:
         return -self._counter.cycles % (self._load + 1)
 
     def write_value(self, _: int) -> None:
-        """Write SYST_CVR: any value sets the count and COUNTFLAG to 0."""
+        """Write SYST_CVR: any value sets the count and the flag COUNTFLAG to 0."""
         self._go_on_from(0)
         self._flag = False
 

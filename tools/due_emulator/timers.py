@@ -1,7 +1,7 @@
-"""TC0 to TC2: three 32-bit counters each (datasheet 36).
+"""The timers TC0 to TC2, with three 32-bit counters each (SAM3X datasheet, chapter 36).
 
 A counter can count up to its largest value or to the register RC; comparison with RC and its interrupt are
-modelled. If a program uses another mode, an input, RA or RB, the run ends.
+modelled. If a program uses another mode, an input, or the registers RA and RB, the run ends.
 """
 
 from collections.abc import Callable
@@ -130,7 +130,7 @@ class Channel:
             self._alarm.set(self._counter.ps_until(self._next_mark()))
 
     def _next_mark(self) -> int:
-        """Return the total count at which the counter next reaches RC or the end of its period.
+        """Return the total count at which the counter next reaches the register RC or the end of its period.
 
         The total count is not reduced modulo the period.
         """

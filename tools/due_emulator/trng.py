@@ -1,4 +1,4 @@
-"""The true random number generator (datasheet, chapter 41). In the emulation it is seeded."""
+"""The true random number generator (SAM3X datasheet, chapter 41). In the emulation it is seeded."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from tools.due_emulator.peripheral import Peripheral
 
 KEY = 0x52_4E47
 CYCLES = 84
-"""Number of clock cycles that the generator needs for a new random word (datasheet 41.1)."""
+"""Number of clock cycles that the generator needs for a new random word (SAM3X datasheet, 41.1)."""
 DATRDY = 1
 
 
@@ -31,7 +31,7 @@ class Trng(Peripheral):
         self.settle_irq()
 
     def on_read(self, register: str) -> int:
-        """Read a register. A read of ISR clears DATRDY.
+        """Read a register. A read of ISR clears its flag DATRDY (a new word is ready).
 
         A random word may be read only after DATRDY was seen.
         """
@@ -48,7 +48,7 @@ class Trng(Peripheral):
         return value
 
     def on_write(self, register: str, value: int) -> None:
-        """Write a register. A value for CR must contain the key."""
+        """Write a register. The control register CR accepts only values that contain the key."""
         if register == "CR":
             if value >> 8 != KEY:
                 self.machine.fault(f"TRNG_CR = 0x{value:08X} without its key 0x524E47: the chip ignores it")

@@ -1,10 +1,13 @@
 """The I²C controllers TWI0 and TWI1 as bus masters: whole bytes, with their durations on the wires.
 
-Sources: SAM3X datasheet, chapter 33 (33.8 master mode, 33.11 registers). The SAM4CP datasheet, 34.7.3.5, says
-of the same controller that SCL waits in the last bit until RHR is read. A byte of a write that was not
-acknowledged stays in THR, and the next write sends it first. Later controllers of the family (SAMA5D2) have a
-command THRCLR that discards this byte; on the SAM3X only SWRST discards it. Not modelled, and refused: slave
-mode, quick command, transfers by PDC.
+Source: SAM3X datasheet, chapter 33 (33.8 master mode, 33.11 registers). The SAM4CP datasheet, 34.7.3.5, says
+of the same controller that SCL waits in the last bit until the program has read the receive register RHR.
+
+A byte of a write that was not acknowledged stays in the transmit register THR, and the next write sends it
+first. Later controllers of the family (SAMA5D2) have a command that discards this byte; on the SAM3X only the
+controller's reset, SWRST, discards it.
+
+Not modelled, and refused: slave mode, quick command, transfers by DMA (PDC).
 """
 
 from collections.abc import Generator
@@ -17,14 +20,16 @@ from tools.due_emulator.pio import Pio
 START, STOP, MSEN, MSDIS, SVEN, SVDIS, QUICK, SWRST = (1 << bit for bit in range(8))
 TXCOMP, RXRDY, TXRDY, NACK = 0x001, 0x002, 0x004, 0x100
 CLEARED_BY_READ = 0x370
-"""GACC, OVRE, NACK and ARBLST (33.11.6), which a read of SR clears."""
+"""The flags GACC, OVRE, NACK and ARBLST, which a read of the status register clears (SAM3X datasheet,
+33.11.6).
+"""
 PDC_ENABLES = 0x101
 
 IDLE_LINE = 0xFF
 
 LAST_BIT = 7.5
-"""Position in a received byte [bits] at which the controller holds SCL while RHR is full. After the program
-has read RHR, half a bit is left in which it can set STOP.
+"""Position in a received byte [bits] at which the controller holds SCL while the receive register is full.
+After the program has read this register, half a bit is left in which the program can request STOP.
 """
 BYTE_BITS = 9
 
@@ -40,7 +45,7 @@ class Twi(Peripheral):
     """One I²C controller on its bus.
 
     `lines`: the bus to which TWD and TWCK are connected. `pio`, `pins`: the pins' controller and their bits
-    in it; the pins have to be assigned to peripheral A.
+    in it; the program has to assign these pins to the controller (peripheral A).
     """
 
     status = "SR"
@@ -55,8 +60,8 @@ class Twi(Peripheral):
         """Total time for which transfers have held the bus [ps]."""
         self.transfers = 0
         self.stale_reads = 0
-        """Number of reads, from the next one on, after which an extra byte stays in RHR, as if STOP had been
-        set too late.
+        """Number of reads, from the next one on, after which an extra byte stays in the receive register, as
+        if STOP had been requested too late.
         """
         self._quick_status = machine.quick_reads.add(
             self.table.base + self.table.registers["SR"].offset, self.clock_id("SR")
@@ -64,7 +69,7 @@ class Twi(Peripheral):
         self._alarm = Alarm(machine, self._resume)
         self._thr: int | None = None
         self._remains: int | None = None
-        """The byte that stayed in THR because a write was not acknowledged, or None."""
+        """The byte that stayed in the transmit register because a write was not acknowledged, or None."""
         self._on_line: tuple[bool, int, int] | None = None
         """The byte that is on the wires: whether the sensor sends it, its value, and the time at which it
         started [ps]. None if no byte is on the wires.
@@ -80,7 +85,7 @@ class Twi(Peripheral):
         lines.scl.listen(self._on_scl)
 
     def reset(self) -> None:
-        """Reset the controller, as a reset of the chip or SWRST does. A transfer is cut off."""
+        """Reset the controller, as a reset of the chip or the command SWRST does. A transfer is cut off."""
         self._abort()
         super().reset()
         self._idle()
@@ -88,7 +93,7 @@ class Twi(Peripheral):
 
     @property
     def half_bits_s(self) -> tuple[float, float]:
-        """Time for which SCL is low in a bit, and time for which it is high (33.11.5, CWGR) [s]."""
+        """Times for which SCL is low and high in a bit, by register CWGR (SAM3X datasheet, 33.11.5) [s]."""
         ckdiv, mck_hz = self.field("CWGR", "CKDIV"), self.machine.mck_hz
         low, high = (((self.field("CWGR", name) << ckdiv) + 4) / mck_hz for name in ("CLDIV", "CHDIV"))
         return low, high
@@ -108,10 +113,10 @@ class Twi(Peripheral):
         return self.busy_ps + running
 
     def on_read(self, register: str) -> int:
-        """Read a register.
+        """Read a register. A read of the status register clears its events.
 
-        A read of SR clears its events. A read of RHR lets the next byte end, which waits in its last bit
-        while RHR is full.
+        While the receive register RHR is full, the next byte waits in its last bit. A read of RHR lets this
+        byte end.
         """
         value = self.registers[register]
         if register == "SR":
@@ -202,7 +207,11 @@ class Twi(Peripheral):
     # Transfers
 
     def _open(self, read: bool) -> Addressing:
-        """Send START and addresses; a read after an internal address needs a repeated START (33.8.6)."""
+        """Send START and addresses.
+
+        A read that begins with the address of a register in the sensor needs a repeated START (SAM3X
+        datasheet, 33.8.6).
+        """
         self._lines.take(self.name)
         address = self.field("MMR", "DADR")
         inner = self.field("MMR", "IADRSZ")
@@ -242,7 +251,7 @@ class Twi(Peripheral):
             end_ps = max(end_ps, machine.now_ps + rest_ps)
             self._on_line = (True, byte, end_ps - self._ps(BYTE_BITS))
             yield (end_ps - machine.now_ps) / self._bit_ps
-            # A device has held SCL low meanwhile, which delays the byte's end.
+            # Meanwhile a device has held SCL low, which delays the byte's end.
             while machine.now_ps > end_ps:
                 end_ps = machine.now_ps + rest_ps
                 yield BYTE_BITS - LAST_BIT
@@ -256,7 +265,8 @@ class Twi(Peripheral):
     def _anticipate(self) -> Transfer:
         """After the program has read the last byte, receive the idle level of the bus as one more byte.
 
-        The real controller can receive such a byte, too. This is why the Linux driver empties RHR.
+        The real controller can receive such a byte, too. This is why the Linux driver empties the receive
+        register.
         """
         while self.registers["SR"] & RXRDY:
             yield None
@@ -310,16 +320,16 @@ class Twi(Peripheral):
         if not self._lines.scl.level:
             return  # SCL is stretched: `_on_scl` continues the transfer
         if not self._lines.sda.level:
-            # A device holds SDA low, so neither START nor data can be sent; only SWRST or MSDIS ends this
-            # state.
+            # A device holds SDA low, so neither START nor data can be sent; only the commands SWRST (reset)
+            # and MSDIS (master off) end this state.
             self._stalled = True
             return
         try:
             bits = next(self._transfer)
         except StopIteration:
             return
-        # An access of the program can end two kinds of waits early: LAST_BIT, and None, which nothing else
-        # can end.
+        # An access of the program can end two kinds of waits early: the wait in the last bit, which LAST_BIT
+        # stands for, and the wait without an end of its own, which None stands for.
         self._waiting = bits in (None, LAST_BIT)
         if bits is not None:
             self._alarm.set(self._ps(bits))
@@ -367,6 +377,6 @@ class Twi(Peripheral):
         self._on_line = None
 
     def settle_irq(self) -> None:
-        """Update the interrupt request, and the copy of the status register that the C++ code reads."""
+        """Update the interrupt request, and the copy of the status register that `execution.cpp` reads."""
         self._quick_status.hold(self.registers["SR"], CLEARED_BY_READ)
         super().settle_irq()

@@ -1,6 +1,6 @@
 """UART and USARTs as transmitters: holding register, shift register, and the DMA controller (PDC).
 
-Sources: datasheet 34 (UART), 35 (USART), 26 (PDC). Only transmission is modelled.
+Sources: SAM3X datasheet, chapters 34 (UART), 35 (USART) and 26 (PDC). Only transmission is modelled.
 """
 
 from typing import Protocol
@@ -62,7 +62,7 @@ class Transmitter(Peripheral):
 
     @property
     def baud(self) -> float:
-        """Baud rate that BRGR sets (datasheet 34.5.1) [baud]."""
+        """Baud rate that the register BRGR sets (SAM3X datasheet, 34.5.1) [baud]."""
         divider = self.field("BRGR", "CD")
         if not divider:
             self.machine.fault(f"{self.name} sends while BRGR.CD is 0: it has no clock")
@@ -83,8 +83,8 @@ class Transmitter(Peripheral):
                 self._control_pdc(value)
             case "TCR" | "TNCR":
                 if register == "TNCR" and value and not r["TCR"]:
-                    # The datasheet does not say whether the next block starts immediately if TCR is 0 when
-                    # TNCR is written.
+                    # TCR and TNCR are the lengths of the present block and of the next. The datasheet does
+                    # not say whether the next block starts immediately if TCR is 0 when TNCR is written.
                     self.machine.fault(f"{self.name}_TNCR is written while TCR is 0: write TPR and TCR first")
                 r[register] = value & 0xFFFF
                 if r[register]:
@@ -101,7 +101,7 @@ class Transmitter(Peripheral):
             self._holding = self._shifting = None
             self._enabled = False
         if value & TXDIS:
-            # A byte that is on the wire is still sent completely (34.6.1).
+            # A byte that is on the wire is still sent completely (SAM3X datasheet, 34.6.1).
             self._enabled = False
         elif value & TXEN:
             self._check_format()
@@ -200,7 +200,7 @@ class Transmitter(Peripheral):
             self._feed()
 
     def _is_amid_a_block(self) -> bool:
-        """Return whether the end of this byte changes no flag."""
+        """Return whether this byte's end sets no flag, since the PDC has more bytes of the same block."""
         r = self.registers
         return self._holding is not None and self._enabled and r["TCR"] > 1 and r["PTSR"] & PDC_TXTEN != 0
 

@@ -17,7 +17,8 @@ WDUNF, WDERR = 1, 2
 class Watchdog(Peripheral):
     """Calls `bite`, which resets the board, when the program has not fed the watchdog in time.
 
-    The watchdog does not count while the processor sleeps if WDIDLEHLT is set, as it is after a reset.
+    The watchdog does not count while the processor sleeps if the mode bit WDIDLEHLT is set, as it is after a
+    reset.
     """
 
     def __init__(self, machine: Machine, bite: Callable[[], None]) -> None:
@@ -41,7 +42,7 @@ class Watchdog(Peripheral):
         return self.field("MR", "WDV") * DIVIDER * PS_PER_S // SLOW_CLOCK_HZ
 
     def on_read(self, register: str) -> int:
-        """Read a register; a read of SR clears SR."""
+        """Read a register; a read of the status register SR clears its flags."""
         value = self.registers[register]
         if register == "SR":
             self.registers["SR"] = 0
@@ -49,7 +50,7 @@ class Watchdog(Peripheral):
         return value
 
     def on_write(self, register: str, value: int) -> None:
-        """Write a register: CR feeds the watchdog; MR may be written once."""
+        """Write a register: CR feeds the watchdog; the mode register MR may be written once after a reset."""
         if register == "CR":
             if value >> 24 != KEY or not value & 1:
                 self.machine.fault(f"WDT_CR = 0x{value:08X}: to feed the watchdog write 0xA5000001")
