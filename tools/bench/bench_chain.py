@@ -6,8 +6,9 @@ The present program is measured, and that of another commit if one is named.
 
 A row of the result is one task. Every round measures each row with one program, and right after that with the
 other program, on the same samples. So a busy machine slows both. "Peers" are other programs that read such
-files. Live devices send white noise, or coloured noise, whose fits take longer. The engine alone processes
-the samples of an hour; the ratio of processor times tells what the chain adds to the engine.
+files. Live devices send white noise, or coloured noise, whose fits take longer. One row measures the engine
+(the native code of the filters) alone on the samples of an hour. The ratio of its processor time to the whole
+program's tells what the rest of the program costs.
 """
 
 import os

@@ -30,15 +30,15 @@ from tools.bench.programs import PRESENT, Program
 from tools.validation.tables import Table, number
 
 SETTLE_S = 8.0
-"""Time [s] after which all modules are imported, start-up windows are full and the memory hardly grows."""
+"""Time [s] after which all modules are imported, all devices have estimates and the memory hardly grows."""
 OPEN_WITHIN_S = 60.0
 """Longest wait [s] for a daemon to open all its ports; after this the measurement begins anyway.
 """
 LOST = ("lost", "overflow_bytes", "dropped", "port_full", "missing", "unrecorded_bytes", "errors")
 OTHER_FILES = 100
-"""Number of files that may be open in addition to the two of each port."""
+"""Number of files that the daemon may open in addition to two for each port."""
 LOOKS = 10
-"""Number of measurements of the memory in a run."""
+"""Number of times that the daemon's memory is measured in a run."""
 
 
 class Setting(NamedTuple):

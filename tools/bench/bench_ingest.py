@@ -28,7 +28,7 @@ KILL_S, KILLED_S = 10, 25
 worker was killed.
 """
 SETTLE_S = 5.0
-"""Time [s] after which every device is processed and its start-up window is full."""
+"""Time [s] after which every device is processed and has estimates."""
 PARTITIONS, WORKERS = 16, 2
 EVERY = 100
 """The programs write one estimate in this many samples. These estimates show whether any are missing."""
@@ -51,7 +51,7 @@ def measure(devices: int = DEVICES, seconds: int = SECONDS) -> dict[str, Any]:
 
 
 class _Programs:
-    """The processes of `fltea run` that are measured (one or two), and the records that they write."""
+    """The measured processes of `fltea run` (one or two), and the records that these processes write."""
 
     def __init__(self, folder: Path, stack: contextlib.ExitStack, count: int, *arguments: str) -> None:
         # The file is opened for appending, because this process reads it. Reading moves the file position,
@@ -80,7 +80,7 @@ class _Programs:
     def have_estimated(self, seq: int, devices: int) -> bool:
         """Return whether all devices have an estimate of sample `seq`.
 
-        The estimates before sample `seq` are written by then, too.
+        By then, the programs have also written all estimates of earlier samples.
         """
         return len({one["device"] for one in self.records("estimate") if one["seq"] == seq}) == devices
 
@@ -154,9 +154,9 @@ def _run(
 
 
 def _counted(programs: _Programs) -> dict[str, Any]:
-    """Return what the programs counted themselves.
+    """Return the counts that the programs themselves report.
 
-    For each device, these are the numbers in the `stats` record with the largest number of samples.
+    For each device, these are the counts in the `stats` record with the largest number of samples.
     """
     stats: dict[str, dict[str, Any]] = {}
     for one in programs.records("stats"):

@@ -1,4 +1,4 @@
-"""Measures the live fit: the running sums and the fits.
+"""Measures the live fit: the sums that the daemon keeps of the samples, and the fits of these sums.
 
 The replay of an hour with and without the fit is measured by `--chain`.
 """
@@ -69,7 +69,7 @@ def text(found: dict[str, Any]) -> str:
 
 
 def _accumulators(y: Array) -> dict[str, Any]:
-    """Measure the time of the running sums, and alternately that of the filters, on the same blocks."""
+    """Measure the time of the sums for the fit, and alternately that of the filters, on the same blocks."""
     settings = LaneSettings(EstimatorConfig(), H, y[:1000].var(axis=0))
     found = {}
     for name, rows in AT_ONCE.items():
@@ -95,7 +95,10 @@ def _accumulators(y: Array) -> dict[str, Any]:
 
 
 def _fits(y: Array) -> dict[str, Any]:
-    """Measure the time per axis of the very first fit, of the next fit, and of a fit with curves."""
+    """Measure the time per axis of three fits: the very first, the next, and one with curves.
+
+    The curves are those of spectrum and Allan deviation that the live page shows.
+    """
     times: dict[str, list[float]] = {}
     for _ in range(ROUNDS):
         live = LiveAxes(AXES, H, LiveConfig(), "deg/s")

@@ -1,10 +1,12 @@
-"""Measures the filters' compressed memory of past samples, for several digits, windows and numbers of lanes.
+"""Measures the filters' compressed memory, which stands for all past samples by some decaying sums (modes).
 
-The figures are the number of modes (decaying sums), the accuracy and the time of a step.
+The memory is measured for several accuracies (numbers of digits), lengths (windows) and numbers of axes that
+are processed in parallel (lanes). The figures are the number of modes, the accuracy and the time of a step.
 
-A step is all that the estimator needs from its memory for one sample: state sums of three orders, both sums
-of a fourth order, and one push. Each operation waits for the one before. Errors are relative. The tables have
-the largest error for ages up to ten million samples and all orders.
+A step is all that the estimator needs from its memory for one sample: the weighted sum of the past states for
+three orders, the weighted sums of states and variances for a fourth order, and adding the new state. Each
+operation waits for the one before. Errors are relative. The tables have the largest error for ages up to ten
+million samples and all orders.
 """
 
 import statistics
@@ -27,16 +29,12 @@ class Timed(Memory):
     """A memory that measures its own time and size."""
 
     def seconds(self, n: int) -> float:
-        """Return the time of `n` steps.
-
-        A step is three state sums, one call for both sums and one push. Each operation waits for the one
-        before.
-        """
+        """Return the time of `n` steps. The module's docstring says what a step is."""
         return float(self._library.probe_seconds(self._probe, n))
 
     @property
     def bytes(self) -> int:
-        """Return the size of the memory of all lanes together [bytes]."""
+        """Return the size of the memory of all axes that are processed in parallel [bytes]."""
         return int(self._library.probe_bytes(self._probe))
 
     @property
@@ -50,7 +48,8 @@ class Timed(Memory):
 def worst_errors(memory: Memory, low: float, high: float) -> tuple[float, float]:
     """Return the memory's largest relative errors of the weights c_j and c_j^2, for orders `low` to `high`.
 
-    c_j is the weight of a past sample of age j in a sum. The errors are computed for a grid of ages.
+    c_j is the weight of the sample that is j samples old in a fractional difference. The errors are computed
+    for a grid of ages.
     """
     ages = np.unique(np.geomspace(16, AGES, 60).astype(int))
     worst = [0.0, 0.0]
@@ -71,7 +70,7 @@ def worst_errors(memory: Memory, low: float, high: float) -> tuple[float, float]
 
 
 def nanoseconds(memory: Timed, window: int) -> float:
-    """Return the median time [ns] of a step with a full window.
+    """Return the median time [ns] of a step when the memory has reached its full length.
 
     Each timed batch of steps is shorter than a time slice of the system's scheduler.
     """

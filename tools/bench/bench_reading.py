@@ -30,8 +30,8 @@ NAMES += [f"accel_{axis} (m/s^2)" for axis in "xyz"]
 PLACES = How(columns=["2", "3", "4"], time_column="1", time_unit="s", units="deg/s")
 ROUNDS = 5
 SMALLER = 30
-"""How the time grows with a file's size is measured on smaller files. The CSV file has this many times the
-rows of the smallest of them.
+"""Smaller files show how the time grows with a file's size. The CSV file has this many times the rows of the
+smallest of these files.
 """
 SECONDS_PER_MB, TWICE = 1.0, 2.5
 """Largest values that reach the goals. SECONDS_PER_MB is the time for 1 MB of any text [s]. TWICE is the time

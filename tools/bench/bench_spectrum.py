@@ -1,4 +1,8 @@
-"""Measures the live spectrum and the Allan deviation: time of a sample, of the curves, and of refits."""
+"""Measures the time of the live spectrum and the live Allan deviation.
+
+The figures are the time to add a sample, the time to compute the curves that the live page shows, and the
+time of refits (fits as the record grows).
+"""
 
 import statistics
 from collections.abc import Callable
@@ -123,7 +127,7 @@ def _allan() -> list[Work]:
 
 
 def _models() -> list[Work]:
-    """Return the tasks of a refit that mostly run in native code, averaged over the noises."""
+    """Return the tasks of a refit that run in native code. Their times are means over the noises."""
     found = []
     for parts in NOISES.values():
         sums = Octaves(1)

@@ -19,7 +19,9 @@ from tools.validation.tables import Table
 
 AXES, SAMPLES, ROUNDS, H = 3, 60_000, 5, 0.01
 FIRST = 3000
-"""Number of samples (half a minute) before the first model is set; until then the tracker bank runs."""
+"""Number of samples (half a minute) before the first model is set. Until then the tracker uses its general
+models, the tracker bank.
+"""
 
 
 def systems() -> dict[str, System]:

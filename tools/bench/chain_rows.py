@@ -31,8 +31,8 @@ class Row(NamedTuple):
 
     `kind`: the table in which the row stands. `goals`: largest permitted values of figures. `usual`: whether
     the row is measured if no rows are named. `of_fltea`: False for a row that measures another program for
-    comparison, which is done once a round. `long`: whether the row takes minutes to measure. Such a row is
-    measured only if its own name is given, or with --long.
+    comparison. Such a row is measured once a round. `long`: whether the row takes minutes to measure. Such a
+    row is measured only if its own name is given, or with --long.
     """
 
     name: str

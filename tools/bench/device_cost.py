@@ -2,9 +2,9 @@
 
 A phase of the board's work is a function with all functions that it calls.
 
-The sources are built again to get their symbols, and run on the emulated board. Instructions are counted, not
-cycles. The proportion of a real processor's time is computed from an assumed number of cycles per
-instruction, `CYCLES`.
+The firmware is built again, since the committed image has no symbols, and runs on the emulated board.
+Instructions are counted, not cycles. The proportion of a real processor's time is computed from an assumed
+number of cycles per instruction, `CYCLES`.
 """
 
 import re
@@ -32,7 +32,8 @@ PHASES = {
     "memory: push; counts of the guard": r"^fltea::engine::baseline::Lane<.*::step\(",
     "centring, supervisor": r"^fltea::AxisEstimator::step\(",
 }
-"""For each phase, a pattern that matches only the name of its function."""
+"""For each phase (a function with all that it calls): a pattern that matches only the name of its function.
+"""
 
 
 def measure() -> dict[str, Any]:

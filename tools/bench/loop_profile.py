@@ -49,8 +49,8 @@ PARTS = {
     ),
     "lines": ("sinks",),
 }
-"""For each task, the beginnings of the names of the files that do it. The longest beginning that matches a
-file name counts.
+"""For each task, the beginnings of the names of the files that do it. If several beginnings match a file's
+name, the longest decides.
 """
 
 OTHER, BESIDE = "pipeline and statistics", "refits, which have a thread of their own"
@@ -63,7 +63,7 @@ def part_of(file: str) -> str:
 
 
 class InlineWorker(FitWorker):
-    """A fit worker that makes a refit in this thread when the refit's result is requested.
+    """Makes a refit in this thread when its result is requested; the daemon has another thread for it.
 
     `making` is true while a refit is made.
     """
@@ -91,7 +91,7 @@ class LastRefit:
         self._worker = worker
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
-        """Count one tick for the task of the innermost file of the package on the stack."""
+        """Count one tick for the task of the innermost function of the package that is on the stack."""
         while frame is not None and not frame.f_code.co_filename.startswith(PACKAGE):
             frame = frame.f_back
         file = OTHER if frame is None else frame.f_code.co_filename[len(PACKAGE) :]

@@ -5,8 +5,8 @@ The test shows whether the memory stays constant, and whether all losses are cou
 `make bench ARGS='--soak [--hours 24] [--seed 1]'`. A device sends samples, HELLO and STATUS in virtual time.
 On the way to the host, frames are lost, bits flip, and the port is silent for a while. Now and then the board
 is reset. The bytes pass through the same functions as in `fltea run`, into NDJSON. Then the numbers at both
-ends are compared. For each boot, the samples between the first and the last one that is used must be as many
-as those that were delivered or counted as lost.
+ends are compared. For each boot, the number of samples from the first to the last that the host used must
+equal the number of samples that were delivered or counted as lost.
 """
 
 import gc
@@ -77,7 +77,10 @@ def stream(samples: int, seed: int, sent: Sent) -> Iterator[tuple[bytes, int]]:
 
 
 class Seen:
-    """What the host reports: for each epoch its boot, numbers of the first and last sample, and counts."""
+    """What the host reports of each epoch (a run of samples without restart).
+
+    This is the epoch's boot, the numbers of its first and last sample, and its counts.
+    """
 
     def __init__(self) -> None:
         self.epochs: list[dict[str, int]] = []
@@ -94,8 +97,8 @@ class Seen:
                 self.epochs[-1]["delivered"] += len(record)
                 self.epochs[-1]["last"] = int(record.seq[-1])
             case Gap():
-                # A gap belongs to the epoch before it: it is reported before the epoch that may begin after
-                # it.
+                # A gap belongs to the epoch (run of samples) before it: the host reports the gap first, and
+                # then the epoch that may begin after the gap.
                 self.epochs[-1]["lost"] += record.missing
             case Stats():
                 self.stats = record
@@ -155,8 +158,8 @@ def measure(hours: float = 24.0, seed: int = 1) -> dict[str, Any]:
 def uncounted(seen: Seen) -> int:
     """Return how many samples are not accounted for.
 
-    Such samples are between the first and the last used sample of a boot, but were neither delivered nor
-    counted as lost.
+    Such a sample is between the first and the last sample of a boot that the host used, but was neither
+    delivered nor counted as lost.
     """
     missing = 0
     for boot in {epoch["boot"] for epoch in seen.epochs}:

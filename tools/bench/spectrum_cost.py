@@ -28,8 +28,8 @@ DUE = (
     "-Wl,--gc-sections",
 )
 MOST_S = 600
-"""Largest time that the program may take on the emulated board [s of virtual time]. The board runs at its
-slow clock after reset.
+"""Largest time that the program may take on the emulated board [s of virtual time]. It is large, because the
+board runs at the slow clock that it has after a reset.
 """
 PHASES = ("sample", "level", "bins", "first fit", "next fit", "filter", "track")
 LAYOUT = struct.Struct("<2I4f10I" + 3 * f"{len(PHASES)}I")
@@ -63,8 +63,8 @@ class Found(NamedTuple):
     evaluations: tuple[int, int]
     """Numbers of evaluations of the likelihood in the first fit and in the next."""
     bytes: tuple[int, int, int, int, int]
-    """Sizes in memory [bytes]: of an axis's spectrum, of the bins, of a fit, of what an axis keeps between
-    fits, and of an axis's tracker.
+    """Sizes in memory [bytes]: of an axis's spectrum, of the spectrum's bins in a fit, of a fit, of what an
+    axis keeps between fits, and of an axis's bias tracker.
     """
     phases: dict[str, Phase]
 
