@@ -28,7 +28,7 @@ class Heard(NamedTuple):
 
 
 class Account(NamedTuple):
-    """Numbers of samples.
+    """Numbers of samples, by what became of them.
 
     `due`: number of samples that were due. `where`: how many of these were delivered, lost and so on.
 
@@ -67,8 +67,7 @@ def account(
 ) -> Account:
     """Compare what the programs reported with the samples that were due.
 
-    `excused`: due samples that no program can count as lost if they are not delivered. `excuse`: the reason
-    why no program can know of these samples.
+    `excused`: due samples of which no program can know that they are missing. `excuse`: the reason for this.
     `once`: each sample may be delivered only once, and counted as lost only once.
     """
     delivered, lost = Counter[Sample](), Counter[Sample]()

@@ -27,10 +27,10 @@ class Measured(NamedTuple):
     `due`: number of sampling instants of all boots by the emulator's own clock, since the first read of the
     sensor. `delivered`, `lost`: the host's counts. `unheard`: sampling instants at the end of a boot whose
     samples did not arrive. They are not counted as lost, because a reset ended the boot and no later sample
-    shows that they are missing.
-    `recovery_s`: duration of the longest interruption at the host, from the last good sample before the
-    interruption to the first good sample after it [virtual s]. `epochs`: reasons of new epochs. `status`:
-    fields of the last boot's STATUS. `wrong`: text about a contradiction in the counts, or None.
+    shows that they are missing. `recovery_s`: duration of the longest interruption at the host, from the last
+    good sample before the interruption to the first good sample after it [virtual s]. `epochs`: reasons why
+    the host began new epochs (runs of samples without a break). `status`: fields of the last boot's STATUS.
+    `wrong`: text about a contradiction in the counts, or None.
     """
 
     due: int
@@ -70,10 +70,10 @@ class DueExpected(NamedTuple):
     """The expected outcome of a fault on the emulated board.
 
     `lost`, `recovery_s`, `unheard`: smallest and largest permitted value of these fields of `Measured`.
-    `epochs`: reasons of new epochs, in order. `faults`: kinds of FAULT messages, in order. `i2c_errors`,
-    `bus_recoveries`: fields of the last boot's STATUS. `resets`: causes of the resets. `bad_frames`: number
-    of frames that the host refused. `lost_on_the_way`: whether samples are lost on the wire, so that the
-    board cannot count them.
+    `epochs`: reasons why the host begins new epochs (runs of samples without a break), in order. `faults`:
+    kinds of FAULT messages, in order. `i2c_errors`, `bus_recoveries`: fields of the last boot's STATUS.
+    `resets`: causes of the resets. `bad_frames`: number of frames that the host refused. `lost_on_the_way`:
+    whether samples are lost on the wire, so that the board cannot count them.
     """
 
     lost: tuple[int, int]
@@ -89,7 +89,7 @@ class DueExpected(NamedTuple):
 
     @property
     def of_outcome(self) -> Expected:
-        """Those of these expected values that the report's table shows."""
+        """The expected values that the report's table shows."""
         return Expected((*self.faults, *self.epochs), lost=self.lost, excused=self.unheard)
 
     def differences(self, one: Measured) -> list[str]:
@@ -240,7 +240,8 @@ def measure(image: bytes, case: DueCase) -> tuple[DueRun, Measured]:
     arrivals = [sample.at_ps for sample in run.of(wire.Sample)]
     samples = run.stats.sample_counts
     status = run.status._asdict()
-    del status["cpu_share"], status["longest_step"]  # unlike the other fields of STATUS, these are not counts
+    # These two fields are shares and times; all other fields of STATUS are counts.
+    del status["cpu_share"], status["longest_step"]
     status["reset_cause"] = wire.ResetCause(run.status.reset_cause).name.lower()
     return run, Measured(
         due=sum(boot.due for boot in run.boots),

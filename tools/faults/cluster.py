@@ -94,7 +94,7 @@ def worker_killed(stage: Stage) -> Outcome:
         warnings.simplefilter("ignore")  # Dask warns about its own ports and files
         with start(n_workers=2, threads_per_worker=1, dashboard_address=None, host="127.0.0.1") as cluster:
             for nanny in cluster.workers.values():
-                # tells the nanny not to start a new worker in place of the killed one
+                # keeps Dask from starting a new worker in place of the killed one
                 nanny.close_gracefully()
             workers = DaskWorkers(cluster.scheduler_address)
             pids = list(workers._client.run(os.getpid).values())

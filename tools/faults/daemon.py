@@ -190,7 +190,7 @@ def samples_of(
 
 
 def check_totals(records: Sequence[Record]) -> list[str]:
-    """Return which counts in a program's last `stats` record are not the sums over its records."""
+    """Return the counts in a program's last `stats` record that differ from the sums over all records."""
     stats = [record for record in records if record["class"] == "stats"][-1]["sample_counts"]
     gaps = [record["missing"] for record in records if record["class"] == "gap"]
     samples = sum(record["class"] == "sample" for record in records)
@@ -205,7 +205,8 @@ def check_totals(records: Sequence[Record]) -> list[str]:
 def faults_of(programs: Sequence[Program], board: Board) -> list[str]:
     """Return the kinds of errors that programs reported.
 
-    The kind `silent` is left out if the board really was silent for so long that a program has to report it.
+    The kind `silent` is left out if the board really sent nothing for so long that a program has to report
+    it.
     """
     was_silent = board.longest_silence_s > SILENCE_S - 1
     kinds = (kind for program in programs for kind in program.errors())
@@ -269,10 +270,10 @@ def lost_by_outputs(program: Program, but: str = "") -> list[str]:
 
 
 def time_stamps_off_ms(program: Program, *epochs: int) -> dict[str, float]:
-    """Return by how much the difference between host time and device time varies within an epoch [ms].
+    """Return how much host time minus device time varies while samples come without a break [ms].
 
-    For each epoch, the smallest difference is subtracted from the largest. The result is the greatest of
-    these values.
+    For each epoch (run of samples without a break), the smallest difference is subtracted from the largest.
+    The result is the greatest of these values.
     """
     spreads = []
     for epoch in epochs:

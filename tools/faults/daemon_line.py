@@ -138,8 +138,8 @@ def another_reader(stage: Stage) -> Outcome:
     thread = threading.Thread(target=steal)
     with scene.fault() as board:
         thread.start()
-        # The other program reads during so few samples (fewer than `link.max_gap`) that no new epoch begins
-        # even if the daemon gets none of them.
+        # The other program reads during so few samples (fewer than `link.max_gap`) that the daemon begins no
+        # new epoch (run of samples) even if it gets none of them.
         board.send(80)
         stop.set()
         thread.join()
@@ -200,7 +200,7 @@ def long_stall_of_the_program(stage: Stage) -> Outcome:
     scene = Scene(stage)
     with scene.fault() as board:
         scene.program.process.send_signal(signal.SIGSTOP)
-        # 70 kB at once; at the board's rate, the port's buffer would take half a minute to fill
+        # sends 70 kB at once, since the board alone would take half a minute to fill the port's buffer
         board.fill_the_line()
         board.send(200)
         scene.program.process.send_signal(signal.SIGCONT)

@@ -20,13 +20,15 @@ class Expected:
     """The expected outcome of a fault.
 
     Attributes:
-        reported: Kinds of errors and alerts, and reasons of new epochs, in this order. If this is a set, any
-        order is right, since the order depends on the machine's speed. perhaps: Kinds that may be reported in
-        addition, since they depend on the machine's speed. instead: Kinds that may be reported instead of
-        expected ones. The key is the expected kind, the value the kind that may be reported in its place.
-        due: Number of records. lost: Number of records that are counted as lost. excused: Number of records
-        that neither arrived nor are counted as lost, but for which there is a reason. figures: Bounds of the
-        outcome's figures.
+        reported: Kinds of errors and alerts, and reasons of new epochs (runs of samples without a break), in
+            this order. If this is a set, any order is right: the order then depends on the machine's speed.
+        perhaps: Kinds that may be reported in addition, since they depend on the machine's speed.
+        instead: Kinds that may be reported instead of expected ones. The key is the expected kind, the value
+            the kind that may be reported in its place.
+        due: Number of records that have to arrive or to be counted as lost.
+        lost: Number of records that are counted as lost.
+        excused: Number of records that neither arrived nor are counted as lost, but with a reason.
+        figures: Bounds of the outcome's figures.
 
     The expected numbers of records hold for faults that last seconds, but not for those that `--long`
     prolongs.

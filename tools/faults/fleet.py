@@ -36,8 +36,8 @@ def broker_killed(stage: Stage) -> Outcome:
 def split(stage: Stage, *, seconds: float, lasts: bool) -> Outcome:
     """Suspend the process of the broker, so that no connection passes data.
 
-    `seconds`: duration of the suspension. `lasts`: whether the suspension lasts on until the fleet has
-    reported the loss of the broker.
+    `seconds`: duration of the suspension. `lasts`: whether the broker stays suspended, if necessary longer
+    than `seconds`, until the fleet has reported its loss.
     """
     scene = FleetScene(stage)
     scene.publish(1)

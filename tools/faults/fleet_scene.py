@@ -24,8 +24,8 @@ class FleetScene:
     """A broker, a fleet and its sensors.
 
     `flags`: options of `fltea fleet`. `history`: folder of the fleet's history, if it keeps one. `disk`: the
-    small disk on which this folder is, if any. `behind_line`: whether the fleet reaches the broker through
-    `line`, which can be cut.
+    small disk on which this folder is, if any. `behind_line`: whether the fleet is connected to the broker by
+    `line`, a connection that can be cut.
 
     Raises:
         Skip: mosquitto is not installed.
@@ -75,7 +75,7 @@ class FleetScene:
     def publish(self, rounds: int, *, arrive: bool = True) -> None:
         """Let each sensor publish `rounds` fits; return after the broker has acknowledged all of them.
 
-        `arrive`: wait also until the fleet has the newest fit of every axis.
+        `arrive`: whether to wait also until the fleet has the newest fit of every axis.
         """
         for _ in range(rounds):
             self.send()

@@ -43,7 +43,7 @@ def worker_killed(stage: Stage) -> Outcome:
 
 
 def worker_stands_still(stage: Stage) -> Outcome:
-    """Stop a worker for longer than its lease of partitions, and let it continue."""
+    """Stop a worker for longer than its lease of partitions (groups of boards); let it continue."""
     scene = nats_scene(stage)
     first, second = scene.workers
     before, published = len(first.records), scene.boards.samples
@@ -89,8 +89,8 @@ def clock_jumps(stage: Stage, *days: int) -> Outcome:
         stage.set_clock(ahead * DAY_NS)
         time.sleep(PAST_LEASE_S)
         since = _reported(scene.workers) - before
-        # Partitions that moved while the connection to NATS was lost are no error, since the loss may be the
-        # reason.
+        # A partition (a group of boards) may move from one worker to another while the connection to NATS is
+        # lost. This is no error.
         if since["partition_taken"] and not since["nats_lost"]:
             wrong.append(f"{since['partition_taken']} partitions were taken when the clock was set")
     return _killed(scene, wrong)
@@ -119,7 +119,7 @@ def _killed(scene: Scene, wrong: list[str] | None = None) -> Outcome:
 
 
 def _processed_without_a_lease(records: list[dict[str, Any]], since: int) -> int:
-    """Count the samples that a worker delivered before it reported that it had taken a partition.
+    """Count the samples that a worker delivered before it reported that it had taken a group of boards.
 
     Samples with numbers below `since` are not counted, because they were on the way already when the worker
     was stopped.

@@ -22,7 +22,7 @@ T = TypeVar("T")
 
 
 class NatsServer(Server):
-    """A NATS server with JetStream, MQTT, and the mapping of boards to partitions.
+    """A NATS server with JetStream, MQTT, and the mapping of boards to partitions (groups of boards).
 
     It can be killed and restarted.
 
@@ -72,7 +72,7 @@ class NatsServer(Server):
             return False
 
     def is_shared_by(self, workers: int) -> bool:
-        """Return whether `workers` workers have all partitions, each the same number."""
+        """Return whether the partitions (groups of boards) are shared evenly by this number of workers."""
         try:
             shares = self._ask(self._shares)
         except NotFoundError:

@@ -9,10 +9,10 @@ LOST = "counted as lost"
 class Outcome:
     """The outcome of a fault.
 
-    `reported`: kinds of errors and alerts, and reasons of new epochs. `due`: number of records that had to
-    arrive or to be counted. `where`: numbers of records by what became of them; the first entry counts those
-    that arrived. `of`: name of the records, such as samples. `more`, `figures`: further results as text and
-    as numbers. `wrong`: texts on what is not as it has to be.
+    `reported`: kinds of errors and alerts, and reasons of new epochs (runs of samples without a break).
+    `due`: number of records that had to arrive or to be counted. `where`: numbers of records by what became
+    of them; the first entry counts those that arrived. `of`: name of the records, such as samples. `more`,
+    `figures`: further results as text and as numbers. `wrong`: texts on what is not as it has to be.
     """
 
     reported: list[str]

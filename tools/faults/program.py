@@ -109,7 +109,7 @@ class Program:
         return any(record["boot_id"] == boot_id for record in self.of("hello"))
 
     def wait_for_sample(self, boot_id: int, sequence: int) -> None:
-        """Wait until a sample, given by boot and sequence number, is the newest sample of the program."""
+        """Wait until the program's newest sample is that with this boot and sequence number."""
         self.wait_for(lambda: self._newest == (boot_id, sequence % (1 << 16)), "the last sample")
 
     def end(self, number: signal.Signals | None = signal.SIGTERM) -> tuple[int, str]:

@@ -206,7 +206,7 @@ class Board:
         if left_ns > 0:
             time.sleep(left_ns * 1e-9)
         gyro = x, y, z = tuple(round(self._random.gauss(0, 3)) for _ in range(3))
-        # The x and y accelerations are not physical: they make each frame unique among the frames of all
+        # The accelerations x and y are no physical values: they make each frame differ from all frames of all
         # boots.
         accel = boot.boot_id, self._random.randrange(1 << 15), LEVEL[2]
         self._board.status = STATUS._replace(dropped_frames=self.dropped)

@@ -34,8 +34,8 @@ def set_clock_by(path: Path) -> None:
     time.time_ns = lambda: time_ns() + step_ns()
     time.time = lambda: time_s() + step_ns() * 1e-9
 
-    # The native code that reads serial ports gets the time from the system itself, so that code is told
-    # separately by how much to shift it.
+    # The native code that reads serial ports gets the time from the system itself, so the shift is set there
+    # separately.
     def shift() -> None:
         while True:
             shift_unix_clock(step_ns())

@@ -12,7 +12,7 @@ from tools.faults.server import Broker
 from tools.faults.small_disk import SmallDisk
 
 QUICK = ("--startup", "50", "--set", "estimator.window=200")
-"""Setting of the estimator's start-up window: 0.5 s instead of 5 s, so that faults can be played sooner."""
+"""Setting of the estimator's start-up: it takes 0.5 s instead of 5 s, so that faults can be played sooner."""
 
 
 class _Ends(Protocol):
@@ -30,8 +30,8 @@ class Stage(contextlib.ExitStack):
     Further functions that are to be called on exit can be registered with `callback`.
 
     `short`: whether faults last seconds instead of minutes. `image`: firmware image for the emulated Due, by
-    default the committed image. `clock`: file whose value shifts the clock of the programs that are started
-    with it (`set_clock`).
+    default the committed image. `clock`: file whose value shifts the clock of programs; `set_clock` writes
+    it. The file has to be passed to a program when it is started.
     """
 
     def __init__(self, folder: Path, *, short: bool = True, image: Path | None = None) -> None:
