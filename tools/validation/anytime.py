@@ -3,7 +3,8 @@
 The significance level `evidence.ANYTIME_LEVEL` was chosen with these measurements.
 
 A simulated day of one axis at 100 Hz is fitted as often as a live sensor (fltea.stream.fit_times): in two
-thousand refits, a hundred of them with a new model search. For each rule and level, the tables give the
+thousand refits, a hundred of them with a new model search. A rule is one of the tests that can turn a verdict
+from white to another, such as that for peaks. For each rule and significance level, the tables give the
 proportion of axes for which the rule ever rejects white noise. For the verdict, at its own level, they give
 the proportion of axes that ever get a verdict other than white. Noises with relaxations (first-order
 Gauss-Markov processes) are not white and have no order. For them, the tables give the proportion of axes that
@@ -123,8 +124,9 @@ def _levels(sums: Octaves, last_refit: LastRefit, taken: int, *, is_search: bool
         found = [level for level in LEVELS if find_peaks(whole, level * by_level)]
     return {
         "null test": e.p_all,
-        # The best model is better than white noise by -BIC. The rule rejects white noise at `level` if -BIC
-        # exceeds APART + 2 log(LEVEL / level). The formula here is solved for `level`.
+        # -BIC says how much better the best model is than white noise. This rule rejects white noise at a
+        # significance level `level` if -BIC exceeds APART + 2 log(LEVEL / level). The formula below is solved
+        # for `level`.
         "sentences": min(LEVEL * math.exp((bic + APART) / 2), 1.0),
         "drift": next(
             (level * 0.999 for level in LEVELS[::-1] if e.slow.is_drift(FALSE_DRIFT * level / LEVEL)), 1.0

@@ -1,7 +1,7 @@
 """Measure critical values of likelihood ratios for noises in which the variance R of white noise is 0.
 
-The first table is about two normally distributed estimates with the correlation ρ. The second estimate, R,
-cannot be negative. If the first estimate is fixed at its true value, the best value of R is 0. The 95 % point
+The first table is about two normally distributed estimates with the correlation ρ. One of them is R, which
+cannot be negative. If the other estimate is fixed at its true value, the best value of R is 0. The 95 % point
 of the likelihood ratio then depends only on ρ. `spectrum.intervals.AT_BOUND` was chosen from this table and
 from the correlations that the Fisher information gives for 35 such noises (second table). The part `evaluate`
 counts how often the intervals contain the true value with this choice.
@@ -24,8 +24,8 @@ H = 0.01
 LENGTHS = (3_000, 20_000, 60_000)
 ORDERS = (0.25, 0.3, 0.35, 0.45, 0.5, 0.65, 0.9)
 FEEDBACKS = (0.02, 0.05, 0.08, 0.2, 0.4)
-"""The simulated values of -g / 2^α, where g = h^α f: they reach from 0 (a state that never forgets) to 1 (the
-limit of stationarity).
+"""The simulated values of -g / 2^α, where g = h^α f and h is the sampling period: they reach from 0 (a state
+that never forgets) to 1 (the limit of stationarity).
 """
 NAMES = ("alpha", "f", "F")
 CORRELATIONS = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 0.99, 1.0)
@@ -57,7 +57,7 @@ def critical_values() -> list[Row]:
 
 
 def correlated(n: int) -> list[Row]:
-    """Return the correlation of each parameter with R, for each noise."""
+    """Return, for each noise, the correlation of each parameter (α, f, F and s2) with R."""
     noises = [(alpha, -part * 2**alpha) for alpha in ORDERS for part in FEEDBACKS]
     return [
         {"samples": n, "parameter": name, "correlation": correlation}
@@ -67,7 +67,10 @@ def correlated(n: int) -> list[Row]:
 
 
 def correlations(alpha: float, g: float, n: int) -> dict[str, float]:
-    """Return the correlations of α, f, F and s2 with R at R = 0, by the Fisher information of n samples."""
+    """Return the correlations of α, f, F and s2 with R at R = 0, by the Fisher information of n samples.
+
+    g = h^α f, where h is the sampling period; F = g + α; s2 is the variance of the steps of the state.
+    """
     lam = 2 * np.pi * used_ordinates(n, 1.0) / n
     slopes = log_slopes(lam, alpha, g, 1.0, 1e-4)
     spread = np.linalg.inv(slopes @ slopes.T)

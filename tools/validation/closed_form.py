@@ -1,6 +1,6 @@
 """Spectra and samples of noises by closed formulas in numpy, which share no code with the native fits.
 
-Each noise is a sum of parts, as in the grammar of noise.
+Each noise is a sum of parts, such as white noise, a random walk or a resonance.
 """
 
 import math

@@ -38,8 +38,8 @@ AGES = (3_000, 100_000, 1_000_000)
 CHUNK = 50_000
 SIMULATED = {"white": None, "α 0.3, f -1": (0.3, -1.0), "α 0.6, f -3": (0.6, -3.0)}
 SIGMA_DPS, FULL_SCALE_DPS = 0.15, 2_000.0
-"""SIMULATED has α and f [s^-α] of the simulated noises, None for white noise. Their standard deviation is
-SIGMA_DPS and their offset 1 deg/s.
+"""SIMULATED: α and f [s^-α] of the simulated noises, or None for white noise. SIGMA_DPS: standard deviation
+of these noises [deg/s]; their offset is 1 deg/s. FULL_SCALE_DPS: range of the board's sensor [deg/s].
 """
 
 LEVEL = 0.05
@@ -49,8 +49,8 @@ NOISES = (
     *((0.3, -0.01, 0.05), (0.5, -0.02, 0.02), (0.6, -0.05, 0.3), (0.8, -0.005, 0.05), (0.4, -0.1, 0.5)),
     *((0.9, -0.01, 0.01), (0.7, -0.03, 0.1), (0.2, -0.02, 0.3), (1.0, -0.01, 0.05), (0.5, -0.005, 0.2)),
 )
-"""α, g = h^α f, and the variance of the fractional state's steps as a proportion of this variance plus that
-of the white noise.
+"""For each noise: α, g = h^α f (h: sampling period), and the share of the fractional state's steps in the sum
+of their variance and that of the white noise.
 """
 FITTED = (60_000, 1_000_000)
 

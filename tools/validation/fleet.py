@@ -109,10 +109,10 @@ def share_of_fleets(
 
     The result has one proportion for each figure by which a sensor is called odd, and one for all figures
     together (`any`). `comparison` is the proportion of comparisons, not of fleets, in which at least one
-    sensor is called odd. `ages`: if True, each sensor has been on for a different time, and there is one
-    comparison. Otherwise all sensors began at the same time and are compared while their records grow. Fits
-    change little between these comparisons, so an odd result would be repeated. Therefore a single odd result
-    already counts as an alert.
+    sensor is called odd. `ages`: whether each sensor has been on for a different time; there is then one
+    comparison. Otherwise all sensors began at the same time, and are compared again and again while their
+    records grow. Fits change little from one of these comparisons to the next, so an odd result would be
+    repeated. Therefore a single odd result already is an alert.
     """
     rng = np.random.default_rng(sensors)
     figures = [_all_figures(comparisons, rate_hz) for comparisons in pool]

@@ -41,7 +41,7 @@ def state_response(alpha: float, g: float, n: int) -> Array:
     """Return the impulse response x_1 ... x_n of the state, if ω_0 = 1 and all other ω are 0.
 
     The state is x_{k+1} = g x_k - sum_j c_j(α) x_{k+1-j} + ω_k, where c_j(α) are the coefficients of the
-    difference of order α.
+    difference of order α, g = h^α f, and h is the sampling period.
     """
     series = fractional_difference(-alpha, n)
     series[1] -= g

@@ -19,9 +19,7 @@ class Options(NamedTuple):
     """Which of a part's tasks are run."""
 
     seeds: int
-    """Number of series, records or axes of each kind. Each part decides whether this is a number of series,
-    records or axes.
-    """
+    """Number of series, records or axes of each kind. Each part decides which of these it counts."""
     quick: bool = False
     only: tuple[str, ...] = ()
     """Only noises whose name contains one of these texts are used. If empty, all noises are used."""
@@ -45,7 +43,7 @@ class Task(NamedTuple):
     work: Callable[..., list[Row]]
     arguments: tuple[Any, ...]
     samples: int = 0
-    """Length of the task's record. If lengths differ, tasks with the longest records begin first."""
+    """Length of the task's record. Tasks with the longest records begin first."""
 
     @property
     def key(self) -> str:

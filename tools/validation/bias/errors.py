@@ -64,7 +64,7 @@ def _mean_square(e: Array) -> float:
 
 
 def tables(rows: Sequence[Row]) -> list[Table]:
-    """Return a table of fltea's errors divided by those of the best peer.
+    """Return a table of fltea's errors divided by those of the best other method (peer).
 
     The table also says how often fltea's errors are within 2 σ.
 

@@ -9,9 +9,7 @@ from tools.validation.tables import Table, grouped, number
 
 SECTION = "false alarms"
 HOURS, QUICK_HOURS = 24.0, 1.0
-"""Hours of simulated data for each noise, in a full and in a quick run. SECTION is the name of this section
-of `bias`.
-"""
+"""HOURS, QUICK_HOURS: hours of simulated data for each noise, in a full and in a quick run."""
 AT_ONCE = 60_000
 WEEK_H = 168.0
 

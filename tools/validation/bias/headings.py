@@ -135,9 +135,8 @@ def tables(rows: Sequence[Row]) -> list[Table]:
         inside = [f"{100 * np.mean([one['inside'] for one in times]):.0f} %" for times in by_time]
         widths = []
         for times in by_time:
-            # If the best possible width is known, the band's width is divided by it. Otherwise the width is
-            # divided by the measured error. This ratio only shows whether the band is honest, not whether it
-            # could be narrower.
+            # If the best possible width is known, the band's width is divided by it. Otherwise the band's
+            # width is divided by the measured error, which does not show whether the band could be narrower.
             said = math.sqrt(float(np.mean([one["std"] ** 2 for one in times])))
             seen = math.sqrt(float(np.mean([one["square"] for one in times])))
             best = times[0]["best"]

@@ -21,10 +21,10 @@ from tools.validation.tables import Table, grouped, number
 SECTION = "motion"
 REST_S, TURN_S, AFTER_S = 120, 30, 60
 RATE, LEAK = 10.0, 0.005
-"""Rate about z [deg/s], and the proportion of this rate that x and y measure."""
+"""RATE: rate about z [deg/s]. LEAK: the proportion of this rate that x and y measure."""
 WAYS = "live stage", "Live.add(at_rest=False)"
-"""The two ways to track the bias. The live program gets neither an accelerometer nor any information about
-the turn. `fltea.Live` is told that the sensor is not at rest.
+"""The two ways to track the bias. The live program gets neither accelerations nor any information about the
+turn. The class `fltea.Live` is told when the sensor is not at rest.
 """
 
 
@@ -84,7 +84,7 @@ def _told(y: Array, begin: int, end: int) -> tuple[Array, Array]:
 def tables(rows: Sequence[Row]) -> list[Table]:
     """Return two tables, of the largest errors divided by σ and of the largest errors.
 
-    The second table has the errors of fltea and of the peers in deg/s.
+    The second table has the errors of fltea and of other methods (peers) in deg/s.
     """
     cells: list[Any] = []
     errors: list[Any] = []

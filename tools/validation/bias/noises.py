@@ -32,8 +32,8 @@ OFFSETS = 0.5
 PAST = 1 << 17
 """Length of the impulse response of fractional and 1/f noise [samples], which is 22 minutes."""
 FINE = 8
-"""The filters inside a sensor act before the sensor samples. They are computed at this many times the
-sampling rate.
+"""Number of steps of the filters inside a sensor in one sampling period, since these filters act before the
+sensor samples.
 """
 
 
@@ -57,7 +57,7 @@ class White(NamedTuple):
 
 
 class Filtered(NamedTuple):
-    """White noise that has passed the filter b(z) / a(z).
+    """White noise that has passed the filter with the transfer function b(z) / a(z).
 
     The filter is computed at `fine` times the sampling rate.
     """
@@ -156,8 +156,8 @@ class Noise(NamedTuple):
     rest: tuple[Component, ...] = (White(),)
     known: tuple[float, tuple[tuple[float, float], ...]] | None = None
     """What a plain Kalman filter has to know in order to be optimal: the standard deviation of a step of the
-    random walk, and (σ, τ) of each relaxation. The filter also knows the white noise of SIGMA. None if no
-    plain Kalman filter is optimal for this noise.
+    random walk, and (σ, τ) of each relaxation. The filter also knows the variance of the white noise. None if
+    no plain Kalman filter is optimal for this noise.
     """
 
 
@@ -196,7 +196,7 @@ MODELLED = tuple(name for name in TEN if name not in ("popcorn", "ramp", "DLPF")
 
 
 class Lane:
-    """A simulated axis at rest that can be continued without end."""
+    """A simulated axis of a sensor at rest that can be continued without end."""
 
     def __init__(self, name: str, rng: np.random.Generator) -> None:
         self.noise, self._rng = NOISES[name], rng

@@ -15,8 +15,8 @@ from fltea.settings.extras import load
 from tools.validation.bias.noises import H
 
 GRAVITY, ACCEL_SIGMA = 9.81, 0.02
-"""Acceleration and standard deviation of the accelerometer that VQF requires [m/s²]. With these values the
-simulated sensor lies flat and still.
+"""Acceleration, and standard deviation of the accelerometer's noise, which VQF needs [m/s²]. With these
+values the simulated sensor lies flat and still.
 """
 AT_ONCE = 20_000
 """Number of samples for which VQF returns its whole state in one call."""
@@ -24,7 +24,7 @@ MEAN_S = 10.0
 
 
 def need_peers() -> None:
-    """Check that the peers are installed, before anything is computed.
+    """Check that the peers (other methods of estimating the bias) are installed, before anything is computed.
 
     Raises:
         UsageError: a peer is not installed; the message says how to install it.

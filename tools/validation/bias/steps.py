@@ -15,13 +15,13 @@ from tools.validation.tables import Table, grouped
 
 SECTION = "steps"
 SIZES, AT_S = (1.0, 0.3), (120, 3600)
-"""Sizes of the steps [standard deviations of the noise in one sample]. Times of the steps, counted from the
-first sample [s].
+"""SIZES: sizes of the steps [standard deviations of the noise in one sample]. AT_S: times of the steps,
+counted from the first sample [s].
 """
 WATCHED_S, QUICK_WATCHED_S = 1200, 300
 WITHIN, STAYS_S = 0.2, 2.0
 """The bias counts as known again when its error stays below WITHIN times the size of the step for STAYS_S
-seconds. The time matters, because a mean of few samples may come near the true bias by chance, but does not
+seconds. STAYS_S is needed because a mean of few samples may come near the true bias by chance, but does not
 stay there.
 """
 SAMPLES_TO_SEE = 30

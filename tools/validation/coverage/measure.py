@@ -22,7 +22,7 @@ from tools.validation.coverage.published import ALLAN, FIGURES, of_part
 from tools.validation.same_parts import found_in_order, in_order, tag
 
 STEADY = tuple(kind for kind in p.CODES if kind.has("slow") or kind.has("fast only") or kind is p.Resonance)
-"""Kinds of parts that do not contribute to N."""
+"""Kinds of parts of a noise that do not contribute to its N."""
 FREQUENCIES = 40_000
 """Number of frequencies at which the integral for the Allan deviation of a spectrum is evaluated."""
 SECONDS = 10.0

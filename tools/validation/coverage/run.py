@@ -21,7 +21,8 @@ from tools.validation.tables import NONE, Table, grouped, number
 SEEDS, QUICK_SEEDS = 400, 20
 """Number of axes of each population."""
 FORECAST, FORECAST_SHARE = "forecast", 2
-"""Name of the quantity. Out of FORECAST_SHARE axes, only one gets a forecast, since a forecast takes longer.
+"""FORECAST: name of the forecasts among the quantities. FORECAST_SHARE: only one out of this number of axes
+gets a forecast, since a forecast takes longer.
 """
 
 

@@ -1,7 +1,8 @@
-"""The noises on which the estimators are evaluated: y = x + v with known α, f and s2/R.
+"""The noises on which the estimators are evaluated: a state x plus white noise v, y = x + v.
 
-All noises have the power of the paper's gyroscope, since the filter's Q is an absolute number. The noises
-have unlimited memory. If the estimator's memory is shorter, the resulting error belongs to the estimator.
+Known are the state's α and f, and s2/R: the variance of its steps divided by that of v. All noises have the
+power of the paper's gyroscope, since the filter's Q is an absolute number. The noises have unlimited memory.
+If the estimator's memory is shorter, the resulting error belongs to the estimator.
 """
 
 import math
@@ -21,7 +22,9 @@ H = 0.01
 POWER = 0.02
 """Variance of y [(deg/s)²]. The axes of the paper's gyroscope have variances of 0.0178 to 0.0235."""
 EDGE = 0.95
-"""Largest ratio of a case's |g| to the |g| at which the noise ceases to be stationary, where g = h^α f."""
+"""Largest ratio of a case's |g| to the |g| at which the noise ceases to be stationary, where g = h^α f (h:
+sampling period).
+"""
 
 ORDERS = (0.2, 0.4, 0.6, 0.8)
 PARAMETERS = (-0.3, -1.0, -3.0, -10.0)
@@ -30,7 +33,7 @@ LENGTHS = (3_000, 20_000, 60_000)
 
 
 class Case(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One noise, given by α, f and s2/R. All three are None for white noise."""
+    """One noise, given by α, f and s2/R (see the module). All three are None for white noise."""
 
     alpha: float | None = None
     f: float | None = None

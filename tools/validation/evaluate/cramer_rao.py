@@ -61,13 +61,13 @@ class Bound(NamedTuple):
 def log_slopes(lam: Array, alpha: float, g: float, s2: float, R: float) -> Array:
     """Return the derivatives of the log spectrum, as an array (4, len(lam)).
 
-    They are the derivatives with respect to α, g = h^α f, log s2 and log R, where s2 is the variance of the
-    steps of x and R the variance of v.
+    They are the derivatives with respect to α, g = h^α f (h: sampling period), log s2 and log R, where s2 is
+    the variance of the steps of x and R the variance of v.
 
     `lam`: frequencies [rad a sample].
     """
     z = np.exp(-1j * lam)
-    difference = -np.expm1(-1j * lam)  # this is 1 - z, computed without loss of digits near λ = 0
+    difference = -np.expm1(-1j * lam)  # 1 - z, computed without loss of digits near λ = 0
     order = difference**alpha
     inverse = 1 / (order - g * z)
     x = s2 * np.abs(inverse) ** 2

@@ -21,7 +21,7 @@ from tools.validation.evaluate.exact_likelihood import Likelihood, of_spectrum
 
 STEPS = 12
 SLOPE = 0.05
-"""The search ends when the slope of -log L along each parameter is less than this."""
+"""The search ends when the slope of -log L (L: likelihood) along each parameter is less than this."""
 DIFFERENCE = 1e-5
 """Step of the parameters for the finite differences from which slopes of -log L are computed."""
 LEAST_CURVATURE = 0.02
@@ -103,7 +103,8 @@ class ExactSeries:
         """
         rows = np.empty((4, len(self._counts)))
         self._fits.slopes(self._codes, [0.0, *theta], np.empty(len(self._counts)), rows)
-        # a change of the scale changes log R and log s2 alike, so its row is the sum of their rows
+        # A change of the scale changes log R and log s2 alike, so the scale's row is the sum of the rows of
+        # both.
         rows[0] += rows[3]
         whole = (rows * self._counts) @ rows.T
         rest = whole[1:, 1:] - np.outer(whole[1:, 0], whole[0, 1:]) / whole[0, 0]

@@ -101,7 +101,7 @@ def _grid_map(scores: DataFrame, one: Map) -> bytes:
     for line, estimator in zip(panels, SHOWN, strict=True):
         for axes, n in zip(line, lengths, strict=True):
             panel = some[(some.estimator == estimator) & (some.samples == n)]
-            # f decreases from row to row, as in the plan of the evaluation
+            # in a panel, f decreases from row to row
             values = panel.assign(f=-panel.f).pivot(
                 index=["alpha", "f"], columns="step_ratio", values=one.column
             )

@@ -94,8 +94,8 @@ def holds(found: OrderFit, name: str, truth: float) -> bool:
 def fitted_variances(y: Array, h: float, Q: float, power: float) -> tuple[Array, Array]:
     """Return the variances Q = s2 and R that fits of y (n, seeds) give, as two arrays (seeds,).
 
-    For a series without a published order, the results are the given `Q` and the variance `power` of y. Both
-    are at least a thousandth of `power`: the fit may give 0, and the filters need R > 0.
+    For a series without a published order, Q is the given `Q`, and R is the variance `power` of y. Both Q and
+    R are at least a thousandth of `power`: the fit may give 0, and the filters need R > 0.
     """
     found = whole_reading(y, h, {})
     least = power / 1000

@@ -30,8 +30,8 @@ class Reading(NamedTuple):
     f: Array
     f_std: Array
     valid: NDArray[np.bool_]
-    """False if the supervisor of the filter would not publish the estimate, or has restarted the filter
-    earlier.
+    """False if the program would not publish the estimate, or has restarted the filter earlier because it ran
+    away.
     """
 
 
@@ -64,7 +64,8 @@ def read(
     `h`: sampling period [s].
 
     `Q`, `R`: variances (seeds,) [(deg/s)²] that replace those in `config`. `tunings`: variances that the
-    filter gets while it runs, in the order of time. Tunings within the start-up window are ignored.
+    filter gets while it runs, in the order of time. Tunings within the start-up window (the first samples,
+    which give bias and R) are ignored.
 
     Lengths count from the first sample of the start-up window. They are rising multiples of BLOCK and longer
     than the window. If the supervisor restarts the filter of a series or refuses to publish its estimate, all

@@ -35,8 +35,8 @@ FITS_TO_FILTERS = 4
 takes less time than a filter, and a ratio of errors needs more series than an error.
 """
 MIXED_TO_FILTERS, CLAIMS_TO_FILTERS = 10, 15
-"""Number of series of each composite noise, and number of mixtures of each length, both divided by the number
-of filtered series.
+"""MIXED_TO_FILTERS: number of series of each composite noise. CLAIMS_TO_FILTERS: number of mixtures of each
+length. Both are divided by the number of series that are filtered.
 """
 COVERAGE_TO_FILTERS = 50
 """Number of series for the coverage of intervals, divided by the number of filtered series. It is the largest
@@ -60,7 +60,9 @@ class Plan(NamedTuple):
     """Noises on which the changed settings are tried."""
     changed_lengths: tuple[int, ...] = cases.LENGTHS[:2]
     fitted_samples: int = cases.LENGTHS[2]
-    """Number of samples of the separate record from which settings with `fitted` get their Q and R."""
+    """Number of samples of the separate record from which filters with the setting `fitted` get their Q and
+    R.
+    """
     refereed: tuple[Case, ...] = referee.CASES
     """Noises for the comparison with the exact likelihood."""
     shifts: tuple[Shift, ...] = shifts.SHIFTS
@@ -224,7 +226,7 @@ def _readings(
     """Run the filters on y (n, seeds). Return the readings of each filter by its name."""
     noise, seeds = case.noise, y.shape[1]
     default_Q = filters[0].config.state.Q
-    # White noise has no state and so no true Q, so the filters keep their default Q.
+    # White noise has no state and so no true Q. The filters therefore keep their default Q.
     Q: dict[str, Array | None] = {"config": None, "true": np.full(seeds, noise.s2 or default_Q)}
     R: dict[str, Array | None] = {"config": None, "true": np.full(seeds, noise.R)}
     if any("fitted" in (one.Q, one.R) for one in filters):

@@ -51,7 +51,7 @@ MAIN: tuple[Setting, ...] = (
 """Settings that are run on the whole grid of noises."""
 
 TUNED: dict[str, EstimatorConfig] = {"triple, tuned live": _TRIPLE, "joint, tuned live": _JOINT}
-"""Settings that are run on the whole grid, with Q and R from the live fit (`tuned.py`)."""
+"""Settings that are run on the whole grid, with Q and R from the live fit (module `tuned`)."""
 
 CHANGES: tuple[Setting, ...] = (
     Setting("joint, as it is", _JOINT),

@@ -1,8 +1,8 @@
 """Measure what the daemon's live fit gives for noises that change while they are measured.
 
 The expected results are: with a fading memory, the fit is right again when three time constants of the memory
-have passed since the change. Without fading, the verdict is "not stationary". The samples of a knock are left
-out. A slow drift of the offset changes nothing.
+have passed since the change. Without fading, the verdict is "not stationary". The samples of a knock on the
+sensor are left out. A slow drift of the offset changes nothing.
 """
 
 from collections import Counter
@@ -25,8 +25,8 @@ BLOCK = 1_000
 """Number of samples that are passed to the fit in one call."""
 KNOCK_SAMPLES, KNOCK_SIGMAS = 80, 60.0
 DRIFT_SIGMAS, DRIFT_S = 20.0, 200.0
-"""For the change "temperature drifts": size of the change of the offset [standard deviations of the noise],
-and time constant with which the offset rises exponentially [s].
+"""DRIFT_SIGMAS, DRIFT_S: for the change "temperature drifts", the size of the change of the offset [standard
+deviations of the noise], and the time constant of its exponential course [s].
 """
 
 

@@ -17,8 +17,8 @@ COVERAGE = 0.9
 STRONG = 0.9
 """If the state x has more than this proportion of the noise's power, it is said to dominate the noise."""
 FEWEST = 10
-"""The ratio of two fits' errors is only shown if both fits reject white noise in at least this number of
-series.
+"""The ratio of the errors of the live fit and the whole record's fit is shown only if both fits reject white
+noise in at least this number of series.
 """
 
 
@@ -65,7 +65,8 @@ def tables(rows: list[Row]) -> list[Table | str]:
 def medians(scores: DataFrame) -> DataFrame:
     """Return medians of α's error and of α's Cramér–Rao bound.
 
-    Each median is over the noises with the same s2/R.
+    Each median is over the noises with the same s2/R, the ratio of the variance of the state's steps to that
+    of the white noise.
     """
     alpha = _of_order(scores)
     bound = alpha[alpha.estimator == WHITTLE].assign(estimator="bound", rmse=lambda some: some.cramer_rao_sd)
@@ -90,7 +91,8 @@ def errors(scores: DataFrame) -> Table:
 def ratios(pairs: DataFrame, scores: DataFrame) -> Table:
     """Return a table of the live fit's errors divided by those of the whole record's fit.
 
-    It has a row for each s2/R and length.
+    The table has a row for each length and each s2/R, the ratio of the variance of the state's steps to that
+    of the white noise.
 
     `median` and `worst` are the median and the largest ratio of the noises. `all` is the root mean square of
     the noises' ratios, in which each noise has the weight of its number of series.

@@ -1,7 +1,8 @@
 """The online filters with the Q and R of the live fit: `estimator.tuning = "live"`.
 
 As in the daemon, all samples so far are fitted again whenever the record has grown by 30 %. If the fit finds
-an order, its s2 and R replace the filters' Q and R, and the filters continue with its α and f.
+an order, the fit's variances (s2 of the state's steps, R of the white noise) replace the filters' Q and R,
+and the filters continue with the fit's α and f.
 """
 
 import numpy as np

@@ -20,7 +20,9 @@ Family = Callable[[Array, Array], Array]
 parameters, of shape (k, count), and the frequencies λ (bins,). The spectra have the shape (count, bins).
 """
 Nearest = Callable[["Bins"], float]
-"""Function that returns the smallest shortfall of one family, for a record with the given bins."""
+"""Function that returns the smallest shortfall in 2 log L of one family of models, for a record with the
+given bins.
+"""
 
 BINS = 160
 FIRST = 10
@@ -75,7 +77,7 @@ def below(bins: Bins, lam: float) -> Bins:
 
 
 def shortfall(bins: Bins, models: Array) -> Array:
-    """Return the shortfall of each model: by how much its expected 2 log L is smaller than that of the truth.
+    """Return each model's shortfall: how much smaller its expected 2 log L is than that of the truth.
 
     `models`: spectra (count, bins).
 
@@ -88,7 +90,7 @@ def shortfall(bins: Bins, models: Array) -> Array:
 
 
 def least(bins: Bins, family: Family, *box: tuple[float, float]) -> float:
-    """Return the smallest shortfall of a family, with parameters between the bounds `box`.
+    """Return the smallest shortfall in 2 log L of a family, with parameters within `box`.
 
     Searches begin at the best points and at local minima of a grid.
     """
@@ -174,51 +176,59 @@ ORDERS, RATES, WHITE, RISES = (0.15, 0.85), (-9.0, 0.5), (-14.0, 10.0), ((-10.0,
 CORNERS, SIZES, WALKS = (-7.0, 2.0), (-8.0, 10.0), (-14.0, 14.0)
 
 state = _nearest(_state, ORDERS, RATES, WHITE)
-"""Smallest shortfall of the state D^α x = f x + ω, with an order of 0.15 to 0.85, in white noise."""
+"""Smallest shortfall in 2 log L, behind the truth, of the state D^α x = f x + ω, with an order of 0.15 to
+0.85, in white noise.
+"""
 arfima = _nearest(_arfima, ORDERS, (-7.0, 1.5), WHITE)
-"""Smallest shortfall of ARFIMA(1, d, 0), with an order d of 0.15 to 0.85, in white noise."""
+"""Smallest shortfall in 2 log L, behind the truth, of ARFIMA(1, d, 0), with an order d of 0.15 to 0.85, in
+white noise.
+"""
 order_and_rise = _nearest(
     lambda p, lam: _state(p, lam) + _rise(p[3], p[4], lam), ORDERS, RATES, WHITE, *RISES
 )
-"""Smallest shortfall of the state D^α x = f x + ω plus noise whose density rises with at most the 4th power
-of frequency, in white noise.
+"""Smallest shortfall in 2 log L, behind the truth, of the state D^α x = f x + ω plus noise whose density
+rises with at most the 4th power of frequency, in white noise.
 """
 high_passed_order = _nearest(_high_passed_order, ORDERS, RATES, WHITE, CORNERS, (1.0, 3.0))
-"""Smallest shortfall of the state D^α x = f x + ω in white noise, after a high-pass of one to three poles."""
+"""Smallest shortfall in 2 log L, behind the truth, of the state D^α x = f x + ω in white noise, after a
+high-pass of one to three poles.
+"""
 one_relaxation = _nearest(lambda p, lam: _with_floor(_scaled(_ar1(p[0], lam)), p[1]), CORNERS, SIZES)
-"""Smallest shortfall of AR(1) in white noise."""
+"""Smallest shortfall in 2 log L, behind the truth, of AR(1) in white noise."""
 walk = _nearest(_walk, WALKS)
-"""Smallest shortfall of a random walk in white noise."""
+"""Smallest shortfall in 2 log L, behind the truth, of a random walk in white noise."""
 walk_and_rise = _nearest(lambda p, lam: _walk(p, lam) + _rise(p[1], p[2], lam), WALKS, *RISES)
-"""Smallest shortfall of a random walk plus noise whose density rises with at most the 4th power of frequency,
-in white noise.
+"""Smallest shortfall in 2 log L, behind the truth, of a random walk plus noise whose density rises with at
+most the 4th power of frequency, in white noise.
 """
 walk_and_relaxation = _nearest(_walk_and_relaxation, WALKS, CORNERS, SIZES)
-"""Smallest shortfall of a random walk and one relaxation, in white noise."""
+"""Smallest shortfall in 2 log L, behind the truth, of a random walk and one relaxation, in white noise."""
 low_pass = _nearest(_low_pass, (-5.0, 1.2), (1.0, 8.0), (-12.0, FLOOR))
-"""Smallest shortfall of white noise after a low-pass of one to eight poles, with almost no white noise
-added.
+"""Smallest shortfall in 2 log L, behind the truth, of white noise after a low-pass of one to eight poles,
+with almost no white noise added.
 """
 rising = _nearest(
     lambda p, lam: _with_floor((2 * np.sin(lam / 2)) ** (2 * p[0][:, np.newaxis]), p[1]),
     (0.0, 2.0),
     (-6.0, 6.0),
 )
-"""Smallest shortfall of noise whose density rises with at most the 4th power of frequency, in white noise."""
+"""Smallest shortfall in 2 log L, behind the truth, of noise whose density rises with at most the 4th power of
+frequency, in white noise.
+"""
 
 
 def white(bins: Bins) -> float:
-    """Return the shortfall of the model white noise for the true spectrum in `bins`."""
+    """Return by how much 2 log L of white noise falls short of that of the true spectrum in `bins`."""
     return float(shortfall(bins, np.ones((1, len(bins.lam))))[0])
 
 
 def order(bins: Bins) -> float:
-    """Return the smallest shortfall of a model with a fractional order: the state or ARFIMA."""
+    """Return the smallest shortfall in 2 log L of a model with a fractional order: the state or ARFIMA."""
     return min(state(bins), arfima(bins))
 
 
 def without_order(bins: Bins) -> float:
-    """Return the smallest shortfall of a sum of parts without an order.
+    """Return the smallest shortfall in 2 log L of a sum of parts without an order.
 
     The parts are six relaxations (first-order Gauss-Markov processes), one relaxation that alternates in
     sign, a random walk, quantisation and white noise. The parts can have any sizes. Each search starts with
@@ -230,9 +240,9 @@ def without_order(bins: Bins) -> float:
 
 
 def _mixed(bins: Bins, log_corners: Array) -> float:
-    """Return the smallest shortfall of a sum of parts without an order.
+    """Return the smallest shortfall in 2 log L of a sum of parts without an order, from one starting point.
 
-    `log_corners`: logarithms of the relaxations' corners with which the search starts.
+    `log_corners`: logarithms of the relaxations' corners at the start of the search.
     """
     half = 4 * np.sin(bins.lam / 2) ** 2
     # the last relaxation alternates in sign, so its spectrum is mirrored: it is largest at half the sample

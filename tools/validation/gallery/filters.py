@@ -18,7 +18,7 @@ AT_ONCE = 1 << 22
 long records need.
 """
 OVER_CORNER = 8.0
-"""A filter runs at least at this many times its corner frequency."""
+"""Smallest ratio of the rate at which a filter runs to its corner frequency."""
 MPU9250_DLPF = {250: 0.97, 184: 2.9, 92: 3.9, 41: 5.9, 20: 9.9, 10: 17.85, 5: 33.48}
 """For each bandwidth [Hz] of the MPU-9250's low-passes for the gyroscope: the delay [ms], from the register
 map.
@@ -103,7 +103,7 @@ class Median(NamedTuple):
         return np.asarray(np.median(windows, axis=1))
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
-        """See `Part`.
+        """Return the density at the frequencies `lam` [rad per sample].
 
         The density is computed from the autocovariance of a long record, which is 0 at lags beyond the
         window's length.
@@ -146,7 +146,7 @@ class Through(NamedTuple):
         return out
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
-        """See `Part`.
+        """Return the density at the frequencies `lam` [rad per sample].
 
         The spectrum is folded at half the output's rate, because decimation by m aliases higher frequencies.
         """
@@ -175,7 +175,7 @@ class Held(NamedTuple):
         return np.asarray(values[turn * self.fresh + np.array(self.pattern)[reading]])
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
-        """See `Part`.
+        """Return the density at the frequencies `lam` [rad per sample].
 
         The density is the mean over the readings of a cycle. It is 1 + 2 Σ p cos(lag λ), where p is the
         proportion of readings whose value is the same `lag` readings later.
@@ -212,7 +212,10 @@ class Jittered(NamedTuple):
         return y
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
-        """See `Part`. The density is computed from the autocorrelation, averaged over the random delays."""
+        """Return the density at the frequencies `lam` [rad per sample].
+
+        The density is computed from the autocorrelation, averaged over the random delays.
+        """
         a = 2 * math.pi * self.hz / rate_hz
         late = np.arange(self.steps // 2) / self.steps
         spread = float(np.exp(-a * late).mean() * np.exp(a * late).mean())

@@ -1,8 +1,9 @@
 """Measures whether more data ever give a weaker verdict, on growing records of the gallery's noises.
 
 A record of each noise is drawn at the greatest length, and the shorter records are beginnings of it. Each
-verdict is compared with the verdict on the next shorter record. It is weaker in two cases: it is wrong while
-the earlier verdict was right, or it is "white" without being right while the earlier verdict was not "white".
+verdict is compared with the verdict on the next shorter record. It is weaker in two cases: it is wrong and
+the earlier verdict was right, or it is "white" although this is not right and the earlier verdict was not
+"white".
 """
 
 import itertools

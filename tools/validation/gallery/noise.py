@@ -30,8 +30,7 @@ Truth = Literal[
     "filtered order",
     "held",
 ]
-"""The kinds of spectra that noises have. Spectral lines, drift and changes of the noise are left out of
-account.
+"""The kinds of spectra that noises have. Spectral lines, drift and changes of the noise do not matter here.
 """
 
 
@@ -133,7 +132,7 @@ def dead_band(share: float) -> Treatment:
 
 
 class Accepted(NamedTuple):
-    """A verdict that is accepted on records of up to `samples` samples, with the reason."""
+    """A verdict that is accepted, though not right, on records of up to `samples` samples; and why."""
 
     kind: VerdictKind
     reason: str

@@ -130,8 +130,8 @@ def ladder(low_hz: float, high_hz: float, a_decade: float, corner_hz: float) -> 
     """
     count = round(math.log10(high_hz / low_hz) * a_decade) + 1
     # If a relaxation with the corner c has the height level / c, the density of the sum over all corners is
-    # about level · a_decade / ln 10 · π / (2 f) at frequency f. It is 1, like that of the white noise, at f =
-    # corner_hz.
+    # about level · a_decade / ln 10 · π / (2 f) at frequency f. `level` makes this density 1, like that of
+    # the white noise, at f = corner_hz.
     level = corner_hz * math.log(10) / (a_decade * math.pi / 2)
     return tuple(
         Relaxation(corner, level / corner) for corner in np.geomspace(low_hz, high_hz, count).tolist()

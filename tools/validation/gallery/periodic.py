@@ -15,7 +15,7 @@ A period has at least FEWEST_SAMPLES samples. A record has more than FEWEST_PERI
 of the record with itself one period later is more than SURELY_ALIKE standard deviations.
 """
 FAR, FEW_ORDINATES, MANY_ORDINATES = 5.0, 10.0, 100.0
-"""Conditions for a spectral line of varying frequency.
+"""Limits that decide whether a sine of varying frequency has to be found as a spectral line.
 
 FAR is the ratio of the line's frequency to the standard deviation of this frequency. FEW_ORDINATES and
 MANY_ORDINATES are a small and a large number of ordinates within one such standard deviation.

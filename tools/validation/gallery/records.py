@@ -97,8 +97,8 @@ def judged(name: str, rate_hz: float, y: Array) -> Row:
 def _seen(y: Array, h: float) -> Row:
     """Return the program's result for the samples `y`. Only this function of the gallery calls the program.
 
-    The field `alpha` has the value and the ends of its interval. The field `ahead` is a difference: 2 log L
-    of the best model with an order, minus 2 log L of that model without an order that has the most
+    The field `alpha` has the value of α and the ends of its interval. The field `ahead` is a difference: 2
+    log L of the best model with an order, minus 2 log L of that model without an order that has the most
     parameters. It is None if no model has an order.
     """
     if (y == y[0]).all():

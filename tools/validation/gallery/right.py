@@ -78,7 +78,7 @@ class _Notes:
         self.accepted: dict[VerdictKind, str] = {}
 
     def may(self, kind: VerdictKind, short: float, what: str, more: float = 0.0) -> None:
-        """Note a verdict as right or accepted, unless the record shows that it is wrong.
+        """Note a verdict as right or accepted, unless a record can show that it is wrong.
 
         The verdict is right if the record cannot distinguish its model from the truth. It is accepted if
         chance may keep the record from distinguishing them. `short`: how far the model's expected 2 log L
@@ -188,7 +188,7 @@ def _order(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> N
 def _rising(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
     """Note the right verdicts on a spectrum that rises with frequency.
 
-    An order with F < 0 has such a spectrum, too.
+    Noise of fractional order with F = h^α f + α < 0 has such a spectrum, too.
     """
     notes.may("undecided", contrast.order(bins), "an order between 0.15 and 0.85")
 
@@ -347,7 +347,9 @@ def _lines(notes: _Notes, noise: Noise, rate_hz: float, n: int) -> None:
 
 
 CHANGE = math.log(2)
-"""The variances of a record's two halves differ at least by a factor. This is its logarithm."""
+"""Logarithm of the smallest factor by which the variances of a record's two halves differ, if the noise's
+variance changes.
+"""
 
 
 def _changes(notes: _Notes, n: int) -> None:

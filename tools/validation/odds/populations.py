@@ -18,10 +18,12 @@ from tools.validation.gallery.parts import Fractional, Part, Relaxation, White
 
 RATE_HZ = 100.0
 ORDERS, STEP_RATIOS = (0.2, 0.85), (-1.0, 1.0)
-"""Ranges of the uniform distributions of α and of log10(s2/R)."""
+"""ORDERS: range of α, which is uniformly distributed. STEP_RATIOS: range of log10(s2/R), also uniform, where
+s2 is the variance of the state's steps and R that of the white noise.
+"""
 LEAST_F = -0.5
-"""F = g + α, where g = h^α f, is uniformly distributed between this value and α. At F = α the state has no
-restoring force (f = 0).
+"""F = g + α, where g = h^α f (h: sampling period), is uniformly distributed between this value and α. At F =
+α the state has no restoring force (f = 0).
 """
 PERIODS, FASTEST_HZ = 10, 30.0
 DENSITIES = (-0.5, 2.0)

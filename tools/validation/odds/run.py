@@ -148,7 +148,7 @@ def operating(rows: Sequence[Row], against: str) -> tuple[list[float], list[floa
 def _score(row: Row) -> float:
     """Return by how much the best model with an order leads over the best model without one.
 
-    The lead sorts noises as the odds do, but is not limited as the odds are.
+    This lead puts noises in the same order as the odds do. Unlike the odds, it has no limit.
     """
     return -math.inf if row["lead"] is None else float(row["lead"])
 
