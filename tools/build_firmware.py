@@ -1,8 +1,9 @@
 """Builds the bare-metal images for the Due with Debian's gcc-arm-none-eabi.
 
-Writes firmware/due/image/fltea_due.bin and fltea_due.json, which are committed (timer mode). Also writes both
-modes with JSON, ELF, map and stack use to build/firmware/. Run `python -m tools.generated build_id` first:
-the image holds the id.
+There are two images: in the mode `timer` the board's clock sets the times of samples, in the mode
+`data_ready` the sensor's. Writes firmware/due/image/fltea_due.bin and fltea_due.json, which are committed,
+for the mode `timer`. Also writes both modes with JSON, ELF, map and stack use to build/firmware/. Run `python
+-m tools.generated build_id` first: the image contains the id of the sources.
 
 `--to FILE.bin --mode data_ready --define FLTEA_RATE_HZ=500` writes one image with other settings instead.
 `--check` writes nothing to the repository: it builds again and compares. Exit codes: 0: the sources give the

@@ -30,8 +30,8 @@ ROOT = Path(__file__).resolve().parents[1]
 ALPHA, F = 0.8, -1.0
 S2_OVER_R = 3.0
 R = 0.02
-"""Variance of the white noise [(deg/s)²]: 2.3 LSB rms, as of the MPU-9250 in the paper. Rounding to counts
-adds 1.5 %.
+"""Variance of the white noise [(deg/s)²]: 2.3 LSB rms, as the MPU-9250 has in the paper on FLTEA. Rounding to
+counts adds 1.5 %.
 """
 RATE_HZ = 100.0
 NOISE = f"alpha={ALPHA:g}&f={F:g}&Q={noise_variance(ALPHA, S2_OVER_R * R, 1 / RATE_HZ):.6g}&R={R:g}"
@@ -118,7 +118,7 @@ def page(arguments: list[str]) -> list[str]:
 
 
 def output(arguments: list[str]) -> list[str]:
-    """Return the option for NDJSON, which this program summarises.
+    """Return the option that makes the daemon write NDJSON, which this program summarises.
 
     No option is returned on a terminal, or if the user has chosen a format.
     """

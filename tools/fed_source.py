@@ -1,4 +1,4 @@
-"""A source of a pipeline for tests and tools.
+"""A source of samples for tests and tools.
 
 The caller itself supplies the transport events, such as received bytes.
 """
@@ -11,7 +11,7 @@ from fltea.sources.wire_events import WireEvents
 
 
 class FedSource:
-    """Provides what a pipeline needs from the source of a serial port.
+    """Stands for the source of a serial port in a pipeline (the processing of one device's samples).
 
     `prompt`: see `fltea.records.ports.Source`.
     """

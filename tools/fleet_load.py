@@ -38,7 +38,7 @@ MOST_IN_FLIGHT = 5_000
 
 
 class Bad(NamedTuple):
-    """A bad sensor. On one axis of sensor number `place`, a figure is `times` as large as usual."""
+    """A bad sensor. On one axis of sensor number `place`, a figure is multiplied by `times`."""
 
     place: int
     axis: str

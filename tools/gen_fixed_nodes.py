@@ -1,4 +1,4 @@
-"""Computes the modes (decaying sums) of the board's compressed memory.
+"""Computes the modes (decaying sums) by which the board remembers all past samples.
 
 It writes firmware/core/engine/fixed_nodes.hpp.
 
@@ -16,17 +16,16 @@ SOURCE, HEADER = "tools/gen_fixed_nodes.py", "firmware/core/engine/fixed_nodes.h
 DIGITS = 3
 HEAD = 5
 HORIZON = 100_000
-"""The modes have to be accurate for this number of past samples. This value, DIGITS and HEAD were chosen by
-measurements (firmware/README.md, "What it costs").
+"""The modes have to be accurate for samples up to this age [samples]. This value, DIGITS and HEAD were chosen
+by measurements (firmware/README.md, "What it costs").
 """
 
 
 def step_for(error: float) -> float:
-    """Return the largest step between nodes with which the quadrature's error is at most `error`.
+    """Return the largest step between neighbouring modes that keeps the error at or below `error`.
 
-    The quadrature integrates over the modes' decay rates.
-
-    The quadrature uses the trapezoidal rule.
+    The weights of past samples are integrals over the modes' decay rates, which the trapezoidal rule
+    approximates. The step is that between the logarithms of the rates.
     """
     step = 1.0
     while _alias(step) > error:
@@ -40,9 +39,9 @@ def _alias(step: float) -> float:
 
 
 def top_for(step: float, error: float) -> int:
-    """Return the position of the fastest node of the quadrature, as the number of steps above 1.
+    """Return the position of the mode that decays fastest: the number of steps from the decay rate 1.
 
-    The next faster node would contribute less than a quarter of `error`.
+    The next faster mode would contribute less than a quarter of `error`.
     """
     n, top = HEAD + 1, 0
     while True:

@@ -1,11 +1,12 @@
-"""Fits a polynomial for the variance sum of the compressed memory.
+"""Fits a polynomial that the filters' compressed memory needs to sum the variances of past states.
 
 It writes firmware/core/engine/memory_constants.hpp.
 
-The squared weights c_j(a)^2 of order a = b - 1 contain the factor 4^b B(b, b) = 2 sqrt(pi) Gamma(b) / Gamma(b
-+ 1/2), see engine/memory_nodes.hpp. Three steps of the recurrence of Gamma move the poles of this factor away
-from the orders in use. What remains, 2 sqrt(pi) Gamma(b + 4) / Gamma(b + 7/2), is interpolated at Chebyshev
-points in arbitrary precision.
+Let c_j(a) be the weight of the sample of age j in a fractional difference of order a, and b = a + 1. The
+squared weight contains the factor 4^b B(b, b) = 2 sqrt(pi) Gamma(b) / Gamma(b + 1/2), where B is the beta
+function (see engine/memory_nodes.hpp). Three steps of the recurrence of Gamma move the poles of this factor
+away from the orders in use. What remains, 2 sqrt(pi) Gamma(b + 4) / Gamma(b + 7/2), is interpolated at
+Chebyshev points in arbitrary precision.
 """
 
 from pathlib import Path

@@ -6,9 +6,9 @@ Periodogram ordinates of white noise are independent and exponential, so they ar
 series. The program computes the quantiles of the simulated likelihood ratios for each length of a record. It
 then smooths each quantile as a function of the logarithm of the number of ordinates: by a straight line if
 the quantile's probability is below 2 %, otherwise by a parabola. The host tests white noise against two
-alternatives. The board tests only against the first, so its test has quantiles of its own. The program takes
-some minutes on one core. Its figures may differ between machines in the last digit, because a fit stops as
-soon as the likelihood is flat.
+alternatives: an order in white noise, and white noise after a high-pass. The board tests only against the
+first, so its test has quantiles of its own. The program takes some minutes on one core. Its figures may
+differ between machines in the last digit, because a fit stops as soon as the likelihood is flat.
 
 Usage: python -m tools.gen_null_constants [--series 6000] [--print]
 """

@@ -9,8 +9,10 @@ SOURCE, HEADER = "tools/gen_octave_tables.py", "firmware/core/engine/octave_tabl
 BLOCK = 256
 """Number of samples in a block (firmware/core/engine/block_fft.hpp)."""
 LOWEST, LINES = 45, 45
-"""First FFT bin that is used in each level of the spectrum, and number of bins that are used
-(engine/welch_level.hpp, octave_ladder.hpp).
+"""LOWEST: the first FFT bin that is used in each level of the spectrum. LINES: the number of bins that are
+used.
+
+Each level has half the sampling rate of the level before (engine/octave_ladder.hpp, engine/welch_level.hpp).
 """
 MIDDLE = 0.49998341447554523
 TAPS = (
@@ -23,9 +25,10 @@ from its centre.
 
 
 def over_gain(line: int, level: int) -> float:
-    """Return 1 divided by the common power gain of all filters that the samples pass before `level`.
+    """Return 1 divided by the power gain of the half-band filters that the samples pass before `level`.
 
-    The gain is taken at the frequency of FFT bin `line` of this level.
+    Each level of the spectrum has half the sampling rate of the level before, after one such filter. The gain
+    is that at the frequency of FFT bin `line` of this level.
     """
     gain = 1.0
     for passed in range(1, level + 1):

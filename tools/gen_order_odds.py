@@ -34,7 +34,7 @@ the shortest length.
 """
 AT_ONCE = 20
 RIDGE = 1e-5
-"""Ridge penalty of the regression. It keeps those coefficients finite that the noises do not determine."""
+"""Ridge penalty of the regression. It keeps coefficients finite that the drawn noises do not determine."""
 
 
 def tasks(series: int) -> list[Task]:
@@ -51,7 +51,7 @@ def fitted(rows: list[Row]) -> tuple[tuple[float, float], list[list[float]]]:
     """Return the fitted coefficients of the log odds, with their range of validity.
 
     The result is the range and then the coefficients. The range is the smallest and the largest number of
-    ordinates of the noises.
+    periodogram ordinates of the noises.
     """
     # Leave out noises that are so nearly white that the model search gives no odds for them.
     rows = [row for row in rows if row["odds"] is not None]

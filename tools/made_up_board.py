@@ -45,9 +45,11 @@ class Sent(NamedTuple):
     """A message with its header, as the board sends it.
 
     Attributes:
-        instant: Number of the sampling instant since the boot at which it is sent. message: The message.
+        instant: Number of the sampling instant since the boot at which it is sent.
+        message: The message.
         sequence: Number of the message, counted separately for each type of message and each boot, modulo
-        2**16. device_us: Time since the boot [us], modulo 2**32.
+            2**16.
+        device_us: Time since the boot [us], modulo 2**32.
     """
 
     instant: int
@@ -74,15 +76,19 @@ class MadeUpBoard:
     Each type of message is numbered separately; a SAMPLE has the number of its sampling instant.
 
     Attributes:
-        hello: The HELLO that the board sends. status: The STATUS that it sends after HELLO, or None if it
-        sends none. instant: Number of sampling instants since the boot. If a caller increases this number,
-        the board skips the samples between the old and the new number.
+        hello: The HELLO that the board sends.
+        status: The STATUS that it sends after HELLO, or None if it sends none.
+        instant: Number of sampling instants since the boot. If a caller increases this number, the board
+            skips the samples between the old and the new number.
 
     Args:
-        hello: As the attribute. status: As the attribute. rate_hz: Sampling rate [Hz]; None for the rate that
-        `hello` states. pace: Ratio of the true sampling period to the nominal period. first: Number of the
-        first SAMPLE. own: The estimator that the board runs; None if the board does not estimate. own_late:
-        The estimates of a sample are sent this number of sampling instants after the sample.
+        hello: As the attribute.
+        status: As the attribute.
+        rate_hz: Sampling rate [Hz]; None for the rate that `hello` states.
+        pace: Ratio of the true sampling period to the nominal period.
+        first: Number of the first SAMPLE.
+        own: The estimator that the board runs; None if the board does not estimate.
+        own_late: Number of sampling instants from a sample to the sending of its estimates.
     """
 
     def __init__(

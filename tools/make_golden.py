@@ -1,10 +1,9 @@
 """Writes tests/estimator/golden: the paper's examples 1 to 3, 200 samples each, in 50-digit arithmetic.
 
-The files are used to test both the reference and the engine, so this program shares no code with either of
-them. The formulas are typed as they are printed in Macias & Sierociuk 2023, section 5 (P by subtraction,
-binomials by their definition), and computed with mpmath. In two cases the paper is ambiguous, and the
-project's interpretation is used: covariance sums start at i = 0, and terms L(k) are part of every sum over
-the past.
+The files test both the reference in Python and the native engine, so this program shares no code with either.
+The formulas are typed as they are printed in Macias & Sierociuk 2023, section 5 (P by subtraction, binomials
+by their definition), and computed with mpmath. In two cases the paper is ambiguous, and the project's
+interpretation is used: covariance sums start at i = 0, and every sum over the past includes the terms L(k).
 
 Each file has comment lines, then one line for each sample: first the inputs y and u, which are exact floats,
 then with 25 digits x, P, α with its variance and Q, and f with its variance and Q.
@@ -35,7 +34,7 @@ def difference_weights(alpha: mpf, n: int) -> list[mpf]:
 
 
 class Example:
-    """The example of section 6.1: one state, B = C = 1, full memory."""
+    """The paper's example (section 6.1): one state, B = C = 1, and a memory of all past samples."""
 
     h = mpf("0.001")
     Q, R = mpf("1e-5"), mpf("1e-3")
@@ -43,7 +42,7 @@ class Example:
     order_delta = parameter_delta = mpf("0.5")
 
     def __init__(self) -> None:
-        self.x, self.P = [mpf(0)], [mpf(1)]  # x_0, P_0; the index is the sample's number
+        self.x, self.P = [mpf(0)], [mpf(1)]  # x_0 and P_0; an index into the lists is a sample's number
         self.alpha, self.order_P, self.order_Q = mpf(1), mpf("0.05"), mpf("0.005")
         self.f, self.parameter_P, self.parameter_Q = mpf(0), mpf("0.001"), mpf("0.01")
 
@@ -53,7 +52,11 @@ class Example:
         return mp.fsum(weights[j] * self.x[k - j] for j in range(1, k + 1))
 
     def step(self, y: mpf, u: mpf) -> None:
-        """Process sample k as in sections 5.1 (KFo), 5.3 (KFw) and 5.2 (KFx)."""
+        """Process sample k by the paper's three filters, in this order.
+
+        The filters estimate the order α (section 5.1, KFo), the parameter f (5.3, KFw) and the state x (5.2,
+        KFx).
+        """
         k = len(self.x)
         rate = self.f * self.x[k - 1] + u
 
@@ -90,9 +93,9 @@ class Example:
 
 
 def gain(points: list[mpf], mean: mpf, Y: list[mpf], y: mpf, R: mpf) -> tuple[mpf, mpf, mpf]:
-    """Return gain, innovation and Pyy of an unscented filter.
+    """Return gain, innovation and the innovation's variance Pyy of an unscented filter for one unknown.
 
-    The filter has n = 1, lambda = 2, A = 1, B = 2 (section 5.1).
+    Its scaling constants are n = 1, lambda = 2, A = 1 and B = 2 (the paper, section 5.1).
     """
     W_mean = [mpf(2) / 3, mpf(1) / 6, mpf(1) / 6]
     W_cov = [mpf(2) / 3 + (1 - 1 + 2), mpf(1) / 6, mpf(1) / 6]

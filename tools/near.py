@@ -38,8 +38,8 @@ TESTS_OF = {
     "tools/hashes": ("dist",),
     "Makefile": ("native/test_source_hash.py",),
 }
-"""For the beginning of a file's path: the folders or files below tests/ that test this file. The first match
-counts.
+"""For the beginning of a file's path: the folders or files below tests/ that test this file. If several
+beginnings match, the first decides.
 """
 MOST_USERS = 8
 """Largest number of test files that `make near` runs for one helper. If more test files use the helper, they
@@ -73,7 +73,8 @@ class Plan(NamedTuple):
 def plan(files: Iterable[str], gone: Iterable[str] = (), users: Users = lambda _: []) -> Plan:
     """Return what to run for changed files and for deleted files (`gone`).
 
-    `users`: returns the test files that use a module of `tools` or `tests/rig`, given the module's name.
+    `users`: function that returns, for the name of a module of `tools` or `tests/rig`, the test files that
+    use it.
     """
     here, everything = sorted(files), sorted({*files, *gone})
     found = {name: tests_of(name, users) for name in everything}

@@ -1,7 +1,8 @@
 """The estimator that a simulated board runs, computed by the host's engine.
 
 The engine computes in double precision; the protocol's messages round to single precision. Like the firmware,
-this estimator computes bias and R from the start-up window. After that it estimates with unlimited memory.
+this estimator computes the bias and the variance R of the white noise from the first samples, the start-up
+window. After that it estimates with a memory of all samples.
 """
 
 from collections.abc import Sequence
@@ -58,7 +59,7 @@ JOINT = wire.Estimator._make([0] * len(wire.Estimator._fields))._replace(
     parameter_delta=f32(SETTINGS.joint.delta),
     gate=f32(SETTINGS.gate),
 )
-"""The default settings of `fltea run` in the variant `joint`."""
+"""ESTIMATOR with the default settings of `fltea run`, for the algorithm's variant `joint`."""
 
 TRIPLE = JOINT._replace(
     variant=wire.EstimatorVariant.TRIPLE,
@@ -71,7 +72,7 @@ TRIPLE = JOINT._replace(
     parameter_q0=f32(SETTINGS.parameter.Q0),
     parameter_delta=f32(SETTINGS.parameter.delta),
 )
-"""The default settings of `fltea run` in the variant `triple`."""
+"""ESTIMATOR with the default settings of `fltea run`, for the algorithm's variant `triple`."""
 
 
 class OwnEstimator:

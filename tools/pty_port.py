@@ -126,8 +126,8 @@ class PtyPort:
     def was_emptied(self) -> bool:
         """Return whether a program has discarded the unread bytes since the last call.
 
-        Every program discards the unread bytes while it opens the port. This call also discards the bytes
-        that programs have sent to the board.
+        Every program discards the unread bytes while it opens the port. A call of this method also discards
+        the bytes that programs have sent to the board.
         """
         poll = select.poll()
         poll.register(self.master, select.POLLPRI)

@@ -5,10 +5,10 @@ A bug that no test notices survives. `--host 40` tries 40 random changes of host
 the changed module, then the other files of the same folder of tests, then tests/e2e. Tests that are marked as
 slow do not run. Some changes have no effect that a test could notice, so read the list of survivors.
 
-Without `--host` it tries the firmware's list. The judges are: the tests of the emulated Due, whose components
-are strict; the C++ tests of the core and of its spectrum; the Arduino sketch on its stub. By default, a bug
-is judged until the first judge notices it. With --everyone, all judges run. A bug does not count as noticed
-merely because the built image differs from the committed image.
+Without `--host` it tries the firmware's list. The tests are in groups, called judges: the tests of the
+emulated Due, whose components are strict; the C++ tests of the core and of its spectrum; the Arduino sketch
+on its stub. By default, a bug is judged until the first judge notices it. With --everyone, all judges run. A
+bug does not count as noticed merely because the built image differs from the committed image.
 
 The program works only on copies of the repository. The exit code is 1 in these cases: more than 2 mutants of
 the firmware survive, more than a third of the host's mutants survive, a mutant does not build, or the tests
@@ -42,8 +42,8 @@ MOST_SURVIVORS = 2
 MOST_SURVIVORS_OF_HOST = 1 / 3
 
 EVERYWHERE = ("core/engine/", "arduino/")
-"""Two folders of firmware/. Every judge judges the files of at least one of the two, so all judges are needed
-for both together.
+"""Two folders of firmware/. For each judge (group of tests), at least one of the two has files that it
+judges. So the files of both folders together need all judges.
 """
 
 
@@ -73,7 +73,7 @@ class Result(NamedTuple):
 
 
 def try_mutant(mutant: Mutant, base: Path, *, everyone: bool = False) -> Result:
-    """Copy the folder `base`, with all files that have been built in it, and judge one bug in the copy."""
+    """Copy the folder `base`, including all built files, and judge one bug in the copy."""
     with tempfile.TemporaryDirectory(dir=base.parent) as folder:
         root = Path(folder) / "fltea"
         shutil.copytree(base, root)

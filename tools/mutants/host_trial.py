@@ -91,8 +91,8 @@ def nearest_tests(root: Path, file: str) -> list[str]:
 
     The result has three groups. First come the test files in the folder of tests for the package of `file`
     that import `file`, directly or through a helper in tests/rig. Then come at most MOST_OUTSIDE test files
-    of other folders that import it so. Last come the remaining test files of the package's folder. In each
-    group, test files with few imports come before those with many.
+    of other folders that import `file` in one of these ways. Last come the remaining test files of the
+    package's folder. In each group, test files with few imports come before those with many.
     """
     package, name, room = ".".join(Path(file).parts[1:-1]), Path(file).stem, Path(file).parts[2]
     imports = rf"\b{package}\.{name}\b|^ *from {package} import (\([^)]*|.*)\b{name}\b"
