@@ -28,8 +28,8 @@ from tools.bench.feeder import RATE_HZ
 
 MINUTES, FILES = 10, 6
 TINY = 400
-"""Number of invalid files of a few bytes: they only take the time for listing, for the scheduler and for the
-table.
+"""Number of invalid files of a few bytes. Each takes only the time to list it, to schedule it and to write
+its row of the table.
 """
 LARGE_SAMPLES, PIECES = 6_000_000, 6
 AXES = 3

@@ -71,7 +71,10 @@ class Reader(threading.Thread):
         self.errors: list[str] = []
 
     def run(self) -> None:
-        """Read to the end. To be fast enough, only records of rare kinds are parsed as JSON."""
+        """Read the daemon's output to its end.
+
+        To be fast enough, only records of rare kinds are parsed as JSON.
+        """
         head = b'{"class":"estimate","seq":'
         for line in self._stream:
             now_ns = time.monotonic_ns()
@@ -167,8 +170,8 @@ def _still_runs(daemon: Any, folder: Path) -> None:
 def _arrived(reader: Reader, fed: dict[str, Any], begin_ns: int) -> dict[str, Any]:
     """Return the latency of the estimates for samples written after `begin_ns`, and the losses by kind.
 
-    A record `stats` has the counts of samples in `sample_counts`. In the commit 068f73c8, with which later
-    commits are compared, it has them in `samples`.
+    A record `stats` has the counts of samples in `sample_counts`. The `stats` of the commit 068f73c8, with
+    which later commits are compared, has these counts in `samples`.
     """
     written_ns, stats = fed["times"], reader.stats.values()
     after = written_ns > begin_ns

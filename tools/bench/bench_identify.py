@@ -12,7 +12,7 @@ from tools.bench.programs import PRESENT
 
 
 def measure(*, long: bool = False, against: str | None = None, rounds: int | None = None) -> dict[str, Any]:
-    """Measure ten minutes, an hour and, with `long`, a day, as `bench_chain.measure` does."""
+    """Measure records of ten minutes, an hour and, with `long`, a day, as `bench_chain.measure` does."""
     kinds = [kind for kind in IDENTIFY if kind != "day" or long]
     rows = ",".join(row for kind in kinds for row in IDENTIFY[kind])
     return bench_chain.measure(long=long, rows=rows, against=against, rounds=rounds)

@@ -31,7 +31,9 @@ SETTLE_S = 5.0
 """Time [s] after which every device is processed and has estimates."""
 PARTITIONS, WORKERS = 16, 2
 EVERY = 100
-"""The programs write one estimate in this many samples. These estimates show whether any are missing."""
+"""The programs write one estimate in this many samples. Gaps in the numbers of these samples show whether any
+estimates are missing.
+"""
 
 
 def broker(folder: Path, stack: contextlib.ExitStack) -> Broker:
@@ -87,7 +89,7 @@ class _Programs:
     def estimates(self) -> tuple[int, int]:
         """Return how many estimates were made twice, and how many are missing.
 
-        Missing estimates count between the first and the last estimate of any device.
+        An estimate is missing if it was due between the first and the last estimate of any device.
         """
         seen: dict[str, Counter[int]] = {}
         for one in self.records("estimate"):

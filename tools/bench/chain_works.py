@@ -141,7 +141,7 @@ def identify_in_full(files: Files, program: Program) -> Figures:
 
 
 def code(text: str, form: str, files: Files, program: Program) -> Figures:
-    """Run Python code with the program's packages. Its argument is the path of the recording in this form."""
+    """Run Python code with the program's packages. Its argument is the path of the file in format `form`."""
     return run_program([program.python, "-c", text, str(getattr(files, form))])
 
 
