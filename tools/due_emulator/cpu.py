@@ -66,7 +66,7 @@ class Cpu:
         self._control = control
         self._bus = bus
         self.instructions = 0
-        """Number of instructions that have run, without those of the present slice."""
+        """Number of instructions that ran before the present slice (see `execution`)."""
         self._execution = Execution(
             memory.flash,
             machine.quick_reads,
@@ -139,7 +139,7 @@ class Cpu:
 
     @property
     def masked(self) -> bool:
-        """Whether PRIMASK disables interrupts."""
+        """Whether the register PRIMASK disables interrupts."""
         return bool(self._execution.register(PRIMASK) & 1)
 
     def restart(self, hold_ps: int = 0) -> None:
@@ -175,8 +175,8 @@ class Cpu:
             masked = urgent is not None and self._execution.register(PRIMASK) & 1
             if urgent is not None and not masked:
                 self._enter(urgent)
-            # The program may clear PRIMASK for as little as two instructions. While an interrupt waits for
-            # that, a slice is therefore one instruction long.
+            # The program may enable interrupts for as little as two instructions. While an interrupt waits
+            # for that, the program therefore runs by single instructions.
             self._run_slice(at_ps, 1 if masked else SLICE_INSTRUCTIONS)
 
     def _urgent(self) -> int | None:
@@ -255,7 +255,7 @@ class Cpu:
         slice_.done = 0
         if slice_.refusal:
             machine.fault(slice_.describe_refusal())
-        # Unicorn reports WFE and YIELD as undefined instructions after it has run them.
+        # Unicorn reports WFE (wait for event) and YIELD as undefined instructions after it has run them.
         if error != unicorn.UC_ERR_OK and not (self._has_just_done(WFE) or self._has_just_done(YIELD)):
             reason = REASONS.get(error, str(unicorn.UcError(error)))
             place = "" if self._invalid_address is None else f": 0x{self._invalid_address:08X}"
@@ -271,7 +271,7 @@ class Cpu:
             machine.asleep, self._event_register = not self._event_register, False
 
     def _has_just_done(self, instruction: bytes) -> bool:
-        """Return whether this instruction was the last one before the slice ended."""
+        """Return whether this instruction was the last one before the run of instructions (slice) ended."""
         last = self._execution.address
         return self._pc == last + 2 and self._memory.read(last, 2) == instruction
 
@@ -331,7 +331,7 @@ class Cpu:
         self._execution.heed_psr()
         self._pc = pc & ~THUMB
 
-    # Callbacks during a slice. No Python exception may leave them, since native code calls them.
+    # Callbacks while instructions run. No Python exception may leave them, since native code calls them.
 
     def _on_invalid(
         self, _uc: unicorn.Uc, _access: int, address: int, _size: int, _value: int, _: Any
@@ -376,7 +376,7 @@ class Cpu:
     def _on_limit(self, now_ps: int, pc: int) -> None:
         """Process events that are due before the next instruction.
 
-        After the events the slice continues, unless one of them ends it.
+        After the events the program runs on, unless an event ends the present slice.
         """
         machine, slice_ = self._machine, self._execution
         self._pc = pc

@@ -271,7 +271,7 @@ class Execution(ctypes.Structure):
         self.dropped = self.refusal = 0
 
     def begin_again(self, slice_ps: int) -> None:
-        """Turn the rest of the present slice into a new slice, without leaving the native code."""
+        """Turn the rest of the present slice (run of instructions) into a new one, staying in native code."""
         self.done, self.slice_ps, self.charged_ps = 0, slice_ps, 0
 
     def run(self, pc: int) -> int:
@@ -294,10 +294,10 @@ class Execution(ctypes.Structure):
         uclib.uc_reg_write_batch(self._exact, numbers, self._values_at, len(numbers))
 
     def heed_psr(self) -> None:
-        """Make the processor notice that XPSR was set.
+        """Make the processor notice that its status register XPSR was set.
 
         Unicorn stores separately whether a handler runs, and recognises a return from an exception by this
-        stored state. Unicorn updates the state only when CPSR is set.
+        stored state. Unicorn updates this stored state only when the register CPSR is set.
         """
         uclib.uc_reg_read(self._exact, arm_const.UC_ARM_REG_CPSR, self._first_at)
         uclib.uc_reg_write(self._exact, arm_const.UC_ARM_REG_CPSR, self._first_at)
@@ -307,7 +307,7 @@ class Execution(ctypes.Structure):
         return REFUSALS[self.refusal].format(self.refused_value)
 
     def time_after(self, instructions: int) -> int:
-        """Return the virtual time [ps] after the first `instructions` instructions of the slice."""
+        """Return the virtual time [ps] after this number of instructions of the present slice."""
         return int(self.slice_ps + instructions * PS_PER_S // self.hz + self.charged_ps)
 
 

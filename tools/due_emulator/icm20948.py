@@ -1,6 +1,6 @@
 """The register file of the ICM-20948: what a driver sees over I2C, in virtual time.
 
-Written from its data sheet DS-000189, revision 1.3; numbers in brackets are its sections. The Raspberry Pi's
+Written from its data sheet DS-000189, revision 1.3, whose sections the comments name. The Raspberry Pi's
 driver is tested against this model, and shares no register definition with it. Not modelled: filters,
 self-test, offsets, cycle mode, the interrupt pin, the DMP, the auxiliary I2C bus and the magnetometer on it,
 and the rate of an accelerometer with its own divider.

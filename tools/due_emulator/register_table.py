@@ -40,7 +40,7 @@ class Register(NamedTuple):
 
 
 class PeripheralTable(NamedTuple):
-    """One peripheral. `irq`: the peripheral's identifier in the NVIC and PMC, or None."""
+    """One peripheral. `irq`: the peripheral's number for interrupts and clocks, or None."""
 
     name: str
     base: int

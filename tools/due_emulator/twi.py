@@ -44,8 +44,9 @@ Addressing = Generator[float | None, None, bool]
 class Twi(Peripheral):
     """One I²C controller on its bus.
 
-    `lines`: the bus to which TWD and TWCK are connected. `pio`, `pins`: the pins' controller and their bits
-    in it; the program has to assign these pins to the controller (peripheral A).
+    `lines`: the bus to which the controller's pins TWD (data) and TWCK (clock) are connected. `pio`, `pins`:
+    the pins' controller and their bits in it; the program has to assign these pins to the controller
+    (peripheral A).
     """
 
     status = "SR"
