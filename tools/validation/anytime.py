@@ -73,7 +73,7 @@ def tasks(options: Options) -> list[Task]:
 
 
 def axis(noise: str, samples: int, seed: int) -> list[Row]:
-    """Return, for one axis, the highest significance level at which each rule never rejects white noise."""
+    """Return, for an axis and each rule, the highest level at which the rule never rejects white noise."""
     rng = np.random.default_rng((seed, samples))
     draw: Draw = (lambda n: WHITE[noise](n, rng)) if noise in WHITE else _relaxations(POLES[noise], rng)
     sums, last_refit, taken, of = Octaves(1), LastRefit(), 0, _levels if noise in WHITE else _claim
@@ -138,7 +138,7 @@ def _levels(sums: Octaves, last_refit: LastRefit, taken: int, *, is_search: bool
 
 
 def _claim(sums: Octaves, last_refit: LastRefit, taken: int, *, is_search: bool) -> dict[str, float]:
-    """Return 0 as the lowest level if the noise is called fractional now, otherwise 1."""
+    """Return 0 if the noise is called fractional now, otherwise 1, in the form of `_levels`."""
     return {"fractional": 0.0 if decide(_evidence(sums, last_refit, taken)).kind == "fractional" else 1.0}
 
 

@@ -33,7 +33,7 @@ For each noise with an order, the number of series of 10 min is a tenth of this 
 H = 0.01
 LENGTHS = {"30 s": 3_000, "200 s": 20_000, "10 min": 60_000}
 OF_POWER = ("30 s", "10 min")
-"""Lengths of the records with an order."""
+"""Lengths of the records of noise with a fractional order."""
 WHITE: dict[str, Callable[[int, np.random.Generator], Array]] = {
     "Gaussian": lambda n, rng: rng.standard_normal(n),
     "one LSB per σ": lambda n, rng: np.rint(rng.standard_normal(n)),

@@ -65,7 +65,7 @@ def convolved(e: Array, response: Array, n: int) -> Array:
 
 
 class FractionalState:
-    """Draws `n` samples at a time of the state of order α and g = h^α f, with steps of variance 1.
+    """Draws samples of the state of order α and g = h^α f (h: sampling period), with steps of variance 1.
 
     Each sample x depends on at least `PAST` steps before it, so the series is stationary from the first
     sample.

@@ -28,7 +28,8 @@ class Options(NamedTuple):
     of the same noises.
     """
     hours: int = 0
-    """Number of hours of one sensor in which false steps are counted. If 0, the default of the part is used.
+    """Number of hours of one sensor's data in which false steps of the bias are counted. If 0, the default of
+    the part is used.
     """
 
     def wanted(self, name: str) -> bool:

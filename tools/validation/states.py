@@ -32,8 +32,8 @@ AHEAD = 100
 """Number of samples in a second: the bias is predicted as the mean of the next second."""
 SPANS = {"6–30 s": (600, 3_000), "60–200 s": (6_000, N)}
 OVERSAMPLED = 8
-"""Number of steps of the low-pass inside a sensor in one sampling period, since it acts before the sensor
-samples.
+"""Number of steps of the low-pass inside a sensor in one sampling period, since the low-pass acts before the
+sensor samples.
 """
 
 NOISES: dict[str, tuple[Part, ...]] = {

@@ -221,7 +221,7 @@ class Lane:
 
 
 def generator(section: str, name: str, number: int = 0) -> np.random.Generator:
-    """Return the generator of random numbers for one record of a section."""
+    """Return the generator of random numbers for one record of a section (a part of the measurement)."""
     return np.random.default_rng((20261126, zlib.crc32(f"{section}: {name}".encode()), number))
 
 

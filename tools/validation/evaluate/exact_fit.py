@@ -43,7 +43,7 @@ class ExactFit(NamedTuple):
     R: float
     nll: float
     theta: Array
-    """Parameters of the fit as the search uses them: α, logit(-g / 2^α) and log s2/R."""
+    """Parameters as the search uses them: α, logit(-g / 2^α) and log s2/R (symbols: see the module)."""
 
 
 class ExactSeries:

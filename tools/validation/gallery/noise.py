@@ -153,8 +153,8 @@ class Noise(NamedTuple):
     changes: bool = False
     """Whether the noise changes during the record."""
     swings: int = 0
-    """The noise's power rises and falls by turns. Number of samples from each change to the next; 0 if the
-    power never changes.
+    """Number of samples from each change of the noise's power to the next, if the power rises and falls by
+    turns. 0 if the power never changes.
     """
     check: str = ""
     """Data check that must report a problem of this noise, whatever the verdict. Empty if the noise has no

@@ -347,9 +347,7 @@ def _lines(notes: _Notes, noise: Noise, rate_hz: float, n: int) -> None:
 
 
 CHANGE = math.log(2)
-"""Logarithm of the smallest factor by which the variances of a record's two halves differ, if the noise's
-variance changes.
-"""
+"""Logarithm of the least factor between the variances of a record's two halves, if the variance changes."""
 
 
 def _changes(notes: _Notes, n: int) -> None:
@@ -396,5 +394,4 @@ _RULES: dict[str, tuple[VerdictKind, Callable[[_Notes, Noise, Bins, float, int],
     "filtered order": ("fractional", _filtered_order),
     "held": ("low-pass", _held),
 }
-"""For each truth except white: the verdict that names it, and a function that notes further right verdicts.
-"""
+"""For each true spectrum except white: its verdict, and a function that notes further right verdicts."""

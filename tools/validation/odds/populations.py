@@ -36,8 +36,7 @@ STEPS: distance between corners [decades]. SLOPES: slope with which -log density
 LEVELS: log10 of the density at 1 Hz.
 """
 SCATTER = 0.1
-"""log10 of the densities of regular relaxations scatters about a straight line. This is the standard
-deviation of the scatter.
+"""Standard deviation with which log10 of the densities of regular relaxations scatters about a straight line.
 """
 
 Draw = Callable[[np.random.Generator, int], tuple[Part, ...]]
