@@ -26,8 +26,8 @@ class Allowance {
 
     bool left() const { return earned_ > 0; }
 
-    // Subtracts the time that the work took from the allowance. If it took more than was left, the excess is
-    // a debt.
+    // Subtracts the time that the work took from the allowance. If it took more than was left, the allowance
+    // becomes negative.
     void spend(uint32_t took_us) { earned_ -= static_cast<int32_t>(100 * took_us); }
 
   private:

@@ -95,7 +95,8 @@ class Application {
     static constexpr uint32_t kPeriodUs = settings::kSamplePeriodUs;
     static constexpr size_t kSamplesPerS = kSecondUs / settings::kSamplePeriodUs;
     // Largest number of SPECTRUM messages per second. Each of three axes is fitted every kFitEvery samples.
-    // One in kSpectrumEvery of these fits sends up to 176 bins, and each message has five of them.
+    // After one in kSpectrumEvery of these fits, up to 176 bins of the spectrum are sent, five in each
+    // message.
     static constexpr size_t kMostSpectraPerS =
         kSamplesPerS * 3 * 176 / 5 / settings::kFitEvery / settings::kSpectrumEvery + 1;
     static constexpr size_t kBytesPerS =
@@ -109,8 +110,8 @@ class Application {
         kBytesPerS < settings::kLineBaud / 10 * 9 / 10,
         "the line has to take all that is to be said: another FLTEA_RATE_HZ, FLTEA_BAUD or kEstimateEvery");
     // Time on the I2C bus for reading a sample and the registers that show whether the sensor is still set
-    // up. A byte takes nine clock cycles of the bus, and each transfer also sends addresses and a register
-    // number.
+    // up. A byte takes nine clock cycles of the bus. The 6 bytes are the addresses and register numbers of
+    // the two transfers.
     static constexpr uint32_t kReadUs =
         (Mpu9250::kBurstBytes + Mpu9250::kGuardBytes + 6) * 9 * 1000000 / settings::kI2cHz;
     static_assert(kReadUs < settings::kSamplePeriodUs * 3 / 4, "the bus has to take all samples");

@@ -58,8 +58,8 @@ struct AxisEstimator::Filter {
     float r_dps2;
     Lane lane;
     engine::Estimate<float> estimate = {};
-    // How often the guard has intervened, for each cause. The counts are integers: a float would stop
-    // counting at 2^24.
+    // How often the guard (engine/guard.hpp) has limited a value of the filters, for each cause. The counts
+    // are integers: a float would stop counting at 2^24.
     uint32_t interventions[engine::kCauses] = {};
 };
 

@@ -28,8 +28,8 @@ class AxisEstimator {
     // Ends the full start-up window and starts the filter.
     void start();
 
-    // Sets the variances Q and R of the filters. The filters keep their memory. Before start() has made a
-    // filter, this function does nothing.
+    // Sets the filters' variances Q (of a step of the noise) and R (of the white noise). The filters keep
+    // their memory. Before start() has made a filter, this function does nothing.
     void retune(float Q_dps2, float R_dps2);
 
     // Processes one sample after the start-up window. A null pointer means that the sample is lost. The

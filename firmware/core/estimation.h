@@ -62,8 +62,9 @@ class Estimation {
         return begun_ != begun;
     }
 
-    // Sets Q and R of an axis's filters to those of the fit of its noise. Returns whether the filters now use
-    // that fit, which they do only if it rejects white noise and has a definite order.
+    // Sets the variances Q (of a step) and R (of the white noise) of an axis's filters to those of the fit of
+    // its noise. Returns whether the filters now use that fit, which they do only if it rejects white noise
+    // and has a definite order.
     bool retune(const Fit& fit) {
         if (fit.verdict == FitVerdict::white || (fit.flags & fit_flags::alpha_defined) == 0) return false;
         axes_[static_cast<size_t>(fit.axis)].retune(fit.s2, fit.r);
@@ -152,7 +153,8 @@ class Estimation {
     struct Item {
         int16_t count[kAxes];
         uint16_t sequence;
-        uint16_t missing;  // number of samples lost just before this one that are still to be predicted
+        // number of lost samples just before this one that the filters still have to predict
+        uint16_t missing;
         // number of samples just before this one that were skipped because the queue was full
         uint16_t skipped;
     };

@@ -1,7 +1,7 @@
 // Operates the sensor: sets it up, reads it and recovers it. A failed transfer is tried once more. If a chip
-// may be holding the I2C bus, nine clocks free the bus. The sensor is set up again after a few lost sampling
-// instants, after a register had a wrong value, or when its values stop changing. A sensor that does not run
-// is set up at most once a second. No call takes longer than 10 ms, which is the time for two failing
+// may be holding the I2C bus, nine clock pulses free the bus. The sensor is set up again after a few lost
+// sampling instants, after a register had a wrong value, or when its values stop changing. A sensor that does
+// not run is set up at most once a second. No call takes longer than 10 ms, which is the time for two failing
 // transfers, three recoveries of the bus and the working transfers of a set-up.
 #pragma once
 
@@ -102,22 +102,24 @@ class Health {
     // Result of reading back a setting of the chip.
     enum class Answer : uint8_t { right, right_at_second, wrong, none };
 
-    // After this many consecutive sampling instants without a sample, the chip is set up again. They are at
-    // least three and last at least 30 ms. That is longer than a disturbance, and shorter than the host
-    // waits.
+    // After this many consecutive sampling instants without a sample, the chip is set up again. These are at
+    // least three instants, and at least 30 ms. A disturbance is shorter than that, and the host waits
+    // longer.
     static constexpr uint8_t kLostInstants =
         settings::kSamplePeriodUs < 10000 ? 30000 / settings::kSamplePeriodUs : 3;
     // Number of equal bursts after which the chip is set up again. With noise in seven channels, consecutive
     // bursts of a working chip are never equal. Those of a sleeping chip are equal, and its settings do not
     // show that it sleeps.
     static constexpr uint8_t kMostEqual = 10;
-    // After a reset the registers answer as after power-up: within 100 ms (PS-MPU-9250A-01, start-up time).
+    // After a reset the registers answer as after power-up: within 100 ms (data sheet PS-MPU-9250A-01,
+    // start-up time).
     static constexpr uint32_t kResetUs = 100000;
-    // The gyroscope needs 35 ms after sleep (PS-MPU-9250A-01, 3.1); an MPU-6050 sleeps after its reset.
+    // The gyroscope needs 35 ms after sleep (data sheet PS-MPU-9250A-01, 3.1); an MPU-6050 sleeps after its
+    // reset.
     static constexpr uint32_t kSettleUs = 50000;
 
-    // Interval at which a missing sensor is probed. Set-ups of a sensor that answers are a second apart
-    // instead: if set-ups fail, the next attempt is not urgent.
+    // Interval at which a missing sensor is probed. If a sensor answers but its set-up fails, the next set-up
+    // comes after a second instead, because it is not urgent.
     static constexpr uint32_t kProbeUs = 100000;
 
     // Tries a transfer. Repeats it if it fails and no other transfer was repeated in this step.
@@ -187,7 +189,7 @@ class Health {
         if (!transfer([&]() -> I2cResult { return sensor_.read_who_am_i(answer); })) {
             if (held_ != HeldLines::none) return;
             // The first probe without an answer is no fault yet. At power-up the board is ready before the
-            // sensor, which is ready 11 to 100 ms after power-up (PS-MPU-9250A-01, 3.4.2).
+            // sensor, which is ready 11 to 100 ms after power-up (data sheet PS-MPU-9250A-01, 3.4.2).
             if (unanswered_) faults_.raise(FaultCode::sensor_missing, settings::kSensorAddress);
             unanswered_ = true;
             return;

@@ -26,8 +26,8 @@ class I2cBus {
 
     virtual I2cResult write(uint8_t address, uint8_t reg, uint8_t value) = 0;
 
-    // Frees a bus that a sensor holds in the middle of a byte: up to nine clocks until SDA is high, then a
-    // STOP (NXP UM10204, 3.1.16). Then sets up the controller again.
+    // Frees a bus that a sensor holds in the middle of a byte: up to nine clock pulses until SDA is high,
+    // then a STOP (I2C specification NXP UM10204, 3.1.16). Then sets up the controller again.
     virtual HeldLines recover() = 0;
 
   protected:

@@ -63,15 +63,16 @@ static_assert(settings::kSamplePeriodUs % 1000 == 0 && settings::kSamplePeriodUs
               "kSamplePeriodUs must be 1 to 256 whole milliseconds");
 
 // Returns the gyroscope's sensitivity in tenths of a count per deg/s. In counts, it is 131.0, 65.5, 32.8 or
-// 16.4 per deg/s (PS-MPU-9250A-01, 3.1).
+// 16.4 per deg/s (data sheet PS-MPU-9250A-01, 3.1).
 constexpr uint16_t kGyroLsbTenths = kGyroSelect == 0   ? 1310
                                     : kGyroSelect == 1 ? 655
                                     : kGyroSelect == 2 ? 328
                                                        : 164;
-// Returns the accelerometer's sensitivity [counts per g] (PS-MPU-9250A-01, 3.2).
+// Returns the accelerometer's sensitivity [counts per g] (data sheet PS-MPU-9250A-01, 3.2).
 constexpr uint16_t kAccelLsb = 16384 >> kAccelSelect;
 
-// Bandwidth of the gyroscope's filter [Hz]; the MPU-6050's differs slightly (RM-MPU-6000A-00, register 26).
+// Bandwidth of the gyroscope's filter [Hz]; the MPU-6050's differs slightly (its register map
+// RM-MPU-6000A-00, register 26).
 inline uint16_t gyro_dlpf_hz(uint8_t who_am_i) {
     static const uint16_t mpu6050[] = {188, 98, 42, 20, 10, 5};
     return who_am_i == 0x68 ? mpu6050[kDlpfSelect - 1] : settings::kDlpfHz;
@@ -89,7 +90,7 @@ constexpr uint8_t interrupt_enable(SamplingMode mode) {
 }
 
 // A setting of the chip: the value of a register, and which of its bits are compared when the register is
-// read back. Bits without a meaning may have any value on a clone, and H_RESET clears itself.
+// read back. Bits without a meaning may have any value on a clone, and the reset bit H_RESET clears itself.
 struct RegisterSetting {
     uint8_t reg;
     uint8_t value;

@@ -21,9 +21,9 @@ constexpr uint32_t kFirstFit = 1000;
 // The bias of the tracker is the expected mean over this many samples, which is the next second.
 constexpr int kAhead = 1000000 / settings::kSamplePeriodUs;
 constexpr float kChunksPerS = kRateHz / static_cast<float>(+whittle::AxisMotion::kChunk);
-// By the data sheets' figures for temperature, no bias can step by 2 deg/s. A smaller change of the mean rate
-// is accepted as a step of the bias if the rate stays at the new mean for ten seconds. A larger change is
-// accepted after ten minutes.
+// By what data sheets say of the bias's dependence on temperature, no bias can step by 2 deg/s. A smaller
+// change of the mean rate is accepted as a step of the bias if the rate stays at the new mean for ten
+// seconds. A larger change is accepted after ten minutes.
 constexpr whittle::SensorMotion::Limits kMotion = {2 * kLsb, static_cast<uint16_t>(10 * kChunksPerS),
                                                    static_cast<uint16_t>(600 * kChunksPerS)};
 static_assert(settings::kFitEvery > 0, "samples from one round of fits to the next");
@@ -34,8 +34,8 @@ typedef engine::FitBins<Octaves> Bins;
 }  // namespace
 
 struct NoiseFit::Axis {
-    // Every twelfth fit of an axis repeats the search on a grid. The axes repeat it four fits after one
-    // another, so that only one round of fits in four contains such a search.
+    // Every twelfth fit of an axis repeats the search on a grid. The axes repeat it in turn, four fits apart,
+    // so that only one round of fits in four contains such a search.
     explicit Axis(size_t i) : memory(4 * static_cast<int>(i)) {}
     Octaves octaves;
     whittle::FitMemory memory;
@@ -188,7 +188,7 @@ void NoiseFit::tell(Fit& fit) {
     fit.ordinates = found.ordinates;
     fit.alpha = found.alpha;
     fit.alpha_std = found.alpha_std;
-    // the parameter f = g h^-α, where h is the sampling period
+    // the parameter f = g h^-α, where h is the sampling period and g the feedback per sample
     fit.f = found.g * math::exp(found.alpha * math::log(kRateHz));
     fit.s2 = found.s2 / (kLsb * kLsb);
     fit.r = found.R / (kLsb * kLsb);

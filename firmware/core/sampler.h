@@ -61,7 +61,8 @@ class Sampler {
         take(seen);
     }
 
-    // These return the time of the instant that poll() announced, and its number (in 16 bits and in 32 bits).
+    // due_us(), sequence() and instant() return the time of the instant that poll() announced, and its number
+    // (in 16 bits and in 32 bits).
     uint32_t due_us() const { return due_us_; }
     uint16_t sequence() const { return static_cast<uint16_t>(instants_ - 1); }
     uint32_t instant() const { return instants_ - 1; }
@@ -102,8 +103,8 @@ class Sampler {
         return true;
     }
 
-    // Counts the sampling instants since the last call, by their edges and by the elapsed time. If an edge
-    // was lost, the elapsed time gives the larger number, and the larger number is used.
+    // Counts the sampling instants since the last call, both by the edges and by the elapsed time, and uses
+    // the larger number. If an edge was lost, that is the number by the elapsed time.
     void take(const Edges::Seen& seen) {
         const uint32_t came = seen.count - edges_taken_;
         const uint32_t by_time = (seen.last_us - accounted_us_ + kPeriodUs / 2) / kPeriodUs;

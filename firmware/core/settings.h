@@ -85,9 +85,9 @@ constexpr uint16_t kEstimateEvery = FLTEA_RATE_HZ < 20 ? 1 : FLTEA_RATE_HZ / 10;
 constexpr bool kFit = FLTEA_FIT;
 static_assert(!kFit || (kEstimate && kSamplePeriodUs >= 5000),
               "fits need the estimates' queue, and at most 200 samples a second");
-// Whether the filters take Q and R from the fit (its s2 and r), as soon as a fit rejects white noise and
-// gives a definite order. -DFLTEA_TUNED=true switches this on. The host's filters then have other settings
-// than the board's, so the host does not compare its estimates with the board's.
+// Whether the filters take their variances Q (of a step) and R (of the white noise) from a fit, as soon as a
+// fit rejects white noise and gives a definite order. -DFLTEA_TUNED=true switches this on. The host's filters
+// then have other settings than the board's, so the host does not compare its estimates with the board's.
 #ifndef FLTEA_TUNED
 #define FLTEA_TUNED false
 #endif

@@ -32,8 +32,8 @@ class Pause {
     bool waiting_ = false;
 };
 
-// A task that is due every second. It stays due until it is done. If further seconds pass until then, it is
-// still done only once.
+// A task that is due every second. The task stays due until it is done. Seconds that pass until then do not
+// add further tasks.
 class EverySecond {
   public:
     void begin(uint32_t first_us) { next_us_ = first_us; }

@@ -18,10 +18,10 @@ constexpr uint32_t kRandomKey = 0x524E47;
 // takes.
 constexpr uint32_t kPolls = 10000;
 
-// Datasheet, EEFC, Unique Identifier. While the chip is reading its identifier, the identifier replaces the
-// first words of the flash, and no code may be fetched from this flash. This function therefore runs from
-// RAM, and the caller has disabled interrupts. Setting SCOD is the workaround for an erratum (datasheet,
-// Errata, Flash): without SCOD the identifier may not be readable.
+// See the SAM3X datasheet, EEFC, Unique Identifier. While the chip is reading its identifier, the identifier
+// replaces the first words of the flash, and no code may be fetched from this flash. This function therefore
+// runs from RAM, and the caller has disabled interrupts. Setting SCOD is the workaround for an erratum
+// (datasheet, Errata, Flash): without SCOD the identifier may not be readable.
 [[gnu::section(".ram_code"), gnu::noinline, gnu::long_call]] void read_unique_words(uint32_t (&words)[4]) {
     const uint32_t mode = EFC0_FMR::read();
     EFC0_FMR::write(mode | EFC0_FMR::SCOD);
@@ -34,7 +34,7 @@ constexpr uint32_t kPolls = 10000;
     }
     EFC0_FCR::write(EFC0_FCR::FKEY_PASSWD | EFC0_FCR::FCMD_SPUI);
     // This loop waits without a limit: until the flash shows the program again, there is no code to return
-    // to. If that never happens, the watchdog resets the chip.
+    // to. If the program never comes back, the watchdog resets the chip.
     while (!(EFC0_FSR::read() & EFC0_FSR::FRDY)) {
     }
     EFC0_FMR::write(mode);

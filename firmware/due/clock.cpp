@@ -15,10 +15,11 @@ constexpr uint32_t kMultiplier = 14;
 static_assert(kCrystalHz * kMultiplier / 2 == kMasterHz,
               "PLLA, halved by the prescaler, is the master clock");
 
-// Flash wait states needed at 84 MHz (datasheet, Electrical Characteristics, Embedded Flash Characteristics).
+// Flash wait states needed at 84 MHz (SAM3X datasheet, Electrical Characteristics, Embedded Flash
+// Characteristics).
 constexpr uint32_t kFlashWaitStates = 4;
 constexpr uint32_t kOscillatorKey = 0x37;
-// Start-up time of the crystal, in units of 8 periods of the slow clock: 2 ms.
+// Start-up time of the crystal, in units of 8 periods of the slow clock (32 kHz): 2 ms.
 constexpr uint32_t kCrystalStart = 8;
 // Longest time for the PLL to lock, in periods of the slow clock: 1.9 ms.
 constexpr uint32_t kPllLock = 0x3F;
@@ -30,7 +31,7 @@ void wait_for(uint32_t flag) {
 
 }  // namespace
 
-// The steps in this function are in the order that the datasheet demands (Power Management Controller,
+// The steps in this function are in the order that the SAM3X datasheet demands (Power Management Controller,
 // Programming Sequence).
 void start() {
     EFC0_FMR::write(EFC0_FMR::FWS::put(kFlashWaitStates));

@@ -1,4 +1,4 @@
-// The features of the processor that the code for the Due uses. Section numbers refer to the ARMv7-M
+// The features of the processor that the code for the Due uses. "ARMv7-M manual" stands for the ARMv7-M
 // Architecture Reference Manual.
 #pragma once
 
@@ -6,17 +6,19 @@
 
 namespace cortex_m3 {
 
-// Register that enables the interrupts 0 to 31 (B3.4.4).
+// Register that enables the interrupts 0 to 31 (ARMv7-M manual, B3.4.4).
 using NVIC_ISER0 = sam3x::ReadWrite<0xE000E100>;
-// Register with the address of the vector table (B3.2.5).
+// Register with the address of the vector table (ARMv7-M manual, B3.2.5).
 using SCB_VTOR = sam3x::ReadWrite<0xE000ED08>;
 
 inline void enable_irq(uint32_t irq) { NVIC_ISER0::write(1u << irq); }
 
-// Waits until all earlier memory writes are completed, before any later instruction runs (A3.7.3).
+// Waits until all earlier memory writes are completed, before any later instruction runs (ARMv7-M manual,
+// A3.7.3).
 inline void memory_barrier() { asm volatile("dsb" ::: "memory"); }
 
-// Sleeps until an interrupt is pending. This works also while interrupts are disabled (B1.5.19).
+// Sleeps until an interrupt is pending. This works also while interrupts are disabled (ARMv7-M manual,
+// B1.5.19).
 inline void wait_for_interrupt() { asm volatile("dsb\n\twfi" ::: "memory"); }
 
 // Disables interrupts as long as the object exists. Such objects may be nested.

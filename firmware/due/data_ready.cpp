@@ -20,7 +20,7 @@ Clock* time;
 
 }  // namespace
 
-// The settings in this function come from the datasheet, PIO, Input Edge/Level Interrupt.
+// The settings in this function come from the SAM3X datasheet, PIO, Input Edge/Level Interrupt.
 void data_ready::start(Application& application, Clock& clock) {
     listener = &application;
     time = &clock;

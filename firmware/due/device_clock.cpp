@@ -26,8 +26,8 @@ uint32_t tick_count;
 
 }  // namespace
 
-// In Waveform Mode (datasheet, Timer Counter) the counter counts up to 2^32 - 1 and continues from 0. The
-// register RC does not limit the counter. When the counter equals RC, an interrupt comes, and the counter
+// In Waveform Mode (SAM3X datasheet, Timer Counter) the counter counts up to 2^32 - 1 and continues from 0.
+// The register RC does not limit the counter. When the counter equals RC, an interrupt comes, and the counter
 // goes on.
 void DeviceClock::start() {
     clock::enable(TC0_IRQ);

@@ -1,5 +1,5 @@
-// The program. It sets up the board. Then it repeats three things: it calls the application's step(), feeds
-// the watchdog, and sleeps.
+// The program for the Due. It sets up the board, and then does three things in turn: it calls the
+// application's step(), feeds the watchdog, and sleeps.
 #include "../core/application.h"
 #include "chip.h"
 #include "data_ready.h"

@@ -39,7 +39,7 @@ struct VectorTable {
     const void* initial_stack;
     Handler reset;
     Handler exceptions[14];  // exceptions 2 (NMI) to 15 (SysTick)
-    // the handlers of the peripherals, in the order of the datasheet, 9.1 Peripheral Identifiers
+    // the handlers of the peripherals, in the order of the SAM3X datasheet, section 9.1
     Handler interrupts[45];
 };
 

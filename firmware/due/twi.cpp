@@ -15,9 +15,9 @@ using namespace sam3x;
 constexpr uint32_t kSda = 1u << 12;  // pin PB12, whose peripheral A is TWD1 (SDA)
 constexpr uint32_t kScl = 1u << 13;  // pin PB13, whose peripheral A is TWCK1 (SCL)
 
-// Datasheet, TWI Clock Waveform Generator Register: each half of a bit lasts for its divider (CLDIV or CHDIV)
-// plus 4 periods of MCK. SCL is low for longer than it is high, as the fast mode of I2C demands (NXP UM10204,
-// table 10).
+// Each half of a bit lasts for its divider (CLDIV or CHDIV) plus 4 periods of MCK (SAM3X datasheet, TWI Clock
+// Waveform Generator Register). SCL is low for longer than it is high, as the fast mode of I2C demands (NXP
+// UM10204, table 10).
 constexpr uint32_t kFixed = 4;
 constexpr uint32_t kBit = clock::kMasterHz / settings::kI2cHz;
 constexpr uint32_t kLow = kBit * 54 / 100;
@@ -45,9 +45,9 @@ void address(uint8_t chip, uint8_t reg, uint32_t direction) {
 
 }  // namespace
 
-// Datasheet, TWI, Read Flowcharts: the controller acknowledges each byte unless STOP was requested while the
-// byte arrives. STOP is therefore requested together with START if one byte is read, and otherwise when the
-// last byte but one has arrived.
+// SAM3X datasheet, TWI, Read Flowcharts: the controller acknowledges each byte unless STOP was requested
+// while the byte arrives. STOP is therefore requested together with START if one byte is read, and otherwise
+// when the last byte but one has arrived.
 I2cResult Twi::read(uint8_t chip, uint8_t reg, uint8_t* data, size_t n) {
     begun_us_ = clock_.now_us();
     // Drops a byte that may have been left by the last read, even if that read was complete: the controller
@@ -72,8 +72,8 @@ I2cResult Twi::receive(uint8_t* data, size_t n) {
     return I2cResult::ok;
 }
 
-// Datasheet, TWI, Write Flowcharts: writing THR starts the transfer, and requesting STOP at once ends it
-// after this byte.
+// SAM3X datasheet, TWI, Write Flowcharts: writing THR starts the transfer, and requesting STOP at once ends
+// it after this byte.
 I2cResult Twi::write(uint8_t chip, uint8_t reg, uint8_t value) {
     begun_us_ = clock_.now_us();
     address(chip, reg, 0);
@@ -143,7 +143,7 @@ HeldLines Twi::recover() {
 
     PIOB_ABSR::write(PIOB_ABSR::read() & ~(kSda | kScl));
     PIOB_PDR::write(kSda | kScl);
-    // The TWI itself drives its pins as open drain (datasheet, TWI, I/O Lines).
+    // The TWI itself drives its pins as open drain (SAM3X datasheet, TWI, I/O Lines).
     PIOB_MDDR::write(kSda | kScl);
     start_controller();
 

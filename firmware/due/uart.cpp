@@ -14,10 +14,10 @@ namespace {
 
 using namespace sam3x;
 
-// The divisor is computed as in the datasheet, UART, Baud Rate Generator.
+// The divisor is computed as in the SAM3X datasheet, UART, Baud Rate Generator.
 constexpr uint32_t kBaudTimes16 = settings::kLineBaud * 16;
 constexpr uint32_t kDivisor = (clock::kMasterHz + kBaudTimes16 / 2) / kBaudTimes16;
-// A byte of ten bits still arrives correctly if the baud rates of both ends differ by twice this error.
+// If the baud rates of both ends differ by twice this error, a byte of ten bits still arrives correctly.
 static_assert(kDivisor * kBaudTimes16 >= clock::kMasterHz / 100 * 99 &&
                   kDivisor * kBaudTimes16 <= clock::kMasterHz / 100 * 101,
               "the baud rate is right within 1 %");
@@ -68,7 +68,7 @@ void Uart::start() {
 }
 
 // Bytes that the PDC has already sent count as free, even before the PDC has sent the whole piece of the ring
-// that it was given. The class Link relies on the room growing byte by byte.
+// that it was given. The class Link (core/link.h) relies on this: it expects the room to grow byte by byte.
 size_t Uart::room() {
     cortex_m3::InterruptLock lock;
     return kRingBytes - (written - sent) + (in_flight - UART_TCR::read());

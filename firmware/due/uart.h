@@ -1,4 +1,5 @@
-// The serial port to the host: the UART's transmitter, which the PDC feeds from a ring buffer in RAM.
+// The serial port to the host: the UART's transmitter, which the PDC (the chip's DMA controller) feeds from a
+// ring buffer in RAM.
 #pragma once
 
 #include "../core/byte_sink.h"

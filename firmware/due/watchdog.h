@@ -6,7 +6,7 @@ namespace due {
 namespace watchdog {
 
 // Starts the watchdog. Call this before anything that might hang, and only once, because WDT_MR can be
-// written once after a reset (datasheet, Watchdog Timer).
+// written once after a reset (SAM3X datasheet, Watchdog Timer).
 void start();
 
 void feed();

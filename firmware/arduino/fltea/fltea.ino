@@ -29,7 +29,7 @@ void setup() {
     Serial.begin(fltea::settings::kLineBaud);
     bus.recover();
     device().start();
-    pinMode(kDataReadyPin, INPUT_PULLUP);  // an open pin must not float
+    pinMode(kDataReadyPin, INPUT_PULLUP);  // a pin to which nothing is connected must not float
     if (fltea::settings::kSamplingMode == fltea::SamplingMode::data_ready)
         attachInterrupt(kDataReadyPin, on_data_ready, RISING);
 }

@@ -44,7 +44,7 @@ __attribute__((section(".ramfunc"), noinline)) static bool flash_ready_is(bool w
 __attribute__((section(".ramfunc"), noinline)) static void read_unique_identifier(uint32_t (&id)[4]) {
     constexpr uint32_t kKey = 0x5A000000, kStart = 0x0E, kStop = 0x0F;
     const uint32_t mode = EFC0->EEFC_FMR;
-    // if SCOD is not set, the identifier may be read wrongly (erratum of the chip)
+    // without the bit SCOD of EEFC_FMR, the identifier may be read wrongly (SAM3X data sheet, Errata)
     EFC0->EEFC_FMR = mode | EEFC_FMR_SCOD;
     EFC0->EEFC_FCR = kKey | kStart;
     if (flash_ready_is(false)) {

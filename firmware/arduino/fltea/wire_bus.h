@@ -1,7 +1,7 @@
 // The sensor's I2C bus, which is driven by Arduino's library Wire. This class makes up for four weaknesses of
-// that library. Wire never frees a held bus. Its time-outs last tens of milliseconds. It does not distinguish
-// a time-out from a NACK. If a byte is left in the I2C controller, Wire takes that byte for the first byte of
-// the next read.
+// that library. Wire never frees a bus whose lines a chip holds low. Wire's time-outs last tens of
+// milliseconds. Wire does not distinguish a time-out from a NACK. If a byte is left in the I2C controller,
+// Wire takes that byte for the first byte of the next read.
 #pragma once
 
 #include <Arduino.h>
@@ -18,8 +18,8 @@ class WireBus final : public I2cBus {
     I2cResult read(uint8_t address, uint8_t reg, uint8_t* data, size_t n) override {
         if (!idle()) return I2cResult::timeout;
         const uint32_t began_us = micros();
-        // The controller may still hold a byte although the last read was complete (due/twi.cpp). Wire would
-        // take that byte for the first byte of this read, so it is read and dropped here.
+        // The controller may still hold a byte although the last read was complete (firmware/due/twi.cpp).
+        // Wire would take that byte for the first byte of this read, so it is read and dropped here.
         const uint32_t stale = WIRE_INTERFACE->TWI_RHR;
         static_cast<void>(stale);
         // A repeated start has to follow the register number. Only the overload of requestFrom() with an
@@ -73,8 +73,8 @@ class WireBus final : public I2cBus {
     static constexpr int kRecoveryClocks = 9;
     static constexpr uint32_t kHalfClockUs = 5;
 
-    // Resets the I2C controller. Otherwise a byte of a refused write would stay in the controller and be sent
-    // with the next write.
+    // Resets the I2C controller. Otherwise a byte that the sensor did not acknowledge would stay in the
+    // controller and be sent with the next write.
     void start() {
         wire_.begin();
         wire_.setClock(settings::kI2cHz);
@@ -82,7 +82,8 @@ class WireBus final : public I2cBus {
 
     static bool low(uint32_t pin) { return digitalRead(pin) == LOW; }
 
-    // These two functions drive a line as open drain: it is pulled low or released, but never driven high.
+    // release() and pull() drive a line as open drain: the line is pulled low or released, but never driven
+    // high.
     static void release(uint32_t pin) {
         pinMode(pin, INPUT_PULLUP);
         delayMicroseconds(kHalfClockUs);

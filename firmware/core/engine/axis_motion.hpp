@@ -28,8 +28,8 @@ class AxisMotion {
         bool knock;      // whether the chunk shows more than noise around the predictions
         float mean;      // mean of the chunk's innovations
         float variance;  // variance of this mean at rest
-        // number of consecutive knocks, including this chunk, for which two things are true: they had little
-        // power about their own mean, and their mean was about that of the previous chunk
+        // number of consecutive knocks, up to this chunk, in which the innovations scattered little about
+        // their own mean, and whose mean was near that of the chunk before
         std::uint16_t stood;
     };
 
@@ -74,7 +74,7 @@ class AxisMotion {
     }
 
   private:
-    // The error of a prediction may be as large as three standard deviations. This is the square of three.
+    // The square of three: the error of a prediction is assumed to be at most three standard deviations.
     static constexpr float kGrown = 9;
     enum { kLearned = 8, kRemembered = 64 };
     static constexpr float kOfRounding = 1.0f / 12;
@@ -96,7 +96,8 @@ class AxisMotion {
         usual_mean_ += (mean - usual_mean_) / n;
     }
 
-    float least_, usual_power_, usual_mean_;  // powers of the innovations and of their means, as ratios to S
+    // usual powers of the innovations and of their means, both divided by their predicted variance S
+    float least_, usual_power_, usual_mean_;
     float sum_, powers_, largest_, last_mean_;
     std::uint16_t chunks_, stood_;
 };

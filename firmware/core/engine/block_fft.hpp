@@ -34,7 +34,7 @@ class BlockFft {
     // powers() computes power[i], the power of the spectral line with index low + i, for i < lines. low is at
     // least 1, and low + lines at most 128. The mean of the block is subtracted first to avoid rounding
     // errors. After the multiplication by the window, the mean would affect only lines 0 and 1. If `places`
-    // is n, the powers are in units of 2^-2n of the squared unit of x.
+    // is n, the unit of the powers is 2^-2n times the squared unit of x.
     struct Powers {
         const Power* power;  // points into `work`
         int places;

@@ -237,7 +237,8 @@ class CountOctaves {
         }
     }
     // Begins to add a count. After that, call pass() until it returns true, before anything else is called.
-    // Each call of pass() handles one level. Several axes may use the same `passage`, one after the other.
+    // Each call of pass() handles one level. `passage` stores the values on their way from level to level.
+    // Several axes may use the same one, one after the other.
     void add(std::int16_t count, Passage& passage) {
         Entrance entrance = {ladder_, passage};
         gate_.add(&count, 1, 1, entrance);
@@ -256,7 +257,7 @@ class CountOctaves {
     int exponent(int level) const { return -2 * (int(Kind::kPlaces) + Kind::halvings(level)); }
 
   private:
-    // Passes the samples that the gate has accepted on to the levels.
+    // Receives the samples that the gate (gate.hpp) has accepted, and passes them on to the levels.
     struct Entrance {
         Ladder& ladder;
         Passage& passage;

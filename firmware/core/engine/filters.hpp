@@ -4,8 +4,10 @@
 //     x_k = h^alpha (f x_{k-1} + u_{k-1}) - sum_{j=1}^{L(k)} c_j(alpha) x_{k-j} + noise of variance Q
 //     y_k = x_k + noise of variance R
 //
-// T is float, double, or a pack of several lanes; a lane is one axis. All lanes run through the same
-// operations without branches, so one lane cannot influence another. The order of operations is that of
+// Here x is the state, y the measured sample, alpha the order, f the parameter, u a known input, and h the
+// sampling period. c_j are the weights of a fractional difference, and L(k) past states are in the memory. T
+// is float, double, or a pack of several lanes; a lane is one axis. All lanes run through the same operations
+// without branches, so one lane cannot influence another. The order of operations is that of
 // host/fltea/lab/reference/filters.py, so that results agree to rounding. Compile with -ffp-contract=off.
 // Otherwise the compiler may fuse a multiplication and an addition in one place and not in another, and
 // results with a guard and without a guard would differ in their last digits.
@@ -18,24 +20,26 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// One sample of every lane. A lane that is marked in `missing` has no measurement, and its y is ignored.
+// One sample of every lane (axis). A lane that is marked in `missing` has no measurement, and its y is
+// ignored.
 template <class T>
 struct Sample {
     T y;  // measurement y_k [deg/s]
-    T u;  // input B u_{k-1} [deg/s s^-alpha]
+    T u;  // input u_{k-1}, times its factor B [deg/s s^-alpha]
     MaskOf<T> missing;
 };
 
-// All settings of a lane's filters. Units: y in deg/s, h in s, f in s^-alpha; variances in the squares of
-// these units. KFx filters the state, KFo the order alpha, KFw the parameter f.
+// All settings of the filters of a lane (axis). Units: y in deg/s, h in s, f in s^-alpha; variances in the
+// squares of these units. KFx filters the state, KFo the order alpha, KFw the parameter f.
 template <class T>
 struct Tuning {
     T log_h;
-    // settings of KFx; Q is the variance of a whole step, including the factor h^2alpha
+    // settings of the state's filter KFx; Q is the variance of a whole step, including the factor h^2alpha
     T x0, P0, Q, R;
     T alpha0, order_P0, order_Q0;  // settings of KFo
     T order_R, order_delta;
-    // settings of KFw; the joint filter has beta0 = h^alpha0 f0 in place of f0, and the variances of beta
+    // settings of the parameter's filter KFw; the variant `joint` estimates beta = h^alpha f in place of f,
+    // so it has the first beta and the variances of beta here
     T f0, parameter_P0, parameter_Q0;
     T parameter_R, parameter_delta;
     T gate;  // the guard limits innovations that are larger than this [standard deviations]
@@ -49,8 +53,8 @@ struct StateBelief {
     T x, P, V, reach;
 };
 
-// An order or a parameter. The filters assume that it does a random walk. The members are its estimate, the
-// variance of this estimate, and the variance of one step of the walk.
+// The order alpha or the parameter f. The filters assume that it does a random walk. The members are its
+// estimate, the variance of this estimate, and the variance of one step of the walk.
 template <class T>
 struct Walk {
     T mean, P, Q;
@@ -61,10 +65,10 @@ struct Estimate {
     T alpha, alpha_variance, f, f_variance, x, P, innovation, innovation_variance;
 };
 
-// How one measurement changes the estimate of an order or of a parameter, and the variance of the estimate
-// after that (sections 5.1 and 5.3). unscented_update() computes it. `Y`: outputs that the model predicts at
-// the sigma points. `R`: variance of the measurement noise. `gate`: limit of the guard for the innovation.
-// `cause`: the cause that the guard counts if this limit weakens the update.
+// How one measurement changes the estimate of the order or of the parameter f, and the variance of the
+// estimate after that (the paper, sections 5.1 and 5.3). unscented_update() computes it. `Y`: outputs that
+// the model predicts at the sigma points. `R`: variance of the measurement noise. `gate`: limit of the guard
+// for the innovation. `cause`: the cause that the guard counts if this limit weakens the update.
 template <class T>
 struct Update {
     T correction;  // gain K times innovation e
@@ -92,7 +96,8 @@ Update<T> unscented_update(T mean, T step, const T (&points)[3], const T (&Y)[3]
     const T spread = dy0 * wy0 + dy1 * wy1 + dy2 * wy2;
     R = guards.gated_noise(R, spread + R, e, gate, cause);
     const T K = (dx1 * wy1 + dx2 * wy2) / (spread + R);
-    // This form of the variance equals the paper's P - K Pyy K, but rounding cannot make it negative.
+    // This form of the estimate's variance equals the paper's P - K Pyy K (K: gain, Pyy: variance of the
+    // innovation), but rounding cannot make it negative.
     const T left0 = -(dy0 * K), left1 = dx1 - dy1 * K, left2 = dx2 - dy2 * K;
     Update<T> update;
     update.correction = K * e;
@@ -100,8 +105,8 @@ Update<T> unscented_update(T mean, T step, const T (&points)[3], const T (&Y)[3]
     return update;
 }
 
-// Sets the three sigma points of a scalar (n + lambda = 3): mean, mean + sqrt(3 P) and mean - sqrt(3 P).
-// Returns sqrt(3 P).
+// Sets the three sigma points of a scalar with the variance P (n + lambda = 3): mean, mean + sqrt(3 P) and
+// mean - sqrt(3 P). Returns sqrt(3 P).
 template <class T>
 T sigma_points(T mean, T P, T (&points)[3]) {
     const T root = sqrt(P) * T(1.7320508075688772);
@@ -132,8 +137,8 @@ struct AnyOrder<CompressedMemory<T>> {
     static constexpr bool value = false;
 };
 
-// Counts the lanes in which the memory replaces `order` because it is beyond the memory's range. `lowest`:
-// lowest order for which the requested sum can be computed.
+// Counts the lanes (axes) in which the memory replaces `order` because it is beyond the memory's range.
+// `lowest`: lowest order for which the requested sum can be computed.
 template <class Memory, class T>
 void note_order(T order, T lowest, Guards<T>& guards) {
     typedef Real<T> R;
@@ -141,7 +146,7 @@ void note_order(T order, T lowest, Guards<T>& guards) {
     guards.note(kMemoryOrder, (order < lowest) | (order > T(R(kHighestOrder))));
 }
 
-// Result of the time update of KFx, which predicts the state at the next sample (section 5.2). x is the
+// State at the next sample, as the state's filter KFx predicts it (the paper, section 5.2). x is the
 // predicted state, and P its variance.
 template <class T>
 struct Prediction {
@@ -157,9 +162,9 @@ Prediction<T> predict_state(const StateBelief<T>& state, T alpha, T beta, T rate
     return prediction;
 }
 
-// Measurement update of KFx (section 5.2). The update also writes the results to `out`. If the sample is
-// missing, the new state is the prediction. `drive`: the input h^alpha u. Predictions in a gap may exceed the
-// measured values by this input.
+// Measurement update of the state's filter KFx (the paper, section 5.2). Also writes the results to `out`. If
+// the sample is missing, the new state is the prediction. `drive`: the input h^alpha u. Predictions in a gap
+// may exceed the measured values by this input.
 template <class T>
 void update_state(StateBelief<T>& state, Prediction<T> at, T V, T drive, const Sample<T>& sample,
                   const Tuning<T>& p, Guards<T>& guards, Estimate<T>& out) {
@@ -186,7 +191,8 @@ void update_state(StateBelief<T>& state, Prediction<T> at, T V, T drive, const S
     out.innovation_variance = select(missing, held.P + p.R, S);
 }
 
-// Estimates the order, the parameter and the state with three filters (section 5): KFo, KFw, KFx.
+// Estimates the order, the parameter f and the state with three filters, KFo, KFw and KFx (the paper, section
+// 5).
 template <class T>
 struct Triple {
     StateBelief<T> state;
@@ -218,13 +224,13 @@ struct Triple {
         T past, V;
         memory.sums(alpha, past, V);
         V = max(V, T(0));  // rounding can make the sum of a compressed memory slightly negative
-        // KFx uses the estimate of the parameter f as it was before this sample.
+        // The state's filter KFx uses the estimate of the parameter f as it was before this sample.
         const T f = guards.parameter(parameter.mean, alpha, scale);
         const T rate = gain * (f * state.x + sample.u);
         const Prediction<T> at = predict_state(state, alpha, gain * f, rate, past, V, p.Q);
 
-        // KFw (section 5.3) estimates the parameter f. It uses the outputs of the same model at the new
-        // order, with f at each of its sigma points.
+        // The filter KFw estimates the parameter f (the paper, section 5.3). It uses the outputs of the same
+        // model at the new order: one output for each sigma point of f.
         const T P = guards.parameter_variance(parameter.P + parameter.Q, alpha, scale.down);
         guards.consider(!missing);
         T points[3], Y[3];
@@ -248,7 +254,8 @@ struct Triple {
     }
 
   private:
-    // KFo (section 5.1) estimates the order from the model's outputs at three sigma points of the order.
+    // The filter KFo estimates the order from the model's outputs at three sigma points of the order (the
+    // paper, section 5.1).
     template <class Memory>
     Walk<T> order_filter(const Memory& memory, const Sample<T>& sample, const Tuning<T>& p, Guards<T>& guards,
                          T P) const {

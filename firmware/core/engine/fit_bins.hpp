@@ -158,7 +158,7 @@ class FitBins {
             lam_[size_] = lam;
             counts_[size_] = open_.weight;
             power_[size_] = open_.power / open_.weight;
-            // |1 - e^{-iλ}| = 2 sin(λ/2)
+            // at the frequency λ, |1 - e^{-iλ}| = 2 sin(λ/2)
             ln_size_[size_] = math::log(2.0f * math::sin_pi(lam * (0.5f / 3.14159265f)));
             ordinates_ += open_.weight;
             sum_ += open_.power;

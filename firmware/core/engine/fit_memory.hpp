@@ -21,8 +21,9 @@ enum class Verdict : int {
 
 struct FitFigures {
     Verdict verdict;
-    // The figures of a fit. For white noise all figures are 0, except R and those of the relaxation. α ± 1.96
-    // alpha_std contains the 95 % interval of the likelihood; alpha_std is 0 if the interval is not known.
+    // The figures of a fit. For white noise all figures are 0, except the variance R of the white noise and
+    // the figures of the relaxation. α ± 1.96 alpha_std contains the 95 % interval of the likelihood;
+    // alpha_std is 0 if the interval is not known.
     float alpha, alpha_std;
     float g;  // g = h^α f, where h is the sampling period
     // variance of a step of the state, and variance of the white noise, in the unit of the bins' powers
@@ -69,8 +70,8 @@ class FitMemory {
     void note_relaxation(float unit) {
         const Answer& answer = answers_[kRelaxation];
         if (!answer.known) return;
-        // theta has logits of numbers between 0 and 1. The negated logit gives 1 minus such a number, and
-        // does so precisely even where the number is close to 1.
+        // The free parameters `theta` are logits of numbers between 0 and 1. The negated logit gives 1 minus
+        // such a number, and does so precisely even where the number is close to 1.
         const float fall = 2.0f * Share<float>(-answer.theta[0]).value, power = answer.scale * unit;
         figures_.relaxation_fall = fall;
         figures_.relaxation_variance = Share<float>(answer.theta[1]).value * power / (fall * (2.0f - fall));

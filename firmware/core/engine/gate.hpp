@@ -36,7 +36,7 @@ struct GateCounts {
     std::uint64_t bridged;  // lost samples that were filled in
     std::uint64_t lost;     // all lost samples
     std::uint64_t gaps;     // breaks of the stream that lost samples have caused
-    std::uint64_t knocks;   // chunks that were left out as knocks
+    std::uint64_t knocks;   // chunks that were left out as knocks (disturbances)
     std::uint64_t knocked;  // samples that were left out because of knocks and steps
     std::uint64_t steps;
     std::uint64_t changes;  // number of times that the variance of knocks became the running level
@@ -85,8 +85,8 @@ class Gate {
     bool constant() const { return counts_.taken > 0 && !changed_; }
 
     // Adds the n samples y[i * stride], which must be finite and within ±1e100. When a chunk is accepted,
-    // calls sink.accept(values, n, number of the first value, made_up[n]). At a break of the stream, calls
-    // sink.cut().
+    // calls sink.accept(values, n, number of the first value, made_up), where made_up[i] is 1 if value i was
+    // filled in. At a break of the stream, calls sink.cut().
     template <typename Sink>
     void add(const Input* y, std::size_t n, std::size_t stride, Sink& sink) {
         while (n > 0) {
@@ -205,8 +205,8 @@ class Gate {
 
     static std::uint64_t* fields(GateCounts& counts) { return &counts.taken; }
     static int least(int a, int b) { return a < b ? a : b; }
-    // This function does not use <limits>, because the Arduino libraries define macros min and max, which
-    // break the names in that header.
+    // This function does not use <limits>: the Arduino libraries define macros min and max, which break that
+    // header.
     static Real infinity() { return Real(__builtin_inff()); }
 
     void note_change(const Input* y, int n) {
@@ -241,7 +241,7 @@ class Gate {
             ++bridged_;
             ++counts_.bridged;
             if (fill_ == kChunk) hand_on(sink);
-            if (!has_last_) {  // in this case, the chunk in which the gap begins was left out
+            if (!has_last_) {  // the chunk in which the gap begins was left out
                 number_ += missing - i;
                 return;
             }
@@ -351,7 +351,8 @@ class Gate {
     Real mean_;
     Real level_;  // the running level: mean of the variances of `chunks_` chunks
     int chunks_;
-    int knocks_;  // number of consecutive knocks so far; knocks_level_: mean variance of these knocks
+    // number of consecutive knocks (disturbed chunks) so far; knocks_level_: mean variance of these knocks
+    int knocks_;
     Real knocks_level_;
     int jumps_;
     Real jumps_level_;

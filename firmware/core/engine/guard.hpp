@@ -1,5 +1,5 @@
-// Guards of the algorithm's filters. They keep estimates finite and within declared bounds, and count their
-// interventions.
+// Guards of the algorithm's filters. They keep estimates finite and within declared bounds, and count how
+// often they had to limit a value.
 //
 // Every function returns its argument unchanged, bit by bit, if the guard is off or nothing has to be
 // limited. alpha is the order (no unit), f the parameter (s^-alpha), gain = h^alpha, and beta = gain f the
@@ -14,9 +14,10 @@ namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
 enum class Guard : int {
-    off = 0,        // the paper's algorithm, which may diverge
-    faithful = 1,   // the paper's algorithm, with limits on innovations, estimates and state
-    consistent = 2  // as `faithful`, but KFo and KFw also count the variance of the state as noise
+    off = 0,       // the paper's algorithm, which may diverge
+    faithful = 1,  // the paper's algorithm, with limits on innovations, estimates and state
+    // as `faithful`, but the filters of order and parameter also count the state's variance as noise
+    consistent = 2
 };
 
 // Causes for which an estimate differs from that of the paper's algorithm. In each lane (axis), a cause is
@@ -26,8 +27,8 @@ enum Cause : int {
     kOrderSigma = 1,         // a sigma point of the order left [-1/2, 5/2]
     kOrderVariance = 2,      // the order's predicted variance exceeded 1/3
     kOrderGate = 3,          // the innovation of the order's filter exceeded its limit
-    kParameterBox = 4,       // beta, at the order at which f was stored or used, left its bounds
-    kParameterVariance = 5,  // the variance of beta exceeded a third of the square of its range
+    kParameterBox = 4,       // beta = h^alpha f, at the order at which f was stored or used, left its bounds
+    kParameterVariance = 5,  // the variance of beta exceeded a third of the squared length of beta's range
     kParameterGate = 6,      // the innovation of the parameter's filter exceeded its limit
     // the innovation of the state's filter exceeded four standard deviations, or a prediction in a gap
     // exceeded ten times the largest sample
@@ -55,13 +56,13 @@ class Guards {
     bool active() const { return mode_ != Guard::off; }
     bool consistent() const { return mode_ == Guard::consistent; }
 
-    // From this call on, interventions are counted only for the lanes in `mask`, because the results of all
-    // other lanes are not used.
+    // From this call on, limited values are counted only for the lanes (axes) in `mask`, because the results
+    // of all other lanes are not used.
     void consider(Mask mask) { considered_ = mask; }
 
     void note(Cause cause, Mask mask) { hit_[cause] = hit_[cause] | (mask & considered_); }
 
-    // Adds the interventions of this step to the counters `count`. Each lane has a counter for each of the
+    // Adds what was limited in this step to the counters `count`. Each lane has a counter for each of the
     // kCauses causes.
     void finish(T* count) const {
         for (int i = 0; i < kCauses; ++i) count[i] = count[i] + select(hit_[i], T(1), T(0));
@@ -73,7 +74,7 @@ class Guards {
     // clipped at the order's own bounds, their mean would move inwards.
     T order_point(T alpha) { return active() ? clip(alpha, T(-0.5), T(2.5), kOrderSigma) : alpha; }
 
-    // Limits the variance of the order to 1/3. With this variance, the sigma points lie at a distance of 1
+    // Limits the variance of the order to 1/3. With this variance, the sigma points are at a distance of 1
     // from the mean.
     T order_variance(T P) { return active() ? limit(P, T(1.0 / 3.0), kOrderVariance) : P; }
 
@@ -95,8 +96,8 @@ class Guards {
         return clip(beta, lowest_beta(alpha), T(1), kParameterBox);
     }
 
-    // Limits the variance P of f = beta * unit. The sigma points of beta then lie no farther from their mean
-    // than the length of beta's whole range.
+    // Limits the variance P of f = beta * unit. No sigma point of beta is then farther from the mean than the
+    // length of beta's whole range.
     T parameter_variance(T P, T alpha, T unit) {
         if (!active()) return P;
         if (Lanes<T>::count == 1 && all((alpha >= T(0)) & (P <= T(3) * (unit * unit)))) return P;
@@ -105,7 +106,8 @@ class Guards {
     }
 
     // If the innovation e exceeds `gate` times its standard deviation, increases the measurement variance R
-    // of KFo or KFw until it does not. `Pyy`: variance of the innovation, which includes R.
+    // of the order's or the parameter's filter until it does not. `Pyy`: variance of the innovation, which
+    // includes R.
     T gated_noise(T R, T Pyy, T e, T gate, Cause cause) {
         if (!active()) return R;
         const T e2 = e * e, gate2 = gate * gate;
@@ -115,7 +117,8 @@ class Guards {
     }
 
     // If the innovation e exceeds four standard deviations, raises the predicted variance P of the state
-    // until it does not. After the update, |y - x| <= 4 sqrt(R) then holds, whatever alpha and f are.
+    // until it does not. After the update, the distance of the state x from the sample y is at most 4
+    // sqrt(R), whatever alpha and f are.
     T state_variance(T P, T R, T e) {
         if (!active()) return P;
         const T e2 = e * e;

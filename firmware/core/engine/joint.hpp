@@ -1,5 +1,5 @@
 // The variant "joint" of the algorithm: one unscented filter estimates the order alpha and beta = h^alpha f
-// together. It replaces the filters KFo and KFw of the paper.
+// together. It replaces the paper's two separate filters of alpha (KFo) and f (KFw).
 //
 // Two separate filters have two problems. They ignore the correlation of alpha and f, so their estimates stop
 // changing before they reach the true values. And f, which is proportional to h^-alpha, diverges when alpha
@@ -26,8 +26,8 @@ struct Joint {
     Covariance<T> P, Q;
 
     void start(const Tuning<T>& p) {
-        // This filter estimates beta instead of f. The settings f0, parameter_P0 and parameter_Q0 therefore
-        // contain the first beta and its variances.
+        // This filter estimates beta = h^alpha f instead of f. The settings f0, parameter_P0 and parameter_Q0
+        // therefore contain the first beta and the variances of beta.
         alpha = p.alpha0, beta = p.f0;
         P.aa = p.order_P0, P.ab = T(0), P.bb = p.parameter_P0;
         Q.aa = p.order_Q0, Q.ab = T(0), Q.bb = p.parameter_Q0;
@@ -71,7 +71,8 @@ struct Joint {
     }
 
     // Makes the measurement update of alpha and beta. It uses the model's outputs at five sigma points, which
-    // are the mean, and the mean plus and minus each column of sqrt(3 P).
+    // are the mean, and the mean plus and minus each column of sqrt(3 P), with the covariance P of alpha and
+    // beta.
     template <class Memory>
     void measure(const Memory& memory, const Sample<T>& sample, const Tuning<T>& p, Guards<T>& guards,
                  const Covariance<T>& at) {
@@ -111,7 +112,7 @@ struct Joint {
         T R = p.parameter_R;
         if (guards.consistent()) {
             const T F = beta + alpha;
-            R = R + (F * state.P * F + state.V);  // parameter_R already includes Q
+            R = R + (F * state.P * F + state.V);  // parameter_R already includes Q, the variance of a step
         }
         const T e = sample.y - y_mean;
         R = guards.gated_noise(R, spread + R, e, p.gate, kOrderGate);

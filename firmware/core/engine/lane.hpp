@@ -23,7 +23,7 @@ class Lane {
         Variant filters;
         T counts[kCauses];
     };
-    // size of State, counted in numbers of type T; State has no other members
+    // size of State in numbers of type T; State has no other members
     static const std::size_t kStateSize = sizeof(State) / sizeof(T);
 
     Lane(const Memory& memory, const Tuning<T>& tuning, Guard guard)
@@ -32,7 +32,7 @@ class Lane {
         restart(everywhere<T>(true));
     }
 
-    // Restarts the lanes of `mask` with initial estimates, an empty memory, and counters at zero.
+    // Restarts the lanes (axes) in `mask` with initial estimates, an empty memory, and counters at zero.
     void reset(Mask mask) {
         memory_.clear(mask);
         restart(mask);
@@ -63,7 +63,7 @@ class Lane {
         fresh.filters.state.x = tuning_.x0;
         fresh.filters.state.P = tuning_.P0;
         fresh.filters.state.reach = abs(tuning_.x0) + sqrt(tuning_.P0);
-        // State consists only of numbers of type T, so it can be replaced lane by lane.
+        // State consists only of numbers of type T, so the state of one lane (axis) can be replaced alone.
         static_assert(sizeof(State) % sizeof(T) == 0, "State must hold numbers of type T only");
         T* now = reinterpret_cast<T*>(&state_);
         const T* then = reinterpret_cast<const T*>(&fresh);

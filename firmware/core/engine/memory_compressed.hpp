@@ -57,7 +57,7 @@ class CompressedMemory {
         set_position(Position{0});
     }
 
-    // Forgets everything in the lanes of `mask`.
+    // Forgets everything in the lanes (axes) in `mask`.
     void clear(MaskOf<T> mask) {
         const std::size_t n = history_size(nodes_);
         for (std::size_t i = 0; i < n; ++i) history_[i] = select(mask, T(R(0)), history_[i]);
@@ -92,7 +92,7 @@ class CompressedMemory {
     // Length L of the memory in samples; 0: unlimited.
     std::size_t window() const { return nodes_.window; }
 
-    // Computes S_i = sum_{j=1}^{L(k)} c_j(order_i) x_{k-j} for several orders at once; L(k) = min(k, window).
+    // S_i = sum_{j=1}^{L(k)} c_j(order_i) x_{k-j} for several orders; c_j: weights; L(k) = min(k, window).
     template <int N>
     void state_sums(const T (&order)[N], T (&S)[N]) const {
         Order orders[N];
@@ -104,8 +104,8 @@ class CompressedMemory {
     // Computes V = sum_{j=2}^{L(k)} c_j(order)^2 P_{k-j}, which is not negative if no P is negative.
     T variance_sum(T order) const { return variance(at(order, kLowestVarianceOrder)); }
 
-    // Computes S and V for one order together, in less time than one after the other. The range of orders is
-    // that of variance_sum().
+    // Computes for one order S (sum of states) and V (sum of variances) together, in less time than one after
+    // the other. The range of orders is that of variance_sum().
     void sums(T order, T& S, T& V) const {
         const Order orders[1] = {at(order, kLowestVarianceOrder)};
         T state[1];
@@ -139,7 +139,7 @@ class CompressedMemory {
     struct Order {
         T order;
         T b, sine;         // b = a + 1 and sin(pi a), where a is the order in the sums over the modes
-        Powers<T> powers;  // e^{±a step}, where a is the same order
+        Powers<T> powers;  // e^{±a step}, with the same order a as in `sine`
     };
 
     // Returns the values of Order for an order, which is first limited to the memory's range. `lowest`:
@@ -178,9 +178,10 @@ class CompressedMemory {
         return factor * factor * V;
     }
 
-    // Advances all modes z: z <- z - om z + K in - KW out, where om = 1 - e^{-s} is the decay. Computing z
-    // e^{-s} would lose the small om of the slow modes by rounding. Of a sample that leaves the window, the
-    // first `forgotten` modes contain nothing any more. The last element is the plain sum of all samples.
+    // Advances each mode: z becomes z - om z + K in - KW out. The sample `in` enters the modes, and `out`
+    // leaves the window; K and KW are their weights; om is the proportion of z that decays (computing z (1 -
+    // om) would lose a small om by rounding). The first `forgotten` modes contain nothing of `out` any more.
+    // The last element of z is the plain sum of all samples in the modes.
     static void advance(T* z, const R* table, std::size_t forgotten, std::size_t count, T in, T out) {
         constexpr std::size_t G = kGroup;
         T next[G];
@@ -198,11 +199,10 @@ class CompressedMemory {
     }
     static T kept(T z, const R* row, T in) { return mul_add(T(row[1]), in, mul_add(T(row[0]), z, z)); }
 
-    // Returns what all modes that would be slower than the slowest one contribute; this has to be added to
-    // the slowest mode. Their weights are an infinite geometric sequence G, Gq, Gq^2 ..., multiplied by a
-    // function of the node (decay rate) that is almost linear there. This function is replaced by the
-    // parabola through node 0 (the plain sum) and the two slowest modes, and summed in closed form
-    // (q-binomial theorem).
+    // Returns what the modes that would be slower than the slowest one contribute; it is added to the slowest
+    // mode. Their weights are a geometric sequence G, Gq, Gq^2 ... times a function of the node (decay rate)
+    // that is almost linear there. A parabola through node 0 (the plain sum) and the two slowest modes
+    // replaces that function, so that the sum has a closed form (q-binomial theorem).
     T slow_end(T G, const T* z, std::size_t count, R next_scale, R plain_scale) const {
         const R q = R(q_);
         const T one = T(R(1)), Gq = G * T(q), Gqq = Gq * T(q);
@@ -221,8 +221,8 @@ class CompressedMemory {
         return result;
     }
 
-    // Adds the part of S that the modes represent: sin(pi a) sum_i p_i^a z_i, by Horner's scheme in v = e^{-a
-    // step}.
+    // Adds what the modes z_i with the nodes p_i contribute to S, sin(pi a) sum_i p_i^a z_i, by Horner's
+    // scheme in v = e^{-a step}; a is the order.
     template <int N>
     void add_state_tails(const Order (&orders)[N], T (&S)[N]) const {
         constexpr int G = kGroup;
@@ -262,8 +262,8 @@ class CompressedMemory {
         return nodes_.state.count > 0 ? V + max(variance_tail(at), T(R(0))) : V;
     }
 
-    // Returns the part of V that the modes represent: sin^2(pi a) 4^b B(b, b) sum_i q_i^{2a} F_i z_i, by
-    // Horner's scheme in v^2.
+    // Returns what the modes z_i with the nodes q_i contribute to V, sin^2(pi a) 4^b B(b, b) sum_i q_i^{2a}
+    // F_i z_i, by Horner's scheme in v^2; a is the order, b = a + 1, B the Beta function.
     T variance_tail(const Order& at) const {
         constexpr std::size_t G = kGroup;
         const T b = at.b;
@@ -308,7 +308,7 @@ class CompressedMemory {
         return (at.sine * at.sine) * factor * (power(u, nodes_.variance.top) * sum);
     }
 
-    // Returns 2 sqrt(pi) Gamma(b + 4) / Gamma(b + 7/2).
+    // Returns 2 sqrt(pi) Gamma(b + 4) / Gamma(b + 7/2), by a polynomial (memory_constants.hpp).
     static T gamma_ratio(T b) {
         const T t = (b - T(R(kGammaCentre))) * T(R(kGammaScale));
         T sum = T(R(kGammaRatio[0]));
@@ -335,7 +335,7 @@ class CompressedMemory {
             const double p = nodes_.node(nodes_.state, i), s = ::log1p(p);
             const double K = -nodes_.step / pi * p * ::exp(-(head + 2) * s);
             fill(state_table_ + 3 * i, p / (1 + p), K, s * length, state_forgotten_);
-            // If a mode did not decay, its z would be the plain sum of all samples.
+            // Without decay, a mode would be the plain sum of all samples.
             state_plain_ = -nodes_.step / pi * p * (1 - q_) * (1 - q_ * q_);
         }
         for (std::size_t i = 0; i < nodes_.variance.count; ++i) {
@@ -380,12 +380,12 @@ class CompressedMemory {
     T* P_;
     T* state_;     // the modes of the states x, then the plain sum of all x
     T* variance_;  // the modes of the variances P, then the plain sum of all P
-    // the samples that are in the modes, as pairs x, P; the pair at ring_position_ will leave the window next
+    // the samples in the modes, as pairs of state x and variance P; the one at ring_position_ leaves next
     T* ring_;
-    R* state_table_;  // -om, K, -KW (advance()) of each mode of x
+    R* state_table_;  // table for advance(): -om, K, -KW of each mode of x
     R* variance_table_;
-    R* w_;           // for each mode of P, the argument w of F (memory_nodes.hpp)
-    R* head_table_;  // j, 1/j! and 1/j!^2 for each of the newest 15 samples; 0 beyond the window
+    R* w_;           // for each mode of the variances P: argument w of the function F (memory_nodes.hpp)
+    R* head_table_;  // for j = 1 .. 15: j, 1/j! and 1/j!^2; the last two are 0 beyond the window
     double q_;       // e^{-step}
     double state_plain_, variance_plain_;
     std::size_t state_forgotten_, variance_forgotten_;

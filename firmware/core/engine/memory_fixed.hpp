@@ -1,8 +1,8 @@
 // The memory of past states for a processor without floating point. It is the memory of
-// memory_compressed.hpp, computed in integers and without a limit of its length. x is kept in units of 2^-21
-// to 2^-20 of the noise's standard deviation sqrt(R). x is clipped at 256 of these standard deviations or
-// more, which only a knock exceeds. P is kept in float, and only for the newest 15 samples, whose weights are
-// exact.
+// memory_compressed.hpp, computed in integers and without a limit of its length. The state x is kept in units
+// of 2^-21 to 2^-20 of the noise's standard deviation sqrt(R). x is clipped at 256 of these standard
+// deviations or more, which only a knock exceeds. The variance P of a state is kept in float, and only for
+// the newest 15 samples, whose weights are exact.
 //
 // It differs from memory_compressed.hpp in three ways. First, orders outside of [-1/2, 5/2] are replaced by
 // the nearest order in this range, to which the guard limits them anyway. Second, the plain sum of the past
@@ -26,7 +26,7 @@ class FixedMemory {
   public:
     static constexpr float kLowest = -0.5f, kHighest = 2.5f;
 
-    // `R`: variance of the measurement, which determines the unit of x.
+    // `R`: variance of the measurement, which determines the unit of the states x.
     explicit FixedMemory(float R) {
         std::uint32_t bits = 0;
         std::memcpy(&bits, &R, sizeof bits);
@@ -54,7 +54,8 @@ class FixedMemory {
         }
         x_[0] = fixed::from_float(x, x_unit_);
         P_[0] = P;
-        // Each mode is an exponentially weighted mean of past x, so its magnitude never exceeds theirs.
+        // Each mode is an exponentially weighted mean of past states, so its magnitude never exceeds that of
+        // the largest state.
         for (std::size_t i = 0; i < Nodes::count; ++i) {
             const std::int32_t mean = static_cast<std::int32_t>((z_[i] + (1 << 30)) >> 31);
             z_[i] += static_cast<std::int64_t>(Nodes::forget[i]) * (oldest - mean);
@@ -62,7 +63,8 @@ class FixedMemory {
         plain_ += oldest;
     }
 
-    // Computes S_i = sum_{j=1}^{k} c_j(order_i) x_{k-j} for several orders.
+    // Computes S_i = sum_{j=1}^{k} c_j(order_i) x_{k-j} for several orders; c_j are the weights of past
+    // states.
     template <int N>
     void state_sums(const float (&order)[N], float (&S)[N]) const {
         Order at[N];
@@ -70,7 +72,8 @@ class FixedMemory {
         states(at, S);
     }
 
-    // Computes S = sum_{j=1}^{k} c_j(order) x_{k-j} and V = sum_{j=2}^{k} c_j(order)^2 P_{k-j} for one order.
+    // Computes S = sum_{j=1}^{k} c_j(order) x_{k-j} and V = sum_{j=2}^{k} c_j(order)^2 P_{k-j} for one order,
+    // with the same weights c_j as in state_sums().
     void sums(float order, float& S, float& V) const {
         const Order at[1] = {Order(order)};
         float state[1];
@@ -80,7 +83,7 @@ class FixedMemory {
     }
 
   private:
-    static constexpr int kFine = 16;  // sums are in units of 2^-16 of the unit of x
+    static constexpr int kFine = 16;  // the unit of sums is 2^-16 times the unit of the states
 
     static std::int64_t fine(std::int32_t x) { return static_cast<std::int64_t>(x) * (1 << kFine); }
 
@@ -95,11 +98,11 @@ class FixedMemory {
             const fixed::Power power = fixed::power_of_two(in_steps(-a, Nodes::step));
             v = power.n >= 0 ? power.m << power.n : power.m >> -power.n;
         }
-        // Returns the product of order and step in units of 2^-26.
+        // Returns the product of the order `a` and `step` in units of 2^-26.
         static std::int32_t in_steps(std::int32_t a, std::int32_t step) {
             return static_cast<std::int32_t>((static_cast<std::int64_t>(a) * step) >> 31);
         }
-        // Returns the ratio of neighbouring weights, c_{j+1} / c_j, in units of 2^-30.
+        // Returns the ratio c_{j+1} / c_j of neighbouring weights of past states, in units of 2^-30.
         std::int32_t next(std::size_t j) const {
             const std::int32_t reciprocal = INT32_MAX / static_cast<std::int32_t>(j + 1);
             const std::int32_t distance = (static_cast<std::int32_t>(j) << kOrderBits) - a;
@@ -126,15 +129,16 @@ class FixedMemory {
         }
     }
 
-    // Computes sum_i v^i K_i z_i over the modes. The sum includes the infinite series of slower nodes, in
-    // which the plain sum of the past takes the place of z.
+    // Computes sum_i v^i K_i z_i over the modes z_i with their weights K_i. The sum includes the infinite
+    // series of slower modes, in which the plain sum of the past takes the place of z.
     template <int N>
     void tails(const Order (&at)[N], std::int64_t (&sum)[N]) const {
         const std::int64_t slower = fixed::product30(plain_, Nodes::plain);
         for (int n = 0; n < N; ++n) {
             const std::uint32_t g = static_cast<std::uint32_t>(fixed::product30(at[n].v, Nodes::ratio));
             const std::uint32_t series =
-                (g << 1) / (((UINT32_C(1) << 30) - g) >> 14);  // the series g + g^2 + ..., in units of 2^-15
+                // the geometric series g + g^2 + ..., in units of 2^-15
+                (g << 1) / (((UINT32_C(1) << 30) - g) >> 14);
             sum[n] = fixed::product30(slower, static_cast<std::int32_t>(series << 15));
         }
         for (std::size_t i = Nodes::count; i > 0; --i) {
@@ -155,8 +159,8 @@ class FixedMemory {
             product = fixed::product30(product, next);
         }
         const float a = min(max(order, -0.25f), kHighest), beyond = float(Nodes::head + 1);
-        // The sum of c_j^2 over all samples older than the newest 15 follows from the Euler-Maclaurin
-        // formula.
+        // c_j is the weight of the sample that is j samples old. The sum of c_j^2 over all samples older than
+        // the newest 15 follows from the Euler-Maclaurin formula.
         const float c = a * fixed::to_float(fixed::product30(product, at.next(Nodes::head)), -30);
         const float rest = P_[Nodes::head - 1] * (c * c) * ((beyond - 0.5f * a) / (1.0f + 2.0f * a) + 0.5f);
         return a * a * sum + rest;
@@ -164,9 +168,9 @@ class FixedMemory {
 
     std::int32_t x_[Nodes::head];  // the newest samples, newest first
     float P_[Nodes::head];
-    // the modes from the fastest to the slowest, as means in units of 2^-31 of the unit of x
+    // the modes from the fastest to the slowest, as means; their unit is 2^-31 times that of the states
     std::int64_t z_[Nodes::count];
-    std::int64_t plain_;  // sum of all x that are no longer in x_
+    std::int64_t plain_;  // sum of all states that are no longer in x_
     int x_unit_;          // the unit of x is 2^x_unit_
 };
 

@@ -57,14 +57,14 @@ struct Bank {
 };
 
 // The sum over the modes is computed in this number of independent chains of operations. The number of modes
-// is therefore a multiple of it.
+// is therefore a multiple of this number.
 constexpr std::size_t kGroup = 4;
 
 // The nodes for one configuration. They are computed with ::exp and similar functions of libm, whose last
 // digit may differ between libraries, because this does not matter for nodes.
 struct Nodes {
-    // Number of newest samples whose weights are exact. Older samples are represented by the modes: for them,
-    // j far exceeds every order and the fastest modes have already decayed.
+    // Number of newest samples whose weights are exact. Older samples are represented by the modes: their age
+    // j far exceeds every order, and the fastest modes have already decayed.
     static constexpr std::size_t kHead = 15;
     // Number of newest samples for which an unlimited memory is accurate: 2^30 (124 days at 100 Hz).
     static constexpr double kHorizon = 1073741824.0;
@@ -72,9 +72,9 @@ struct Nodes {
     std::size_t window;
     double step;
     Bank state, variance;
-    // How many terms of the series of F the groups of the variance's modes need. Groups are counted from the
-    // fastest one. Groups before the index `four_terms` need four terms, later groups before `two_terms` need
-    // two, and all others need one. At least one group needs only one term.
+    // How many terms of the series of F (see the top of this file) the groups of the variance's modes need.
+    // Groups are counted from the fastest one. Groups before the index `four_terms` need four terms, later
+    // groups before `two_terms` need two, and all others need one. At least one group needs only one term.
     std::size_t four_terms, two_terms;
 
     explicit Nodes(const CompressedConfig& config)
@@ -91,8 +91,8 @@ struct Nodes {
         variance.top = top(error, 4, m + 1, m * (m - 1) * (m - 2) * (m - 3) / 6);
         // Modes that would be slower than the slowest node p are approximated by a parabola
         // (CompressedMemory::slow_end). The error of this approximation is of third order. It is about (j
-        // p)^3/6 of what these modes contribute to a weight, and they contribute at most (j p)^b of the
-        // weight.
+        // p)^3/6 of what these modes contribute to the weight c_j, and they contribute at most (j p)^b of
+        // that weight, with b = order + 1.
         const double slowest = ::log(0.8 * ::cbrt(error) / (window > 0 ? double(window) : kHorizon));
         state.count = count(state.top, slowest);
         variance.count = count(variance.top, slowest - 0.7);
@@ -103,16 +103,17 @@ struct Nodes {
     double node(const Bank& bank, std::size_t i) const {
         return ::exp((double(bank.top) - double(i)) * step);
     }
-    // Returns the argument w of F at the i-th node of the variance's modes.
+    // Returns the argument w of the function F (see the top of this file) at the i-th node of the variance's
+    // modes.
     double w(std::size_t i) const {
         const double q = node(variance, i);
         return (q / (2 + q)) * (q / (2 + q));
     }
 
   private:
-    // Returns the relative error of the trapezoidal rule with step D for the integrand p^b e^{-jp} at b = 2.
-    // The largest term of the error is the alias at frequency 2 pi/D, which is 2 |Gamma(b + 2 pi i/D)| /
-    // Gamma(b).
+    // Returns the relative error of the trapezoidal rule with step D for the integrand p^b e^{-jp} of the
+    // weight c_j, at b = 2. The largest term of the error is the alias at frequency 2 pi/D, which is 2
+    // |Gamma(b + 2 pi i/D)| / Gamma(b).
     static double trapezoidal_error(double D) {
         const double pi = 3.14159265358979324, y = 2 * pi / D;
         return 2 * ::sqrt((1 + y * y) * 2 * pi * y) * ::exp(-pi * y / 2);

@@ -57,11 +57,11 @@ class OctaveLadder {
         }
     }
 
-    // How far the samples of level depth() have been turned into Welch sums.
+    // How far the samples of the level that keeps its samples have been turned into Welch sums.
     struct Deepening {
         typename Whole::Table old;
-        // position in the old table: index of the current stretch, index of the next sample within that
-        // stretch, and index of the stretch's first sample among all samples
+        // position in the table `old` of that level's stretches: index of the current stretch, index of the
+        // next sample within that stretch, and index of the stretch's first sample among all samples
         int stretch, at, begin;
         bool going;
         Deepening() : going(false) {}
@@ -77,8 +77,8 @@ class OctaveLadder {
     };
 
     // Adds n <= kMostAtOnce samples that follow the previous ones; the first of them has the sample number
-    // `first`. `made_up`: one flag per sample, set if the sample was not measured. The flags are stored while
-    // level 0 keeps its samples.
+    // `first`. `made_up`: one flag per sample, set if the sample was not measured. The flags are stored as
+    // long as level 0 is the level that keeps its samples.
     void accept(const Input* y, int n, std::uint64_t first, const unsigned char* made_up) {
         Passage passage;
         enter(y, n, first, made_up, passage);
@@ -154,7 +154,8 @@ class OctaveLadder {
         for (int l = 1; l < depth_; ++l) deep_[l - 1].sums().age(memory_.generation(now));
     }
 
-    // Turns the samples of level depth() into Welch sums. This is only possible while depth() < kLevels - 1.
+    // Turns the samples of the level that keeps its samples, level depth(), into Welch sums. This is only
+    // possible while depth() < kLevels - 1.
     void deepen() {
         Deepening d;
         begin_deepening(d);

@@ -220,7 +220,7 @@ struct MaskOfType<Pack<double, W>> {
 template <class T>
 using MaskOf = typename MaskOfType<T>::Type;
 
-// Reads or writes one lane. A plain number counts as one lane.
+// Reads or writes the number in one lane. A plain number counts as one lane.
 template <class T>
 inline Real<T> get_lane(T number, int lane) {
     return number[lane];
@@ -234,7 +234,7 @@ inline void set_lane(T& number, int lane, Real<T> value) {
 inline void set_lane(double& number, int, double value) { number = value; }
 inline void set_lane(float& number, int, float value) { number = value; }
 
-// Whether each lane is finite, which means neither infinite nor NaN.
+// Whether the number in each lane is finite, which means neither infinite nor NaN.
 template <class T>
 inline MaskOf<T> is_finite(T a) {
     return abs(a) <= T(sizeof(Real<T>) == 8 ? Real<T>(__DBL_MAX__) : Real<T>(__FLT_MAX__));

@@ -1,5 +1,5 @@
 // exp and sin(pi a) without libm and without branches. One source serves float, double and Pack (pack.hpp),
-// so a lane's result is the same at any number of lanes. Errors are at most 2 units in the last place.
+// so the result in a pack is the same as for a single number. Errors are at most 2 units in the last place.
 #ifndef FLTEA_PACK_MATH_HPP
 #define FLTEA_PACK_MATH_HPP
 

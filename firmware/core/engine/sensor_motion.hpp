@@ -23,13 +23,13 @@ class SensorMotion {
     struct Limits {
         float far;  // largest change of the mean that may be a step of the bias [counts]
         // number of chunks after which a new mean is accepted as the bias: `still` if the mean changed by
-        // less than `far`, else `still_far`
+        // less than `far`, otherwise `still_far`
         std::uint16_t still, still_far;
     };
 
     bool moving() const { return moving_; }
     // Returns for how many samples the trackers have learned nothing because of motion. The uncertainty of
-    // their results depends on this number.
+    // the trackers' results depends on this number.
     const Unlearned& unlearned() const { return unlearned_; }
 
     // Notes that `lost` samples of all axes are missing.

@@ -210,7 +210,7 @@ class SlicedFit {
         return true;
     }
 
-    // An AR(1) with the coefficient φ is the fractional model of order 1 with g = φ - 1.
+    // An AR(1) with the coefficient φ is the fractional model of order 1 with the feedback g = φ - 1.
     void start_at_relaxation(float order, Point<float>& point) const {
         const Answer& relaxation = memory_->answers_[kRelaxation];
         const Share<float> share(relaxation.theta[0]);

@@ -75,11 +75,12 @@ class SlicedTarget {
                 return add(Fractional<float>(natural), bins, natural, most);
         }
     }
-    // Writes the sums of a finished evaluation. S is the model's spectrum. Its derivatives ∂ log S / ∂ log
-    // (state's variance) and ∂ log S / ∂ log R add up to 1. Each of the two has its own sums nevertheless:
-    // where one is small, 1 minus the other would have no precision in float. All derivatives are stored as
-    // differences from their means in the previous evaluation. As the scale of S is free, adding a constant
-    // to a derivative changes nothing, and the differences keep more digits in float.
+    // Writes the sums of a finished evaluation. The derivatives of the model's log spectrum by the logarithms
+    // of its two variances (of the state, and of the white noise) have the sum 1. Each of the two has its own
+    // sums nevertheless: where one is small, 1 minus the other would have no precision in float. All
+    // derivatives are stored as differences from their means in the previous evaluation. As the scale of the
+    // spectrum is free, adding a constant to a derivative changes nothing, and the differences keep more
+    // digits in float.
     void read(Family family, Sums<float>& sums) {
         const int numbers = shapes(family) + parts(family) + 1;
         sums.log_spectrum = sums_.excess;
@@ -167,7 +168,7 @@ class SlicedTarget {
 
     float over_unit_, reference_;
     int at_, together_;
-    float mean_[kMostNumbers];  // means of the derivatives of log S in the previous evaluation
+    float mean_[kMostNumbers];  // means of the log spectrum's derivatives in the previous evaluation
     PartSums sums_;
 };
 

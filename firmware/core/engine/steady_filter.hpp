@@ -30,11 +30,11 @@ struct SteadyFilter {
     float gain[kPlaces];      // gain K of the part
     float R, S;               // R: variance of the white noise; S: variance of the innovations
     float of_state;           // variance of the state, given all samples and the offset
-    float answer;             // value at which the innovations settle if the input is constantly 1
+    float answer;             // value that the innovations approach if the input is constantly 1
     float weight[kPlaces];    // factor from a part's present value to its expected mean over the next samples
     // variance of the state's mean over the next samples, given all past samples and the offset
     float of_bias;
-    float offset_in_bias;  // error of the bias that follows from an offset error of 1 / answer
+    float offset_in_bias;  // error of the bias if the offset's error is 1 / `answer`
 };
 
 class FilterDesign {
@@ -161,7 +161,7 @@ class FilterDesign {
     bool white(int i) const { return filter_.fall[i] == 1.0f; }
     bool coloured(int i) const { return there(i) && !white(i); }
     bool turns(int i) const { return filter_.fall[i] > 1.0f; }
-    // For the pole a of part i, size() is |a|, and short_of_one() is 1 - |a|.
+    // For the pole a of part i, size(i) is |a|, and short_of_one(i) is 1 - |a|.
     float size(int i) const { return turns(i) ? filter_.fall[i] - 1.0f : 1.0f - filter_.fall[i]; }
     float short_of_one(int i) const { return turns(i) ? 2.0f - filter_.fall[i] : filter_.fall[i]; }
     // Returns the position of a part's pole a on the axis of s: |s| for a > 0, or the distance beyond s = -4
@@ -217,8 +217,8 @@ class FilterDesign {
         return sum;
     }
 
-    // Computes the gain of part i: the residue of Π(1 - b z) / Π(1 - a z) at the part's pole, divided by its
-    // a.
+    // Computes the gain of part i: the residue of Π(1 - b z) / Π(1 - a z) at the part's pole a, divided by a.
+    // The products are over all zeros b and poles a.
     void find_gain(int i) {
         if (!coloured(i)) return;
         float gain = apart_[i] * zero_[i] / between(size(i), short_of_one(i), i);
@@ -258,8 +258,8 @@ class FilterDesign {
     }
 
     void conclude() {
-        // The ratio of S, the variance of the innovations, to the variance of the white noise is Π a/b. Only
-        // its difference from 1 is computed, which keeps the precision.
+        // The ratio of S, the variance of the innovations, to the variance of the white noise is Π a/b, over
+        // all poles a and zeros b. Only the ratio's difference from 1 is computed, which keeps the precision.
         float more = 0, slow = 0, now = 0;
         float measured = filter_.R;
         for (int i = 0; i < kPlaces; ++i) {
@@ -283,8 +283,9 @@ class FilterDesign {
         conclude_bias();
     }
 
-    // Computes the variance of the bias, given all samples. It follows from the covariances of the parts.
-    // That of parts i and j is -S K_i K_j / (1 - a_i a_j), plus the variance of part i if i = j.
+    // Computes the variance of the bias, given all samples. It follows from the covariances of the parts. The
+    // covariance of parts i and j is -S K_i K_j / (1 - a_i a_j), plus the variance of part i if i = j. S is
+    // the variance of the innovations, K a gain and a a pole.
     void conclude_bias() {
         filter_.offset_in_bias = 1.0f / filter_.answer;
         for (int i = 0; i < kPlaces; ++i) {
@@ -293,7 +294,8 @@ class FilterDesign {
             float known = 0;
             for (int j = 0; j < kPlaces; ++j) {
                 if (!there(j)) continue;
-                // This form of 1 - a_i a_j keeps the precision for slow parts, for which it is small.
+                // This form of 1 - a_i a_j keeps the precision for slow parts, for which the difference is
+                // small.
                 const float fall = filter_.fall[i] + a * filter_.fall[j];
                 known += filter_.weight[j] * filter_.gain[j] / fall;
             }

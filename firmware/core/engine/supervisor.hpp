@@ -1,6 +1,7 @@
 // The supervisor of one lane (one axis) watches the estimates of that lane's filter. It declares them invalid
-// if the filter has diverged or the samples do not fit the filter's R. The filter computes the same numbers
-// with and without a supervisor. The supervisor applies these rules after each sample:
+// if the filter has diverged or the samples do not fit the filter's R, the variance of white noise. The
+// filter computes the same numbers with and without a supervisor. The supervisor applies these rules after
+// each sample:
 //
 // - runaway: an estimate is not finite, or an order is beyond ±kLostOrder. The lane is invalid at this
 //   sample, and restarts at the next one with initial values and an empty memory. This only happens if the
@@ -26,14 +27,14 @@ constexpr int kLostOrder = 5;
 constexpr int kBoundSamples = 200;
 constexpr int kBoundMost = kBoundSamples / 4;
 
-// Why a lane has just become invalid.
+// Why the estimates of a lane (axis) have just become invalid.
 enum class Loss : uint8_t { none = 0, runaway = 1, bound = 2 };
 
 // These are two overloads, because clang-tidy would report the subtraction a - a in a template as a mistake.
 inline bool finite(float a) { return a - a == 0; }
 inline bool finite(double a) { return a - a == 0; }
 
-// The supervisor of the filter of one lane. T is float or double.
+// The supervisor of the filter of one lane (axis). T is float or double.
 template <class T>
 class Supervisor {
   public:
@@ -43,7 +44,7 @@ class Supervisor {
         Loss news;
     };
 
-    // Call this after each sample. `held`: the guard limited the state at this sample.
+    // Call this after each sample. `held`: whether the guard (guard.hpp) limited the state at this sample.
     Verdict judge(T alpha, T f, T state, bool held) {
         if (!(alpha <= kLostOrder && alpha >= -kLostOrder) || !finite(f) || !finite(state)) {
             return Verdict{false, true, Loss::runaway};
@@ -60,8 +61,9 @@ class Supervisor {
         return Verdict{false, !distrusted_, news};
     }
 
-    // Whether the guard has not limited the state at any of the recent samples. In this case, judge() need
-    // not be called for a sample with a valid estimate, because judge() would change only an index.
+    // Whether the guard (guard.hpp) has limited the state at none of the recent samples. In this case,
+    // judge() need not be called for a sample with a valid estimate, because judge() would change only an
+    // index.
     bool calm() const { return count_ == 0; }
 
     // Whether the state of a restored supervisor is one that judge() can produce.

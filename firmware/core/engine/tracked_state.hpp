@@ -58,14 +58,15 @@ class TrackedState {
         motion_.add(e);
         if (moving) return;
         if (known_) {
-            // A large innovation is clipped, so that a knock hardly changes the state and the mean.
+            // A large innovation is clipped, so that a knock on the sensor hardly changes the state and the
+            // mean.
             if (e * e > kClip * kClip * filter_.S) {
                 e = e < 0 ? -most() : most();
                 apart = static_cast<std::int32_t>(offset_ + predicted + e);
             }
             for (int k = 0; k < there_; ++k) now().x[places_[k]] += filter_.gain[places_[k]] * e;
         }
-        // The number of samples reaches this limit only after months.
+        // This limit of the number of samples is reached only after months.
         if (now().n == kMost) {
             now().n /= 2;
             now().sum /= 2;
@@ -188,7 +189,8 @@ class TrackedState {
     float most() const { return kClip * math::sqrt(filter_.S); }
 
     // During motion, nothing is learned, and noise adds variance to part i of the state. Returns how much of
-    // that variance is still left. At rest, the filter multiplies such an error by a(1 - K) per sample.
+    // that variance is still left. At rest, the filter multiplies such an error by a(1 - K) per sample, with
+    // the part's pole a and gain K.
     float grown_variance(int i, const Unlearned& unlearned) const {
         const float a = 1.0f - filter_.fall[i], left = a * (1.0f - filter_.gain[i]);
         return filter_.variance[i] * (1.0f - power(a * a, unlearned.samples)) *

@@ -93,8 +93,8 @@ class WelchLevel {
     }
 
   private:
-    // This function is not inlined into push(), because the stack would then hold the local variables of the
-    // FFT and those of the half-band filter at the same time.
+    // This function is not inlined into push(). Otherwise the stack would hold the local variables of the FFT
+    // and those of the half-band filter at the same time.
     __attribute__((noinline)) void end_block(std::uint64_t step, Memory memory) {
         if (made_up_ < 0) {
             typename Fft::Work work;

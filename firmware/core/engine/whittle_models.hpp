@@ -34,7 +34,8 @@ const double kBelowHighest = 1e-6;
 // beginning of the low-pass's slope is visible.
 const double kLowestCorner = -24.0, kHighestCorner = 4.5;
 const double kMostPolesOfFilter = 24.0;
-// Limits of the order d of ARFIMA. They exclude white noise (0) and the random walk (1).
+// Limits of the order d of the model ARFIMA (fractionally integrated noise). They exclude white noise (0) and
+// the random walk (1).
 const double kLeastDifference = 0.15, kMostDifference = 0.85;
 
 template <class R>
@@ -87,7 +88,7 @@ R lowest_order(R F) {
 }
 
 // Whether the first free parameter is α. It is not if α is held fixed. If F = g + α is held fixed, the first
-// parameter is log -g, because g may be much smaller than F.
+// parameter is log -g, because the feedback g may be much smaller than F.
 template <class R>
 bool order_first(const Model<R>& model) {
     return model.family == kFractional && model.hold != kHoldOrder && model.hold != kHoldWeight;
@@ -107,7 +108,7 @@ void bounds(const Model<R>& model, R* low, R* high) {
         low[i] = R(-kTop);
         high[i] = R(kTop);
     }
-    // In a sum of more than two AR(1), all of them are relaxations with φ >= 0.
+    // In a sum of more than two AR(1), all of them are relaxations, whose coefficients φ are not negative.
     if (!low_pass(model.family) && poles(model.family) > 2)
         for (int i = 0; i < poles(model.family); ++i) low[i] = 0;
     if (low_pass(model.family)) {
@@ -117,11 +118,12 @@ void bounds(const Model<R>& model, R* low, R* high) {
     if (model.family != kFractional || model.hold == kHoldOrder) return;
     low[0] = 0;
     high[0] = model.highest_order - R(kBelowHighest);
-    // The lower bound is the lowest order at which -2^α < g < 0 is true with the number that is held fixed.
+    // The lower bound is the lowest order α at which the model is stationary (-2^α < g < 0) with the number
+    // that is held fixed.
     if (model.hold == kHoldFeedback && model.held <= -1) low[0] = math::log2(-model.held) + R(kBelowHighest);
     if (model.hold == kHoldParameter && model.held <= -1 && model.log_h < 0)
         low[0] = math::log(-model.held) / (R(0.6931471805599453) - model.log_h) + R(kBelowHighest);
-    if (model.hold == kHoldWeight) {  // the first free parameter is log -g
+    if (model.hold == kHoldWeight) {  // the first free parameter is log -g (g: feedback)
         low[0] = math::log(math::fmax(lowest_order(model.held) - model.held, R(kSmallest)));
         high[0] = math::log(high[0] - model.held);
         return;
@@ -134,8 +136,8 @@ void bounds(const Model<R>& model, R* low, R* high) {
 }
 
 // The numbers of a spectrum (with scale 1 if the scale is free), and their derivatives by the free
-// parameters. The rows of `chain` are the shapes, the logarithms of the variances, and the logarithm of R;
-// the columns are the free parameters.
+// parameters. The rows of `chain` are the shapes, the logarithms of the variances, and the logarithm of the
+// white noise's variance; the columns are the free parameters.
 template <class R>
 struct Mapped {
     Natural<R> natural;
@@ -213,8 +215,8 @@ bool map_fractional(const Model<R>& model, const R* theta, Mapped<R>& out) {
     }
     const R most = math::exp2(alpha);
     if (!(alpha >= 0 && alpha <= 2 && g <= 0 && g >= -most * (1 - R(kSmallest) / 2))) return false;
-    // A g that is too close to 0 to be distinguished from 0 in a record is limited to the smallest useful
-    // magnitude.
+    // A feedback g that is too close to 0 to be distinguished from 0 in a record is limited to the smallest
+    // useful magnitude.
     g = math::fmin(g, -most * R(kSmallest));
     if (scaled(model)) {
         map_weight(theta[next], 2, next, out);

@@ -23,12 +23,12 @@ enum Family : int {
     kLowPassAr1,
     kLowPassTwoAr1,
     kArfima,  // AR(1) driven by fractionally differenced noise instead of white noise
-    kRising,  // fractional differences of white noise, with the spectrum |1 - e^{-iλ}|^2δ
+    kRising,  // white noise differenced δ times (δ may be a fraction): |1 - e^{-iλ}|^2δ
     kFamilies
 };
 
-// Array sizes for each number type: shapes (the numbers that determine the shapes of the parts: α and g, or
-// the poles), parts in addition to white noise, and free parameters.
+// Array sizes for each number type: shapes (the numbers that determine the shapes of the parts: order and
+// feedback, or the poles), parts in addition to white noise, and free parameters.
 template <class R>
 struct Room {
     enum { kShapes = 6, kParts = 6, kFree = 12 };
@@ -41,16 +41,17 @@ struct Room<float> {
     enum { kShapes = 2, kParts = 1, kFree = 3 };
     static constexpr float impossible() { return 1e30f; }
 };
-// The largest count of numbers that a spectrum can have.
+// Largest count of the numbers that determine a spectrum: shapes, variances of the parts, and R.
 template <class R>
 struct Most {
     enum { kNumbers = Room<R>::kShapes + Room<R>::kParts + 1 };
 };
 
-// The numbers of a spectrum. The array `shape` contains α and g of the fractional model, d and φ of ARFIMA,
-// φ1 and φ2 of AR(2), the φ of each AR(1) in a sum, or δ of kRising. For a low-pass 1 / (1 + (λ²/c)^n) it
-// contains log c and n, and then the φ of each AR(1) that is added to the low-pass. `variance` contains the
-// variances of the parts, and `white` is R.
+// The numbers of a spectrum. The array `shape` contains order α and feedback g of the fractional model, order
+// d and coefficient φ of ARFIMA, the coefficients φ1 and φ2 of AR(2), the coefficient φ of each AR(1) in a
+// sum, or the exponent δ of kRising. For a low-pass 1 / (1 + (λ²/c)^n) it contains log c and n, and then the
+// φ of each AR(1) that is added to the low-pass. `variance` contains the variances of the parts, and `white`
+// is the variance R of the white noise.
 template <class R>
 struct Natural {
     R shape[Room<R>::kShapes];

@@ -79,12 +79,13 @@ struct Fractional {
     }
 
   private:
-    // The argument (angle) of the complex number (1 - e^{-iλ})^α e^{iλ}, divided by π.
+    // The argument (angle) of (1 - e^{-iλ})^α e^{iλ}, divided by π, for the order α at the frequency λ.
     template <class Columns>
     Number turns(const Columns& bins, std::size_t i, Number quarter) const {
         return (alpha * quarter + bins.turn(i)) * R(0.31830988618379067);
     }
-    // |(1 - e^{-iλ})^α - g e^{-iλ}|². Only rounding can make the result zero or negative.
+    // |(1 - e^{-iλ})^α - g e^{-iλ}|², the inverse of the part's spectrum. Only rounding can make it zero or
+    // negative.
     Number distance(Number size, Number real) const {
         using engine::max;
         return max(size * size - R(2.0) * g * real + g * g, Number(nearly_nothing<R>()));
@@ -124,7 +125,7 @@ struct Ar2 {
     Number phi1, phi2;
 };
 
-// A sum of K independent AR(1).
+// A sum of K independent AR(1) (first-order autoregressive processes).
 template <class Number, int K>
 struct Relaxations {
     typedef engine::Real<Number> R;
@@ -159,7 +160,7 @@ struct RunningSums {
         for (int k = 0; k < kSquares; ++k) squares[k] = Number(0);
     }
 
-    // `sum`: a function that adds up all lanes of a Number.
+    // `sum`: a function that adds all numbers of a pack (pack.hpp) together.
     template <class Out, class SumOf>
     void read(Out& out, SumOf sum) const {
         out.log_spectrum = sum(log_spectrum);
@@ -175,8 +176,8 @@ struct RunningSums {
     Number log_spectrum, ratio, slopes[kNumbers], weighted[kNumbers], squares[kSquares];
 };
 
-// Adds bin i with the power `power`. In the sum of c log S, where c is the bin's number of ordinates and S
-// the model's spectrum, Likelihood::term(count, S, I, 1/S) takes the place of c log S.
+// Adds bin i with the power `power`. In the sum of c log S, where c is the bin's number of ordinates I the
+// bin's power and S the model's spectrum, Likelihood::term(count, S, I, 1/S) takes the place of c log S.
 template <class Likelihood, class Shape, class Columns, class Number, class R>
 inline void add_bin(const Shape& shape, const Columns& bins, std::size_t i, Number power,
                     const Natural<R>& natural,

@@ -122,7 +122,7 @@ class WholeLines {
     }
 
     std::int32_t y_[kMost];
-    int n_, lift_;  // y_ is in units of 2^-lift_ times the unit of x
+    int n_, lift_;  // the unit of y_ is 2^-lift_ times the unit of the samples
 };
 
 }  // namespace FLTEA_INSTRUCTION_SET

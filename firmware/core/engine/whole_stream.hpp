@@ -40,8 +40,8 @@ class WholeStream {
         int stretches, open;  // `open`: 1 if the last stretch has not ended
         int place[kMostMadeUp], made_up;
 
-        // Index of the last value in [from, to) that was not measured, counted from `from`, or -1 if all were
-        // measured.
+        // Among the values from index `from` to before `to`, the index of the last one that was not measured,
+        // counted from `from`; -1 if all were measured.
         int last_made_up(int from, int to) const {
             int last = -1;
             for (int i = 0; i < made_up; ++i) {
