@@ -23,8 +23,8 @@ constexpr std::size_t kChunk = 16, kHistory = 15;
 // Octaves 0 to 3 of the Allan variance are computed from the samples (level 0). Each further octave is
 // computed from the values of its own level.
 constexpr std::size_t kLevels = 24, kOfSamples = 4, kOctaves = kLevels + kOfSamples - 1;
-// A point of the Allan variance is returned only if the age of its last term is at most this many time
-// constants of the memory.
+// A point of the Allan variance is returned only if the age of the point's last term is at most this many
+// time constants of the memory.
 constexpr double kOldest = 3;
 constexpr double kLargestValue = 1e100, kLargestCount = 1e15;
 
@@ -211,8 +211,8 @@ class AllanSums {
         const double step = std::ldexp(1.0, static_cast<int>(i)), taken = levels_[i].taken;
         if (memory_ > 0) {
             const double decay = step_decay_[i], decay2 = decay * decay;
-            // If a break lies between them, the first of these terms may come long after the last term of the
-            // octave.
+            // If a break of the series comes before the first of these terms, much time may have passed since
+            // the last term of the octave.
             fade(octave, stretch_begin_ + (taken + static_cast<double>(first + 1)) * step - octave.last);
             double squares = octave.squares, weight = octave.weight, both = octave.weight_squared;
             for (std::size_t k = first; k < n; ++k) {

@@ -26,10 +26,10 @@ struct BankBlock {
 
 // Result of a fit for one axis: the order and the parameter f, each with its standard deviation.
 //
-// A filter treats its Q and R, and the slope of its predictions, as exact. The standard deviation that it
-// reports therefore shrinks even around a wrong value. A filter cannot know more than the fit does. The
-// published standard deviation is therefore at least that of the fit, and it grows with the distance of the
-// filter's value from the fitted value.
+// A filter treats its variances Q and R, and the slope of its predictions, as exact. The standard deviation
+// that it reports therefore shrinks even around a wrong value. A filter cannot know more than the fit does.
+// The published standard deviation is therefore at least that of the fit, and it grows with the distance of
+// the filter's value from the fitted value.
 struct Known {
     bool any;  // whether there is a fit for this axis
     double alpha, alpha_std, f, f_std;
@@ -54,9 +54,9 @@ class AxisBank {
     // start().
     const engine::Baseline<double>& window(std::size_t axis) const { return window_[axis]; }
 
-    // Ends the start-up window. From the next row on, `bias` is subtracted from the samples, and one of the
-    // `lanes` filters each axis; a lane has the filters of one axis. Axes that are not `live` stay invalid,
-    // whatever their lanes report.
+    // Ends the start-up window. From the next row on, `bias` is subtracted from the samples, and each axis is
+    // filtered by one of the `lanes`; a lane has the filters of one axis. Axes that are not `live` stay
+    // invalid, whatever their lanes report.
     void start(std::unique_ptr<LaneRunner> lanes, const double* bias, const std::uint8_t* live) {
         lanes_ = std::move(lanes);
         bias_.assign(bias, bias + axes_);

@@ -32,7 +32,7 @@ using Mask = nb::ndarray<const uint8_t, nb::ndim<1>, nb::c_contig, nb::device::c
 constexpr size_t kMostSkipped = 10'000'000;
 
 // Statistics of a start-up window: the mean of its values, their variance, and whether all values are equal.
-// The variance is at least that of rounding to the resolution.
+// The variance is at least the one that rounding to the resolution causes.
 using Moments = std::tuple<double, double, bool>;
 
 Moments moments_of(const fltea::engine::Baseline<double>& window, double resolution) {
@@ -175,9 +175,10 @@ class Bank : public fltea::BankPart {
         lanes().counts(out.data());
     }
 
-    // Returns four figures of the innovations for each axis: the correlation of neighbours (lag 1), NIS, the
-    // Ljung-Box statistic, and the number of innovations from which that statistic is computed. All these
-    // figures are NaN until there are enough innovations.
+    // Returns four figures of the innovations for each axis: the correlation of neighbours (lag 1), NIS (the
+    // mean of squared innovations over their predicted variance), the Ljung-Box statistic, and the number of
+    // innovations from which that statistic is computed. All these figures are NaN until there are enough
+    // innovations.
     std::vector<std::tuple<double, double, double, int>> whiteness() const {
         const std::lock_guard<std::mutex> alone(mutex_);
         std::vector<std::tuple<double, double, double, int>> result;

@@ -25,7 +25,9 @@ enum class Stop : int {
     kStatsDue,  // before a sample: this sample arrived at or after the time at which statistics are due
     // before a sample: samples just before it are missing, and the sensors have predicted them
     kGap,
-    kEpoch,        // before a sample: an epoch begins with this sample, and the caller has to call begin()
+    // before a sample: an epoch (a run of samples without a restart or a long gap) begins with it; call
+    // begin()
+    kEpoch,
     kHappened,     // after a sample: a bias stepped, motion began or ended, or an axis was lost
     kWindowFull,   // after a sample: the start-up window of a sensor is full
     kFitCounts,    // after a sample: the result of a finished fit takes effect at the next sample
@@ -176,7 +178,7 @@ class Device {
             place.told_news();
             return Stop::kRateDiffers;
         }
-        // Before the first sample of an epoch is processed, place.newest() is still the last sample of the
+        // Before the first sample of an epoch is processed, the newest sample is still the last one of the
         // previous epoch, while fit_counts and fit_due may already be set for the new epoch.
         if (is_new_) return Stop::kEnd;
         const std::int64_t seq = place.newest().seq;

@@ -31,7 +31,7 @@ struct EngineShape {
     std::size_t window;
 };
 
-// Settings of one lane: the same fields as in Tuning (filters.hpp), in the same order.
+// Settings of one lane (axis): the same fields as in Tuning (filters.hpp), in the same order.
 struct LaneSettings {
     double log_h;
     double x0, P0, Q, R;
@@ -40,9 +40,9 @@ struct LaneSettings {
     double gate;
 };
 
-// An estimate from which a lane has to continue: the order and the parameter, the variance of each, and their
-// covariance. The parameter is f for the variant `triple` and beta for `joint`. Only `joint` uses the
-// covariance.
+// An estimate from which a lane (axis) has to continue: the order and the parameter, the variance of each,
+// and their covariance. The parameter is f for the variant `triple` and beta for `joint`. Only `joint` uses
+// the covariance.
 struct FilterModel {
     double alpha, parameter;
     double alpha_variance, covariance, parameter_variance;
@@ -61,8 +61,8 @@ enum Column : int {
     kColumns
 };
 
-// Inputs and outputs for a block of `samples` rows with `lanes` numbers each, stored row by row. If `u` is
-// null, there is no input u. If `missing` is null, no sample is missing. All numbers are finite.
+// Inputs and outputs for a block of `samples` rows with a number for each lane (axis), stored row by row. If
+// `u` is null, there is no input u. If `missing` is null, no sample is missing. All numbers are finite.
 struct Block {
     std::size_t samples;
     const double* y;
@@ -74,7 +74,7 @@ struct Block {
 // Extra arguments of a run under the supervisor (supervisor.hpp). Each lane has its own supervisor. A lane
 // that its supervisor declares lost restarts at the next row, together with the supervisor. A run under
 // supervisors writes standard deviations into the block's columns instead of variances, and does not write
-// the column kP. All columns are NaN where a lane is not valid.
+// the column kP (the variance of the state). All columns are NaN where a lane is not valid.
 struct Watch {
     // state of the supervisors, Backend::supervisor bytes for each lane; all bytes of a new supervisor are
     // zero
@@ -86,8 +86,8 @@ enum VerdictBits : int { kValid = 1, kRestarted = 2, kRanAway = 4, kBound = 8 };
 
 struct Backend {
     const char* name;
-    int width;  // number of lanes in a pack, which is one vector register
-    // number of the guard's counters in each lane, one for each cause of an intervention
+    int width;  // number of lanes (axes) in a pack, which is one vector register
+    // number of the guard's counters in each lane, one for each cause for which the guard limits a value
     int causes;
     std::size_t supervisor;  // size of one supervisor in bytes
 
@@ -98,14 +98,14 @@ struct Backend {
     // Applies other settings from the next sample on. `settings` has one entry per lane. The lanes keep their
     // state and memory.
     void (*retune)(void* storage, const EngineShape& shape, const LaneSettings* settings);
-    // Replaces the estimated order and parameter of one lane. The lane keeps its state and memory.
+    // Replaces the estimated order and parameter of one lane (axis). The lane keeps its state and memory.
     void (*set_filter_model)(void* storage, const EngineShape& shape, std::size_t lane,
                              const FilterModel& filter_model);
     void (*run)(void* storage, const EngineShape& shape, const Block& block);
     void (*watch)(void* storage, const EngineShape& shape, const Block& block, const Watch& watch);
-    // Restarts the lanes for which `mask` is not 0.
+    // Restarts the lanes (axes) for which `mask` is not 0.
     void (*reset)(void* storage, const EngineShape& shape, const std::uint8_t* mask);
-    // Writes how often the guard intervened, as an array of shape (lanes, causes).
+    // Writes how often the guard limited a value, as an array of shape (lanes, causes).
     void (*counts)(const void* storage, const EngineShape& shape, std::int32_t* out);
     // Returns the size of a snapshot; `save` writes the snapshot. The settings are not part of a snapshot.
     std::size_t (*snapshot)(const EngineShape& shape);

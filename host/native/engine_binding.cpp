@@ -106,7 +106,7 @@ class Engine {
                   shape_of(joint, guard, compressed, accuracy, window, settings),
                   reinterpret_cast<const LaneSettings*>(settings.data())) {}
 
-    // Runs a block of samples. `out` has the shape (columns, samples, lanes).
+    // Runs a block of samples. `out` has the shape (columns, samples, lanes); a lane is one axis.
     void run(Rows y, std::optional<Rows> u, std::optional<Flags> missing, Results out) {
         Block block = Block();
         block.samples = y.shape(0);

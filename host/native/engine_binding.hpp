@@ -39,7 +39,7 @@ const fltea::engine::Backend& find_backend(const std::string& instruction_set);
 fltea::engine::EngineShape shape_of(bool joint, int guard, bool compressed, int accuracy, size_t window,
                                     const Rows& settings);
 
-// Checks the settings of retune(). Raises ValueError unless there is one entry per lane.
+// Checks the settings of retune(). Raises ValueError unless there is one entry per lane (axis).
 const fltea::engine::LaneSettings* settings_of(const Rows& settings, size_t lanes);
 
 // Raises ValueError for numbers beyond ±`largest` and for NaN. Numbers for which `ignored` is set are not
@@ -51,7 +51,7 @@ void check_numbers(const char* name, const double* values, size_t rows, size_t l
 // Raises ValueError unless the array has the shape (lanes, causes).
 void check_counts(const Counts& out, const fltea::OwnedEngine& engine);
 
-// These two functions convert bytes to a Python bytes object and back.
+// These two functions convert bytes to a Python bytes object, and a bytes object to bytes.
 nanobind::bytes as_bytes(const std::vector<unsigned char>& bytes);
 const unsigned char* data_of(const nanobind::bytes& bytes);
 

@@ -21,7 +21,7 @@ class FadingMemory {
     double generation(std::uint64_t sample) const {
         return fades() ? std::floor(double(sample) / samples_) : 0;
     }
-    // Fraction of its generation that has passed when a sample comes.
+    // Returns which fraction of its generation has passed when a sample comes; 0 if nothing is forgotten.
     double part(std::uint64_t sample) const {
         return fades() ? double(sample) / samples_ - generation(sample) : 0;
     }

@@ -52,7 +52,7 @@ class Kalman {
     };
 
     // For kExact samples after a start or a gap, the filter computes the exact gain of each sample. After
-    // that, it uses the same gain for kHeld samples. This gain is the exact gain of the last of these
+    // that, it uses the same gain for kHeld samples. This gain is the one that is exact for the last of these
     // samples.
     enum { kExact = 512, kHeld = RiccatiMap<N>::kSamples, kStep = 32 };
     // Innovations are clipped at this number of standard deviations.

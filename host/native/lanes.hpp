@@ -12,7 +12,7 @@
 
 namespace fltea {
 
-// Says that a lane became invalid at a row of a block, and why.
+// Says that the estimates of a lane became invalid at a row of a block, and why.
 struct Lost {
     std::size_t row, lane;
     engine::Loss reason;
@@ -86,14 +86,14 @@ class LaneRunner {
     const std::vector<std::uint64_t>& restarts() const { return restarts_; }
     void set_restarts(const std::vector<std::uint64_t>& restarts) { restarts_ = restarts; }
 
-    // Writes how often the guard has intervened in each lane since the lane's last start, as an array of
-    // shape (lanes, causes).
+    // Writes how often the guard (guard.hpp) has limited a value in each lane since the lane's last start, as
+    // an array of shape (lanes, causes).
     void counts(std::int32_t* out) const { engine_.counts(out); }
 
     std::vector<unsigned char> save() const { return engine_.save(); }
     bool load(const unsigned char* bytes, std::size_t size) { return engine_.load(bytes, size); }
 
-    // Returns the state of the supervisors.
+    // Returns the state of the supervisors (firmware/core/engine/supervisor.hpp).
     std::vector<unsigned char> save_supervisors() const {
         const unsigned char* const bytes = reinterpret_cast<const unsigned char*>(supervisors_.data());
         return std::vector<unsigned char>(bytes, bytes + supervisors_.size() * sizeof(Supervisor));

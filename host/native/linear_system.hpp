@@ -61,7 +61,7 @@ struct System {
     // unused states are zero and do not change the results.
     int width() const { return N <= 4 ? N : n; }
 
-    // Advances a state vector by one sample: x <- A x.
+    // Advances a state vector by one sample: x <- A x, with the transition matrix A.
     void step(double* x) const {
         for (int i = 0; i < 2 * pairs; i += 2) {
             const double one = a[i] * x[i] + b[i] * x[i + 1], other = a[i] * x[i + 1] - b[i] * x[i];
@@ -71,7 +71,7 @@ struct System {
         for (int i = 2 * pairs; i < width(); ++i) x[i] *= a[i];
     }
 
-    // Advances a symmetric covariance by one sample: P <- A P A' + Q.
+    // Advances a symmetric covariance by one sample: P <- A P A' + Q, with the covariance Q of the noise.
     void step_covariance(double* P) const {
         for (int j = 0; j < 2 * pairs; j += 2) {
             for (int i = 0; i < n; ++i) {

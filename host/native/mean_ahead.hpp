@@ -28,10 +28,10 @@ struct ModeSums {
 // Returns the expected mean of the scalar product of `weights` and the state x over the next m samples. If m
 // = 0, the result is the scalar product with the present x.
 //
-// The state j samples ahead is x_k+j = A^j x_k plus noise. The mean is therefore computed in the eigenvectors
-// of A, where a pole pair becomes two conjugate modes. For a mode with the eigenvalue a, the mean of a^j over
-// j = 1 … m is a g(m) / m (ModeSums), and the noise that is added j samples ahead has the weight g(m - j + 1)
-// / m.
+// With the transition matrix A, the state j samples ahead is x_k+j = A^j x_k plus noise. The mean is
+// therefore computed in the eigenvectors of A, where a pole pair becomes two conjugate modes. For a mode with
+// the eigenvalue a, the mean of a^j over j = 1 … m is a g(m) / m (ModeSums), and the noise that is added j
+// samples ahead has the weight g(m - j + 1) / m.
 template <int N>
 MeanAhead<N> mean_ahead(const System<N>& s, const double* weights, long long m) {
     typedef std::complex<double> Complex;
@@ -53,8 +53,8 @@ MeanAhead<N> mean_ahead(const System<N>& s, const double* weights, long long m) 
         weight[i] = Complex(weights[i], -weights[i + 1]) / 2.0;
         weight[i + 1] = std::conj(weight[i]);
     }
-    // For any two modes, this is the sum over k = 1 … m of g(k) conj g'(k), where g belongs to one mode and
-    // g' to the other.
+    // `both`: for any two modes, the sum of g(k) conj g'(k) over k = 1 … m. Here g (ModeSums::geometric)
+    // belongs to one mode and g' to the other.
     Complex both[N * N], noise[N * N];
     ModeSums of[N];
     for (int i = 0; i < n; ++i) {

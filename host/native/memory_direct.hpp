@@ -45,7 +45,7 @@ class DirectMemory {
         pushed_ = 0;
     }
 
-    // Forgets everything in the lanes of `mask`.
+    // Forgets everything in the lanes (axes) in `mask`.
     void clear(MaskOf<T> mask) {
         for (std::size_t i = 0; i < 4 * window_; ++i) x_[i] = select(mask, T(R(0)), x_[i]);
     }
@@ -65,7 +65,8 @@ class DirectMemory {
     // Number of past samples that the sums use: L(k) = min(k, window).
     std::size_t length() const { return pushed_ < window_ ? static_cast<std::size_t>(pushed_) : window_; }
 
-    // Computes S_i = sum_{j=1}^{L(k)} c_j(order_i) x_{k-j} for several orders at once.
+    // Computes S_i = sum_{j=1}^{L(k)} c_j(order_i) x_{k-j} for several orders at once. c_j are the weights of
+    // past states, and L(k) is the number of past states in use.
     template <int N>
     void state_sums(const T (&order)[N], T (&S)[N]) const {
         Nest<T, N, 0> nest(order);
@@ -73,7 +74,7 @@ class DirectMemory {
         for (int i = 0; i < N; ++i) S[i] = nest.state[i];
     }
 
-    // Computes V = sum_{j=2}^{L(k)} c_j(order)^2 P_{k-j}.
+    // Computes V = sum_{j=2}^{L(k)} c_j(order)^2 P_{k-j}, with the same weights c_j as in state_sums().
     T variance_sum(T order) const {
         const T orders[1] = {order};
         Nest<T, 0, 1> nest(orders);
@@ -101,7 +102,7 @@ class DirectMemory {
     }
 
   private:
-    // two elements more than the window: one for 1/0, which is never used, and one for 1/(window + 1)
+    // two elements more than the window: 1/0, which is never used, and 1/(window + 1)
     static constexpr std::size_t kReciprocals = 2;
 
     template <int N, int M>

@@ -12,8 +12,8 @@ inline namespace FLTEA_INSTRUCTION_SET {
 
 // Computes sum_{j=1}^{n} c_j(a) x_j for N orders, and sum_{j=2}^{n} c_j(a)^2 P_j for the first M of these
 // orders, where M is 0 or 1. The recurrence acc_j = x_j + (c_{j+1}/c_j) acc_{j+1} runs from the oldest sample
-// to the newest. No weight c_j is computed, so no weight can overflow before the sum does. A sample takes two
-// operations per order.
+// to the newest. No weight c_j is computed, so no weight can overflow before the sum does. Each sample needs
+// two operations per order.
 template <class T, int N, int M>
 class Nest {
     typedef Real<T> R;
@@ -45,7 +45,8 @@ class Nest {
             two(x[j - 2], P[j - 2], T(reciprocal[j]), x[j - 1], P[j - 1], T(reciprocal[j + 1]));
         }
         // This loop processes the newest kHead samples. An accumulator is the sum so far, divided by the
-        // weight c_j of the last sample that was added. In the end it is therefore multiplied by c_1 = -a.
+        // weight c_j of the last sample that was added. At the end, the accumulator is therefore multiplied
+        // by c_1 = -a.
         for (; j > 1; --j) head(x[j - 1], P[j - 1], R(j), reciprocal[j + 1]);
         if (j == 1) head(x[0], T(R(0)), R(1), reciprocal[2]);
         for (int i = 0; i < N; ++i) state[i] = -order_[i] * state[i];

@@ -82,7 +82,7 @@ class NoiseModel {
         return rivals_.size() > 1 && stays_ > 0.5 ? still.e / std::sqrt(still.S) : e / std::sqrt(variance_);
     }
     // Resets the weights of the systems to those before the newest samples. Call this when a step was
-    // detected: the step explains these samples, so they say nothing about the systems.
+    // detected: the step explains these samples, so they do not show which system is likelier.
     void forget_newest() {
         if (rivals_.size() < 2) return;
         rivals_.front().unlikely = TrackerModel::unlikely(1 - stays_);

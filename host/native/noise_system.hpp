@@ -65,8 +65,8 @@ inline void make_symmetric(double* X, int n) {
 }
 
 // Computes the covariance P of the state x after `samples` samples at rest, counted from the very first
-// sample. Each step X -> H + A X (1 + G X)^-1 A' of the computation doubles the number of samples. Returns
-// false if a matrix is singular or a number is not finite.
+// sample. Each step of the computation doubles the number of samples (as RiccatiMap in linear_system.hpp
+// does). Returns false if a matrix is singular or a number is not finite.
 inline bool rested(const System<kMost>& s, std::int64_t samples, double* P) {
     enum { kSize = kMost * kMost };
     const int n = s.n, size = n * n;

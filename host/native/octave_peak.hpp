@@ -65,7 +65,7 @@ inline double f_deviate(double ratio, double a, double b) {
 
 // Returns the standard normal deviate that is exceeded with the probability `probability`, which is below
 // 0.5. Newton's method solves for the logarithm of the probability, which is a concave function of the
-// deviate. It begins above the solution.
+// deviate. The iteration begins above the solution.
 inline double critical(double probability) {
     double z = std::sqrt(-2 * std::log(2 * probability));
     for (int step = 0; step < 50; ++step) {
@@ -80,8 +80,8 @@ inline double critical(double probability) {
 
 class Search {
   public:
-    // `power`, `weight`: arrays with an entry for each of the `size` lines. `weight` is the number of
-    // ordinates that a line stands for.
+    // `power`, `weight`: arrays with an entry for each of the `size` lines of the spectrum. `weight` is the
+    // number of ordinates (single frequencies of a periodogram) that a line stands for.
     Search(const double* power, const double* weight, std::size_t size)
         : size_(size), sums_(size + 1), weights_(size + 1), averaged_(size + 1) {
         for (std::size_t i = 0; i < size; ++i) {

@@ -35,7 +35,7 @@ class OwnedEngine {
 
     // Applies other settings from the next row on. `settings` has one entry per lane.
     void retune(const engine::LaneSettings* settings) { backend_.retune(storage_, shape_, settings); }
-    // Replaces the order and the parameter of one lane from the next row on.
+    // Replaces the order and the parameter of one lane (axis) from the next row on.
     void set_filter_model(std::size_t lane, const engine::FilterModel& filter_model) {
         backend_.set_filter_model(storage_, shape_, lane, filter_model);
     }

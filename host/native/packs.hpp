@@ -54,8 +54,8 @@ struct Compressed {
     static bool plausible(const Memory::Position& at, const EngineShape&) { return at.pushed <= kMostPushed; }
 };
 
-// Whether the filters of a lane can have reached this state. The caller has already checked that all numbers
-// of the state are finite.
+// Whether the filters of a lane (axis) can have reached this state. The caller has already checked that all
+// numbers of the state are finite.
 inline bool sound(const StateBelief<Number>& state, int lane) {
     return state.P[lane] >= 0 && state.V[lane] >= 0 && state.reach[lane] >= 0;
 }
@@ -197,8 +197,8 @@ class Packs {
         return in + bytes;
     }
 
-    // Number of lanes of pack i that are in use. The last pack may have further, unused lanes. These have the
-    // settings of the last lane in use, and zeros as input.
+    // Number of lanes (axes) of pack i that are in use. The last pack may have further, unused lanes. These
+    // have the settings of the last lane in use, and zeros as input.
     std::size_t used(std::size_t i) const {
         const std::size_t rest = shape_.lanes - i * kLanesInPack;
         return rest < kLanesInPack ? rest : kLanesInPack;
@@ -235,7 +235,7 @@ class Packs {
         return values;
     }
 
-    // Reads the samples of row k for the lanes of pack i.
+    // Reads the samples of row k for the lanes (axes) of pack i.
     void take(std::size_t i, const Block& block, std::size_t k, Sample<Number>& sample) const {
         const std::size_t row = k * shape_.lanes;
         sample.y = numbers(block.y + row, i);

@@ -131,8 +131,8 @@ class PortDecoder {
     }
 
   private:
-    // What the caller received with the last item: at which offset the item ended, and how many frames it
-    // had. This is added to the counts at the next call of next().
+    // The last item that the caller received: at which offset it ended, and how many frames it had. The next
+    // call of next() adds this to the counts.
     struct Handed {
         bool is_any = false;
         std::int64_t end = 0, frames = 0;

@@ -28,7 +28,7 @@ struct PortItem {
     Kind kind = kDone;
     // arrival time of the read in which the frame ended; samples have their own arrival times
     std::int64_t host_ns = 0;
-    SampleColumns samples = {};    // raw counts; gyro and accel are (n, 3)
+    SampleColumns samples = {};    // raw counts; gyro and accel have the shape (n, 3)
     Reason reason = Reason::none;  // only for bad blocks: why the block is not a valid frame
     // type of the frame; the fields from `sequence` to `size` also belong to a frame
     std::uint8_t type = 0;

@@ -107,8 +107,8 @@ class PortWatch {
         return is_due ? found : PortTrouble::none;
     }
 
-    // Whether a trouble has to be reported. This is so if it differs from the last reported trouble, or if
-    // that report was made long ago. If so, the trouble counts as reported from now on.
+    // Whether a trouble has to be reported. It has to be if it differs from the last reported trouble, or if
+    // that report was made long ago. The trouble then counts as reported from now on.
     bool is_news(const char* kind, std::int64_t now_ns) {
         if (reported_ == kind && time_between(reported_ns_, now_ns) <= times_.repeat_ns) return false;
         reported_ = kind;

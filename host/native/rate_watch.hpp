@@ -13,14 +13,14 @@ namespace fltea {
 
 class RateWatch {
   public:
-    // At the stated rate, a number of samples takes a certain time. The rate counts as different if the
-    // measured time differs from that time by more than the proportion kTolerance of it plus kPeriods
-    // sampling periods. Sensor clocks are accurate to 1 %, cheap ones to 5 %. A burst of samples can shift
-    // each end of the measured time by one period.
+    // From the stated rate follows how long a number of samples should take. The rate counts as different if
+    // the measured time differs from this expected time by more than kTolerance times the expected time plus
+    // kPeriods sampling periods. Sensor clocks are accurate to 1 %, cheap ones to 5 %. A burst of samples can
+    // shift each end of the measured time by one period.
     static constexpr double kTolerance = 0.05, kPeriods = 2;
     // kLeastPairs: A verdict needs this number of consecutive pairs of neighbouring samples whose rates are
-    // similar. kWindow: After this number of sampling instants, the check restarts, so that only recent
-    // samples count.
+    // similar. kWindow: After this number of sampling instants, the check restarts, so that it uses only
+    // recent samples.
     static constexpr std::int64_t kLeastPairs = 20, kWindow = 200;
     // A step of the sample number that is larger than this is not used, because the number may have wrapped.
     static constexpr std::int64_t kLargestStep = 64;

@@ -139,8 +139,8 @@ struct RealSpectrum {
     };
 
     // Records how the logarithm of the power of an octave's blocks changes over time. The first octave has
-    // the shortest blocks, so it shows changes at all time scales. Lower octaves show changes that the first
-    // octave does not show. They are recorded only at their shortest time scales.
+    // the shortest blocks, so it shows changes at all time scales. Lower octaves show other changes than the
+    // first one. In lower octaves, changes are recorded only at the shortest time scales.
     template <int kLines>
     class Cells : public TimeCells {
       public:

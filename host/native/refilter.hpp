@@ -79,7 +79,7 @@ struct Sums {
     double samples = 1, row[kMost], both[kMost], variance;
 
   private:
-    // Computes x <- A x.
+    // Computes x <- A x, where A is the transition matrix of the step.
     void forth(double* x) const {
         for (int i = 0; i < step.n; ++i) {
             if (i < 2 * step.pairs) {
@@ -91,7 +91,7 @@ struct Sums {
             }
         }
     }
-    // Computes x <- A' x.
+    // Computes x <- A' x, where A' is the transposed transition matrix of the step.
     void back(double* x) const {
         for (int i = 0; i < step.n; ++i) {
             if (i < 2 * step.pairs) {
@@ -325,8 +325,8 @@ void through(const System<kMost>& s, const Newest<size>& means, std::int64_t m, 
         x_then[part.of[k]] = filter.x[k];
         for (int l = 0; l < n; ++l) P_then[part.of[k] * s.n + part.of[l]] = filter.P[k * all + l];
     }
-    // A pair of poles always counts as fast. If it is slow in fact, precision may be lost. In that case,
-    // these means are ignored.
+    // A pair of poles always counts as fast. If the pair is slow in fact, precision may be lost; the means
+    // are ignored then.
     if (!is_finite(x_then, s.n) || !is_covariance(P_then, s.n)) return;
     std::memcpy(x, x_then, sizeof x_then);
     std::memcpy(P, P_then, sizeof(double) * std::size_t(s.n * s.n));

@@ -37,8 +37,8 @@ class Refiltered {
     }
 
     const std::shared_ptr<TrackerModel>& model() const { return model_; }
-    // Whether the tracker's `memory` is as this work has assumed. The values of the samples that came
-    // meanwhile do not matter.
+    // Whether the tracker's `memory` is what this work has assumed. Only the values of the samples that came
+    // meanwhile may differ.
     bool expects(const Remembered& memory) const { return then_.is(memory, to_come_); }
     // Filters the samples that came while the work was done.
     void go_on(const Remembered& memory) { take(memory, memory.singles() - to_come_, memory.singles()); }

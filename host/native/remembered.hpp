@@ -79,7 +79,7 @@ struct Remembered {
         std::memcpy(recent, recent + RestGate::kChunk, sizeof(float) * RestGate::kChunk);
         kept = RestGate::kChunk;
     }
-    // Adds a future sample. Its value is not known yet.
+    // Makes room for a sample that is still to come, whose value is not known yet.
     void foresee() {
         add(__builtin_nanf(""));
         if (kept == kRecent) roll();

@@ -27,8 +27,8 @@ struct Usual {
 // The gate's verdict on a chunk of one axis.
 struct ChunkVerdict {
     bool knock;
-    // whether the samples of the chunk scatter no more than usual, and their mean is about that of the
-    // previous chunk
+    // whether the samples of the chunk scatter no more than usual about their mean, and this mean is near
+    // that of the previous chunk
     bool same_place;
     double place;  // mean of the chunk's samples, or NaN if it has fewer than two samples
 };

@@ -1,10 +1,11 @@
-// Computes for each sample its number and its device time within the epoch, without the wraps of the wire
-// protocol, and the number of samples that are missing before it. The rules are those of protocol/README.md.
-// The field `sequence` of SAMPLE numbers the sampling instants. Within a boot, the numbers of delivered and
-// of lost samples therefore add up to the number of sampling instants, even where the sensor was set up
-// again. If sequence and device time disagree, the device was restarted or exchanged, and samples are ignored
-// until its next HELLO. If sequence and device time go on disagreeing in the same way, the device contradicts
-// the rate in its HELLO, and samples are ignored until their times agree with that rate.
+// Computes for each sample its number and its device time within the epoch (a run of samples without a
+// restart or a long gap), without the wraps of the wire protocol, and the number of samples that are missing
+// before it. The rules are those of protocol/README.md. The field `sequence` of SAMPLE numbers the sampling
+// instants. Within a boot, the numbers of delivered and of lost samples therefore add up to the number of
+// sampling instants, even where the sensor was set up again. If sequence and device time disagree, the device
+// was restarted or exchanged, and samples are ignored until its next HELLO. If sequence and device time go on
+// disagreeing in the same way, the device contradicts the rate in its HELLO, and samples are ignored until
+// their times agree with that rate.
 #pragma once
 
 #include <cmath>
@@ -16,8 +17,8 @@
 
 namespace fltea {
 
-// Why a new epoch begins with a sample; kNone means that none begins. kEpochReasons has the names of the
-// reasons, as in the record `epoch`.
+// Why a new epoch (a run of samples without a restart or a long gap) begins with a sample; kNone: none
+// begins. kEpochReasons has the names of the reasons, as in the record `epoch`.
 enum class EpochReason : int { kNone, kStart, kRestart, kSensorRestart, kDiscontinuity, kGap, kSilence };
 constexpr const char* kEpochReasons[] = {"",    "start",  "restart", "sensor_restart", "discontinuity",
                                          "gap", "silence"};

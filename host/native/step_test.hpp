@@ -104,7 +104,7 @@ class StepTest {
     // step.
     static constexpr double kClip = 4;
     static constexpr double kPower = 1 / 64.0;
-    // In the statistics, the square of a sum counts as at most this many times the usual square.
+    // In the statistics, the square of a sum is limited to this many times the usual square.
     static constexpr double kOutlier = 9, kAnything = 100;
 
     // Statistics of the sums of innovations in windows of one length. `usual`: ratio of the mean square of
@@ -219,7 +219,7 @@ class StepTest {
             const double length = double(blocks) * size, sum = level.newest(blocks);
             const double square = sum * sum, beside = std::fmax(usual(l, w) * length, absolute);
             if (window.count >= kWeight) absolute = std::fmax(absolute, window.usual * length);
-            if (square > kEven * beside) {  // in this case, a step raises log L by more than kEven / 2
+            if (square > kEven * beside) {  // a step raises log L by more than kEven / 2
                 const double gain = square / (2 * beside);
                 if (gain > kSure) return found(level, size, blocks);
                 if (gain > level.suspect.gain && length >= kSuspected) {

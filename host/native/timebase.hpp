@@ -1,5 +1,6 @@
-// Relates the device's clock to the host's clock within one epoch. The fit of the clocks over the last ten
-// minutes (clock_fit.hpp) gives the host time of any sample without jitter.
+// Relates the device's clock to the host's clock within one epoch (a run of samples without a restart or a
+// long gap). The fit of the clocks over the last ten minutes (clock_fit.hpp) gives the host time of any
+// sample without jitter.
 #pragma once
 
 #include <cmath>
@@ -14,8 +15,9 @@ namespace fltea {
 
 class Timebase {
   public:
-    // `offset_ns`: Unix time minus the time of the host's monotonic clock. This offset stays fixed for the
-    // epoch, so that a step of the system's clock causes no jump in the time stamps.
+    // `offset_ns`: Unix time minus the time of the host's monotonic clock. The offset stays fixed for the
+    // epoch (a run of samples without a restart or a long gap), so that a step of the system's clock causes
+    // no jump in the time stamps.
     explicit Timebase(std::int64_t offset_ns = 0) : offset_ns_(offset_ns) {}
 
     // Adds the arrival of a sample, and returns the sample's Unix time [ns]. The returned times never run

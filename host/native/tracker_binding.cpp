@@ -56,8 +56,8 @@ class Tracker : public fltea::TrackerPart {
         make(sensor_);
     }
 
-    // Processes rows. `out` has the shape (columns, rows, lanes), `moving` (rows, lanes) and `accel` (rows, 1
-    // to 3). `rest` is a value of Rest.
+    // Processes rows. A lane is one axis. `out` has the shape (columns, rows, lanes), `moving` (rows, lanes)
+    // and `accel` (rows, 1 to 3). `rest` is a value of Rest.
     std::vector<EventTuple> run(Rows y, Results out, Places moving, std::optional<Rows> accel, int rest) {
         const size_t rows = y.shape(0), lanes = offsets_.size();
         if (y.shape(1) != lanes || out.shape(0) != static_cast<size_t>(fltea::kTrackedColumns) ||
@@ -119,11 +119,11 @@ class Tracker : public fltea::TrackerPart {
     }
 
     // Figures of each lane (axis), in this order. First, the numbers of samples in motion, of restarts and of
-    // steps. Second, four figures of the innovations: the correlation of neighbours, NIS, the Ljung-Box
-    // statistic, and the number of innovations from which that statistic is computed. Third, for each length
-    // over which the bias is checked, the number of checks, and the root mean square of the ratios of errors
-    // to their expected standard deviations. Fourth, the bias and its standard deviation after the newest
-    // sample, which are NaN before the first sample.
+    // steps. Second, four figures of the innovations: the correlation of neighbours, NIS (the mean of squared
+    // innovations over their predicted variance), the Ljung-Box statistic, and the number of innovations from
+    // which that statistic is computed. Third, for each length over which the bias is checked, the number of
+    // checks, and the root mean square of the ratios of errors to their expected standard deviations. Fourth,
+    // the bias and its standard deviation after the newest sample, which are NaN before the first sample.
     using Check = std::tuple<uint64_t, double>;
     using Stats = std::tuple<uint64_t, uint64_t, uint64_t, double, double, double, int, std::vector<Check>,
                              double, double>;

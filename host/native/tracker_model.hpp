@@ -30,8 +30,8 @@ class TrackerModel {
     enum { kRivals = 2 };
 
     struct Rival {
-        // its `bias` has the weight of each state in the expected mean of the bias over the next `ahead`
-        // samples
+        // the candidate system; its `bias` has the weight of each state in the expected mean of the bias over
+        // the next `ahead` samples
         Noise system = Noise();
         double now[kMost] = {};  // weight of each state in the bias of the newest sample
         RiccatiMap<kMost> map;

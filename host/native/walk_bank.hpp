@@ -103,15 +103,15 @@ class WalkBank {
 
   private:
     enum { kWeighed = 8, kSorted = 32 };
-    // A filter is dropped if its log L is lower than that of the best filter by more than this.
+    // A filter is dropped if its log likelihood is lower than that of the best filter by more than this.
     static constexpr double kHopeless = 15;
     static constexpr double kNegligible = 1e-4;
 
     struct Member {
         explicit Member(int which = 0) : index(which) {}
         int index;
-        // two sums over the innovations: the sum of log S, and the sum of the squared innovations divided by
-        // S, where S is the predicted variance
+        // two sums over the innovations, whose predicted variance is S: the sum of log S, and the sum of the
+        // squared innovations divided by S
         double logs = 0, squares = 0;
         // `e`: innovation of the newest sample; `unlikely`: -log L of all samples
         double e = 0, unlikely = 0;

@@ -58,8 +58,8 @@ Terms terms_of(const std::vector<int>& codes) {
     return terms;
 }
 
-// A noise model for Python: the numbers of the model's noise parts, the values of their parameters, and -log
-// L. An empty list of parts means that there is no model.
+// A noise model for Python: the identifiers of the model's noise parts, the values of their parameters, and
+// -log L. An empty list of parts means that there is no model.
 using Raw = std::tuple<std::vector<int>, std::vector<double>, double>;
 
 Raw raw_of(const FittedModel& s) {
@@ -118,8 +118,9 @@ class Fitted {
         return {std::move(eta), nll};
     }
 
-    // Returns the models white, null, plain, rich, pure, ordered and missing (Frontier). `last`: the seven
-    // models from an earlier search, which are only fitted again to the present bins; empty for a new search.
+    // Returns the models white, null, plain, rich, pure, ordered and missing (Frontier in
+    // whittle_search.hpp). `last`: these seven models from an earlier search, which are only fitted again to
+    // the present bins; empty for a new search.
     std::vector<Raw> search(const std::vector<Raw>& last) {
         std::vector<FittedModel> before;
         for (const Raw& one : last) {
@@ -157,8 +158,8 @@ class Fitted {
     }
 
     // Returns the end of a parameter's interval as interval_end() finds it, or NaN if the interval has no
-    // end. Also returns the differences between all parameters at that end and the best parameters. `last`:
-    // the differences from an earlier fit, or empty.
+    // end. Also returns all parameters at that end minus the best parameters. `last`: these differences from
+    // an earlier fit, or empty.
     std::pair<double, std::vector<double>> end(const std::vector<int>& codes, const std::vector<double>& eta,
                                                double nll, int index, int side, double limit, double step,
                                                double usual, double at_bound, std::vector<double> last) {
@@ -205,7 +206,7 @@ class Fitted {
     Bins bins_;
 };
 
-// Returns the table of noise parts for Python, in the order of the parts' numbers. A row has five columns:
+// Returns the table of noise parts for Python, in the order of the enumeration Part. A row has five columns:
 // the part's name; its free parameters, each with kind of value, lowest and highest value; its traits; the
 // question of the verdict that the part answers; and the number of further parameters of which a search tries
 // many values.

@@ -96,7 +96,7 @@ struct Bins {
     void fill(unsigned read) {
         for (std::size_t i = 0; i < size(); ++i) {
             quarter.push_back((kPi - lam[i]) / 2);
-            // It is assumed that each bin extends half of the way to its neighbours.
+            // Each bin is assumed to extend half of the way to its neighbours.
             const double reach = (lam[i + 1 < size() ? i + 1 : i] - lam[i ? i - 1 : 0]) / 4;
             spread.push_back(reach * reach / 3);
         }

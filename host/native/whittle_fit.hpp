@@ -191,16 +191,16 @@ inline void substitute(int n, const double (*a)[kMostFree], double* b, bool both
     }
 }
 
-constexpr double kLongest = 3;  // in one step of a fit, no parameter changes by more than this
+constexpr double kLongest = 3;  // in one step of a fit, no parameter changes by more than this number
 
 struct Patience {
     int steps = 60;
     double converged = 1e-5;  // a step that lowers -log L by less than this counts as small
     // correlation times may be up to this many times the longest one that the spectrum can show
     double slowest = 1;
-    // If the Fisher information on a parameter is less than this, the parameter is ignored when the length of
-    // a step is limited, because its own change would be endless. A model search does not use this rule,
-    // because a relaxation would then turn into a filter of one pole too soon.
+    // If the data say so little of a parameter that its Fisher information is less than this, the parameter
+    // does not limit the length of a step, because its own change would be endless. A model search does not
+    // use this rule: with it, a relaxation would turn into a filter of one pole too soon.
     double nothing = 0;
 
     Patience() = default;

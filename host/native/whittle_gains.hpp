@@ -51,11 +51,10 @@ inline Candidate leaking(const Bins& bins, Candidate filter) {
     return filter;
 }
 
-// By how much adding a candidate to a model raises 2 log L. This follows from Rao's score with all parameters
-// of the model free.
-// `log_power`: logarithm of the ratio of the added part's best power to the candidate's power. For a filter,
-// the larger one of two figures counts. These are the rise of 2 log L by the complete filter, and Rao's score
-// for a small exponent of the filter's gain.
+// `gain`: by how much adding a candidate to a model raises 2 log L. This follows from Rao's score with all
+// parameters of the model free. For a filter, it is the larger one of two figures: the rise of 2 log L by the
+// complete filter, and Rao's score for a small exponent of the filter's gain. `log_power`: logarithm of the
+// ratio of the added part's best power to the candidate's power.
 struct Gain {
     double gain, log_power;
 };

@@ -14,17 +14,18 @@ namespace noise_models {
 // white noise is negligible if -log L rises by less than this when it is removed
 constexpr double kNoWhite = 0.01;
 
-// Returns -log L of the same model with its white noise removed.
+// Returns -log L of a model without its white noise.
 inline double without_white(Room& room, const Terms& terms, std::vector<double> eta) {
     eta[0] = std::log(room.bins.mean) - kSmallest;
     return room.here.at(terms, eta.data());
 }
 
-// At a value of a parameter, the loss is how much lower 2 log L of the best fit with this value is than that
-// of the best fit of all. The interval of the parameter ends where the loss is `usual`. If the fit at the end
-// has no white noise, the interval ends where the loss is `at_bound`.
+// The loss at a value of a parameter is the 2 log L of the best fit of all, minus that of the best fit with
+// this value. The interval of the parameter ends where the loss is `usual`. If the fit at the end has no
+// white noise, the interval ends where the loss is `at_bound`.
 struct Critical {
-    double usual, at_bound;  // if both are equal, it does not matter whether the fit has white noise
+    // if `usual` and `at_bound` are equal, it does not matter whether the fit has white noise
+    double usual, at_bound;
 };
 
 // A value of the parameter that was tried, and all parameters of the best fit with this value.
@@ -63,8 +64,8 @@ inline double near(double step) { return std::fmin(std::fmax(step, -1.0), 1.0); 
 
 // Returns the end of the interval of parameter i on the side `side`, which is -1 for the lower and 1 for the
 // upper side. Returns NaN if the profile likelihood does not fall far enough before the value `limit`. `end`:
-// differences between all parameters at the end that an earlier call has found and the best parameters, or
-// empty. If there is an end, the new differences are written to `end`.
+// all parameters at the end that an earlier call has found, minus the best parameters; or empty. If there is
+// an end now, its differences are written to `end`.
 inline double interval_end(const Bins& bins, const Terms& terms, const std::vector<double>& best, double nll,
                            int i, int side, double limit, double step, const Critical& critical,
                            const Patience& patience, std::vector<double>& end) {

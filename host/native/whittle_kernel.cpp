@@ -92,7 +92,7 @@ void relaxation(const Columns& b, bool mirrored, const double* eta, double* part
     });
 }
 
-// α and g of a part with an order, and the derivatives of α and g by the part's first two free parameters.
+// Order α and feedback g of a part, and the derivatives of both by the part's first two free parameters.
 struct Order {
     double alpha, g, by[2][2];
 };
@@ -221,8 +221,8 @@ void notch(const Columns& b, const double* eta, double* gain, double* const* slo
         typedef decltype(one) T;
         const T sine = from<T>(b.square + i) / T(4.0), cosine = T(1.0) - sine, step = from<T>(b.spread + i);
         const T away = sine - T(square) * cosine, flat = sine * cosine;
-        // At a single frequency, the gain is A / (A + K). It is averaged over the bin's frequencies. Their
-        // mean square distance from the bin's centre increases the mean of A by B.
+        // At a single frequency, the gain is A / (A + K), with A and K as below. It is averaged over the
+        // bin's frequencies, whose mean square distance from the bin's centre increases the mean of A by B.
         const T A = away * away, B = flat * T(1 + square) * T(1 + square) * step;
         const T K = T(width * width) * flat, W = A + B + K;
         const T both = T(4.0) * A * B * K / (W * W * W), value = (A + B) / W - both, more = T(3.0) * both / W;

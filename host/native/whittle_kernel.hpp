@@ -24,8 +24,8 @@ constexpr double kMostPoles = 24;
 constexpr double kSmallest = 30, kLargest = 30;
 constexpr double kNoPole = 2.5;  // largest logarithm of the rate in ARFIMA's φ = e^-rate; φ is then 5e-6
 
-// One part of a noise model. `size` is only used for the part kMean, which is the mean of m samples. There it
-// is m.
+// One part of a noise model. `size` is only used for the part kMean, which is the mean of m samples. For
+// kMean, `size` is m.
 struct Term {
     Part part;
     int size;
@@ -38,7 +38,7 @@ struct Columns {
     const double* power;
     const double* lam;
     const double* square;  // |1 - e^{-iλ}|², where λ is the frequency
-    const double* cos1;    // cosine and sine of the frequency λ
+    const double* cos1;    // cosine of the frequency λ; sin1: its sine
     const double* sin1;
     const double* ln_size;  // log |1 - e^{-iλ}|, where λ is the frequency
     const double* quarter;  // (π - λ) / 2, where λ is the frequency
@@ -66,7 +66,7 @@ struct Kernel {
     // kMostFree). `slopes`: derivatives of log S by the parameters. `over`: work space of shape (size,).
     void (*derivatives)(const Columns& bins, const double* total, int free, const double* const* slopes,
                         double* over, double* gradient, double* information);
-    // For each of the `count` rows b, writes the sum of the products Σ a b over all bins.
+    // For each of the `count` rows b, writes the sum Σ a b over all bins.
     void (*dots)(std::size_t size, const double* a, int count, const double* const* rows, double* found);
     // Writes the products a b to `into`, which may be the same array as a or b.
     void (*times)(std::size_t size, const double* a, const double* b, double* into);

@@ -21,49 +21,56 @@ constexpr double kHighestHighPass =
 // maximum
 constexpr double kWidestPeak = -1.0;
 
-// The noise parts. The comments name the free parameters of each part, in the order in which a fit has them;
-// h is the sampling period, and logit p = log(p / (1 - p)). If candidates for a model have equal gains, a
-// search prefers the part that stands first here.
+// The noise parts. The comments name the free parameters of each part after "parameters", in the order in
+// which a fit has them; h is the sampling period, and logit p = log(p / (1 - p)). If two parts would raise
+// the likelihood equally, a search prefers the one that comes first here.
 enum Part : int {
-    kWhite,  // white noise: log of its variance R
-    // relaxation (first-order Gauss-Markov process): log of its variance σ², log of the ratio of h to its
-    // correlation time τ
+    kWhite,  // white noise; parameter: log of its variance R
+    // relaxation (first-order Gauss-Markov process); parameters: log of its variance σ², and log of the ratio
+    // of h to its correlation time τ
     kRelaxation,
-    kWalk,  // random walk: log of the variance of a step
-    // fractional state D^α x = f x + ω of the order α, with g = h^α f: α, logit(-g / 2^α), log of the
-    // variance s2 of a step
+    kWalk,  // random walk; parameter: log of the variance of a step
+    // fractional state D^α x = f x + ω of the order α, with g = h^α f; parameters: α, logit(-g / 2^α), and
+    // log of the variance s2 of a step
     kOrder,
-    // resonance: log of the height of its peak, log of its frequency [rad per sample], log of the ratio of
-    // its width to its frequency
+    // resonance; parameters: log of the height of its peak, log of its frequency [rad per sample], and log of
+    // the ratio of its width to its frequency
     kResonance,
-    kQuantised,  // differences of white noise, as from rounding: log of the variance of that white noise
-    // noise whose power rises as |1 - e^{-iλ}|^2δ with the frequency λ: log of the power at λ = π, δ
+    // differences of white noise, as from rounding; parameter: log of the variance of that white noise
+    kQuantised,
+    // noise whose power rises as |1 - e^{-iλ}|^2δ with the frequency λ; two parameters: the log of the power
+    // at λ = π, and δ
     kRise,
-    // sampled low-pass with n poles and the analog gain 1 / (1 + (λ² / c)^n): log c, n as a logit between its
-    // limits
+    // sampled low-pass with n poles and the analog gain 1 / (1 + (λ² / c)^n); parameters: log c, and n as a
+    // logit between its limits
     kLowPass,
-    // high-pass with n poles and the gain 1 / (1 + (c / |1 - e^{-iλ}|²)^n): log c, n as a logit between its
-    // limits
+    // high-pass with n poles and the gain 1 / (1 + (c / |1 - e^{-iλ}|²)^n); parameters: log c, and n as a
+    // logit between its limits
     kHighPass,
-    kSharp,  // filter with the taps -s, 1 + 2 s, -s, which sharpens if s > 0 and smooths if s < 0: s
-    // notch: log of the frequency that it removes, log of the ratio of its width to this frequency
+    // filter with the taps -s, 1 + 2 s, -s, which sharpens if s > 0 and smooths if s < 0; parameter: s
+    kSharp,
+    // notch; parameters: log of the frequency that it removes, and log of the ratio of its width to this
+    // frequency
     kNotch,
-    kMean,  // filter that takes the mean of m samples, with a fixed m: no parameter
-    // relaxation in which every second sample has the opposite sign: parameters as for kRelaxation
+    kMean,  // filter that takes the mean of m samples, with a fixed m; it has no parameter
+    // relaxation in which every second sample has the opposite sign; parameters: as for kRelaxation
     kAlternating,
-    kFloor,  // white noise that is added behind all filters, for example by rounding: log of its variance
-    // noise with an order d but no f, ARFIMA(1, d, 0) with φ = e^-rate and steps of variance s2: d, log of
-    // the rate, log of s2 / (1 - φ)²
+    // white noise that is added behind all filters, for example by rounding; parameter: log of its variance
+    kFloor,
+    // noise with an order d but no f, ARFIMA(1, d, 0) with φ = e^-rate and steps of variance s2; parameters:
+    // d, log of the rate, and log of s2 / (1 - φ)²
     kArfima,
-    // the noise of kOrder with other parameters, so that a fit can hold F = g + α fixed: F, log(-g), log s2
+    // the noise of kOrder with other parameters, so that a fit can hold F = g + α fixed; they are F, log(-g)
+    // and log s2
     kOrderByF,
-    // the noise of kOrder with other parameters, so that a fit can hold f = g / h^α fixed: α, log(-f), log s2
+    // the noise of kOrder with other parameters, so that a fit can hold f = g / h^α fixed; they are α,
+    // log(-f) and log s2
     kOrderByf,
-    // the noise of kOrder with another parameter, so that a fit can hold Q = s2 / h^2α fixed: α,
-    // logit(-g / 2^α), log Q
+    // the noise of kOrder with another parameter, so that a fit can hold Q = s2 / h^2α fixed; parameters: α,
+    // logit(-g / 2^α), and log Q
     kOrderByQ,
-    // the noise of kArfima with another parameter, so that a fit can hold the variance s2 of a step fixed: d,
-    // log of the rate, log s2
+    // the noise of kArfima with another parameter, so that a fit can hold the variance s2 of a step fixed;
+    // parameters: d, log of the rate, and log s2
     kArfimaByStep,
 };
 constexpr int kParts = kArfimaByStep + 1;
@@ -74,7 +81,7 @@ enum Value : int {
     kLevel,      // log of the variance of white noise
     kPower,      // log of the power of a part
     kRate,       // log of h / τ, where h is the sampling period and τ the correlation time
-    kPole,       // log of the rate of an ARFIMA, whose φ is e^-rate
+    kPole,       // log of the rate of the part kArfima, whose coefficient φ is e^-rate
     kAlpha,      // an order, whose bounds are those of the fit
     kNumber,     // a parameter that is used as it is, without a transformation
     kShape,      // a logit or a logarithm of a number, beyond whose bounds the spectrum hardly changes

@@ -1,9 +1,9 @@
 // Searches for the noise models that describe a spectrum best. Noise parts are added to a model as long as
 // they raise 2 log L by more than the price of their parameters. After that, parts that no longer raise it as
-// much are removed. Three models are searched for in the same way. The first is the best model without an
-// order at the price of the criterion BIC. The second is the best model without an order at a lower price,
-// which is what a parameter gains by chance. The third is the best model with an order. Which of these models
-// is believed is decided elsewhere (host/fltea/spectrum/verdict.py).
+// much are removed. Three models are searched for in the same way. The first (`plain`) is the best model
+// without an order at the price of the criterion BIC. The second (`rich`) is the best model without an order
+// at a lower price, which is what a parameter gains by chance. The third (`ordered`) is the best model with
+// an order. Which of these models is believed is decided elsewhere (host/fltea/spectrum/verdict.py).
 #pragma once
 
 #include <algorithm>
@@ -18,7 +18,7 @@ namespace noise_models {
 
 struct Frontier {
     FittedModel white, null, plain, rich, pure,
-        ordered;  // null: an order up to 1 in white noise, which is the first alternative of the null test
+        ordered;  // `null`: an order up to 1 in white noise, the first alternative of the null test
     FittedModel
         // white noise that has passed a high-pass of one pole, which is the second alternative of the null
         // test
@@ -91,10 +91,11 @@ class Search {
     static constexpr double kTrial = 0.1;
     static constexpr int kSteps = 60, kTrialSteps = 12;
     static constexpr int kMostParameters = 20, kRelaxations = 6, kResonances = 2;
-    // ARFIMA is chosen only if its 2 log L exceeds that of the fractional state by more than this
+    // ARFIMA (an order without f) is chosen only if its 2 log L exceeds that of the fractional state by more
+    // than this
     static constexpr double kAhead = 6;
-    // If a part is so significant that it gains more than this many times its price, it stays in the model,
-    // and no trial fit without it is made.
+    // If a part gains more in 2 log L than this many times the price of its parameters, it stays in the
+    // model, and no trial fit without it is made.
     static constexpr double kSure = 4;
     // logarithm of the ratio of the mean power to the power of negligible white noise
     static constexpr double kNothing = 12;
