@@ -3,8 +3,8 @@
 #define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include <doctest/doctest.h>
 
-// These files are included after the test framework, because the stub defines macros such as min, round and
-// bit, as the real Arduino core does.
+// The sketch's files are included after the test framework, because the stub defines macros such as min,
+// round and bit, as the real Arduino core does.
 #include "board.h"
 #include "identity.h"
 #include "serial_sink.h"
@@ -104,14 +104,14 @@ TEST_CASE_FIXTURE(Bench, "Wire's own time-out is told from a NACK by its length"
     CHECK(bus.read(kAddress, kWhoAmI, data, 1) == I2cResult::ok);
     board.clocks = 0;
     CHECK(bus.recover() == HeldLines::none);
-    // the only clock is that of the STOP, because the controller held the line, and not the sensor
+    // the only clock pulse is that of the STOP, because the controller held the line, and not the sensor
     CHECK(board.clocks == 1);
 }
 
 TEST_CASE_FIXTURE(Bench,
                   "a line that gets stuck at any byte of a read is a time-out, and the next read is whole") {
     bus.recover();
-    // `after`: number of bytes that are read before the line gets stuck. With 0, it gets stuck at the
+    // `after`: number of bytes that are read before the line gets stuck. With 0, the line gets stuck at the
     // address, the register or the repeated START. With 14, it gets stuck at the STOP.
     for (int after = 0; after <= 14; ++after) {
         CAPTURE(after);
@@ -157,7 +157,7 @@ TEST_CASE_FIXTURE(Bench,
 
 TEST_CASE_FIXTURE(Bench, "a free bus gets no clocks, one STOP, and Wire again") {
     CHECK(bus.recover() == HeldLines::none);
-    CHECK(board.clocks == 1);  // the only clock is that of the STOP
+    CHECK(board.clocks == 1);  // the only clock pulse is that of the STOP
     CHECK(board.stops == 1);
     CHECK(board.wire_begins == 1);
     CHECK(board.drives == 0);
@@ -177,7 +177,7 @@ TEST_CASE_FIXTURE(Bench, "a held SDA is freed by as many clocks as it needs, nin
         uint8_t data[1];
         CHECK(bus.read(kAddress, kWhoAmI, data, 1) == I2cResult::ok);
     }
-    board.chip.held_clocks = 11;  // recover() gives only ten clocks: nine, and that of the STOP
+    board.chip.held_clocks = 11;  // recover() gives only ten clock pulses: nine, and that of the STOP
     board.clocks = 0;
     CHECK(bus.recover() == HeldLines::sda);
     CHECK(board.clocks == 10);

@@ -146,7 +146,7 @@ class FakeChip {
     bool resetting_ = false;
 };
 
-// Largest duration of recover(), which sends nine clocks and a STOP.
+// Largest duration of recover(), which sends nine clock pulses and a STOP.
 constexpr uint64_t kRecoverUs = 900;
 
 class FakeBus final : public fltea::I2cBus {
@@ -163,7 +163,7 @@ class FakeBus final : public fltea::I2cBus {
     uint8_t flip_mask = 0x01;
     // this function is called with the register and the data of each read
     std::function<void(uint8_t, uint8_t*)> tamper;
-    // number of recoveries after which the line of `held` is free again; -1: never
+    // number of recoveries after which the bus line in `held` is free again; -1: never
     int clocks_to_free = 0;
     int recoveries = 0;
     int failures = 0;
@@ -224,7 +224,8 @@ class FakeBus final : public fltea::I2cBus {
         if (!plugged) result = fltea::I2cResult::nack;
         if (held != fltea::HeldLines::none) result = fltea::I2cResult::timeout;
         if (result != fltea::I2cResult::ok) ++failures;
-        // A byte takes nine clocks of 2.5 us. Half of the transfer's time passes before `during` is called.
+        // A byte takes nine clock periods of 2.5 us. Half of the transfer's time passes before `during` is
+        // called.
         const uint64_t us =
             result == fltea::I2cResult::timeout ? fltea::settings::kI2cTimeoutUs : bytes * 45 / 2;
         clock_.pass(us / 2);

@@ -28,8 +28,8 @@ typedef fltea::engine::FitBins<Octaves> Bins;
 
 constexpr float kCountsPerDps = static_cast<float>(fltea::kGyroLsbTenths) / 10.0f;
 
-// A source of noise: each call returns the next sample of white noise plus a slow state (a relaxation, which
-// is a first-order Gauss-Markov process), in counts.
+// A source of noise: each call of the object returns the next sample of white noise plus a slow state (a
+// relaxation, which is a first-order Gauss-Markov process), in counts.
 class Counts {
   public:
     explicit Counts(unsigned seed, double slow = 0.5) : random_(seed), white_(0, 3), slow_(0, slow) {}

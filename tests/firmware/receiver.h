@@ -103,7 +103,7 @@ class Receiver {
         }
     }
 
-    // Returns the number of blocks that were judged so far, with any result. A block is what lies between two
+    // Returns the number of blocks that were judged so far, with any result. A block is the bytes between two
     // zeros.
     int judged() const {
         int total = refused;

@@ -119,9 +119,9 @@ class Rig {
     uint64_t random_ = 1;
 };
 
-// Checks that every sampling instant is accounted for. Two numbers have to be equal: the samples delivered
-// plus the overruns and dropped frames that STATUS counts, and the number of instants that follows from the
-// last sample's sequence number.
+// Checks that every sampling instant is accounted for. Two numbers have to be equal. One is the number of
+// samples delivered, plus the overruns and dropped frames that STATUS counts. The other is the number of
+// instants, which follows from the last sample's sequence number.
 inline void check_balance(const Rig& rig) {
     const fltea::Status status = rig.status();
     const std::vector<Frame> samples = rig.samples();

@@ -154,7 +154,8 @@ TEST_CASE(
     CHECK(frames[first_sample - 1].type == fltea::Estimator::type());
 
     const std::vector<Frame> hellos = rig.sink.of<fltea::Hello>();
-    REQUIRE(hellos.size() == 12);  // one HELLO at boot, one when the sensor runs, and ten more
+    // one HELLO at boot, one when the sensor runs, and one in each of ten seconds
+    REQUIRE(hellos.size() == 12);
     for (size_t i = 0; i < hellos.size(); ++i) CHECK(hellos[i].sequence == i);
     for (size_t i = 2; i < hellos.size(); ++i) {
         const uint64_t due = (i - 1) * kS - kPeriodUs / 2;

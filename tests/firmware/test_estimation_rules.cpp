@@ -88,8 +88,8 @@ TEST_CASE(
     counts[499] = -6;
     CHECK(!baseline_of(counts).constant());
     CHECK(baseline_of(counts).variance() == 1.0f / 12.0f);
-    // With 46 of 500 counts changed by 1, the variance is 0.0837. That is the first value above the lower
-    // limit of 1/12, the variance of rounding.
+    // If 46 of 500 counts differ by 1, the variance is 0.0837. That is the first value above the lower limit
+    // of 1/12, which is the variance of rounding.
     for (size_t i = 0; i < 46; ++i) counts[i] = -6;
     CHECK(baseline_of(counts).variance() > 1.0f / 12.0f);
 }

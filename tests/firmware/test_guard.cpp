@@ -19,8 +19,7 @@ TEST_CASE("recovery: a brown-out without a word: no sample with a wrong scale, t
         for (const Frame& frame : rig.samples()) {
             REQUIRE(message_of<fltea::Sample>(frame).gyro_x != kWrong);
         }
-        // In data-ready mode, the chip also stops giving edges, and the device notices the missing edges
-        // first.
+        // In data-ready mode, a chip that stops also gives no more edges, and the device notices that first.
         if (mode == SamplingMode::timer) {
             CHECK(rig.fault_count(FaultCode::readback_mismatch) == 1);
             CHECK(rig.fault_detail(FaultCode::readback_mismatch) == 0x1A0100);

@@ -93,7 +93,7 @@ TEST_CASE("noise fit: what it says is what the spectrum and the fit say without 
             CHECK(said.ordinates == expected.ordinates);
             CHECK(said.s2 == doctest::Approx(expected.s2 / (kCountsPerDps * kCountsPerDps)).epsilon(1e-6));
             CHECK(said.r == doctest::Approx(expected.R / (kCountsPerDps * kCountsPerDps)).epsilon(1e-6));
-            // the parameter f = g h^-α, where h is the sampling period
+            // the parameter f = g h^-α, where h is the sampling period and g the feedback per sample
             const double h = 1e-6 * settings::kSamplePeriodUs;
             CHECK(static_cast<double>(said.f) ==
                   doctest::Approx(static_cast<double>(expected.g) * std::pow(h, -said.alpha)).epsilon(1e-4));
@@ -127,8 +127,8 @@ TEST_CASE("noise fit: a spectrum that goes on while it is read is read again") {
         f.work(3);
     }
     CHECK(f.fits[0].age > 1000);
-    // The fit states in its field `age` how many samples it has used. Its result is that of a spectrum of so
-    // many samples.
+    // The fit states in its field `age` how many samples it has used. Its result is the one that a spectrum
+    // of so many samples gives.
     Fitting again;
     for (uint32_t n = 0; n < f.fits[0].age; ++n) again.add();
     const whittle::FitFigures expected = again.at_once(0);

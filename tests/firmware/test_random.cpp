@@ -171,7 +171,7 @@ TEST_CASE("random trouble: nothing is sent that must not be, and delivered + ove
             rig.start();
             rig.run(20 * kS);
             trouble.end();
-            // called at every tick, so that no overrun comes after the last STATUS
+            // from now on, step() is called at every tick, so that no overrun comes after the last STATUS
             rig.calls = Rig::Calls::every_tick;
             rig.run(4 * kS);
             check_all_that_was_sent(rig, mode);

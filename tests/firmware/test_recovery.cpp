@@ -11,8 +11,8 @@ using fltea::SamplingMode;
 
 TEST_CASE("recovery: one failed transfer costs no sample; it is flagged and counted") {
     for (I2cResult result : {I2cResult::nack, I2cResult::timeout, I2cResult::short_read}) {
-        // Number of good transfers before the failing one. With 0, the reading of the burst fails. With 1,
-        // the reading of the guard registers fails.
+        // Number of good transfers before the one that fails. With 0, the reading of the sample (the burst)
+        // fails. With 1, the reading of the guard registers after it fails.
         for (size_t at : {0, 1}) {
             Rig rig;
             rig.start_and_settle();
@@ -305,7 +305,7 @@ TEST_CASE("recovery: in data-ready mode an edge during a failed read gives its o
     Rig rig(SamplingMode::data_ready);
     rig.calls = Rig::Calls::every_tick;
     rig.start_and_settle();
-    // The first attempt to read, 8 ms after an edge, fails after 3 ms: after the next edge, at 10 ms.
+    // The read begins 8 ms after an edge and fails 3 ms later; the next edge has come meanwhile, at 10 ms.
     const Frame before = rig.samples().back();
     rig.clock.pass(before.device_us + 18 * kMs - rig.clock.us());
     rig.edges();

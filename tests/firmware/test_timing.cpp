@@ -231,7 +231,7 @@ TEST_CASE("edges: the time that one that got lost leaves is an instant too") {
     CHECK(edged.edge(40000));
     CHECK(edged.sampler.sequence() == 3);
     CHECK(edged.sampler.overruns() == 1);
-    CHECK(edged.edge(59800));  // this edge is 200 us early, because the sensor's clock is fast
+    CHECK(edged.edge(59800));  // this edge comes 200 us early, because the sensor's clock is fast
     CHECK(edged.sampler.sequence() == 5);
     CHECK(edged.sampler.overruns() == 2);
 }

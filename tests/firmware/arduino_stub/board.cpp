@@ -34,7 +34,7 @@ uint64_t byte_ns() { return 10000000000ull / (board.baud ? board.baud : 250000);
 
 uint64_t edge_period_ns() { return (board.chip.registers[kSmplrtDiv] + 1u) * 1000 * kUs; }
 
-// Whether the data-ready pin is connected to nothing, so that it picks up edges from its surroundings.
+// Whether the data-ready pin floats: it is connected to nothing, so it picks up edges from its surroundings.
 bool floats() {
     const Pin& pin = board.pins[board.edge_pin];
     return !board.int_wire && !(pin.owner == Pin::port && pin.mode == INPUT_PULLUP);

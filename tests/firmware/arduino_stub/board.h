@@ -22,7 +22,7 @@ struct Chip {
     int stalls = 0;       // number of future transfers that hang until Wire gives up
     int stall_after = 0;  // number of bytes of a hanging read that arrive before it hangs
     int short_by = 0;     // number of bytes that are missing in the next read
-    int held_clocks = 0;  // the chip holds SDA low until this many clocks have come; kForEver: always
+    int held_clocks = 0;  // the chip holds SDA low until this many clock pulses have come; kForEver: always
     bool scl_held = false;
 };
 
@@ -51,7 +51,8 @@ struct Board {
     int clocks = 0;  // rising edges of SCL that were made by setting the pin
     int stops = 0;   // STOP conditions that were made by setting pins
     int drives = 0;  // number of times that the program drove a line high, which I2C forbids
-    // byte of a refused write that stays in the controller and is sent first in the next write; -1: none
+    // byte of a write without acknowledgement that stays in the controller and is sent first in the next
+    // write; -1: none
     int remains = -1;
     int stale_reads = 0;  // number of future complete reads that leave a byte in the controller
     // a read has left a byte in the controller; the next read takes it for its first byte
