@@ -63,7 +63,8 @@ std::size_t device_run(Device* device, std::size_t n, const int16_t* counts, con
     }
     return made;
 }
-// Writes three numbers: bias and R from the start-up window, and the number of restarts of the filters.
+// Writes three numbers: bias and variance R of the white noise, both from the start-up window, and the number
+// of restarts of the filters.
 void device_baseline(const Device* device, double* out) {
     out[0] = static_cast<double>(device->axis.bias_dps());
     out[1] = static_cast<double>(device->axis.r_dps2());

@@ -46,8 +46,9 @@ void spectrum_add(Axis* axis, std::size_t n, const std::int16_t* counts) {
     for (std::size_t k = 0; k < n; ++k) axis->octaves.add(counts[k]);
 }
 void spectrum_skip(Axis* axis, std::size_t lost) { axis->octaves.skip(lost); }
-// Writes eleven numbers of the last fit: verdict, α, standard deviation of α, g, s2, R, 2 log L minus that of
-// white noise, 2 log L minus that of AR(1), number of ordinates, whether α is defined, number of evaluations.
+// Writes eleven numbers of the last fit: verdict, α, standard deviation of α, feedback g, variance s2 of a
+// step, variance R of the white noise, 2 log L minus that of white noise, 2 log L minus that of AR(1), number
+// of ordinates, whether α is defined, number of evaluations.
 void spectrum_fit(Axis* axis, double* out) {
     axis->bins.begin();
     while (!axis->bins.step(axis->octaves)) {
@@ -72,7 +73,7 @@ void spectrum_fit(Axis* axis, double* out) {
 // Sets the tracker's filter to that of the last fit, from the next sample on.
 void spectrum_retrack(Axis* axis) { design(axis, axis->memory.figures()); }
 // Sets the tracker's filter to that of a given fit. `given` has the verdict, followed by α, g, s2 and R of a
-// fractional order, or by 1 - φ, variance and R of a relaxation.
+// fractional order (as in spectrum_fit), or by 1 - φ, variance and R of a relaxation.
 void spectrum_design(Axis* axis, const double* given) {
     fltea::whittle::FitFigures figures = fltea::whittle::FitFigures();
     figures.verdict = static_cast<fltea::whittle::Verdict>(static_cast<int>(given[0]));

@@ -138,7 +138,8 @@ TEST_CASE("allan: merged sums that forget count the newest samples of both, what
     more.add(large.data(), large.size());
     const double of_small = sums.points()[0].avar, of_large = more.points()[0].avar;
     sums.merge(more);
-    // The newest difference of each series has the weight 1, and each older one exp(-1 / memory) of the next.
+    // The newest difference of each series has the weight 1. Each older difference has exp(-1 / memory) times
+    // the weight of the next one.
     const double decay = std::exp(-1 / memory);
     const double weight_small = (1 - std::pow(decay, 899)) / (1 - decay);
     const double weight_large = (1 - std::pow(decay, 3000)) / (1 - decay);

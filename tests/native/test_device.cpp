@@ -115,14 +115,16 @@ TEST_CASE("device: what does not follow is not believed") {
         bool follows;
     } const others[] = {
         {0, 655'360'000, 655'360 * kMs, true},
-        {65'535, 655'350'000, 655'350 * kMs, false},  // does not follow: it is the same sample again
-        {1, 655'370'000, 655'370 * kMs, false},       // does not follow: one sample is missing
-        // follows: its delay by the device's clock is the largest that is allowed
+        // this sample does not follow directly: it is the last one again
+        {65'535, 655'350'000, 655'350 * kMs, false},
+        {1, 655'370'000, 655'370 * kMs, false},  // this sample does not follow directly: one is missing
+        // this sample follows directly: its delay by the device's clock is the largest allowed
         {0, 655'350'000 + 20'200, 655'360 * kMs, true},
-        {0, 655'350'000 + 20'201, 655'360 * kMs, false},  // 1 us later: does not follow
-        // follows: its delay by the host's clock is the largest that is allowed
+        {0, 655'350'000 + 20'201, 655'360 * kMs, false},  // 1 us later, it does not follow directly
+        // this sample follows directly: its delay by the host's clock is the largest allowed
         {0, 655'360'000, 655'360 * kMs + 300'000 * kMs, true},
-        {0, 655'360'000, 655'360 * kMs + 300'000 * kMs + 1, false},  // 1 ns later: does not follow
+        // 1 ns later, it does not follow directly
+        {0, 655'360'000, 655'360 * kMs + 300'000 * kMs + 1, false},
     };
     for (const auto& other : others)
         CHECK(run.device.place.follows(other.sequence, other.device_us, other.host_ns) == other.follows);

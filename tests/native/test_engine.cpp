@@ -17,7 +17,7 @@ using namespace fltea::engine;
 
 namespace {
 
-// The settings of the paper's section 7.1.
+// The settings of section 7.1 of the paper.
 const LaneSettings kGyroscope = {std::log(0.01), 0,   0.01, 0.15, 0.0235, 1,      0.01, 0.1,
                                  0.0235,         0.5, 0,    0.01, 0.1,    0.0235, 0.5,  4};
 // The default settings of the joint filter.
@@ -53,7 +53,7 @@ Sample<T> sample_of(double y, double u, bool missing) {
     return sample;
 }
 
-// Returns all estimates of one lane, sample after sample.
+// Returns all estimates of one lane (axis), sample after sample.
 template <class T, template <class> class Variant, template <class> class Kind>
 std::vector<double> run(Guard guard, const LaneSettings& settings, const std::vector<double>& y) {
     std::vector<T> storage(Kind<T>::storage());

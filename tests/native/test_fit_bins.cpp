@@ -96,7 +96,8 @@ TEST_CASE("fit bins: bins of white noise have its variance, all its ordinates, a
         std::unique_ptr<Gathered> bins(new Gathered);
         make_bins(*octaves, *bins);
         CAPTURE(n);
-        // The mean power is the variance of the noise, 9, plus that of rounding to counts, 1/12.
+        // The mean power is the sum of two variances: that of the noise, 9, and that of rounding to counts,
+        // 1/12.
         CHECK(bins->mean_power() ==
               doctest::Approx(9 + 1.0 / 12).epsilon(4 / std::sqrt(static_cast<double>(n) / 2)));
         CHECK(static_cast<double>(bins->ordinates()) > 0.38 * n);

@@ -235,9 +235,9 @@ TEST_CASE("fixed memory: sums of noise as those of the exact memory, for x, and 
                 direct.sums(static_cast<double>(order), exact_S, exact_V);
                 CHECK(static_cast<double>(S) == sum_of(memory, order));
                 worst = std::max(worst, std::fabs(static_cast<double>(S) - exact_S) / sigma);
-                // V, the sum over past variances, is computed as if the past had no beginning. It can
-                // therefore only be compared after many samples. For orders below -1/4, V is computed for the
-                // order -1/4, so it is not compared.
+                // V, the sum over past variances, is computed as if the past had no beginning, so it can only
+                // be compared after many samples. For orders below -1/4, V is computed for the order -1/4, so
+                // it is not compared.
                 if (k != n - 1 || order < -0.25f) continue;
                 CHECK(std::fabs(static_cast<double>(V) - exact_V) <=
                       5e-3 * exact_V + 2e-6 * static_cast<double>(R));

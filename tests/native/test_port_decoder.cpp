@@ -165,7 +165,8 @@ TEST_CASE("wire line: what was not taken is left out") {
     line.line.silent(5 * kSecondNs + 3);
     for (int k = 0; k < 9; ++k) CHECK(line.line.next().kind == PortItem::kTick);
     line.line.pass_time(0);
-    // next() has returned nine of the ten ticks. pass_time() has discarded the tenth, so no item is left.
+    // next() has returned nine of the ten ticks. Calling pass_time() has discarded the tenth, so no item is
+    // left.
     CHECK(line.line.next().kind == PortItem::kDone);
     line.line.silent(5 * kSecondNs + 3);
     CHECK(line.line.next().kind == PortItem::kTick);

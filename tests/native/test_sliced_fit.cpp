@@ -68,7 +68,7 @@ double white_fit(const models::Bins& bins) {
     return models::score(bins, {models::Term{models::kWhite, 0}}, &eta, -1, models::Patience());
 }
 
-// Returns the σ of α from the curvature of the likelihood at the device's result, in double.
+// Returns the standard deviation of α by the likelihood's curvature at the device's result, in double.
 template <class Any>
 double order_std_in_double(const Any& bins, const FitFigures& found) {
     const models::Bins on = on_host(bins);
@@ -138,8 +138,8 @@ TEST_CASE("sliced fit: answers are the host's of the same bins") {
             CAPTURE(full.eta[1]);
             CAPTURE(cold.alpha_std);
             const double ratio = 2 * (white_fit(host) - up_to_one.nll);
-            // For white noise, whose ratios are small, the likelihood has many maxima of nearly the same
-            // height. The device's ratio may then be lower by 0.5.
+            // For white noise, the likelihood has many maxima of nearly the same height. The likelihood
+            // ratios are small then, and the device's may be lower than the host's by 0.5.
             CHECK(static_cast<double>(cold.ratio_white) <= ratio + 0.05 + 2e-3 * ratio);
             CHECK(static_cast<double>(cold.ratio_white) >= ratio - (ratio < 6 ? 0.5 : 0.05 + 2e-3 * ratio));
             // For white noise, the likelihood has many maxima at orders above 1, and the fit need not find
