@@ -69,7 +69,7 @@ struct Execution {
     uint64_t may_be_quick;
     uint64_t calm;
     uint64_t go_fast;
-    uint64_t breakpoint;  // on_limit is called before the instruction at this address
+    uint64_t breakpoint;  // Python's on_limit is called before the instruction at this address
     uint64_t fast_block;
     uint64_t code_begin;
     uint64_t code_end;

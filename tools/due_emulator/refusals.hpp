@@ -1,7 +1,8 @@
-// Instructions that a Cortex-M3 refuses and Unicorn does not (ARMv7-M; A5 for the encodings). The emulator
-// has two Unicorn instances. For the exact one, each instruction is checked (`need_of`). For the fast one,
-// `AddressNeeds` examines each block of code once. It finds which registers have to hold multiples of 4 at
-// the beginning of the block, or it finds that this cannot be decided.
+// Instructions that a Cortex-M3 refuses and Unicorn does not (ARMv7-M Architecture Reference Manual, here
+// "ARMv7-M"; its chapter A5 has the encodings). The emulator has two Unicorn instances. For the exact one,
+// each instruction is checked (`need_of`). For the fast one, `AddressNeeds` examines each block of code once.
+// It finds which registers have to hold multiples of 4 at the beginning of the block, or it finds that this
+// cannot be decided.
 #pragma once
 #include <cstdint>
 #include <cstring>
@@ -36,8 +37,8 @@ inline Need need_of_narrow(uint16_t h) {
     return {kNotRefused, 0};
 }
 
-// Examines loads and stores of several words, and exclusive loads and stores (A5.3.5, A5.3.6; alignment:
-// A3.2.1).
+// Examines loads and stores of several words, and exclusive loads and stores (ARMv7-M, A5.3.5, A5.3.6;
+// alignment: A3.2.1).
 inline Need need_of_several(uint16_t h1, uint16_t h2) {
     const unsigned base = h1 & 15u;
     const bool several = !(h1 & 0x40);
@@ -135,7 +136,8 @@ class AddressNeeds {
         become(to, value);
     }
 
-    // Processes an instruction of 16 bits: moves, shifts, additions, comparisons, loads and stores (A5.2).
+    // Processes an instruction of 16 bits: moves, shifts, additions, comparisons, loads and stores (ARMv7-M,
+    // A5.2).
     void follow_narrow(uint64_t address, uint16_t h) {
         const unsigned low = h & 7u, middle = h >> 3 & 7u, high = h >> 8 & 7u, wide = (h >> 4 & 8u) | low;
         const unsigned first = h >> 11;
@@ -223,8 +225,8 @@ class AddressNeeds {
         if (exclusive) lose(h2 & 15u);
     }
 
-    // Processes a shift of a register by a constant (A5.3.11). The shift can copy the register, make a
-    // multiple of 4 of it, or compute an address in a table.
+    // Processes a shift of a register by a constant (ARMv7-M, A5.3.11). The shift can copy the register, make
+    // a multiple of 4 of it, or compute an address in a table.
     void follow_shifted(uint16_t h1, uint16_t h2) {
         const unsigned to = h2 >> 8 & 15u, base = h1 & 15u;
         const unsigned shift = (h2 >> 10 & 0x1Cu) | (h2 >> 6 & 3u);
@@ -250,7 +252,7 @@ class AddressNeeds {
         if (loads) lose(to);
     }
 
-    // Processes ADD, SUB, MOV and similar instructions with a constant (A5.3.1, A5.3.3).
+    // Processes ADD, SUB, MOV and similar instructions with a constant (ARMv7-M, A5.3.1, A5.3.3).
     void follow_immediate(uint16_t h1, uint16_t h2, unsigned base, unsigned to) {
         const bool plain = h1 & 0x200;
         const unsigned what = h1 >> 4 & 31u;
@@ -267,8 +269,8 @@ class AddressNeeds {
             lose(to);
     }
 
-    // Computes the constant of an instruction (ThumbExpandImm, A5.3.2), as far as is needed to see whether it
-    // is a multiple of 4.
+    // Computes the constant of an instruction (ARMv7-M, A5.3.2, ThumbExpandImm), as far as is needed to see
+    // whether it is a multiple of 4.
     static uint32_t expanded(uint16_t h1, uint16_t h2) {
         const unsigned how = (h1 >> 7 & 8u) | (h2 >> 12 & 7u), byte = h2 & 0xFFu;
         if (how == 2) return byte << 8;
