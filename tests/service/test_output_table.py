@@ -12,7 +12,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from fltea.machine.doctor.checks_outputs import LOOKS
+from fltea.machine.doctor.checks_outputs import CHECKS
 from fltea.records.errors import UsageError
 from fltea.service import open_outputs as opening
 from fltea.service.hub import Hub
@@ -78,8 +78,10 @@ def test_every_row_has_its_setting_its_sink_and_its_extra(output: Output) -> Non
 
 def test_the_doctor_looks_at_every_output() -> None:
     names = {output.name for output in OUTPUTS} - UNSEEN
-    assert not names - LOOKS.keys(), f"machine/doctor/checks_outputs.py: LOOKS has no {names - LOOKS.keys()}"
-    assert not LOOKS.keys() - names, f"settings/outputs.py: OUTPUTS has no {LOOKS.keys() - names}"
+    assert not names - CHECKS.keys(), (
+        f"machine/doctor/checks_outputs.py: CHECKS has no {names - CHECKS.keys()}"
+    )
+    assert not CHECKS.keys() - names, f"settings/outputs.py: OUTPUTS has no {CHECKS.keys() - names}"
 
 
 @EACH

@@ -124,7 +124,7 @@ def test_synthetic(url: str, pace: str, offset: bool) -> None:
         ("serial:", "nothing follows 'serial:'"),
         ("replay:", "nothing follows 'replay:'"),
         ("file:rest.npz", "'file:' is not a kind of source|serial:PORT, i2c:"),
-        ("mqtt:broker", "'mqtt:' is not a kind of source"),
+        ("mqtt:broker", "--source mqtt: many devices send there"),
         ("http://localhost/", "no serial port that this program knows"),
         ("serial:ftp://x", "no serial port that this program knows"),
         ("replay:/none/rest.npz", "/none/rest.npz: there is no such file"),

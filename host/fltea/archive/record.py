@@ -16,7 +16,7 @@ from fltea.records.ports import Source
 from fltea.records.records import AnyRecord, Error, Gap, Hello
 from fltea.records.visible import visible_lines
 from fltea.settings.config import Config
-from fltea.settings.ingest import is_shared
+from fltea.settings.sources import is_shared
 from fltea.sinks.record import RecordSink
 from fltea.sources.as_wire import AsWire
 from fltea.sources.open_source import check_recordable, check_shared, open_source

@@ -13,6 +13,7 @@ from fltea.records.errors import UsageError
 from fltea.settings.config import SETTINGS, of_flags, parse_setting
 from fltea.settings.how import How
 from fltea.settings.setting import Declared
+from fltea.settings.sources import help_text
 
 Command = Callable[..., None]
 ConfigFile = Annotated[
@@ -25,13 +26,8 @@ Sources = Annotated[
         "--source",
         "-s",
         metavar="URL",
-        help="`serial:PORT` (a device path, socket://HOST:PORT, rfc2217://HOST:PORT, hwgrep://REGEXP), "
-        "`i2c:///dev/i2c-1?addr=0x68` (a sensor on a Raspberry Pi), `iio:NAME` (a sensor with a "
-        "driver of the Linux kernel), `replay:FILE` (a recording, of any kind that `fltea identify` takes), "
-        "`stdin:` or `serial-text:PORT?baud=115200` (lines of CSV or NDJSON, live), `mqtt://BROKER` "
-        "or `nats://SERVER` (many devices that publish their frames there) or "
-        "`synthetic:?alpha=0.3&f=-1.5`; repeat it for several devices. Default: the Arduino Due, once "
-        "it is plugged in.",
+        help=f"{help_text()}; repeat it for several devices. Default: the Arduino Due, once it is "
+        "plugged in.",
     ),
 ]
 LIMITS = ("replay.max_chunk_mb", "replay.max_mb")

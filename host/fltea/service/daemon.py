@@ -25,7 +25,7 @@ from fltea.service.pressure import Pressure
 from fltea.service.state import StateFile
 from fltea.service.systemd import ServiceManager
 from fltea.settings.config import Config
-from fltea.settings.ingest import is_shared
+from fltea.settings.sources import is_shared
 from fltea.sources.open_source import check_recordable, check_shared, open_source
 from fltea.sources.replay import ReplaySource
 from fltea.stream.fit_worker import FitThread

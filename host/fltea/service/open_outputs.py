@@ -10,8 +10,8 @@ from fltea.service.hub import Hub
 from fltea.service.recorder import RecorderOfHub
 from fltea.settings.config import Config
 from fltea.settings.extras import load
-from fltea.settings.ingest import is_shared
 from fltea.settings.outputs import OUTPUTS, Output
+from fltea.settings.sources import is_shared
 from fltea.sinks.log import LogSink
 from fltea.sinks.opening import Opening
 

@@ -1,20 +1,19 @@
 """Settings of shared sources, through which many devices send: the table `ingest` of the TOML file."""
 
 import re
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
+from urllib.parse import urlsplit
 
+import msgspec
+
+from fltea.records.errors import UsageError
+from fltea.settings.mqtt import MqttConfig
 from fltea.settings.setting import Setting, Table
-
-SCHEMES = ("mqtt", "mqtts", "nats")
-"""URL schemes of shared sources. Many devices send through one shared source."""
 
 MOST_KEPT_MB = 100_000_000
 DAY_S = 86400
-
-
-def is_shared(url: str | None) -> bool:
-    """Return whether the source at a URL is shared, so that many devices send through this source."""
-    return url is not None and url.partition(":")[0] in SCHEMES
+NATS_PORT = 4222
+"""Port of a NATS server whose address names none."""
 
 
 def is_partitioned(url: str | None) -> bool:
@@ -117,3 +116,59 @@ class IngestConfig(Table, frozen=True):
         for key in ("stream", "bucket"):
             if not re.fullmatch(r"[A-Za-z0-9_-]{1,64}", getattr(self, key)):
                 raise ValueError(f"{key} must be a name of letters, digits, _ and -")
+
+
+class Server(NamedTuple):
+    """Address of a NATS server."""
+
+    host: str
+    port: int
+
+
+def nats_servers(source: str) -> list[Server]:
+    """Return the addresses in the URL of a source of NATS: nats://HOST[:PORT], several separated by commas.
+
+    HOST may be an IPv6 address in brackets.
+
+    Raises:
+        UsageError: the URL is not such an address. The text leaves the URL out, which may contain a password.
+    """
+    found = [_server(url) for url in source.split(",")]
+    servers = [server for server in found if server is not None]
+    if len(servers) < len(found):
+        raise UsageError(
+            "--source nats: give nats://HOST[:PORT], PORT 1 to 65535, or several of these, separated by "
+            "commas. User and password come from FLTEA_NATS_USER and FLTEA_NATS_PASSWORD."
+        )
+    return servers
+
+
+def _server(url: str) -> Server | None:
+    if not re.fullmatch(r"nats://[^@/?#,\s]+", url):
+        return None
+    try:
+        parts = urlsplit(url)
+        port = NATS_PORT if parts.port is None else parts.port
+    # ValueError is raised if the port is no number or too large, or a bracket is not closed
+    except ValueError:
+        return None
+    if not parts.hostname or parts.netloc.endswith(":") or port == 0:
+        return None
+    return Server(parts.hostname, port)
+
+
+def broker_at(source: str, settings: MqttConfig) -> MqttConfig:
+    """Return the settings of MQTT with the broker that the URL of a source names.
+
+    Raises:
+        UsageError: the URL is not the address of a broker. The text leaves the URL out, which may contain a
+            password.
+    """
+    if "://" not in source:
+        raise UsageError(
+            "--source mqtt: give the broker's address: mqtt://HOST[:PORT] or mqtts://HOST[:PORT]."
+        )
+    try:
+        return msgspec.structs.replace(settings, broker=source)
+    except ValueError as error:
+        raise UsageError(f"--source: {str(error).replace('broker', 'an mqtt source', 1)}.") from error

@@ -17,6 +17,7 @@ from fltea.records.ports import Source
 from fltea.settings.config import SETTINGS, Config
 from fltea.settings.estimator import BY_DEVICE, EstimatorConfig
 from fltea.settings.outputs import OUTPUTS, Output
+from fltea.settings.sources import BY_SCHEME, REPLAY, SERIAL, SOURCES, STDIN
 from fltea.sources.replay import ReplaySource
 from fltea.sources.serial import SerialSource
 from fltea.wire.transport import ANY_BOARD
@@ -88,39 +89,43 @@ def _open_synthetic(place: str, config: Config) -> Source:
     return SyntheticSource(place, realtime=config.pace != "fast")
 
 
-class SourceKind(NamedTuple):
-    """A kind of source. The scheme of a source's URL names its kind.
+OPENERS: dict[str, Callable[[str, Config], Source]] = {
+    "serial": _open_serial,
+    "i2c": _open_i2c,
+    "iio": _open_iio,
+    "replay": _open_replay,
+    "stdin": _open_pipe,
+    "serial-text": _open_serial_text,
+    "synthetic": _open_synthetic,
+}
+"""Function that opens a source of one device, by the scheme of its URL. It gets the part of the URL after the
+colon. Shared sources, with many devices each, are opened by `service.ingest`.
+"""
+
+
+class Named(NamedTuple):
+    """What a URL names.
 
     Attributes:
-        example: an example of its URL, for messages.
-        open: function that returns the source for the part of the URL after the colon. None if a source of
-            this kind has many devices; `service.ingest` opens it then.
-        samples_only: whether its devices only send samples and make no estimates themselves.
-        described: whether the user may describe its columns, units and rate by options.
-        may_be_bare: whether the URL may end right after the colon.
+        scheme: scheme that the URL has, or that a bare path stands for.
+        place: part of the URL after the colon, or the whole path or URL of pyserial.
     """
 
-    example: str
-    open: Callable[[str, Config], Source] | None
-    samples_only: bool = False
-    described: bool = False
-    may_be_bare: bool = False
+    scheme: str
+    place: str
 
 
-KINDS_OF_SOURCE = {
-    "serial": SourceKind("serial:PORT", _open_serial),
-    "i2c": SourceKind("i2c:///dev/i2c-1?addr=0x68", _open_i2c, samples_only=True),
-    "iio": SourceKind("iio:NAME", _open_iio, samples_only=True),
-    "stdin": SourceKind("stdin:", _open_pipe, samples_only=True, described=True, may_be_bare=True),
-    "serial-text": SourceKind(
-        "serial-text:PORT?baud=115200", _open_serial_text, samples_only=True, described=True
-    ),
-    "mqtt": SourceKind("mqtt://BROKER", None),
-    "nats": SourceKind("nats://SERVER", None),
-    "replay": SourceKind("replay:FILE", _open_replay, described=True),
-    "synthetic": SourceKind("synthetic:?KEY=VALUE&…", _open_synthetic, samples_only=True, may_be_bare=True),
-}
-"""For each scheme of a URL, the kind of source that it names."""
+def named(url: str) -> Named:
+    """Return what a URL or a bare path names, as far as its form and the file at the path tell."""
+    scheme, colon, rest = url.partition(":")
+    of_pyserial = rest.startswith("//") and scheme not in BY_SCHEME
+    # the source is a path, or a URL of the library pyserial
+    if not colon or of_pyserial or url.startswith("/"):
+        path = Path(url)
+        is_file = path.suffix.lower() in KINDS or path.is_dir() or path.is_file()
+        is_pipe = url in ("-", "/dev/stdin") or path.is_fifo()
+        return Named(REPLAY if is_file else STDIN if is_pipe else SERIAL, url)
+    return Named(scheme, rest)
 
 
 def open_source(config: Config) -> Source:
@@ -130,15 +135,8 @@ def open_source(config: Config) -> Source:
         UsageError: the URL is unknown, several boards are plugged in, or a recording is bad.
     """
     url = config.source or f"serial:{find_board()}"
-    scheme, colon, rest = url.partition(":")
-    of_pyserial = rest.startswith("//") and scheme != "i2c"
-    # the source is a path, or a URL of the library pyserial
-    if not colon or of_pyserial or url.startswith("/"):
-        place = Path(url)
-        is_file = place.suffix.lower() in KINDS or place.is_dir() or place.is_file()
-        is_pipe = url in ("-", "/dev/stdin") or Path(url).is_fifo()
-        scheme, rest = ("replay" if is_file else "stdin" if is_pipe else "serial"), url
-    kind = KINDS_OF_SOURCE.get(scheme)
+    scheme, place = named(url)
+    kind = BY_SCHEME.get(scheme)
     if kind is not None and kind.samples_only:
         _need_wire(config, url)
     described = kind is not None and kind.described
@@ -147,14 +145,19 @@ def open_source(config: Config) -> Source:
             f"{', '.join(said)}: such options are for recordings (replay:FILE) and for lines of text "
             "(stdin:, serial-text:PORT)."
         )
-    if scheme != "replay" and config.replay.shuffle is not None:
+    if scheme != REPLAY and config.replay.shuffle is not None:
         raise UsageError("--shuffle: such options are for recordings (replay:FILE).")
-    if not rest and not (kind is not None and kind.may_be_bare):
+    if not place and not (kind is not None and kind.may_be_bare):
         raise UsageError(f"--source {url}: nothing follows '{scheme}:'.")
-    if kind is None or kind.open is None:
-        known = ", ".join(kind.example for kind in KINDS_OF_SOURCE.values())
+    if kind is not None and kind.shared:
+        # the message leaves the URL out, which may contain a password
+        raise UsageError(
+            f"--source {scheme}: many devices send there, and 'fltea run' alone takes such a source."
+        )
+    if scheme not in OPENERS:
+        known = ", ".join(kind.example for kind in SOURCES)
         raise UsageError(f"--source {url}: '{scheme}:' is not a kind of source. Known are {known}")
-    return kind.open(rest, config)
+    return OPENERS[scheme](place, config)
 
 
 def check_shared(configs: Sequence[Config]) -> None:

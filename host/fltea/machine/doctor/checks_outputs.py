@@ -25,8 +25,8 @@ def check_outputs(configs: Sequence[Config], system: System) -> Iterator[Finding
     """Yield findings on every output that the configuration switches on, and on the file of snapshots."""
     config = configs[0]  # the configuration of outputs is the same for all devices
     for name in dict.fromkeys(output.name for output in OUTPUTS if output.is_on(config)):
-        if name in LOOKS:
-            yield from LOOKS[name](configs, system)
+        if name in CHECKS:
+            yield from CHECKS[name](configs, system)
     if config.state.file is not None:
         yield from _snapshot(Path(config.state.file))
 
@@ -87,18 +87,23 @@ def _snapshot(file: Path) -> Iterator[Finding]:
 
 def _broker(configs: Sequence[Config], system: System) -> Iterator[Finding]:
     host, port, *_ = configs[0].mqtt.address()
+    yield answers("mqtt", "broker", host, port)
+
+
+def answers(check: str, server: str, host: str, port: int) -> Finding:
+    """Return whether something answers at an address. `server`: what should answer there, for the text."""
     try:
         socket.create_connection((host, port), CONNECT_S).close()
     except OSError as error:
-        yield problem(
-            "mqtt",
-            f"the broker at {host}, port {port}, cannot be reached ({error.strerror or error}).",
+        return problem(
+            check,
+            f"the {server} at {host}, port {port}, cannot be reached ({error.strerror or error}).",
             "is it running, does it listen on that address and port, is a firewall between? fltea goes on "
             "without it and tries again.",
         )
-    else:
-        text = f"something answers at {host}, port {port}; 'fltea run' shows whether it accepts the login"
-        yield ok("mqtt", text)
+    return ok(
+        check, f"something answers at {host}, port {port}; 'fltea run' shows whether it accepts the login"
+    )
 
 
 def _page(configs: Sequence[Config], system: System) -> Iterator[Finding]:
@@ -134,7 +139,7 @@ def _listener(check: str, address: str, system: System) -> Finding:
     return ok(check, f"{host}:{port} is free")
 
 
-LOOKS: dict[str, Callable[[Sequence[Config], System], Iterator[Finding]]] = {
+CHECKS: dict[str, Callable[[Sequence[Config], System], Iterator[Finding]]] = {
     "record": _recordings,
     "mqtt": _broker,
     "metrics": _metrics,

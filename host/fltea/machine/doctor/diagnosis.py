@@ -5,8 +5,6 @@ board and for any user.
 """
 
 from collections.abc import Iterator, Sequence
-from pathlib import Path
-from urllib.parse import urlsplit
 
 import msgspec
 
@@ -18,10 +16,9 @@ from fltea.machine.doctor.checks_host import (
     check_udev,
 )
 from fltea.machine.doctor.checks_i2c import check_i2c
-from fltea.machine.doctor.checks_iio import check_iio
-from fltea.machine.doctor.checks_link import check_serial
 from fltea.machine.doctor.checks_outputs import check_outputs
-from fltea.machine.doctor.finding import Finding, ok, problem
+from fltea.machine.doctor.checks_sources import check_source
+from fltea.machine.doctor.finding import Finding
 from fltea.machine.doctor.hearing import HEAR_S
 from fltea.machine.host_system import System
 from fltea.settings.config import Config
@@ -45,33 +42,3 @@ def examine(configs: Sequence[Config], system: System, hear_s: float = HEAR_S) -
     yield from check_udev(system)
     yield from check_service(system)
     yield from check_outputs(configs, system)
-
-
-def check_source(config: Config, system: System, hear_s: float) -> Iterator[Finding]:
-    """Yield findings on the source at a device's URL."""
-    url = config.source
-    if url is None:
-        yield from check_serial(system, None, config.link.baud, hear_s)
-        return
-    scheme = urlsplit(url).scheme
-    match scheme:
-        case "i2c":
-            yield from check_i2c(system, url)
-        case "iio":
-            yield from check_iio(system, url.partition(":")[2])
-        case "stdin" | "serial-text":
-            yield ok("source", f"{url}: lines of text; 'fltea run' tells what is wrong with them")
-        case "synthetic":
-            yield ok("source", f"{url}: synthetic noise, nothing to check")
-        case "replay":
-            yield _recording(Path(url.partition(":")[2]))
-        case "" if not url.startswith("/dev/") and Path(url).is_file():
-            yield _recording(Path(url))
-        case _:
-            yield from check_serial(system, url.removeprefix("serial:"), config.link.baud, hear_s)
-
-
-def _recording(file: Path) -> Finding:
-    if file.exists():
-        return ok("source", f"{file}: a recording, nothing to check")
-    return problem("source", f"{file}: there is no such recording.", "check the name.")

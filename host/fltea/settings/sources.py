@@ -1,0 +1,102 @@
+"""Kinds of sources of samples, each declared once.
+
+A new kind needs a row of `SOURCES`. It also needs a function that opens it (`OPENERS` in
+`sources/open_source.py`; for a source of many devices, a receiver in `service/ingest/receivers.py`), a check
+(`CHECKS` in `machine/doctor/checks_sources.py`) and a row in the table of `host/docs/guide/sources.md`.
+`tests/sources/test_source_table.py` names what is missing.
+"""
+
+from typing import NamedTuple
+
+
+class SourceKind(NamedTuple):
+    """A kind of source, a row of `SOURCES`. The scheme of a source's URL names its kind.
+
+    Attributes:
+        schemes: schemes of its URLs.
+        example: an example of its URL, for messages and the help.
+        what: what the source is, for the help of `--source`; empty if the next row says it.
+        samples_only: whether its devices only send samples and make no estimates themselves.
+        described: whether the user may describe its columns, units and rate by options.
+        may_be_bare: whether the URL may end right after the colon.
+        shared: whether many devices send through the source; `service.ingest` opens it then.
+        extra: extra of the package that installs `library`.
+        library: module that a source of this kind needs.
+    """
+
+    schemes: tuple[str, ...]
+    example: str
+    what: str
+    samples_only: bool = False
+    described: bool = False
+    may_be_bare: bool = False
+    shared: bool = False
+    extra: str = ""
+    library: str = ""
+
+
+SERIAL, REPLAY, STDIN = "serial", "replay", "stdin"
+"""Schemes of the kinds that a bare path may name."""
+
+SOURCES = (
+    SourceKind(
+        (SERIAL,),
+        "serial:PORT",
+        "a device path, socket://HOST:PORT, rfc2217://HOST:PORT, hwgrep://REGEXP",
+    ),
+    SourceKind(("i2c",), "i2c:///dev/i2c-1?addr=0x68", "a sensor on a Raspberry Pi", samples_only=True),
+    SourceKind(("iio",), "iio:NAME", "a sensor with a driver of the Linux kernel", samples_only=True),
+    SourceKind(
+        (REPLAY,), "replay:FILE", "a recording, of any kind that `fltea identify` takes", described=True
+    ),
+    SourceKind((STDIN,), "stdin:", "", samples_only=True, described=True, may_be_bare=True),
+    SourceKind(
+        ("serial-text",),
+        "serial-text:PORT?baud=115200",
+        "lines of CSV or NDJSON, live",
+        samples_only=True,
+        described=True,
+    ),
+    SourceKind(("mqtt", "mqtts"), "mqtt://BROKER", "", shared=True, extra="mqtt", library="paho"),
+    SourceKind(
+        ("nats",),
+        "nats://SERVER",
+        "many devices that publish their frames there",
+        shared=True,
+        extra="nats",
+        library="nats",
+    ),
+    SourceKind(
+        ("synthetic",),
+        "synthetic:?alpha=0.3&f=-1.5",
+        "made-up noise",
+        samples_only=True,
+        may_be_bare=True,
+    ),
+)
+"""All kinds of sources, in the order in which the help of `--source` names them."""
+
+BY_SCHEME = {scheme: kind for kind in SOURCES for scheme in kind.schemes}
+
+
+def kind_of(url: str | None) -> SourceKind | None:
+    """Return the kind of source that the scheme of a URL names; None for a bare path and other URLs."""
+    return BY_SCHEME.get((url or "").partition(":")[0]) if ":" in (url or "") else None
+
+
+def is_shared(url: str | None) -> bool:
+    """Return whether the source at a URL is shared, so that many devices send through this source."""
+    kind = kind_of(url)
+    return kind is not None and kind.shared
+
+
+def help_text() -> str:
+    """Return what `--source` takes, a phrase for each kind; kinds that do the same share their phrase."""
+    phrases: list[str] = []
+    examples: list[str] = []
+    for kind in SOURCES:
+        examples.append(f"`{kind.example}`")
+        if kind.what:
+            phrases.append(f"{' or '.join(examples)} ({kind.what})")
+            examples = []
+    return ", ".join(phrases[:-1]) + f" or {phrases[-1]}"

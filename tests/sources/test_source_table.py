@@ -1,0 +1,108 @@
+"""Tests that the table of sources is complete.
+
+If a new source lacks an entry, a test's failure says which one, and in which file the entry belongs.
+"""
+
+import re
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from fltea.cli.setting_flags import Sources
+from fltea.machine.doctor.checks_sources import CHECKS, check_source
+from fltea.records.errors import UsageError
+from fltea.service.ingest.receivers import receiver_of
+from fltea.settings.config import load_config
+from fltea.settings.sources import BY_SCHEME, SOURCES, SourceKind, is_shared, kind_of
+from fltea.sources.open_source import OPENERS
+
+from tests.rig.fake_system import FakeSystem
+from tests.rig.host_support import ROOT
+
+EACH = pytest.mark.parametrize("kind", SOURCES, ids=lambda kind: kind.schemes[0])
+SHARED = [kind for kind in SOURCES if kind.shared]
+
+
+def test_no_scheme_stands_for_two_kinds() -> None:
+    assert len(BY_SCHEME) == sum(len(kind.schemes) for kind in SOURCES)
+
+
+@EACH
+def test_the_scheme_of_its_example_is_its_own(kind: SourceKind) -> None:
+    assert kind_of(kind.example) is kind
+    assert is_shared(kind.example) is kind.shared
+
+
+def test_each_has_a_function_that_opens_it() -> None:
+    single = {scheme for kind in SOURCES if not kind.shared for scheme in kind.schemes}
+    missing, unknown = single - OPENERS.keys(), OPENERS.keys() - single
+    assert not missing, f"sources/open_source.py: OPENERS has no {missing}"
+    assert not unknown, f"settings/sources.py: SOURCES has no {unknown}"
+
+
+@pytest.mark.parametrize("scheme", [scheme for kind in SHARED for scheme in kind.schemes])
+def test_each_shared_source_has_a_receiver(scheme: str) -> None:
+    assert callable(receiver_of(load_config(None, {"source": f"{scheme}://server.example"})))
+    with pytest.raises(UsageError):
+        receiver_of(load_config(None, {"source": f"{scheme}:server.example"}))
+
+
+def test_the_doctor_looks_at_each() -> None:
+    names = {kind.schemes[0] for kind in SOURCES}
+    missing, unknown = names - CHECKS.keys(), CHECKS.keys() - names
+    assert not missing, f"machine/doctor/checks_sources.py: CHECKS has no {missing}"
+    assert not unknown, f"settings/sources.py: SOURCES has no {unknown}"
+
+
+@EACH
+def test_the_help_and_the_guide_name_each(kind: SourceKind) -> None:
+    (option,) = (one for one in Sources.__metadata__ if hasattr(one, "help"))
+    assert f"`{kind.example}`" in option.help
+    page = (ROOT / "host/docs/guide/sources.md").read_text(encoding="utf-8")
+    cells = re.findall(r"^\| (`[^|]+) \|", page, re.MULTILINE)
+    for scheme in kind.schemes:
+        assert any(f"`{scheme}:" in cell for cell in cells), f"guide/sources.md: no row has `{scheme}:…`"
+
+
+@pytest.fixture
+def listening() -> Iterator[int]:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        yield server.getsockname()[1]
+
+
+@pytest.mark.parametrize("scheme", ["mqtt", "mqtts", "nats"])
+def test_the_doctor_says_whether_the_server_of_a_shared_source_answers(
+    scheme: str, listening: int, tmp_path: Path
+) -> None:
+    config = load_config(None, {"source": f"{scheme}://127.0.0.1:{listening}"})
+    system = FakeSystem(tmp_path)
+    (found,) = check_source(config, system, 0.0)
+    assert (found.check, found.level) == ("source", "ok")
+    assert f"127.0.0.1, port {listening}" in found.message
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        closed = server.getsockname()[1]
+    config = load_config(None, {"source": f"{scheme}://127.0.0.1:{closed}"})
+    (found,) = check_source(config, system, 0.0)
+    assert found.level == "problem"
+    assert f"port {closed}, cannot be reached" in found.message
+
+
+def test_the_doctor_looks_at_every_server_of_nats(listening: int, tmp_path: Path) -> None:
+    url = f"nats://127.0.0.1:{listening},nats://localhost:{listening}"
+    found = list(check_source(load_config(None, {"source": url}), FakeSystem(tmp_path), 0.0))
+    assert [one.level for one in found] == ["ok", "ok"]
+
+
+@pytest.mark.parametrize("kind", SHARED, ids=lambda kind: kind.schemes[0])
+def test_the_doctor_says_which_package_a_shared_source_lacks(kind: SourceKind, tmp_path: Path) -> None:
+    system = FakeSystem(tmp_path)
+    system.without = {kind.library}
+    (found,) = check_source(load_config(None, {"source": f"{kind.schemes[0]}://host.example"}), system, 0.0)
+    assert found.level == "problem"
+    assert f"[{kind.extra}]" in (found.remedy or "")
+
+
+def test_the_doctor_takes_a_bare_folder_for_a_recording(tmp_path: Path) -> None:
+    (found,) = check_source(load_config(None, {"source": str(tmp_path)}), FakeSystem(tmp_path), 0.0)
+    assert (found.check, found.level) == ("source", "ok")
