@@ -18,6 +18,8 @@ MAKERS = {"Unusable", "Trouble", "Failed", "Error", "Notice", "Down", "Note"}
 """Classes whose first field, or whose field `kind`, is the kind of an error."""
 TELLERS = {"_report", "_report_once", "_of_server", "_error", "_tell", "report"}
 """Functions whose first argument is the kind of an error."""
+OF_ANY_PORT = {"no_port", "no_permission", "port_busy", "open_failed"}
+"""Kinds that say why a port cannot be opened. They mean the same for the bus of a Raspberry Pi."""
 
 Function = ast.FunctionDef
 
@@ -114,6 +116,21 @@ def test_every_kind_that_is_told_is_listed() -> None:
 
 def test_every_listed_kind_is_told() -> None:
     assert not LISTED - {kind for kind, _ in all_told()}
+
+
+def test_every_kind_is_named_by_a_test() -> None:
+    """A test that names a kind plays its cause, or at least expects it in a list of records."""
+    files = [file for file in (ROOT / "tests").rglob("test_*.py") if file != Path(__file__)]
+    words = {word for file in files for word in re.findall(r"\w+", file.read_text(encoding="utf-8"))}
+    untested = LISTED - words
+    assert not untested, f"records/kinds.py: no test names {untested}"
+
+
+def test_the_page_of_the_pi_says_when_a_kind_of_its_bus_is_reported() -> None:
+    page = (ROOT / "host/docs/guide/raspberry_pi.md").read_text(encoding="utf-8")
+    of_bus = {kind for kind, place in all_told() if "/sources/i2c/" in place} - OF_ANY_PORT
+    missing = {kind for kind in of_bus if f"`{kind}`" not in page}
+    assert not missing, f"guide/raspberry_pi.md: the table of losses has no {missing}"
 
 
 def test_each_says_meaning_and_remedy_in_a_sentence() -> None:

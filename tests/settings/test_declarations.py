@@ -4,9 +4,11 @@ header agree with the declaration.
 These tests iterate over the declarations, so a new setting is tested without a change here.
 """
 
+import ast
 import json
 import re
 import tomllib
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +46,26 @@ def test_a_flag_with_a_value_names_the_value_in_the_help(one: Declared) -> None:
     chosen = (types.BoolType, types.LiteralType, types.NoneType)
     if not any(isinstance(kind, chosen) for kind in one.kinds):
         assert one.setting.metavar, f"{one.path} needs a `metavar`"
+
+
+@cache
+def read_names() -> set[str]:
+    """Return the names that the code of the host reads as attributes, or as paths in texts (`joint.alpha0`)."""
+    found = set()
+    for file in (ROOT / "host/fltea").rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            match node:
+                case ast.Attribute(attr=name, ctx=ast.Load()):
+                    found.add(name)
+                case ast.Constant(value=str(text)) if re.fullmatch(r"(\w+\.)+\w+", text):
+                    found.add(text.rpartition(".")[2])
+    return found
+
+
+@pytest.mark.parametrize("one", ALL, ids=by_path)
+def test_some_code_reads_the_setting(one: Declared) -> None:
+    name = one.path.rpartition(".")[2]
+    assert name in read_names(), f"{one.path} is declared in settings/, and no code reads it"
 
 
 def another(one: Declared) -> Any:
