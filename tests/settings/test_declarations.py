@@ -50,7 +50,7 @@ def test_a_flag_with_a_value_names_the_value_in_the_help(one: Declared) -> None:
 
 @cache
 def read_names() -> set[str]:
-    """Return the names that the code of the host reads as attributes, or as paths in texts (`joint.alpha0`)."""
+    """Return the names that the host reads as attributes, or as the last part of a path (`joint.alpha0`)."""
     found = set()
     for file in (ROOT / "host/fltea").rglob("*.py"):
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
