@@ -55,6 +55,17 @@ def test_the_fifo_of_every_chip_outlasts_two_polls() -> None:
         assert chip_of(who_am_i).fifo_s > 2 * max(POLL_S), sensor.name
 
 
+def test_every_chip_has_its_banks_and_the_error_of_its_clock() -> None:
+    """A driver that allows for too small an error takes a correct clock for lost samples. One that allows for
+    more than four times the stated error would not notice lost samples.
+    """
+    for who_am_i, facts in EMULATED.items():
+        chip = chip_of(who_am_i)
+        where = f"sources/i2c, {facts.name}"
+        assert chip.bank_select == facts.bank_select, f"{where}: bank_select"
+        assert facts.clock_error <= chip.clock_error <= 4 * facts.clock_error, f"{where}: clock_error"
+
+
 def test_texts_name_every_chip_and_every_address() -> None:
     unknown = texts.fault_text(FaultCode.SENSOR_UNKNOWN, 0x12, "/dev/i2c-1", 0x68)
     missing = texts.fault_text(FaultCode.SENSOR_MISSING, 0, "/dev/i2c-1", 0x68)
