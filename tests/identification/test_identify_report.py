@@ -15,8 +15,9 @@ from fltea.identification.axis import IdentifyOptions, analyse, identified, with
 from fltea.identification.axis_report import AxisReport, FileReport
 from fltea.identification.curves import LAGS, ORDERS, curves, profile
 from fltea.identification.load import Request, Unreadable
-from fltea.identification.run import Settings, identify_all
+from fltea.identification.run import identify_all
 from fltea.identification.sensor_events import BiasCourse, BiasStep, MotionSpan
+from fltea.identification.settings import Settings
 from fltea.identification.shuffled import estimate
 from fltea.identification.workers import Here
 from fltea.records.errors import UsageError

@@ -21,7 +21,8 @@ from fltea.identification.axis import NOT_RUN
 from fltea.identification.axis_report import AxisReport, Failure, FileReport
 from fltea.identification.findings import document
 from fltea.identification.load import Request, Unreadable, load
-from fltea.identification.run import Settings, identify_all
+from fltea.identification.run import identify_all
+from fltea.identification.settings import Settings
 from fltea.identification.workers import SMALL, Here, Processes, Threads, open_local
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.records import ACCEL_AXES

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from fltea.identification.axis import AxisResult, IdentifyOptions, analyse, identified
 from fltea.identification.gaps import Gaps
-from fltea.identification.run import Settings
+from fltea.identification.settings import Settings
 from fltea.settings.estimator import AccelConfig, EstimatorConfig
 
 from tests.rig.identify_support import white

@@ -20,7 +20,7 @@ from fltea.cluster.verdict_table import VerdictTable
 from fltea.cluster.whole import Ask
 from fltea.identification.axis import IdentifyOptions
 from fltea.identification.dask_workers import DaskWorkers
-from fltea.identification.run import Settings
+from fltea.identification.settings import Settings
 from fltea.settings.how import How
 
 from tools.bench.day_files import counts, write_mcap

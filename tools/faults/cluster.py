@@ -17,7 +17,7 @@ from fltea.cluster.run import Progress, run
 from fltea.cluster.verdict_table import VerdictTable
 from fltea.cluster.whole import Ask
 from fltea.identification.axis import IdentifyOptions
-from fltea.identification.run import Settings
+from fltea.identification.settings import Settings
 from fltea.identification.workers import Here, Workers
 from fltea.records.errors import FlteaError
 from fltea.settings.how import How

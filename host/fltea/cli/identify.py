@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from fltea.identification.axis_report import FileReport
     from fltea.identification.forecast import Asked
     from fltea.identification.load import Request, Unreadable
-    from fltea.identification.run import Settings
+    from fltea.identification.settings import Settings
     from fltea.identification.workers import Workers
     from fltea.settings.config import Config
 
@@ -128,7 +128,7 @@ def _identify_to_table(
     files: list[str], out: Path, options: "IdentifyOptions", config: "Config", work: WorkerOptions
 ) -> None:
     from fltea.cluster.whole import Ask
-    from fltea.identification.run import Settings
+    from fltea.identification.settings import Settings
 
     ask = Ask(
         Settings(options, config.estimator, config.accel, live=config.live),
@@ -154,7 +154,7 @@ def _requests(files: list[str], config: "Config", *, accel: bool) -> "list[Reque
 def _settings(
     options: "IdentifyOptions", config: "Config", shown: ShownOptions, *, forecast: "Asked"
 ) -> "Settings":
-    from fltea.identification.run import Settings
+    from fltea.identification.settings import Settings
 
     return Settings(
         options,

@@ -10,7 +10,8 @@ from fltea.cluster.fetch import local_copy
 from fltea.cluster.listing import File
 from fltea.cluster.rows import Key, Row, failed, rows_of
 from fltea.identification.load import Request
-from fltea.identification.run import Settings, identify_all
+from fltea.identification.run import identify_all
+from fltea.identification.settings import Settings
 from fltea.identification.workers import Here
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.temporary import work_folder

@@ -25,7 +25,6 @@ from fltea.identification.axis_report import AxisReport, Failure, FileReport
 from fltea.identification.conclusions import Conclusions, conclude, in_agreement
 from fltea.identification.data_checks import DataCheck, of_axis
 from fltea.identification.fltea_fit import LEAST, FlteaFits
-from fltea.identification.forecast import Asked
 from fltea.identification.forecast_judge import FittedSystem
 from fltea.identification.gaps import longest_epoch
 from fltea.identification.hand_out import HandOut, Task
@@ -44,6 +43,7 @@ from fltea.identification.sensor_events import (
     AxisEvents,
     watch,
 )
+from fltea.identification.settings import Settings, at_rate
 from fltea.identification.shuffled import Copies, estimate, groups
 from fltea.identification.telegraph import without_levels
 from fltea.identification.workers import Workers
@@ -51,10 +51,7 @@ from fltea.records.arrays import Array
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.kinds import FILE_TROUBLES
 from fltea.records.scarce import is_scarcity, scarcity
-from fltea.records.sensor_kind import GYROSCOPE, kind_of
 from fltea.records.temporary import work_folder
-from fltea.settings.estimator import AccelConfig, EstimatorConfig
-from fltea.settings.live import LiveConfig
 
 USUAL_TASKS = 3
 """Number of tasks that progress reports assume for a recording before it is read.
@@ -66,60 +63,6 @@ Progress = Callable[[str, int, int], None]
 """Function that reports progress: called with a text on what was just done, the number of tasks done, and the
 total number of tasks.
 """
-
-
-class Settings(msgspec.Struct, frozen=True):
-    """Settings of an identification.
-
-    `bias` and `R` of the estimators may be lists with one number for each channel.
-    """
-
-    options: IdentifyOptions
-    """Options for all axes. `of_axis` returns the options of one axis: its settings of FLTEA may differ from
-    those of other axes.
-    """
-    gyro: EstimatorConfig = EstimatorConfig()
-    accel: AccelConfig = AccelConfig()
-    details: bool = True
-    """Whether to compute results that the short answer does not show.
-
-    Such results are FLTEA's estimates, its estimates for shuffled copies of the samples, and the range of
-    averaging times in which the model reproduces the Allan deviation.
-    """
-    figures: bool = False
-    """Whether to compute the curves that are drawn in the pictures of a report."""
-    forecast: Asked = False
-    live: LiveConfig = LiveConfig()
-    """Settings of the tracker: the largest step of a bias, and the time T of Bias(T)."""
-
-    def of_axis(self, axis: str, channels: Sequence[str]) -> IdentifyOptions:
-        """Return the options of one axis among the identified `channels`."""
-        kind = kind_of(axis)
-        config = self.gyro if kind is GYROSCOPE else self.accel
-        index = [name for name in channels if name in kind.axes].index(axis)
-        numbers: dict[str, Any] = {}
-        for key in ("bias", "R"):
-            value = getattr(config, key)
-            if isinstance(value, list):
-                if index >= len(value):
-                    raise UsageError(
-                        f"{key}: has {len(value)} numbers, but {axis} is axis {index + 1} of the sensor."
-                    )
-                numbers[key] = value[index]
-        return msgspec.structs.replace(self.options, estimator=msgspec.structs.replace(config, **numbers))
-
-
-def _at_rate(options: IdentifyOptions, h: float) -> IdentifyOptions:
-    """Return the options, with the estimator's durations converted from seconds to numbers of samples.
-
-    `h`: sampling period [s].
-
-    Raises UsageError if a duration has more samples than allowed.
-    """
-    try:
-        return msgspec.structs.replace(options, estimator=options.estimator.at(1 / h))
-    except ValueError as error:
-        raise UsageError(f"{error}.") from error
 
 
 @dataclass
@@ -387,7 +330,7 @@ class _Loop(HandOut[_Task]):
             # a placeholder, so that the report lists the axes in the order of the recording
             report.axes[name] = Failure("not done")
             try:
-                options = _at_rate(self._settings.of_axis(name, tuple(recording.axes)), h)
+                options = at_rate(self._settings.of_axis(name, tuple(recording.axes)), h)
             except FlteaError as error:
                 report.axes[name] = Failure(str(error))
                 continue
