@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 from fltea.estimator.tracker import EventKind, Tracker, Tracks
-from fltea.noise.parts import Order, Resonance, Sharpening, White
+from fltea.noise.filters import Sharpening
+from fltea.noise.parts import Order, Resonance, White
 from fltea.noise.system import System, system
 from fltea.records.arrays import Array
 from scipy.signal import butter, lfilter

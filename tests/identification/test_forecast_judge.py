@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 from fltea.identification.forecast_judge import Judgement, fitted_system, judged
-from fltea.noise.parts import LowPass, Part, Relaxation, Walk, White
+from fltea.noise.filters import LowPass
+from fltea.noise.parts import Part, Relaxation, Walk, White
 from fltea.records.arrays import Array
 from scipy.signal import butter, lfilter
 

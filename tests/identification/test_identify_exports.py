@@ -23,18 +23,8 @@ from fltea.identification.navigation_filter import slope_of
 from fltea.identification.noise_model import AxisModel, draw, model_spectrum
 from fltea.identification.run import identify_all
 from fltea.identification.workers import Here
-from fltea.noise.parts import (
-    AnyPart,
-    HighPass,
-    LowPass,
-    Notch,
-    Order,
-    Quantisation,
-    Relaxation,
-    Sharpening,
-    Walk,
-    White,
-)
+from fltea.noise.filters import HighPass, LowPass, Notch, Sharpening
+from fltea.noise.parts import AnyPart, Order, Quantisation, Relaxation, Walk, White
 from fltea.settings.how import How
 from hypothesis import HealthCheck, example, given
 from hypothesis import settings as random

@@ -12,19 +12,15 @@ from fltea.identification.load import GYRO_UNIT, Series
 from fltea.identification.model_file import NoiseModels, read_models, write_json
 from fltea.identification.noise_model import AxisModel, Lorentzian, draw, draws, model_spectrum, modelled
 from fltea.identification.simulation_file import write_model_simulation
+from fltea.noise.filters import HighPass, LowPass, Mean, Notch, Sharpening
 from fltea.noise.parts import (
     Alternating,
     Floor,
-    HighPass,
-    LowPass,
-    Mean,
-    Notch,
     Order,
     Quantisation,
     Relaxation,
     Resonance,
     Rise,
-    Sharpening,
     Walk,
     White,
 )

@@ -11,7 +11,8 @@ from fltea.identification.axis import IdentifyOptions, analyse
 from fltea.identification.forecast_judge import FittedSystem, fitted_system
 from fltea.identification.navigation_filter import TOLD_S, NavigationFilter, navigation_filter
 from fltea.identification.noise_model import AxisModel, draw
-from fltea.noise.parts import AnyPart, Arfima, LowPass, Order, Relaxation, Walk, White
+from fltea.noise.filters import LowPass
+from fltea.noise.parts import AnyPart, Arfima, Order, Relaxation, Walk, White
 from fltea.records.arrays import Array
 from scipy.signal import lfilter
 

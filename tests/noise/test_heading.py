@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from fltea.noise.filters import LowPass
 from fltea.noise.heading import (
     drive_for,
     heading_std,
@@ -11,7 +12,7 @@ from fltea.noise.heading import (
     rest_for,
     rested,
 )
-from fltea.noise.parts import LowPass, Order, Relaxation, Resonance, Walk, White
+from fltea.noise.parts import Order, Relaxation, Resonance, Walk, White
 from fltea.noise.system import System, system
 
 H = 0.01

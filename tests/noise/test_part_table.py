@@ -52,7 +52,7 @@ def test_a_part_has_all_that_a_model_asks_of_it(kind: type[Part]) -> None:
     if kind is not p.Mean:
         needed.append("of_eta")
     missing = [name for name in needed if not defines(kind, name)]
-    assert not missing, f"{kind.__name__} of host/fltea/noise/parts.py lacks {', '.join(missing)}"
+    assert not missing, f"{kind.__module__}.{kind.__name__} lacks {', '.join(missing)}"
     row = kind.row()
     assert len(row.coordinates) == len(kind.__struct_fields__) - (kind is p.Mean), row
     assert row.says != "nothing" or kind in (p.White, p.Floor), f"the row of {row.name} says nothing"

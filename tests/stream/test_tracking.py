@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from fltea.estimator.offset_walk import offset_walk
 from fltea.estimator.tracker import Tracker
-from fltea.noise.parts import Alternating, Mean, Order, Part, Relaxation, White
+from fltea.noise.filters import Mean
+from fltea.noise.parts import Alternating, Order, Part, Relaxation, White
 from fltea.noise.system import system
 from fltea.records.block import Block, TrackedColumns
 from fltea.records.events import RawBlock

@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 from fltea.estimator.tracker import Tracker, TrackerRules
-from fltea.noise.parts import Arfima, LowPass, Order, Part, Relaxation, Walk, White
+from fltea.noise.filters import LowPass
+from fltea.noise.parts import Arfima, Order, Part, Relaxation, Walk, White
 from fltea.noise.system import system
 from fltea.records.arrays import Array
 from scipy import signal

@@ -127,3 +127,8 @@ class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="p
     def filter_poles(self, h: float) -> tuple[list[complex], int]:
         """Return a filter's poles (of each pair the upper one), and the number of its additional taps."""
         raise NotImplementedError(f"the filter {self.tag()} has no poles")
+
+
+def in_hz(value: float) -> str:
+    """Return words for a frequency, with three digits at most."""
+    return f"{value:.3g} Hz"

@@ -7,7 +7,7 @@ response of the sensor's filters, through which all parts but the floor pass. Th
 parameters in physical units. `eta` converts them to the transformed free parameters of the native fits
 (host/native/whittle_parts.hpp), where variances and rates are logarithms. The fields of a part have the order
 of its free parameters, and each field is a monotonic function of the free parameter with the same index. The
-words for a part and its poles are defined here, too.
+words for a part and its poles are defined here, too. The filters are defined in `fltea.noise.filters`.
 
 Variances are in the square of the unit of the samples, which is deg/s for a gyroscope. h is the sampling
 period in s.
@@ -23,20 +23,16 @@ from fltea import _native
 from fltea.noise import coordinates as co
 from fltea.noise import pole_sets
 from fltea.noise.coordinates import g_of_eta
-from fltea.noise.part import ROWS
+from fltea.noise.filters import MEAN_FROM as MEAN_FROM
+from fltea.noise.filters import HighPass as HighPass
+from fltea.noise.filters import LowPass as LowPass
+from fltea.noise.filters import Mean as Mean
+from fltea.noise.filters import Notch as Notch
+from fltea.noise.filters import Sharpening as Sharpening
+from fltea.noise.part import ROWS, in_hz
 from fltea.noise.part import Part as Part
 from fltea.noise.spectra import f_of, g_of, noise_variance, stationary, step_variance
 from fltea.records.arrays import Array, Complex
-
-MEAN_FROM = _native.MEAN_FROM
-"""The code number of a `Mean` is MEAN_FROM plus the number of averaged samples."""
-ONE_POLE = 1.5
-"""If a filter has fewer poles than this, its description says that it has one pole."""
-
-
-def in_hz(value: float) -> str:
-    """Return words for a frequency, with three digits at most."""
-    return f"{value:.3g} Hz"
 
 
 class _Level(Part, frozen=True):
@@ -255,135 +251,6 @@ class Rise(Part, frozen=True, tag="rise"):
 
 class Floor(_Level, frozen=True, tag="floor"):
     """White noise of variance R that is added after all filters, such as rounding noise."""
-
-
-class LowPass(Part, frozen=True, tag="low-pass"):
-    """A low-pass before sampling, with power response 1 / (1 + (ω/ω_c)^2n) and n poles.
-
-    The corner frequency may be above half the sample rate.
-    """
-
-    corner_hz: float
-    poles: float
-
-    def eta(self, h: float) -> list[float]:
-        # The free parameters are log λ², for λ of the corner frequency, and a logit for the number of poles.
-        return [2 * co.log_lam(self.corner_hz, h), co.logit_of_poles(self.poles)]
-
-    @classmethod
-    def of_eta(cls, eta: Sequence[float], h: float) -> Self:
-        return cls(co.hz(eta[0] / 2, h), co.poles_of_logit(eta[1]))
-
-    def words(self, rate_hz: float) -> str:
-        where = f"at {in_hz(self.corner_hz)}"
-        if self.corner_hz >= rate_hz / 2:
-            where = f"near or beyond {in_hz(rate_hz / 2)}, half the sample rate"
-        return f"a low-pass with its corner {where} ({_steepness(self.poles)})"
-
-    def filter_poles(self, h: float) -> tuple[list[complex], int]:
-        return pole_sets.of_low_pass(2 * math.pi * self.corner_hz * h, self.poles)
-
-
-class HighPass(Part, frozen=True, tag="high-pass"):
-    """A high-pass, which blocks slow signals as AC coupling does.
-
-    Its power response is 1 / (1 + (s_c/s)^2n), where s = 2 sin(ω h/2), s_c is s at the corner frequency and n
-    is the number of poles. With one pole, the filter subtracts an exponentially weighted average from the
-    samples. The corner frequency is at most a tenth of the sample rate. A high-pass with a higher corner
-    frequency is described as a `Rise`.
-    """
-
-    corner_hz: float
-    poles: float
-
-    def eta(self, h: float) -> list[float]:
-        # The free parameters are log |1 - e^{-iλ}|² at the corner frequency, and a logit for the number of
-        # poles.
-        size = 2 * math.sin(min(math.pi * self.corner_hz * h, math.pi / 2))
-        return [2 * co.log(size), co.logit_of_poles(self.poles)]
-
-    @classmethod
-    def of_eta(cls, eta: Sequence[float], h: float) -> Self:
-        sine = min(math.exp(eta[0] / 2) / 2, 1.0)
-        return cls(math.asin(sine) / (math.pi * h), co.poles_of_logit(eta[1]))
-
-    def words(self, rate_hz: float) -> str:
-        return f"a high-pass with its corner at {in_hz(self.corner_hz)} ({_steepness(self.poles)})"
-
-    def filter_poles(self, h: float) -> tuple[list[complex], int]:
-        return [z for z in self.all_poles(h).tolist() if z.imag > -1e-12], 0
-
-    def all_poles(self, h: float) -> Complex:
-        """Return all poles of the filter, also the lower ones of complex pairs."""
-        return pole_sets.of_high_pass(2 * math.pi * self.corner_hz * h, self.poles)
-
-
-class Sharpening(Part, frozen=True, tag="sharpening"):
-    """The filter with taps -s, 1 + 2 s, -s. It sharpens for s > 0, and smooths for s < 0."""
-
-    s: float
-
-    def eta(self, h: float) -> list[float]:
-        return [self.s]
-
-    @classmethod
-    def of_eta(cls, eta: Sequence[float], h: float) -> Self:
-        return cls(eta[0])
-
-    def words(self, rate_hz: float) -> str:
-        return f"a short filter that {'sharpens' if self.s > 0 else 'smooths'}"
-
-    def filter_poles(self, h: float) -> tuple[list[complex], int]:
-        return [], 3
-
-
-class Notch(Part, frozen=True, tag="notch"):
-    """A filter that stops one frequency. `width_hz` is its width where half the power passes."""
-
-    frequency_hz: float
-    width_hz: float
-
-    def eta(self, h: float) -> list[float]:
-        # The free parameters are the logarithms of the frequency λ and of the ratio of the width to the
-        # frequency.
-        return [co.log_lam(self.frequency_hz, h), co.log(self.width_hz / self.frequency_hz)]
-
-    @classmethod
-    def of_eta(cls, eta: Sequence[float], h: float) -> Self:
-        return cls(co.hz(eta[0], h), co.hz(eta[0], h) * math.exp(eta[1]))
-
-    def words(self, rate_hz: float) -> str:
-        return f"a notch at {in_hz(self.frequency_hz)}"
-
-    def filter_poles(self, h: float) -> tuple[list[complex], int]:
-        # The poles follow from those of an analog notch by the bilinear transform.
-        centre = math.tan(math.pi * self.frequency_hz * h)
-        s = np.roots([1.0, centre * self.width_hz / self.frequency_hz, centre**2])
-        return list((1 + s) / (1 - s)), 0
-
-
-class Mean(Part, frozen=True, tag="mean"):
-    """A filter whose output is the mean of the last `samples` samples."""
-
-    samples: int
-
-    @property
-    def code(self) -> int:
-        """The code number of the part in the native module."""
-        return MEAN_FROM + self.samples
-
-    def eta(self, h: float) -> list[float]:
-        return []
-
-    def words(self, rate_hz: float) -> str:
-        return f"the mean of {self.samples} samples"
-
-    def filter_poles(self, h: float) -> tuple[list[complex], int]:
-        return [], self.samples
-
-
-def _steepness(poles: float) -> str:
-    return "one pole" if poles < ONE_POLE else "steep" if poles > 8 else f"about {poles:.0f} poles"
 
 
 AnyPart = (

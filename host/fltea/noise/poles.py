@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fltea.noise.filters import HighPass
 from fltea.noise.part import Part
-from fltea.noise.parts import HighPass
 from fltea.noise.pole_sets import is_real, short, size
 from fltea.records.arrays import Array, Complex
 

@@ -22,6 +22,7 @@ from typing import NamedTuple, TypeGuard
 
 import numpy as np
 
+from fltea.noise.filters import HighPass
 from fltea.noise.left_open import mean_order
 from fltea.noise.part import Part
 from fltea.noise.parts import (
@@ -30,7 +31,6 @@ from fltea.noise.parts import (
     Alternating,
     Arfima,
     Floor,
-    HighPass,
     Order,
     Relaxation,
     Resonance,

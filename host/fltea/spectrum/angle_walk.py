@@ -14,12 +14,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from fltea.noise.filters import LowPass, Mean
 from fltea.noise.parts import (
     CODES,
     FILTERS,
     SLOW,
-    LowPass,
-    Mean,
     Part,
     Relaxation,
     Resonance,

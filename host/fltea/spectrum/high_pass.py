@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fltea.noise.parts import Floor, HighPass, Part, Relaxation, Resonance, White, high_pass_of
+from fltea.noise.filters import HighPass
+from fltea.noise.parts import Floor, Part, Relaxation, Resonance, White, high_pass_of
 from fltea.spectrum.candidate_models import CandidateModels, FittedModel
 from fltea.spectrum.octaves import WHOLE
 

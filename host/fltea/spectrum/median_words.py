@@ -1,6 +1,6 @@
 """The words of a verdict for noise that has passed through a median filter."""
 
-from fltea.noise.parts import in_hz
+from fltea.noise.part import in_hz
 from fltea.spectrum import wording
 from fltea.spectrum.evidence import Evidence
 from fltea.spectrum.median_filter import MedianFilter

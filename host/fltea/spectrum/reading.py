@@ -12,20 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fltea.noise.parts import (
-    CODES,
-    HighPass,
-    LowPass,
-    Mean,
-    Notch,
-    Part,
-    Relaxation,
-    Resonance,
-    Sharpening,
-    Walk,
-    free_of,
-    part_of,
-)
+from fltea.noise.filters import HighPass, LowPass, Mean, Notch, Sharpening
+from fltea.noise.parts import CODES, Part, Relaxation, Resonance, Walk, free_of, part_of
 from fltea.spectrum.candidate_models import CandidateModels, FittedModel
 from fltea.spectrum.high_pass import HighPassed, high_passed
 from fltea.spectrum.spectral_lines import Peak

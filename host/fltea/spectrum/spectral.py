@@ -14,7 +14,8 @@ from typing import Any, NamedTuple, TypeVar, cast
 import msgspec
 import numpy as np
 
-from fltea.noise.parts import HighPass, Resonance
+from fltea.noise.filters import HighPass
+from fltea.noise.parts import Resonance
 from fltea.records.arrays import Array
 from fltea.spectrum.candidate_models import CandidateModels, native
 from fltea.spectrum.cubic_drift import Drift

@@ -9,7 +9,9 @@ reported. Each question is stored with the figure that answered it, so that a re
 
 import msgspec
 
-from fltea.noise.parts import CODES, ONE_POLE, in_hz
+from fltea.noise.filters import ONE_POLE
+from fltea.noise.part import in_hz
+from fltea.noise.parts import CODES
 from fltea.records.fit import VerdictKind
 from fltea.records.odds import odds
 from fltea.spectrum import comb_words, median_words, wording

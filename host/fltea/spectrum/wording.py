@@ -4,8 +4,9 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
-from fltea.noise.part import Part
-from fltea.noise.parts import Arfima, Floor, HighPass, Relaxation, in_hz
+from fltea.noise.filters import HighPass
+from fltea.noise.part import Part, in_hz
+from fltea.noise.parts import Arfima, Floor, Relaxation
 from fltea.records.odds import odds
 from fltea.spectrum import comb_words
 from fltea.spectrum.evidence import Evidence
