@@ -429,7 +429,7 @@ def strongest_octave_peak(power: _V, weight: _V, false_alarm: float) -> tuple[in
 TRACKER_COORDINATES: int
 
 # A linear system of the noise, as from System.numbers: number of pole pairs, then a, b, Q, c, the coordinates
-# of the state and of the bias, P0, R (fltea.noise.system.System).
+# of the state and of the bias, P0, R (fltea.noise.linear_system.System).
 _System = tuple[int, _V, _V, _V, _V, _V, _V, _V, float]
 
 # A copy of the samples that a tracker keeps of one axis. Its likelihoods are 2 log L except for a constant.

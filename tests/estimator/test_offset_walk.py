@@ -9,8 +9,9 @@ import pytest
 from fltea.estimator.offset_walk import system_of
 from fltea.estimator.tracker import Tracker
 from fltea.noise.heading import ahead, heading_std, rested
+from fltea.noise.linear_system import System
 from fltea.noise.parts import Part, Relaxation, Walk, White
-from fltea.noise.system import System, system
+from fltea.noise.system import system
 from fltea.records.arrays import Array
 from fltea.spectrum.drift_rate import drift_rate
 from scipy.signal import lfilter

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from fltea.estimator.tracker import EventKind, Tracker, Tracks
 from fltea.noise.filters import Sharpening
+from fltea.noise.linear_system import System
 from fltea.noise.parts import Order, Resonance, White
-from fltea.noise.system import System, system
+from fltea.noise.system import system
 from fltea.records.arrays import Array
 from scipy.signal import butter, lfilter
 

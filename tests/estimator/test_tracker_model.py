@@ -14,8 +14,9 @@ from fltea.estimator.tracker import (
     TrackerRules,
     Tracks,
 )
+from fltea.noise.linear_system import System
 from fltea.noise.parts import Relaxation, White
-from fltea.noise.system import System, system
+from fltea.noise.system import system
 from fltea.records.arrays import Array
 
 from tests.rig.tracker_support import SYSTEMS, H

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from fltea.estimator.tracker import EventKind, Tracker, TrackerEvent, TrackerRules
-from fltea.noise.system import System
+from fltea.noise.linear_system import System
 from fltea.records.arrays import Array
 from hypothesis import given, settings
 from hypothesis import strategies as st

@@ -12,8 +12,9 @@ from fltea.noise.heading import (
     rest_for,
     rested,
 )
+from fltea.noise.linear_system import System
 from fltea.noise.parts import Order, Relaxation, Resonance, Walk, White
-from fltea.noise.system import System, system
+from fltea.noise.system import system
 
 H = 0.01
 NOISES = {

@@ -7,8 +7,9 @@ import pytest
 from fltea._native import TRACKER_COORDINATES
 from fltea.estimator.tracker import Tracker
 from fltea.noise import parts as p
+from fltea.noise.linear_system import System
 from fltea.noise.spectra import stationary
-from fltea.noise.system import System, system
+from fltea.noise.system import system
 from hypothesis import given
 from hypothesis import strategies as st
 

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 from fltea.estimator.tracker import Tracker, TrackerRules, Tracks
 from fltea.noise import parts as p
-from fltea.noise.system import System, system
+from fltea.noise.linear_system import System
+from fltea.noise.system import system
 from fltea.records.arrays import Array
 
 H = 0.01

@@ -5,8 +5,9 @@ with the true state.
 import numpy as np
 import pytest
 from fltea.estimator.tracker import Tracker
+from fltea.noise.linear_system import System
 from fltea.noise.parts import Order, Relaxation, White
-from fltea.noise.system import System, system
+from fltea.noise.system import system
 from fltea.records.arrays import Array
 from numpy.typing import NDArray
 

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from fltea.estimator.tracker import Tracker
 from fltea.noise import parts as p
-from fltea.noise.system import System, system
+from fltea.noise.linear_system import System
+from fltea.noise.system import system
 
 from tools.bench.measured import cpu_seconds, in_turns
 from tools.validation.tables import Table

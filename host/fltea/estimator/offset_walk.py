@@ -19,8 +19,9 @@ import numpy as np
 from fltea import _native
 from fltea.estimator.tracker import Remembered
 from fltea.noise.heading import rested
+from fltea.noise.linear_system import Coordinate, System, offset_of, ramp_of, relaxation_of
 from fltea.noise.parts import Part, Relaxation, Walk
-from fltea.noise.system import Coordinate, System, offset_of, ramp_of, relaxation_of, system
+from fltea.noise.system import system
 from fltea.records.arrays import Array, Mask
 from fltea.records.fit import Interval
 

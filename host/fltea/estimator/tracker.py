@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fltea import _native
-from fltea.noise.system import Coordinate, System
+from fltea.noise.linear_system import Coordinate, System
 from fltea.records.arrays import Array, Mask
 
 

@@ -28,8 +28,8 @@ from fltea.noise.heading import (
     rest_for,
     rested,
 )
+from fltea.noise.linear_system import System
 from fltea.noise.parts import Walk, high_pass_of
-from fltea.noise.system import System
 from fltea.records.arrays import Array
 from fltea.records.errors import UsageError
 from fltea.records.plus_minus import NORMAL_95

@@ -20,8 +20,8 @@ from fltea.estimator.tracker import Tracker
 from fltea.noise.distributions import chi2_tail
 from fltea.noise.heading import Ahead, aheads, heading_stds, means_ahead, rested
 from fltea.noise.left_open import nearby
+from fltea.noise.linear_system import System
 from fltea.noise.parts import Part
-from fltea.noise.system import System
 from fltea.records.arrays import Array
 from fltea.records.plus_minus import NORMAL_95
 

@@ -6,7 +6,7 @@ from fltea.documents.imu_yaml import AxisNoise, Shown
 from fltea.identification.axis_report import AxisReport
 from fltea.identification.navigation_filter import NavigationFilter, slope_of
 from fltea.identification.tracked_system import OffsetWalkFound
-from fltea.noise.system import System
+from fltea.noise.linear_system import System
 from fltea.spectrum.wording import duration
 
 NO_FILTER = "no filter works with this noise, so its random walk is not known"

@@ -25,9 +25,9 @@ from fltea.estimator.tracker import Tracker
 from fltea.identification.forecast_judge import FittedSystem, fitted_system
 from fltea.noise.filters import HighPass
 from fltea.noise.heading import aheads, heading_stds, rested
+from fltea.noise.linear_system import System
 from fltea.noise.non_negative import non_negative
 from fltea.noise.parts import FILTERS, Relaxation, White, high_pass_of, spectrum
-from fltea.noise.system import System
 from fltea.records.arrays import Array, Mask
 
 A_DECADE = 3

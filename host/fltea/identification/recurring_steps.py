@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from fltea.identification.event_checks import popcorn_noise
 from fltea.identification.forecast_judge import FittedSystem
 from fltea.identification.sensor_events import BiasStep
-from fltea.noise.system import System
+from fltea.noise.linear_system import System
 
 FEWEST = 3
 """Further steps are expected if at least this many steps were found."""

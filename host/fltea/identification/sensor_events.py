@@ -23,8 +23,9 @@ from fltea.identification.left_out import NOTHING, LeftOut
 from fltea.identification.load import GYRO_UNIT, Series
 from fltea.identification.motion import IN_A_ROW, is_smooth
 from fltea.identification.telegraph import without_levels
+from fltea.noise.linear_system import System
 from fltea.noise.parts import Part, Relaxation, White
-from fltea.noise.system import System, system
+from fltea.noise.system import system
 from fltea.records.arrays import Array
 from fltea.settings.live import LiveConfig
 from fltea.stream.happenings import BY

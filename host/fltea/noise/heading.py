@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fltea import _native
-from fltea.noise.system import System
+from fltea.noise.linear_system import System
 from fltea.records.arrays import Array
 from fltea.records.plus_minus import within as within_95
 from fltea.records.units import MOST_DEG

@@ -12,8 +12,9 @@ from fltea.estimator.offset_walk import CONSTANT, Rivals, system_of
 from fltea.estimator.tracker import Remembered, TrackerModel, TrackerRules
 from fltea.noise.heading import heading_std, heading_stds, rested
 from fltea.noise.left_open import distance
+from fltea.noise.linear_system import System
 from fltea.noise.parts import Part
-from fltea.noise.system import System, system
+from fltea.noise.system import system
 from fltea.records.arrays import Array
 from fltea.records.fit import Interval
 from fltea.records.records import GYRO_UNIT

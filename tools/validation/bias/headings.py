@@ -13,7 +13,7 @@ from fltea.identification.axis import IdentifyOptions, analyse
 from fltea.identification.forecast_judge import fitted_system, judged
 from fltea.identification.shared_walk import shared_walk
 from fltea.noise.heading import ahead, rested
-from fltea.noise.system import System
+from fltea.noise.linear_system import System
 from fltea.records.arrays import Array
 from fltea.records.plus_minus import NORMAL_95
 
