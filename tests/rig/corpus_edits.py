@@ -19,7 +19,7 @@ from fltea.recording.column_names import is_time
 from fltea.recording.csv_file import open_csv
 from fltea.recording.files import Stored
 from fltea.recording.reading import Answer
-from fltea.recording.text_layout import Layout
+from fltea.recording.row_layout import Layout
 from fltea.recording.text_rows import TextReader
 from fltea.records.records import ACCEL_AXES, AXES
 

@@ -13,8 +13,8 @@ from fltea.recording.columns import Chosen, check_sensors
 from fltea.recording.dialects import Facts
 from fltea.recording.one_sensor import OneSensor, as_word
 from fltea.recording.reading import given_options
+from fltea.recording.row_layout import Layout
 from fltea.recording.table import Rows
-from fltea.recording.text_layout import Layout
 from fltea.recording.text_numbers import decoded
 from fltea.recording.turns import Turns
 from fltea.records.errors import UsageError

@@ -17,6 +17,7 @@ from fltea.recording.files import Note, listed
 from fltea.recording.header_choices import Choices
 from fltea.recording.named_lines import NamedLines
 from fltea.recording.raw_lines import shown
+from fltea.recording.row_layout import Layout, layout_of, why_no_row, why_too_many
 from fltea.recording.text_fields import (
     COMMENTS,
     MOST_COLUMNS,
@@ -47,28 +48,6 @@ MOST_BEFORE = 200
 WORDS = re.compile(r"[\s,;:={}\[\]]+")
 
 ONE_WITH_UNIT = re.compile(r"[^\[\]()]+[\[(][^\[\]()]*[\])]")
-
-
-class Layout(NamedTuple):
-    """The layout of the rows in a text, which says where in a row each number stands.
-
-    `separator`: text between two fields; None means white space. `parse`: function that returns the numbers
-    in a line by name, for JSON objects and labelled lines; else None. `usual`: number of fields in the first
-    row.
-    `least`: fewest fields of a row. `most`: number of columns; fields after these hold no numbers to read.
-    `begin`: line number of the first row, from 1. `notes`: warnings for the user. `again`: the line of column
-    names and the line of units, which may be repeated later in the text.
-    """
-
-    chosen: Chosen
-    separator: str | None
-    parse: Callable[[str], Mapping[str, Any]] | None
-    usual: int
-    least: int
-    most: int
-    begin: int
-    notes: tuple[Note, ...] = ()
-    again: tuple[str, ...] = ()
 
 
 class _Names(NamedTuple):
@@ -270,7 +249,7 @@ class LayoutFinder:
                 where = f"{self._where}:{number}"
                 notes = (Note("row_times", f"{where}: {note}"),) if note else ()
                 again = header.text, ",".join(self._units or ())
-                return _layout(timed, separator, fields, len(names), number, notes, again)
+                return layout_of(timed, separator, fields, len(names), number, notes, again)
             why = why or found
         self._why_no_row = self._why_no_row or f"{self._where}:{number}: {why}"
         return None
@@ -287,7 +266,7 @@ class LayoutFinder:
             facts = self.facts(None, len(fields), tag)
             if dialect_of((), facts, tag=tag, fields=len(fields)):
                 chosen = choose(f"{self._where}:{number}", None, None, len(fields), self._how, facts, tag)
-                return _layout(chosen, separator, fields, len(fields), number)
+                return layout_of(chosen, separator, fields, len(fields), number)
             return None
         if not self._wanted.is_at(fields):
             return None
@@ -295,7 +274,7 @@ class LayoutFinder:
         at, names, units = names_above(self._before, len(fields))
         facts = self.facts(names, len(fields), tag)
         chosen = choose(f"{self._where}:{at or number}", names, units, len(fields), self._how, facts, tag)
-        return _layout(chosen, separator, fields, len(fields), number)
+        return layout_of(chosen, separator, fields, len(fields), number)
 
     def _tag_of(self, fields: Sequence[str]) -> str | None:
         """Return the first field of a row if it tells the kind of the row, else "".
@@ -349,56 +328,6 @@ def _fit(header: _Names, row: str) -> bool:
     count = len(header.names)
     rows = (split(row, separator) for separator in {separator_of(row, count), header.separator})
     return any(len(fields) >= count and not any(fields[count:]) for fields in rows)
-
-
-def _layout(
-    chosen: Chosen,
-    separator: str | None,
-    fields: Sequence[str],
-    columns: int,
-    number: int,
-    notes: tuple[Note, ...] = (),
-    again: tuple[str, ...] = (),
-) -> Layout:
-    filled = len(fields)
-    while filled and not fields[filled - 1].strip():
-        filled -= 1
-    least = max(min(filled, columns), max(chosen.needed) + 1)
-    return Layout(chosen, separator, None, len(fields), least, columns, number, notes, again)
-
-
-def why_too_many(fields: Sequence[str], columns: int) -> str:
-    """Return why a row is refused if it has numbers in more fields than there are columns, else "".
-
-    The commas of such a row may be decimal commas.
-    """
-    if not any(map(is_number, fields[columns:])):
-        return ""
-    return (
-        f"has {len(fields)} fields, and there are {columns} columns. If the numbers have decimal commas, "
-        "separate the columns by ';' or write decimal points."
-    )
-
-
-def why_no_row(chosen: Chosen, fields: Sequence[str], separator: str | None) -> str:
-    """Return why the needed numbers cannot be read from a row's fields; "" if they can be read.
-
-    Words for missing numbers, such as `nan`, can be read.
-    """
-    for place, name in zip(chosen.needed, chosen.read, strict=False):
-        if place >= len(fields):
-            return f"has {len(fields)} fields; column {shown(name)} is number {place + 1}."
-        field = fields[place].strip()
-        in_quotes = separator == "," and "," in field
-        if is_missing(field) or (is_number(field) and not in_quotes):
-            continue
-        hint = ""
-        if in_quotes and is_number(field):
-            hint = " Decimal commas are read where ';', a tab or blanks separate the columns."
-        elif place == chosen.time:
-            hint = " Times as text are not read, so give the rate: --rate ?"
-        return f"column {shown(name)}: {shown(field)} is not a number.{hint}"
-    return ""
 
 
 def _without_dates(chosen: Chosen, fields: Sequence[str], how: How) -> tuple[Chosen, str]:

@@ -13,10 +13,10 @@ import numpy as np
 
 from fltea._native import plain_rows
 from fltea.recording.raw_lines import LONGEST_LINE, shown
+from fltea.recording.row_layout import Layout, why_no_row, why_too_many
 from fltea.recording.sample_times import Floats, Ints
 from fltea.recording.text_fields import is_blank, is_comment
 from fltea.recording.text_labels import values_in
-from fltea.recording.text_layout import Layout, why_no_row, why_too_many
 from fltea.recording.wanted import DECIMAL_COMMA, is_missing, is_number
 
 SAMPLE_BEGINS = '0123456789+-.,;"{'

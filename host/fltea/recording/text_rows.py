@@ -18,12 +18,13 @@ from fltea.recording.label_lines import LabelLines
 from fltea.recording.line_buffer import LineBuffer
 from fltea.recording.line_counts import BadLines, RowNumbers
 from fltea.recording.raw_lines import BOM, LONGEST_LINE, shown
+from fltea.recording.row_layout import Layout
 from fltea.recording.sample_times import Floats, Ints
 from fltea.recording.sensor_lines import SensorLines
 from fltea.recording.table import Rows, joined
 from fltea.recording.text_fields import sample_of
 from fltea.recording.text_forms import plain_lines
-from fltea.recording.text_layout import Layout, LayoutFinder
+from fltea.recording.text_layout import LayoutFinder
 from fltea.recording.text_numbers import RowParser, WhyNot, decoded, end_of_line
 from fltea.recording.text_times import A_CLOCK, Clocks
 from fltea.records.errors import UsageError
