@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from typing import get_args
 
 import msgspec
-from fltea.records import device_fit, fit, stats
+from fltea.records import device_fit, estimate, fit, stats
 from fltea.records import records as record_module
 from fltea.records.fit import Interval
 from fltea.records.records import AnyRecord, Placed, Record
@@ -112,7 +112,7 @@ def schema() -> str:
     (top,), parts = msgspec.json.schema_components([AnyRecord], ref_template="#/$defs/{name}")
     structs = {
         one.__name__: one
-        for module in (record_module, stats, fit, device_fit)
+        for module in (record_module, estimate, stats, fit, device_fit)
         for one in vars(module).values()
         if isinstance(one, type) and issubclass(one, msgspec.Struct)
     }

@@ -6,24 +6,20 @@ from typing import get_args
 
 import pytest
 from fltea.records.device_fit import DeviceAxisFit, DeviceVerdict
+from fltea.records.estimate import AxisEstimate, DeviceAxisEstimate, FlteaEstimate, Whiteness, WhyNot
 from fltea.records.fit import FittedAxis, VerdictKind
 from fltea.records.records import (
     AXES,
     AnyRecord,
-    AxisEstimate,
-    DeviceAxisEstimate,
     DeviceEstimates,
     DeviceFits,
     Epoch,
     EpochReason,
     Estimate,
-    FlteaEstimate,
     Hello,
     Motion,
     Sample,
     Step,
-    Whiteness,
-    WhyNot,
 )
 from fltea.records.stats import DeviceStatus
 from fltea.wire import layout as wire

@@ -8,8 +8,9 @@ from typing import Any, NamedTuple, TypeVar
 import msgspec
 import numpy as np
 from fltea.records.block import AxisColumns, Block, TrackedColumns
+from fltea.records.estimate import AxisEstimate
 from fltea.records.events import Event, RawBlock, RawSample, block_of
-from fltea.records.records import AnyRecord, AxisEstimate, EpochReason, Estimate, Sample
+from fltea.records.records import AnyRecord, EpochReason, Estimate, Sample
 from fltea.records.stats import SampleStats
 from fltea.stream.decode import Decoded, Decoder
 from hypothesis import strategies as st

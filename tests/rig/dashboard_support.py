@@ -10,21 +10,10 @@ from typing import Any, ParamSpec
 
 import msgspec
 import numpy as np
+from fltea.records.estimate import AxisEstimate, DeviceAxisEstimate, FlteaEstimate, WhyNot
 from fltea.records.events import Break, Event, RawSample
 from fltea.records.ports import Recorder
-from fltea.records.records import (
-    AXES,
-    AnyRecord,
-    AxisEstimate,
-    DeviceAxisEstimate,
-    DeviceEstimates,
-    Epoch,
-    Estimate,
-    EstimatorInfo,
-    FlteaEstimate,
-    Stats,
-    WhyNot,
-)
+from fltea.records.records import AXES, AnyRecord, DeviceEstimates, Epoch, Estimate, EstimatorInfo, Stats
 from fltea.records.stats import DeviceEstimatorStats, DeviceStatus
 from fltea.settings.config import Config
 from fltea.settings.estimator import EstimateOn, EstimatorConfig

@@ -8,8 +8,9 @@ from typing import Any
 
 import msgspec
 import numpy as np
+from fltea.records.estimate import FlteaEstimate
 from fltea.records.events import Chunk, Event, Opened, RawSample
-from fltea.records.records import AnyRecord, DeviceEstimates, Estimate, FlteaEstimate
+from fltea.records.records import AnyRecord, DeviceEstimates, Estimate
 from fltea.settings.config import load_config
 from fltea.sources.wire_events import WireEvents
 from fltea.stream.pipeline import Pipeline

@@ -2,8 +2,9 @@
 
 from typing import Any
 
+from fltea.records.estimate import AxisEstimate, FlteaEstimate
 from fltea.records.fit import Interval
-from fltea.records.records import ACCEL_UNIT, GYRO_UNIT, AxisEstimate, FlteaEstimate, Motion, Stats, Step
+from fltea.records.records import ACCEL_UNIT, GYRO_UNIT, Motion, Stats, Step
 from fltea.records.stats import AxisStats, BiasCheck, DeviceStatus, LinkStats, SampleStats, TrackerStats
 
 

@@ -10,17 +10,16 @@ import jinja2
 import msgspec
 from fltea.records.clock import host_ns
 from fltea.records.device_fit import DeviceAxisFit
+from fltea.records.estimate import DeviceAxisEstimate, FlteaEstimate
 from fltea.records.fit import AxisFit, Until
 from fltea.records.ports import Latency
 from fltea.records.records import (
-    DeviceAxisEstimate,
     DeviceEstimates,
     DeviceFits,
     Epoch,
     Estimate,
     EstimatorInfo,
     Fit,
-    FlteaEstimate,
     Sample,
     Stats,
 )

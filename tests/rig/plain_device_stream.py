@@ -18,6 +18,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import msgspec
+from fltea.records.estimate import AxisEstimate
 from fltea.records.events import Break, Event, LinkDown, RawBlock, RawSample, Trouble, host_ns_of
 from fltea.records.ports import Source
 from fltea.records.records import (
@@ -26,7 +27,6 @@ from fltea.records.records import (
     AXES,
     GYRO_UNIT,
     AnyRecord,
-    AxisEstimate,
     Epoch,
     EpochReason,
     Error,

@@ -12,8 +12,9 @@ import numpy as np
 from fltea.estimator.engine import CAUSES
 from fltea.estimator.lane_settings import LaneSettings
 from fltea.estimator.lanes import Reason
+from fltea.records.estimate import AxisEstimate, FlteaEstimate
 from fltea.records.fit import Interval
-from fltea.records.records import AxisEstimate, EstimatorInfo, FlteaEstimate
+from fltea.records.records import EstimatorInfo
 from fltea.records.stats import AxisStats
 from fltea.settings.estimator import EstimatorConfig
 

@@ -11,7 +11,8 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 from fltea.estimator.tracker import BY_ACCEL, EventKind, Tracker, TrackerEvent
-from fltea.records.records import AxisEstimate, Motion, Step
+from fltea.records.estimate import AxisEstimate
+from fltea.records.records import Motion, Step
 from fltea.records.stats import BiasCheck, TrackerStats
 from fltea.settings.estimator import EstimatorConfig
 from fltea.settings.live import LiveConfig

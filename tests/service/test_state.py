@@ -11,8 +11,9 @@ from pathlib import Path
 import msgspec
 import pytest
 from fltea.records.errors import UsageError
+from fltea.records.estimate import FlteaEstimate
 from fltea.records.events import Event, RawSample
-from fltea.records.records import AnyRecord, Epoch, Error, Estimate, FlteaEstimate, Stats
+from fltea.records.records import AnyRecord, Epoch, Error, Estimate, Stats
 from fltea.service import state as state_module
 from fltea.service.state import DeviceState, StateFile
 from fltea.settings.config import Config

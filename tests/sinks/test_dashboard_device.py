@@ -7,17 +7,8 @@ from collections.abc import Callable
 import msgspec
 import numpy as np
 import pytest
-from fltea.records.records import (
-    ACCEL_AXES,
-    AXES,
-    AnyRecord,
-    DeviceAxisEstimate,
-    DeviceEstimates,
-    Epoch,
-    Estimate,
-    FlteaEstimate,
-    WhyNot,
-)
+from fltea.records.estimate import DeviceAxisEstimate, FlteaEstimate, WhyNot
+from fltea.records.records import ACCEL_AXES, AXES, AnyRecord, DeviceEstimates, Epoch, Estimate
 from fltea.settings.estimator import EstimateOn
 from fltea.sinks.page import facts, facts_of_device
 from fltea.sinks.page.history import DeviceHistory

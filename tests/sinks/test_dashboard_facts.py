@@ -9,8 +9,9 @@ from collections.abc import Callable
 import msgspec
 import pytest
 from fltea.records import clock
+from fltea.records.estimate import FlteaEstimate
 from fltea.records.plus_minus import plus_minus
-from fltea.records.records import AnyRecord, Error, Estimate, FlteaEstimate, Gap, Stats
+from fltea.records.records import AnyRecord, Error, Estimate, Gap, Stats
 from fltea.records.stats import LinkStats, OutputStats
 from fltea.sinks.page import facts
 from fltea.sinks.page.history import DeviceHistory

@@ -11,8 +11,9 @@ from fltea.recording.schema import encode_message, record_schema
 from fltea.recording.session import LinkMessage, from_metadata
 from fltea.records import clock
 from fltea.records.errors import UsageError
+from fltea.records.estimate import AxisEstimate
 from fltea.records.events import Chunk, Failed, Opened, TransportEvent
-from fltea.records.records import ACCEL_AXES, AXES, AxisEstimate, Error, Estimate, Sample
+from fltea.records.records import ACCEL_AXES, AXES, Error, Estimate, Sample
 from fltea.service.hub import Hub
 from fltea.service.open_outputs import open_outputs
 from fltea.settings.config import load_config

@@ -11,11 +11,11 @@ from typing import Any
 
 import msgspec
 import pytest
+from fltea.records.estimate import AxisEstimate
 from fltea.records.ports import Printed, SinkClosed, Wanted
 from fltea.records.records import (
     ACCEL_UNIT,
     AnyRecord,
-    AxisEstimate,
     Epoch,
     Error,
     Estimate,

@@ -3,8 +3,8 @@
 import itertools
 
 import pytest
+from fltea.records.estimate import DeviceAxisEstimate, WhyNot
 from fltea.records.events import DeviceAxis
-from fltea.records.records import DeviceAxisEstimate, WhyNot
 from fltea.records.why_not import WHY_NOT
 from fltea.stream.board_compare import compare
 

@@ -10,16 +10,9 @@ import pytest
 from fltea.archive.export import export
 from fltea.recording.schema import record_schema
 from fltea.records.errors import UsageError
+from fltea.records.estimate import DeviceAxisEstimate, FlteaEstimate
 from fltea.records.events import Opened, TransportEvent
-from fltea.records.records import (
-    AnyRecord,
-    DeviceAxisEstimate,
-    DeviceEstimates,
-    Epoch,
-    Estimate,
-    FlteaEstimate,
-    Stats,
-)
+from fltea.records.records import AnyRecord, DeviceEstimates, Epoch, Estimate, Stats
 from fltea.records.stats import DeviceEstimatorStats, DeviceStatus, LinkStats, SampleStats
 from fltea.settings.config import load_config
 from fltea.settings.outputs import RECORDED

@@ -9,8 +9,9 @@ from typing import Any, NamedTuple
 import msgspec
 import pytest
 from fltea.records.block import Block
+from fltea.records.estimate import AxisEstimate
 from fltea.records.events import Event, RawBlock
-from fltea.records.records import AnyRecord, AxisEstimate, Epoch, Estimate, Motion, Stats, Step
+from fltea.records.records import AnyRecord, Epoch, Estimate, Motion, Stats, Step
 from fltea.settings.config import Config, load_config
 from fltea.stream.pipeline import Pipeline
 from hypothesis import given, settings

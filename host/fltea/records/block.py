@@ -14,19 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.records.arrays import Array
+from fltea.records.estimate import AxisEstimate, FlteaEstimate, Whiteness
 from fltea.records.events import Ints
 from fltea.records.fit import Interval, VerdictKind
-from fltea.records.records import (
-    AXES,
-    GYRO_UNIT,
-    AxisEstimate,
-    Corrected,
-    CorrectedAxis,
-    Estimate,
-    FlteaEstimate,
-    Sample,
-    Whiteness,
-)
+from fltea.records.records import AXES, GYRO_UNIT, Corrected, CorrectedAxis, Estimate, Sample
 
 Bools = NDArray[np.bool_]
 T = TypeVar("T")

@@ -1,6 +1,6 @@
 """List texts that say why the record `device_estimate` has no differences, for the page and the terminal."""
 
-from fltea.records.records import WhyNot
+from fltea.records.estimate import WhyNot
 
 WHY_NOT: dict[WhyNot, str] = {
     "device_not_valid": "the device's estimate is not valid",

@@ -1,7 +1,7 @@
 """Describe an axis's unit and present bias in words, for the page and the terminal."""
 
+from fltea.records.estimate import AxisEstimate
 from fltea.records.plus_minus import plus_minus
-from fltea.records.records import AxisEstimate
 from fltea.records.sensor_kind import kind_of
 from fltea.sinks.changes import MOVES
 

@@ -7,8 +7,9 @@ from rich.table import Table
 from rich.text import Text
 
 from fltea.records.device_fit import DeviceAxisFit
+from fltea.records.estimate import WhyNot
 from fltea.records.plus_minus import plus_minus
-from fltea.records.records import DeviceEstimates, WhyNot
+from fltea.records.records import DeviceEstimates
 from fltea.records.why_not import not_comparable
 from fltea.sinks.page.answer import figure_of
 from fltea.sinks.words import apart, in_deviations, quantity, signed

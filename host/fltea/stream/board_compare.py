@@ -4,8 +4,8 @@ import math
 
 import msgspec
 
+from fltea.records.estimate import AxisEstimate, DeviceAxisEstimate, FlteaEstimate, WhyNot
 from fltea.records.events import DeviceAxis
-from fltea.records.records import AxisEstimate, DeviceAxisEstimate, FlteaEstimate, WhyNot
 from fltea.stream.live import AcceptedFit
 
 

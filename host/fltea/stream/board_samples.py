@@ -3,8 +3,9 @@
 from typing import NamedTuple
 
 from fltea.records.block import Block
+from fltea.records.estimate import AxisEstimate
 from fltea.records.events import SEQUENCE_WRAP
-from fltea.records.records import GYRO_UNIT, AxisEstimate
+from fltea.records.records import GYRO_UNIT
 from fltea.stream.epoch import Moment
 
 REMEMBERED = 256

@@ -20,8 +20,9 @@ from typing import NamedTuple, Protocol
 from msgspec.structs import replace
 
 from fltea.estimator.tracker import Remembered
+from fltea.records.estimate import Whiteness
 from fltea.records.fit import AxisFit
-from fltea.records.records import Fit, Hello, Whiteness
+from fltea.records.records import Fit, Hello
 from fltea.records.sensor_kind import SENSOR_KINDS
 from fltea.settings.config import Config
 from fltea.spectrum.evidence import ANYTIME_LEVEL

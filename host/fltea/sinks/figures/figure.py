@@ -11,19 +11,9 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Literal, NamedTuple, get_args, get_type_hints
 
 from fltea.records.device_fit import DeviceAxisFit
+from fltea.records.estimate import AxisEstimate, DeviceAxisEstimate
 from fltea.records.fit import AxisFit
-from fltea.records.records import (
-    AxisEstimate,
-    DeviceAxisEstimate,
-    DeviceEstimates,
-    DeviceFits,
-    Estimate,
-    Fit,
-    Hello,
-    Record,
-    Sample,
-    Stats,
-)
+from fltea.records.records import DeviceEstimates, DeviceFits, Estimate, Fit, Hello, Record, Sample, Stats
 from fltea.records.stats import AxisStats, DeviceEstimatorStats, DeviceStatus, LinkStats, OutputStats
 from fltea.sinks.words import Level
 

@@ -3,7 +3,8 @@
 from collections.abc import Iterator
 from functools import partial
 
-from fltea.records.records import DeviceAxisEstimate, Hello, Stats
+from fltea.records.estimate import DeviceAxisEstimate
+from fltea.records.records import Hello, Stats
 from fltea.records.stats import DeviceEstimatorStats, DeviceStatus
 from fltea.sinks.figures.figure import (
     Cells,

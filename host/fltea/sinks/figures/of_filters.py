@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 from functools import partial
 
+from fltea.records.estimate import AxisEstimate, FlteaEstimate
 from fltea.records.plus_minus import plus_minus
-from fltea.records.records import AxisEstimate, FlteaEstimate
 from fltea.records.stats import AxisStats
 from fltea.sinks.axis_words import unit_of
 from fltea.sinks.figures.figure import Cells, Figure, Row, Rows, Seen, Shown, counter, gauge

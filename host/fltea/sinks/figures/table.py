@@ -3,11 +3,10 @@
 from collections.abc import Iterator
 
 from fltea.records.device_fit import DeviceAxisFit
+from fltea.records.estimate import AxisEstimate, DeviceAxisEstimate
 from fltea.records.fit import AxisFit
 from fltea.records.records import (
-    AxisEstimate,
     Corrected,
-    DeviceAxisEstimate,
     DeviceEstimates,
     Epoch,
     Error,

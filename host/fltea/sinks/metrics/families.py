@@ -9,18 +9,10 @@ from prometheus_client.registry import Collector
 from fltea.records.block import Block, Values
 from fltea.records.clock import host_ns
 from fltea.records.device_fit import DeviceAxisFit
+from fltea.records.estimate import AxisEstimate, DeviceAxisEstimate
 from fltea.records.fit import AxisFit
 from fltea.records.ports import LATENCY_BOUNDS_MS, OutputView
-from fltea.records.records import (
-    AxisEstimate,
-    DeviceAxisEstimate,
-    DeviceEstimates,
-    Estimate,
-    Fit,
-    Hello,
-    Sample,
-    Stats,
-)
+from fltea.records.records import DeviceEstimates, Estimate, Fit, Hello, Sample, Stats
 from fltea.records.stats import AxisStats, DeviceEstimatorStats, DeviceStatus, LinkStats, OutputStats
 from fltea.records.version import __version__
 from fltea.sinks.figures.figure import ROOTS

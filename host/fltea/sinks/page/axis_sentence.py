@@ -1,7 +1,8 @@
 """Describe the noise of an axis in one sentence, for the page and for the table in a terminal."""
 
+from fltea.records.estimate import AxisEstimate
 from fltea.records.plus_minus import angle_within
-from fltea.records.records import AXES, AxisEstimate, Stats
+from fltea.records.records import AXES, Stats
 from fltea.records.units import HEADING_AFTER_S, MOST_DEG
 from fltea.sinks.axis_words import bias_words, unit_of
 from fltea.sinks.page.answer import Answer, answer, sentence

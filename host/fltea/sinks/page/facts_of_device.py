@@ -2,8 +2,9 @@
 
 from typing import Any
 
+from fltea.records.estimate import DeviceAxisEstimate
 from fltea.records.plus_minus import plus_minus
-from fltea.records.records import AXES, DeviceAxisEstimate
+from fltea.records.records import AXES
 from fltea.records.why_not import not_comparable
 from fltea.sinks.figures.figure import Cells, Seen
 from fltea.sinks.figures.of_device import estimates_rate

@@ -7,11 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from fltea.records import clock
+from fltea.records.estimate import AxisEstimate, DeviceAxisEstimate
 from fltea.records.records import (
     AXES,
     AnyRecord,
-    AxisEstimate,
-    DeviceAxisEstimate,
     DeviceEstimates,
     DeviceFits,
     Epoch,
