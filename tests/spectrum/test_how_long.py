@@ -7,7 +7,8 @@ import math
 import pytest
 from fltea.spectrum.candidate_models import CandidateModels, FittedModel
 from fltea.spectrum.how_long import seconds_more
-from fltea.spectrum.intervals import order_deviation, order_fit
+from fltea.spectrum.information import order_deviation
+from fltea.spectrum.intervals import order_fit
 from fltea.spectrum.periodogram import binned, periodogram
 
 from tests.rig.identify_support import H, long_recursion, white

@@ -32,7 +32,8 @@ from fltea.records.fit import Interval
 from fltea.records.plus_minus import NORMAL_95
 from fltea.spectrum.candidate_models import BY_CHANCE, CandidateModels, FittedModel
 from fltea.spectrum.evidence import APART
-from fltea.spectrum.intervals import around, interval_end, slopes
+from fltea.spectrum.information import slopes
+from fltea.spectrum.intervals import around, interval_end
 from fltea.spectrum.reading import NO_WHITE
 
 HARDLY_KNOWN = 2.0

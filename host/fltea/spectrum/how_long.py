@@ -7,7 +7,7 @@ right within a factor of two (host/docs/evaluation/odds.md).
 
 from fltea.records.plus_minus import NORMAL_95
 from fltea.spectrum.candidate_models import CandidateModels, FittedModel
-from fltea.spectrum.intervals import order_deviation
+from fltea.spectrum.information import order_deviation
 
 
 def seconds_more(

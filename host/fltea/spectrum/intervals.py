@@ -31,10 +31,10 @@ from fltea.noise.parts import (
     part_of,
 )
 from fltea.noise.spectra import f_of
-from fltea.records.arrays import Array
 from fltea.records.fit import Interval
 from fltea.records.plus_minus import NORMAL_95
 from fltea.spectrum.candidate_models import AT_A_LIMIT, LEAK_OF_CUBIC, CandidateModels, FittedModel, leaking
+from fltea.spectrum.information import slopes
 
 CRITICAL = 3.841
 """95 % point of χ² with one degree of freedom."""
@@ -56,8 +56,6 @@ SLOWEST = 300.0
 """The longest correlation time that is tried, divided by the longest one that the data can show."""
 WIDEST_ORDER = 0.9
 """The order α counts as undefined if its 95 % interval is wider than this."""
-NOTHING = 1e-4
-"""If a parameter has less Fisher information than this, the data count as saying nothing about it."""
 BY_F, BY_PARAMETER, BY_NOISE, BY_STEP = (
     BY_NAME[name].code for name in ("order by F", "order by f", "order by Q", "arfima by s2")
 )
@@ -260,34 +258,6 @@ def _values(f: CandidateModels, eta: Sequence[float], at: int) -> tuple[float, .
     """Return α, F, -f, s2 and R, computed from the transformed parameters `eta`."""
     g = g_of_eta(eta[at : at + 2])
     return eta[at], eta[at] + g, -f_of(eta[at], g, f.h), math.exp(eta[at + 2]), math.exp(eta[0])
-
-
-def information_of(f: CandidateModels, model: FittedModel) -> Array:
-    """Return the Fisher information of a model's transformed parameters, (p, p)."""
-    _, rows = slopes(f, model.codes, model.eta)
-    return np.asarray((rows * f.data.counts) @ rows.T)
-
-
-def slopes(f: CandidateModels, codes: Sequence[int], eta: Sequence[float]) -> tuple[Array, Array]:
-    """Return a model's spectrum (bins,), and the derivatives of its logarithm by each of `eta` (p, bins)."""
-    total, rows = np.empty(len(f.data.lam)), np.empty((len(eta), len(f.data.lam)))
-    f.native.slopes(list(codes), list(eta), total, rows)
-    return total, rows
-
-
-def order_deviation(f: CandidateModels, model: FittedModel) -> float | None:
-    """Return the standard deviation of the order, from the Fisher information of all parameters."""
-    at = model.place(Order, Arfima)
-    if at is None:
-        return None
-    information = information_of(f, model)
-    # The data say nothing about a parameter of a part with negligible power, so this parameter is left out.
-    keep = [i for i in range(len(information)) if i == at or information[i, i] > NOTHING]
-    try:
-        variance = float(np.linalg.inv(information[np.ix_(keep, keep)])[keep.index(at), keep.index(at)])
-    except np.linalg.LinAlgError:
-        return None
-    return math.sqrt(variance) if 0 < variance < 1 else None
 
 
 def _interval(
