@@ -10,7 +10,8 @@ from fltea.noise import parts as p
 from fltea.records.arrays import Array
 from fltea.spectrum.evidence import Evidence
 from fltea.spectrum.periodogram import Binned
-from fltea.spectrum.verdict import Verdict, winner
+from fltea.spectrum.questions import Verdict
+from fltea.spectrum.verdict import winner
 from hypothesis import strategies as st
 
 from tests.rig.identify_support import H

@@ -15,11 +15,12 @@ from fltea.spectrum.drift import SlowPower
 from fltea.spectrum.evidence import ANYTIME_LEVEL, LEVEL, Evidence
 from fltea.spectrum.intervals import estimated
 from fltea.spectrum.noise_figures import level as level_of
+from fltea.spectrum.questions import Verdict
 from fltea.spectrum.reading import Reading
 from fltea.spectrum.residuals import kolmogorov
 from fltea.spectrum.spectral_lines import Peak
 from fltea.spectrum.stationarity import Change
-from fltea.spectrum.verdict import Verdict, decide, winner
+from fltea.spectrum.verdict import decide, winner
 from scipy.signal import lfilter
 
 from tests.rig.identify_support import H, white

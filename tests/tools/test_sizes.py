@@ -70,7 +70,6 @@ OPEN_CLASSES: dict[str, int] = {
 }
 """Number of attributes of each class that still has too many, by class. No number may grow."""
 OPEN_FILES: dict[str, int] = {
-    "host/fltea/spectrum/verdict.py": 407,
     "host/fltea/stream/pipeline.py": 450,
     "tools/due_emulator/cpu.py": 418,
     "tests/api/test_api.py": 520,

@@ -15,7 +15,7 @@ from fltea.identification.motion import likely_motion
 from fltea.identification.telegraph import Telegraph, jump_words, telegraph_words, without_levels
 from fltea.identification.values import few_values
 from fltea.records.fit import VerdictKind
-from fltea.spectrum.verdict import Verdict
+from fltea.spectrum.questions import Verdict
 
 NO_MEMORY: tuple[VerdictKind, ...] = "white", "undecided", "line", "line or resonance", "resonance"
 """Verdicts that are replaced by "relaxations" on an axis that steps between levels.

@@ -21,9 +21,10 @@ from fltea.spectrum.intervals import Estimated, OrderFit
 from fltea.spectrum.likelihood_ratio import critical_values
 from fltea.spectrum.noise_figures import ModelSummary, NoiseFigures, noise_figures, summaries
 from fltea.spectrum.null_constants import PROBABILITIES
+from fltea.spectrum.questions import Verdict
 from fltea.spectrum.spectral import Band
 from fltea.spectrum.spectral_lines import Peak
-from fltea.spectrum.verdict import Verdict, decide
+from fltea.spectrum.verdict import decide
 
 NOT_RUN = "nobody asked for it"
 

@@ -20,8 +20,9 @@ from fltea.spectrum.angle_walk import angle_walk
 from fltea.spectrum.candidate_models import CandidateModels, FittedModel
 from fltea.spectrum.evidence import Evidence
 from fltea.spectrum.intervals import Estimated, estimated
+from fltea.spectrum.questions import Verdict
 from fltea.spectrum.reading import corner_hz
-from fltea.spectrum.verdict import Verdict, winner
+from fltea.spectrum.verdict import winner
 from fltea.spectrum.wording import names
 
 

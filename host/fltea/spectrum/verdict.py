@@ -7,8 +7,6 @@ far over the model in which an order replaces its relaxations. If neither set wi
 reported. Each question is stored with the figure that answered it, so that a reader can follow the verdict.
 """
 
-import msgspec
-
 from fltea.noise.filters import ONE_POLE
 from fltea.noise.part import in_hz
 from fltea.noise.parts import CODES
@@ -18,7 +16,8 @@ from fltea.spectrum import comb_words, median_words, wording
 from fltea.spectrum.candidate_models import BY_CHANCE, FittedModel, order_of
 from fltea.spectrum.evidence import APART, Evidence
 from fltea.spectrum.high_pass import stands_for_shape
-from fltea.spectrum.intervals import OrderFit, order_fit
+from fltea.spectrum.intervals import order_fit
+from fltea.spectrum.questions import Questions, Verdict
 from fltea.spectrum.reading import SLOW, Reading
 from fltea.spectrum.residuals import kolmogorov
 
@@ -53,59 +52,6 @@ NEXT_PEAK = (
 )
 
 
-class Rule(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A question, its answer, and the figure that decided the answer."""
-
-    question: str
-    answer: bool
-    figure: str
-
-
-class Verdict(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What the noise is, in a word or two and in sentences for people."""
-
-    kind: VerdictKind
-    text: str
-    """The texts `what`, `why` and `next`, one after the other."""
-    what: str
-    """What the noise is."""
-    why: str
-    """How certain the statement `what` is, and on what evidence."""
-    next: str
-    """What the user can do next: against the noise, or to know it better."""
-    rules: tuple[Rule, ...]
-    """The questions that were asked, with their answers."""
-    odds: float | None = None
-    """The odds of an order (`spectrum.order_odds`). None if the noise is nearly white or not stationary, or
-    if no fitted model has an order."""
-    has_order: bool = False
-    """Whether the verdict names a model with an order."""
-    order: OrderFit = OrderFit()
-    """The order with its intervals. All are None if there is no order or the data do not determine it."""
-
-    def saying(self, **words: str) -> "Verdict":
-        """Return the verdict with another `what`, `why` or `next`, and with a `text` composed of them."""
-        found = msgspec.structs.replace(self, **words)
-        return msgspec.structs.replace(found, text=f"{found.what} {found.why} {found.next}")
-
-
-class _Questions:
-    def __init__(self) -> None:
-        self.asked: list[Rule] = []
-        self.odds: float | None = None
-        self.has_order = False
-        self.order = OrderFit()
-
-    def ask(self, question: str, answer: bool, figure: str) -> bool:
-        self.asked.append(Rule(question, answer, figure))
-        return answer
-
-    def say(self, kind: VerdictKind, what: str, why: str, then: str) -> Verdict:
-        order = self.order if self.has_order else OrderFit()
-        found = Verdict(kind, "", what, why, then, tuple(self.asked), self.odds, self.has_order, order)
-        return found.saying()
-
-
 def winner(e: Evidence, verdict: Verdict) -> FittedModel:
     """Return the model that stands for the noise in curves, figures, filters and simulations.
 
@@ -119,7 +65,7 @@ def winner(e: Evidence, verdict: Verdict) -> FittedModel:
 
 def decide(e: Evidence) -> Verdict:
     """Ask one question after the other until an answer settles the verdict."""
-    q, f = _Questions(), e.candidates
+    q, f = Questions(), e.candidates
     changed = (
         "no"
         if e.change is None
@@ -161,7 +107,7 @@ def decide(e: Evidence) -> Verdict:
     return _without_order(e, q)
 
 
-def _claimed(e: Evidence, q: _Questions) -> bool:
+def _claimed(e: Evidence, q: Questions) -> bool:
     """Return whether the best model with an order leads over all without one, so that an order is claimed."""
     f = e.candidates
     if f.ordered is None:
@@ -190,7 +136,7 @@ def _claimed(e: Evidence, q: _Questions) -> bool:
     return q.ask("Are the residuals white?", found < critical, f"KS {found:.2f}, at most {critical:.2f}")
 
 
-def _either(e: Evidence, q: _Questions) -> bool:
+def _either(e: Evidence, q: Questions) -> bool:
     """Return whether a model with an order describes the noise nearly as well as the models without one."""
     f = e.candidates
     if f.pure is None or f.ordered is None:
@@ -212,7 +158,7 @@ def _either(e: Evidence, q: _Questions) -> bool:
     )
 
 
-def _fractional(e: Evidence, q: _Questions) -> Verdict:
+def _fractional(e: Evidence, q: Questions) -> Verdict:
     f = e.candidates
     assert f.order is not None
     q.has_order, q.order = True, order_fit(f, f.order)
@@ -228,7 +174,7 @@ def _fractional(e: Evidence, q: _Questions) -> Verdict:
     )
 
 
-def _without_order(e: Evidence, q: _Questions) -> Verdict:
+def _without_order(e: Evidence, q: Questions) -> Verdict:
     """Return the verdict if no order is claimed, which follows from the best model without an order."""
     f = e.candidates
     found = e.reading
@@ -268,7 +214,7 @@ def _without_order(e: Evidence, q: _Questions) -> Verdict:
     return _white(e, q, f"What is left ({said}) is a trace of what was found")
 
 
-def _both(e: Evidence, q: _Questions, kind: VerdictKind, said: str) -> Verdict:
+def _both(e: Evidence, q: Questions, kind: VerdictKind, said: str) -> Verdict:
     f = e.candidates
     assert f.order is not None
     q.order = order_fit(f, f.order)
@@ -281,7 +227,7 @@ def _both(e: Evidence, q: _Questions, kind: VerdictKind, said: str) -> Verdict:
     )
 
 
-def _relaxations(e: Evidence, q: _Questions, said: str) -> Verdict:
+def _relaxations(e: Evidence, q: Questions, said: str) -> Verdict:
     f = e.candidates
     against = "Nothing looks like an order."
     if f.pure is not None:
@@ -297,7 +243,7 @@ def _relaxations(e: Evidence, q: _Questions, said: str) -> Verdict:
     )
 
 
-def _drift(e: Evidence, q: _Questions, said: str) -> Verdict:
+def _drift(e: Evidence, q: Questions, said: str) -> Verdict:
     q.has_order = False
     return q.say(
         "drift",
@@ -308,7 +254,7 @@ def _drift(e: Evidence, q: _Questions, said: str) -> Verdict:
     )
 
 
-def _resonance(e: Evidence, q: _Questions, found: Reading, said: str) -> Verdict:
+def _resonance(e: Evidence, q: Questions, found: Reading, said: str) -> Verdict:
     assert found.resonance is not None
     return q.say(
         "resonance",
@@ -328,7 +274,7 @@ def _is_but_a_high_pass(e: Evidence) -> bool:
     )
 
 
-def _high_pass(e: Evidence, q: _Questions) -> Verdict:
+def _high_pass(e: Evidence, q: Questions) -> Verdict:
     f, found = e.candidates, e.reading.high_pass
     assert found is not None
     said = wording.sentence(found.told, e)
@@ -341,7 +287,7 @@ def _high_pass(e: Evidence, q: _Questions) -> Verdict:
     )
 
 
-def _rising(e: Evidence, q: _Questions, said: str) -> Verdict:
+def _rising(e: Evidence, q: Questions, said: str) -> Verdict:
     return q.say(
         "anti-persistent",
         f"Noise whose power rises with frequency: {said}.{wording.also_found(e)}",
@@ -351,7 +297,7 @@ def _rising(e: Evidence, q: _Questions, said: str) -> Verdict:
     )
 
 
-def _low_pass(e: Evidence, q: _Questions, found: Reading, said: str) -> Verdict:
+def _low_pass(e: Evidence, q: Questions, found: Reading, said: str) -> Verdict:
     one = found.low_pass is not None and found.low_pass.poles < ONE_POLE
     if found.low_pass is not None:
         said = f"{wording.capital(f'white noise through {found.low_pass.words(e.rate_hz)}')} ({said})"
@@ -369,7 +315,7 @@ def _low_pass(e: Evidence, q: _Questions, found: Reading, said: str) -> Verdict:
     )
 
 
-def _white(e: Evidence, q: _Questions, accepted: str) -> Verdict:
+def _white(e: Evidence, q: Questions, accepted: str) -> Verdict:
     """Return the verdict on noise that is white or nearly white, apart from peaks, drift and the like."""
     q.has_order = False
     rejected = e.p_clean < e.level

@@ -14,7 +14,8 @@ from fltea.records.fit import Interval
 from fltea.records.plus_minus import NORMAL_95
 from fltea.spectrum.drift_rate import drift_rate
 from fltea.spectrum.noise_figures import NoiseFigures, noise_figures
-from fltea.spectrum.verdict import Verdict, decide
+from fltea.spectrum.questions import Verdict
+from fltea.spectrum.verdict import decide
 
 from tools.validation.closed_form import closed_form
 from tools.validation.coverage.populations import H, Parts
