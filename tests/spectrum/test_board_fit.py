@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fltea.spectrum.candidate_models import CandidateModels, native, order_in_white
-from fltea.spectrum.intervals import OrderFit, order_fit
 from fltea.spectrum.octaves import Octaves
+from fltea.spectrum.order_fit import OrderFit, order_fit
 from fltea.spectrum.periodogram import Periodogram, binned
 from numpy.typing import NDArray
 

@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 from fltea.noise import parts as p
 from fltea.spectrum.candidate_models import CandidateModels, FittedModel, native, order_in_white, order_of
-from fltea.spectrum.intervals import CRITICAL, estimated, order_fit
+from fltea.spectrum.estimated import estimated
+from fltea.spectrum.intervals import CRITICAL
+from fltea.spectrum.order_fit import order_fit
 from fltea.spectrum.periodogram import Binned
 from fltea.spectrum.reading import read
 from scipy.optimize import minimize

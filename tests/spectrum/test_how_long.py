@@ -8,7 +8,7 @@ import pytest
 from fltea.spectrum.candidate_models import CandidateModels, FittedModel
 from fltea.spectrum.how_long import seconds_more
 from fltea.spectrum.information import order_deviation
-from fltea.spectrum.intervals import order_fit
+from fltea.spectrum.order_fit import order_fit
 from fltea.spectrum.periodogram import binned, periodogram
 
 from tests.rig.identify_support import H, long_recursion, white

@@ -12,8 +12,8 @@ from fltea.identification.sums import examined
 from fltea.noise import parts as p
 from fltea.spectrum import wording
 from fltea.spectrum.drift import SlowPower
+from fltea.spectrum.estimated import estimated
 from fltea.spectrum.evidence import ANYTIME_LEVEL, LEVEL, Evidence
-from fltea.spectrum.intervals import estimated
 from fltea.spectrum.noise_figures import level as level_of
 from fltea.spectrum.questions import Verdict
 from fltea.spectrum.reading import Reading

@@ -17,9 +17,9 @@ from fltea.settings.live import LiveConfig
 from fltea.spectrum.allan_curve import live_allan
 from fltea.spectrum.candidate_models import CandidateModels
 from fltea.spectrum.evidence import ANYTIME_LEVEL
-from fltea.spectrum.intervals import order_fit
 from fltea.spectrum.live_axes import AxisRefit, LiveAxes
 from fltea.spectrum.octaves import LANE_BYTES, Octaves
+from fltea.spectrum.order_fit import order_fit
 from fltea.spectrum.periodogram import binned
 from fltea.spectrum.spectral import examine
 from numpy.typing import NDArray

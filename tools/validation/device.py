@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from fltea.noise.simulation import quantise
 from fltea.spectrum.candidate_models import CandidateModels, order_in_white
-from fltea.spectrum.intervals import order_fit
 from fltea.spectrum.likelihood_ratio import p_value
 from fltea.spectrum.octaves import Octaves
+from fltea.spectrum.order_fit import order_fit
 from fltea.spectrum.periodogram import binned
 from numpy.typing import NDArray
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from fltea.noise.parts import Part
-from fltea.spectrum.intervals import Estimated
+from fltea.spectrum.estimated import Estimated
 
 
 def tag(part: Part) -> str:

@@ -16,11 +16,12 @@ from fltea.records.arrays import Array
 from fltea.records.fit import Interval, Level
 from fltea.settings.estimator import EstimatorConfig
 from fltea.spectrum.drift_rate import drift_rate
+from fltea.spectrum.estimated import Estimated
 from fltea.spectrum.innovation_whiteness import Innovations
-from fltea.spectrum.intervals import Estimated, OrderFit
 from fltea.spectrum.likelihood_ratio import critical_values
 from fltea.spectrum.noise_figures import ModelSummary, NoiseFigures, noise_figures, summaries
 from fltea.spectrum.null_constants import PROBABILITIES
+from fltea.spectrum.order_fit import OrderFit
 from fltea.spectrum.questions import Verdict
 from fltea.spectrum.spectral import Band
 from fltea.spectrum.spectral_lines import Peak

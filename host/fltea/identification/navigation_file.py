@@ -17,7 +17,7 @@ from fltea.noise.part import ROWS
 from fltea.records.errors import FlteaError
 from fltea.records.fit import Interval
 from fltea.records.version import __version__
-from fltea.spectrum.intervals import Estimated
+from fltea.spectrum.estimated import Estimated
 from fltea.spectrum.noise_figures import ModelSummary
 
 FORMAT = "fltea-navigation-model"

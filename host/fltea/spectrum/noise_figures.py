@@ -18,8 +18,8 @@ from fltea.records.arrays import Array
 from fltea.records.fit import Interval, Level
 from fltea.spectrum.angle_walk import angle_walk
 from fltea.spectrum.candidate_models import CandidateModels, FittedModel
+from fltea.spectrum.estimated import Estimated, estimated
 from fltea.spectrum.evidence import Evidence
-from fltea.spectrum.intervals import Estimated, estimated
 from fltea.spectrum.questions import Verdict
 from fltea.spectrum.reading import corner_hz
 from fltea.spectrum.verdict import winner

@@ -3,7 +3,7 @@
 import msgspec
 
 from fltea.records.fit import VerdictKind
-from fltea.spectrum.intervals import OrderFit
+from fltea.spectrum.order_fit import OrderFit
 
 
 class Rule(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

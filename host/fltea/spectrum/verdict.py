@@ -16,7 +16,7 @@ from fltea.spectrum import comb_words, median_words, wording
 from fltea.spectrum.candidate_models import BY_CHANCE, FittedModel, order_of
 from fltea.spectrum.evidence import APART, Evidence
 from fltea.spectrum.high_pass import stands_for_shape
-from fltea.spectrum.intervals import order_fit
+from fltea.spectrum.order_fit import order_fit
 from fltea.spectrum.questions import Questions, Verdict
 from fltea.spectrum.reading import SLOW, Reading
 from fltea.spectrum.residuals import kolmogorov

@@ -10,7 +10,7 @@ from fltea.noise.parts import Arfima, Floor, Relaxation
 from fltea.records.odds import odds
 from fltea.spectrum import comb_words
 from fltea.spectrum.evidence import Evidence
-from fltea.spectrum.intervals import OrderFit
+from fltea.spectrum.order_fit import OrderFit
 from fltea.spectrum.reading import corner_hz
 from fltea.spectrum.spectral_lines import Peak
 

@@ -15,7 +15,7 @@ import numpy as np
 from fltea.identification.sums import examined
 from fltea.noise import parts as grammar
 from fltea.records.arrays import Array
-from fltea.spectrum.intervals import estimated
+from fltea.spectrum.estimated import estimated
 from fltea.spectrum.verdict import decide, winner
 
 from tools.validation.evaluate.cases import H

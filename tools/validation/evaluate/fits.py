@@ -10,8 +10,8 @@ from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from fltea.records.arrays import Array, Mask
-from fltea.spectrum.intervals import OrderFit
 from fltea.spectrum.octaves import Octaves
+from fltea.spectrum.order_fit import OrderFit
 from fltea.spectrum.periodogram import Periodogram, periodogram
 from fltea.spectrum.spectral import examine
 from fltea.spectrum.verdict import decide
