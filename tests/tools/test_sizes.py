@@ -64,13 +64,12 @@ OPEN_CLASSES: dict[str, int] = {
     "host/fltea/sources/text_events.py: TextEvents": 21,
     "host/fltea/stream/board.py: BoardEstimates": 17,
     "host/fltea/stream/live.py: LiveFits": 15,
-    "host/fltea/stream/pipeline.py: Pipeline": 21,
+    "host/fltea/stream/pipeline.py: Pipeline": 19,
     "tools/due_emulator/bridge.py: Bridge": 14,
     "tools/due_emulator/host_view.py: HostView": 20,
 }
 """Number of attributes of each class that still has too many, by class. No number may grow."""
 OPEN_FILES: dict[str, int] = {
-    "host/fltea/stream/pipeline.py": 450,
     "tools/due_emulator/cpu.py": 418,
     "tests/api/test_api.py": 520,
     "tests/cli/test_cli.py": 417,

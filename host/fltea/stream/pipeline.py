@@ -19,32 +19,24 @@ from fltea._native import Device, stands_before_sample
 from fltea.estimator.lanes import Reason
 from fltea.records.block import Block
 from fltea.records.clock import SECOND_NS
-from fltea.records.errors import UsageError
 from fltea.records.events import Event, Ints, LinkDown, RawBlock, Trouble, host_ns_of
 from fltea.records.ports import Source
-from fltea.records.records import AnyRecord, Epoch, EpochReason, Error, Gap, Hello, Stats
+from fltea.records.records import AnyRecord, Epoch, Error, Gap, Hello, Stats
 from fltea.records.repeat import OnceAMinute
 from fltea.records.sensor_kind import SENSOR_KINDS
 from fltea.records.stats import DeviceStatus, OutputStats
 from fltea.settings.config import Config
 from fltea.settings.estimator import BY_DEVICE
-from fltea.settings.ingest import is_partitioned
 from fltea.stream.board import BoardEstimates
 from fltea.stream.channels import explain_lost
 from fltea.stream.decode import Decoder, FirstSample, Rows, Stop, explain_rate
 from fltea.stream.epoch import NEVER, Beginning, Item, Moment, Notice, Standing
+from fltea.stream.epoch_start import EpochStart
 from fltea.stream.fit_times import turn
 from fltea.stream.fit_worker import FitWorker
 from fltea.stream.live import LiveFits
 from fltea.stream.sensors import Sensors
-from fltea.stream.snapshot import (
-    DeviceState,
-    LastSample,
-    missing_by_number,
-    missing_since,
-    sensor_of,
-    why_unused,
-)
+from fltea.stream.snapshot import DeviceState, LastSample, sensor_of
 
 Output = AnyRecord | Block
 
@@ -77,12 +69,12 @@ class Pipeline:
     ) -> None:
         self._stats_ns = stats_s * SECOND_NS
         self._stats_offset_ns = turn(fit_worker or FitWorker(), number, self._stats_ns)
-        self._source, self._config, self._outputs, self._state = source, config, outputs, state
+        self._source, self._config, self._outputs = source, config, outputs
         self._decoder = Decoder(
             lambda: self._source_offset_ns, config.link.max_gap, config.name, config.output
         )
         self._device = self._decoder.native
-        self._refuse, self._watched = refuse, watched
+        self._watched = watched
         fits = LiveFits(config, prompt=source.prompt, watched=watched, fit_worker=fit_worker, number=number)
         self._fits = fits if config.live.on else None
         self._board = (
@@ -90,12 +82,12 @@ class Pipeline:
         )
         settings = (lambda: config.estimator) if self._board is None else self._board.host_settings
         self._sensors = Sensors(config, settings, self._fits)
+        self._start = EpochStart(config, self._decoder, self._sensors, self._board, state, refuse)
         self._status: DeviceStatus | None = None
         self._now_ns = 0
         self._knows_time = False
         self._device.stats_due_ns = -NEVER if watched else NEVER
         self._boot_id: int | None = None
-        self._no_axis_reported = False
         self._lost_reported = OnceAMinute()
         self._offset_ns = self._source_offset_ns = source.unix_offset_ns
 
@@ -172,7 +164,7 @@ class Pipeline:
         self._offset_ns, self._boot_id = self._source_offset_ns, hello.boot_id
         unix_ns = self._unix_ns()
         beginning = Beginning(hello, first.gyro_axes, first.has_accel, missing=missing)
-        notices, reason, resumed_after_s, between = self._begin(beginning, first)
+        notices, reason, resumed_after_s, between = self._start.begin(beginning, first, self._now_ns, unix_ns)
         yield from self._records(notices)
         if self._fits is not None:
             self._fits.begin_numbers(first.seq)
@@ -279,8 +271,8 @@ class Pipeline:
 
     def save(self) -> DeviceState | None:
         """Return a snapshot of the estimators for a later run; None while they have nothing to save."""
-        if self._state is not None:  # the snapshot of an earlier run has not been used yet
-            return self._state
+        if self._start.state is not None:  # the snapshot of an earlier run has not been used yet
+            return self._start.state
         hello, saved = self._decoder.hello, self._sensors.save()
         if hello is None or not saved or self._device.moment is None:
             return None
@@ -365,57 +357,6 @@ class Pipeline:
         """
         whole = self._sensors.standing(self._device)
         return whole if self._board is None else whole.with_board(self._board.standing())
-
-    def _begin(
-        self, beginning: Beginning, first: FirstSample
-    ) -> tuple[list[Item], EpochReason, float | None, int]:
-        """Begin an epoch, from the snapshot if there is a suitable one.
-
-        Returns the reports to publish, the reason why the epoch begins, the snapshot's age [s] (None without
-        a snapshot), and the number of samples lost since the snapshot. The number of lost samples is 0
-        unless another process of a cluster served the device before. In that case, no other part of the
-        program counts these samples.
-        """
-        notices: list[Item] = []
-        hello = beginning.hello
-        absent = beginning.absent(self._config.channels)
-        if absent and not self._no_axis_reported:
-            self._no_axis_reported = True
-            text = (
-                f"the setting 'channels' asks for {', '.join(absent)}, which this source does not have, or "
-                "for which it states no scale."
-            )
-            notices.append(Notice("no_axis", text, self._now_ns))
-        state, self._state = self._state, None
-        if state is not None:
-            now_unix_ns = self._unix_ns()
-            problem = why_unused(state, hello, self._config, now_unix_ns)
-            if problem is None:
-                try:
-                    self._begin_sensors(beginning._replace(saved=state))
-                except ValueError as error:
-                    problem = str(error)
-                    self._refuse()
-                else:
-                    age_s = (now_unix_ns - state.unix_ns) * 1e-9
-                    place = first.sequence, first.device_us
-                    self._sensors.bridge(missing_since(state, hello, *place, age_s))
-                    handed_over = is_partitioned(self._config.source)
-                    lost = missing_by_number(state, hello, *place, age_s) if handed_over else None
-                    return notices, "resumed", age_s, lost or 0
-            text = f"the snapshot is not used: {problem}. The start-up window begins anew."
-            notices.append(Notice("state_unused", text, self._now_ns))
-        try:
-            self._begin_sensors(beginning)
-        except ValueError as error:
-            raise UsageError(f"estimator: {error}.") from error
-        return notices, first.reason, None, 0
-
-    def _begin_sensors(self, beginning: Beginning) -> None:
-        sensors = self._sensors.begin(beginning)
-        if self._board is not None:
-            self._board.begin(beginning)
-        self._decoder.begin(sensors)
 
     def _forget(self) -> None:
         """Ignore the estimates and fits that the board still sends for earlier samples.
