@@ -65,6 +65,39 @@ class _Kept(NamedTuple):
 _NOTHING = _Kept(-math.inf, "", -math.inf)
 
 
+class LastRows:
+    """The last stored row of each axis. It decides whether the next fit of the axis is stored, too.
+
+    `every_s`: least time between two stored fits of an axis [s]; changes of the result are stored in
+    addition.
+    """
+
+    def __init__(self, every_s: float) -> None:
+        self.every_s = every_s
+        self._last: dict[str, dict[str, _Kept]] = {}
+
+    def take(self, unix_s: float, device_id: str, axes: Mapping[str, Axis]) -> tuple[list[str], int]:
+        """Return the axes whose fits are stored now, and the number of axes that a device has too many."""
+        last = self._last.setdefault(device_id, {})
+        stored, surplus = [], 0
+        for name, axis in axes.items():
+            kept = last.get(name, _NOTHING)
+            is_new = axis.verdict != kept.verdict and _is_past(kept.changed_s, unix_s, CHANGE_S)
+            if not is_new and not _is_past(kept.unix_s, unix_s, self.every_s):
+                continue
+            if name not in last and len(last) >= MOST_AXES:
+                surplus += 1  # a real device has fewer axes, and does not give them new names all the time
+                continue
+            last[name] = _Kept(unix_s, axis.verdict, unix_s if is_new else kept.changed_s)
+            stored.append(name)
+        return stored, surplus
+
+    def forget(self, device_ids: Iterable[str]) -> None:
+        """Release the memory for sensors that were dropped."""
+        for name in device_ids:
+            self._last.pop(name, None)
+
+
 class History:
     """The history of fits and alerts.
 
@@ -80,10 +113,9 @@ class History:
     """
 
     def __init__(self, database: Database, every_s: float) -> None:
-        self._database, self.every_s = database, every_s
+        self._database, self._last_rows = database, LastRows(every_s)
         self.lost = self.pruned = 0
         self.trouble = self.trouble_kind = ""
-        self._last: dict[str, dict[str, _Kept]] = {}
         self._waiting: deque[tuple[str, Row]] = deque()
         self._batch: list[tuple[str, Row]] = []
         """Rows of the current transaction. After a failure the same rows are tried again unchanged."""
@@ -99,17 +131,11 @@ class History:
 
     def add(self, unix_s: float, device_id: str, axes: Mapping[str, Axis]) -> None:
         """Add a row for each axis of a fit whose last row is old enough, or whose result has changed."""
-        last = self._last.setdefault(device_id, {})
+        stored, surplus = self._last_rows.take(unix_s, device_id, axes)
+        self.lost += surplus
         rows = []
-        for name, axis in axes.items():
-            kept = last.get(name, _NOTHING)
-            is_new = axis.verdict != kept.verdict and _is_past(kept.changed_s, unix_s, CHANGE_S)
-            if not is_new and not _is_past(kept.unix_s, unix_s, self.every_s):
-                continue
-            if name not in last and len(last) >= MOST_AXES:
-                self.lost += 1  # a real device has fewer axes, and does not give them new names all the time
-                continue
-            last[name] = _Kept(unix_s, axis.verdict, unix_s if is_new else kept.changed_s)
+        for name in stored:
+            axis = axes[name]
             figures = [axis.figure(quantity.name) or (None, None, None) for quantity in SHOWN]
             numbers = [number for figure in figures for number in figure]
             rows.append((INSERT_FIT, (unix_s, device_id, name, axis.verdict, axis.samples, *numbers)))
@@ -121,8 +147,7 @@ class History:
 
     def forget(self, device_ids: Iterable[str]) -> None:
         """Release the memory for sensors that were dropped. Their rows stay in the database."""
-        for name in device_ids:
-            self._last.pop(name, None)
+        self._last_rows.forget(device_ids)
 
     def work(self, before_unix_s: float = -math.inf) -> None:
         """Start writing waiting rows, and deleting rows older than `before_unix_s`, in the database's thread.
