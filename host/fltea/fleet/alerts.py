@@ -136,7 +136,7 @@ class Alerts:
                 causes["offline", name, "", ""] = (
                     f"{name}: went offline without saying so ({sensor.status.reason or 'unknown'})."[:300]
                 )
-            if sensor.has_twin(now):
+            if sensor.fits.has_twin(now):
                 causes["twins", name, "", ""] = (
                     f"{name}: two programs publish under this name; their figures are mixed."
                 )

@@ -56,6 +56,56 @@ class Axis:
 
 
 @dataclass(slots=True)
+class MessageRate:
+    """How many messages came from one sender. `flooding`: whether the sender floods."""
+
+    messages: int = 0
+    flooding: bool = False
+    _window: tuple[float, int] = (0.0, 0)
+    """When the newest span of FLOOD_S began, and the number of messages in it."""
+
+    def count(self, now: float) -> None:
+        """Count one more message."""
+        self.messages += 1
+        begin, count = self._window
+        if now - begin >= FLOOD_S:
+            self.flooding = count > FLOOD_PER_S * FLOOD_S
+            self._window = now, 1
+        else:
+            self._window = begin, count + 1
+            self.flooding = self.flooding or count + 1 > FLOOD_PER_S * FLOOD_S
+
+
+@dataclass(slots=True)
+class FitNumbers:
+    """The numbers (epoch and sample) of the fits that came under one name. `count`: number of new fits."""
+
+    count: int = 0
+    _newest: tuple[int, int] = (-1, -1)
+    _decreases: deque[float] = field(default_factory=lambda: deque(maxlen=TWINS))
+    """Times at which the newest decreases of the number were seen."""
+
+    def is_newest(self, number: tuple[int, int]) -> bool:
+        """Return whether the newest fit has this number."""
+        return number == self._newest
+
+    def take(self, number: tuple[int, int], now: float) -> None:
+        """Count a new fit with this number."""
+        if number < self._newest:
+            self._decreases.append(now)
+        self._newest = number
+        self.count += 1
+
+    def begin_again(self) -> None:
+        """Expect small numbers, since the device has restarted."""
+        self._newest = (-1, -1)
+
+    def has_twin(self, now: float) -> bool:
+        """Return whether two programs seem to publish under the name."""
+        return len(self._decreases) == TWINS and now - self._decreases[0] < TWINS_S
+
+
+@dataclass(slots=True)
 class Sensor:
     """One device. `first`, `heard`: times at which its first and its newest message arrived."""
 
@@ -67,14 +117,10 @@ class Sensor:
     axes: dict[str, Axis] = field(default_factory=dict)
     delivered: int = 0
     lost: int = 0
-    messages: int = 0
     errors: deque[tuple[float, str, str]] = field(default_factory=lambda: deque(maxlen=ERRORS_KEPT))
-    flooding: bool = False
-    twins: deque[float] = field(default_factory=lambda: deque(maxlen=TWINS))
-    fits: int = 0
+    rate: MessageRate = field(default_factory=MessageRate)
+    fits: FitNumbers = field(default_factory=FitNumbers)
     kinds: set[str] = field(default_factory=set)
-    _seq: tuple[int, int] = (-1, -1)
-    _window: tuple[float, int] = (0.0, 0)
 
     @property
     def kind(self) -> str:
@@ -99,36 +145,24 @@ class Sensor:
 
         It counts as a sensor once it has sent two fits, or two kinds of messages including a HELLO or a fit.
         """
-        return self.fits > 1 or (len(self.kinds) > 1 and (self.hello is not None or self.fits > 0))
-
-    def has_twin(self, now: float) -> bool:
-        """Return whether two programs seem to publish under the sensor's name."""
-        return len(self.twins) == TWINS and now - self.twins[0] < TWINS_S
+        return self.fits.count > 1 or (
+            len(self.kinds) > 1 and (self.hello is not None or self.fits.count > 0)
+        )
 
     def count(self, now: float) -> None:
         """Count one more message of the sensor."""
         self.heard = now
-        self.messages += 1
-        begin, count = self._window
-        if now - begin >= FLOOD_S:
-            self.flooding = count > FLOOD_PER_S * FLOOD_S
-            self._window = now, 1
-        else:
-            self._window = begin, count + 1
-            self.flooding = self.flooding or count + 1 > FLOOD_PER_S * FLOOD_S
+        self.rate.count(now)
 
     def take_fit(self, fit: Fit, now: float) -> bool:
         """Store the newest fit.
 
         Return False if it was stored already, since MQTT may deliver a message twice.
         """
-        position = fit.epoch, fit.seq
-        if position == self._seq and self.axes:
+        number = fit.epoch, fit.seq
+        if self.fits.is_newest(number) and self.axes:
             return False
-        if position < self._seq:
-            self.twins.append(now)
-        self._seq = position
-        self.fits += 1
+        self.fits.take(number, now)
         rate_hz = None if self.hello is None else self.hello.rate_hz
         before = self.axes
         self.axes = {
@@ -160,7 +194,7 @@ class Sensor:
     def take_hello(self, hello: Hello) -> None:
         """Store the HELLO message; after a new boot of the device, the numbers of fits may start again."""
         if self.hello is None or hello.boot_id != self.hello.boot_id:
-            self._seq = (-1, -1)
+            self.fits.begin_again()
         self.hello = hello
 
 
@@ -216,7 +250,7 @@ class Roll:
         gone = [
             name
             for name, sensor in self.sensors.items()
-            if sensor.heard < now - (keep_s if sensor.fits else min(keep_s, WITHOUT_FIT_S))
+            if sensor.heard < now - (keep_s if sensor.fits.count else min(keep_s, WITHOUT_FIT_S))
         ]
         if not gone and len(self.sensors) >= self.most:
             silent = [sensor for sensor in self.sensors.values() if sensor.heard < now - WITHOUT_FIT_S]
@@ -241,7 +275,7 @@ class Roll:
 
     def flooding(self) -> list[str]:
         """Return the names of sensors and candidates that send more messages than any daemon does."""
-        return [sensor.device_id for sensor in self.everybody() if sensor.flooding]
+        return [sensor.device_id for sensor in self.everybody() if sensor.rate.flooding]
 
     def _admit(self, candidate: Sensor) -> Sensor | None:
         """Make a candidate a sensor if it has sent enough messages and there is room.
@@ -258,7 +292,7 @@ class Roll:
 
     def _refuse(self, candidate: Sensor) -> None:
         del self.candidates[candidate.device_id]
-        self.refused += candidate.messages
+        self.refused += candidate.rate.messages
         if candidate.device_id not in self.refused_names:
             self.refused_names.append(candidate.device_id)
 

@@ -134,7 +134,7 @@ def counts(roll: Roll, now: float, silent_s: float = SILENT_S) -> dict[str, Any]
         "sensors_by_verdict": dict(sensors.most_common()),
         "kinds": dict(kinds.most_common(50)),
         "flooding": roll.flooding()[:SOME],
-        "twins": [s.device_id for s in roll.sensors.values() if s.has_twin(now)][:SOME],
+        "twins": [s.device_id for s in roll.sensors.values() if s.fits.has_twin(now)][:SOME],
         "messages": roll.messages,
         "bytes": roll.bytes,
         "fits": roll.fits,

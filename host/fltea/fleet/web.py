@@ -124,11 +124,11 @@ class _Sensor(_Handler):
                     "status": sensor.status,
                     "hello": sensor.hello,
                     "heard_s": round(now - sensor.heard, 1),
-                    "messages": sensor.messages,
+                    "messages": sensor.rate.messages,
                     "delivered": sensor.delivered,
                     "lost": sensor.lost,
-                    "flooding": sensor.flooding,
-                    "twins": sensor.has_twin(now),
+                    "flooding": sensor.rate.flooding,
+                    "twins": sensor.fits.has_twin(now),
                     "errors": [(round(now - at, 1), kind, text) for at, kind, text in sensor.errors],
                     "axes": {
                         axis: {
