@@ -135,7 +135,7 @@ def test_what_made_up_names_leave_behind_is_bounded(stage: Stage) -> None:
         stage.fleet.take(f"fltea/{number}/status", ONLINE)
         stage.wait(1)
     assert len(stage.fleet.roll.candidates) <= 50
-    assert len(stage.fleet._asked) <= 51
+    assert len(stage.fleet._requests) <= 51
     assert stage.fleet.summary()["sensors"] == 0
 
 

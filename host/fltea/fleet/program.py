@@ -7,31 +7,22 @@ import math
 import sys
 import threading
 import time
-from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import msgspec
 
-from fltea.fleet.alerts import Alert, Alerts
+from fltea.fleet.alert_post import AlertPost
+from fltea.fleet.alerts import AlertList, Alerts
 from fltea.fleet.clock import Clock
 from fltea.fleet.databases import Database, Postgres, Sqlite
 from fltea.fleet.history import TABLES, History
 from fltea.fleet.listener import Listener
+from fltea.fleet.requests import Requests
 from fltea.fleet.roll import MOST_SENSORS, SILENT_S, Roll
 from fltea.fleet.summary import Comparison, compare, counts
 from fltea.settings.mqtt import MqttConfig
-
-ASK_AT_ONCE, ASK_TIMES, ASK_EVERY_S = 200, 3, 30.0
-"""Limits for requests to the broker to send retained messages again.
-
-The limits are the number of sensors in one call of `turn`, the number of requests for a sensor whose messages
-do not come, and the time between such requests [s].
-"""
-
-MOST_UNSENT = 10_000
-"""Largest number of alerts that wait while the broker is away; further alerts are only counted."""
 
 TURN_S = 0.2
 
@@ -65,6 +56,27 @@ def _database(plan: Plan) -> Database:
     return Sqlite(plan.history, TABLES)
 
 
+class _Problems:
+    """Writes lines of text about problems for the user. `write`: writes one line."""
+
+    def __init__(self, write: Callable[[str], None] | None) -> None:
+        self.write = write or (lambda text: print(text, file=sys.stderr, flush=True))
+        self._of_history = ""
+
+    def report(self, kind: str, text: str) -> None:
+        """Write a line about a problem; any thread may call this."""
+        self.write(f"{kind}: {text}")
+
+    def report_history(self, history: History) -> None:
+        """Write a line if a problem of the history has begun or ended since the last call."""
+        kind, trouble = history.trouble_kind, history.trouble
+        if kind and kind != self._of_history:
+            self.report(kind, f"{trouble} Rows that wait: {history.waiting}; lost: {history.lost}.")
+        elif self._of_history and not kind:
+            self.report("history_back", f"the history is written again. Rows lost: {history.lost}.")
+        self._of_history = kind
+
+
 class Fleet:
     """The program. `lock` protects all its data. The caller must call `turn` every `TURN_S` seconds.
 
@@ -80,18 +92,13 @@ class Fleet:
         self.seen = Comparison([], {})
         self.alerts = Alerts(plan.silent_s)
         self.history = History(_database(plan), plan.history_every_s)
-        self.comparison_s = 0.0
-        self.alerts_unsent = 0
-        self._write = write or (lambda text: print(text, file=sys.stderr, flush=True))
+        self._problems = problems = _Problems(write)
         self._comparison_due = 0.0
-        self._asked: dict[str, tuple[int, float]] = {}
-        self._asked_over = 0
-        self._reported_trouble = ""
-        self._unsent: deque[Alert] = deque()
-        self._list_sent = 0
+        self._requests = Requests()
         self.listener = Listener(
-            plan.mqtt, self.take, self.report, lambda: self._write("the broker is back.")
+            plan.mqtt, self.take, self.report, lambda: problems.write("the broker is back.")
         )
+        self._post = AlertPost(self.listener)
 
     def start(self) -> None:
         """Connect to the broker."""
@@ -111,7 +118,9 @@ class Fleet:
         with self.lock:
             self.clock.hear(is_up)
         if is_up:
-            self.listener.fetch(self._lacking(now))
+            with self.lock:
+                due = self._requests.due(self.roll.everybody(), self.listener.connections, now)
+            self.listener.fetch(due)
         if now < self._comparison_due:
             return
         self._comparison_due = now + self.plan.compare_every_s
@@ -120,44 +129,15 @@ class Fleet:
             unix_s = self.clock.unix_s()
             gone = self.roll.forget(self.clock.hearing(), self.plan.keep_s)
             self.history.forget(gone)
-            known = {one.device_id for one in self.roll.everybody()}
-            self._asked = {name: asked for name, asked in self._asked.items() if name in known}
+            self._requests.keep_only({one.device_id for one in self.roll.everybody()})
         self.history.work(-math.inf if self.clock.long_jump else unix_s - self.plan.keep_s)
-        self._report_history()
-
-    def _report_history(self) -> None:
-        kind, trouble = self.history.trouble_kind, self.history.trouble
-        if kind and kind != self._reported_trouble:
-            self.report(kind, f"{trouble} Rows that wait: {self.history.waiting}; lost: {self.history.lost}.")
-        elif self._reported_trouble and not kind:
-            self.report("history_back", f"the history is written again. Rows lost: {self.history.lost}.")
-        self._reported_trouble = kind
-
-    def _lacking(self, now: float) -> list[str]:
-        """Return the sensors whose retained messages are to be requested now.
-
-        These sensors were not yet requested on this connection, or their fit or HELLO did not arrive.
-        """
-        lacking: list[str] = []
-        with self.lock:
-            if self._asked_over != self.listener.connections:
-                self._asked_over = self.listener.connections
-                self._asked.clear()
-            for sensor in self.roll.everybody():
-                name, is_whole = sensor.device_id, bool(sensor.axes) and sensor.hello is not None
-                times, due = self._asked.get(name, (0, 0.0))
-                if times < (1 if is_whole else ASK_TIMES) and now >= due:
-                    self._asked[name] = times + 1, now + ASK_EVERY_S
-                    lacking.append(name)
-                    if len(lacking) == ASK_AT_ONCE:
-                        break
-        return lacking
+        self._problems.report_history(self.history)
 
     @property
     def is_complete(self) -> bool:
         """Whether the retained messages of all sensors have been asked for."""
         with self.lock:
-            return all(one.device_id in self._asked for one in self.roll.everybody())
+            return self._requests.has_all(self.roll.everybody())
 
     def look_now(self) -> None:
         """Compare all sensors, and publish the alerts that have begun or ended."""
@@ -168,23 +148,14 @@ class Fleet:
             new = self.alerts.update(self.roll, self.seen, now, unix_s)
             for alert in new:
                 self.history.add_alert(unix_s, alert.state, alert.kind, alert.device_id, alert.text)
-            self.comparison_s = time.perf_counter() - begin
-            room = MOST_UNSENT - len(self._unsent)
-            self._unsent.extend(new[:room])
-            self.alerts_unsent += len(new[room:])
+            self.seen = self.seen._replace(took_s=time.perf_counter() - begin)
+            self._post.add(new)
         if self.listener.is_up.is_set():
-            self._publish_alerts()
+            self._post.publish(self._listed)
 
-    def _publish_alerts(self) -> None:
-        # The broker may still retain the list of an earlier run, or a list from before an outage.
-        if self._unsent or self._list_sent != self.listener.connections:
-            self._list_sent = self.listener.connections
-            with self.lock:
-                listed = self.alerts.listed()
-            self.listener.publish("fleet/alerts", msgspec.json.encode(listed), retain=True)
-        while self._unsent:
-            alert = self._unsent.popleft()
-            self.listener.publish("fleet/alert", msgspec.json.encode(alert), retain=False)
+    def _listed(self) -> AlertList:
+        with self.lock:
+            return self.alerts.listed()
 
     def summary(self) -> dict[str, Any]:
         """Return the counts of the fleet, its outliers and its alerts."""
@@ -201,7 +172,7 @@ class Fleet:
                 "alerts": listed.alerts[:200],
                 "alert_count": listed.count,
                 "alerts_by_kind": self.alerts.counts(),
-                "alerts_dropped": listed.dropped + self.alerts_unsent,
+                "alerts_dropped": listed.dropped + self._post.unsent,
                 "history": {
                     "waiting": self.history.waiting,
                     "lost": self.history.lost,
@@ -209,7 +180,7 @@ class Fleet:
                     "trouble": self.history.trouble,
                     "clock_jumps": self.clock.jumps,
                 },
-                "comparison_ms": round(self.comparison_s * 1e3, 1),
+                "comparison_ms": round(self.seen.took_s * 1e3, 1),
             }
         return found
 
@@ -224,4 +195,4 @@ class Fleet:
 
     def report(self, kind: str, text: str) -> None:
         """Write a line of text about a problem for the user; any thread may call this."""
-        self._write(f"{kind}: {text}")
+        self._problems.report(kind, text)

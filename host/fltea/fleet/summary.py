@@ -62,10 +62,12 @@ class Comparison(NamedTuple):
 
     `odd`: the values that differ from those of the other sensors.
     `usual`: middle and spread of each group with enough sensors, on the scale of the group's comparison.
+    `took_s`: duration of the comparison, with the alerts that follow from it [s].
     """
 
     odd: list[Oddity]
     usual: dict[Group, Fleet]
+    took_s: float = 0.0
 
 
 def compare(roll: Roll, now: float, silent_s: float = SILENT_S, level: float = LEVEL) -> Comparison:
