@@ -34,9 +34,6 @@ OPEN_FUNCTIONS: dict[str, int] = {
 grow.
 """
 OPEN_CLASSES: dict[str, int] = {
-    "host/fltea/fleet/history.py: History": 13,
-    "host/fltea/fleet/program.py: Fleet": 17,
-    "host/fltea/fleet/roll.py: Sensor": 16,
     "host/fltea/identification/load.py: _Group": 14,
     "host/fltea/identification/sensor_events.py: _SensorRun": 19,
     "host/fltea/recording/bag_gather.py: Gathered": 14,
