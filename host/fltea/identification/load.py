@@ -198,7 +198,7 @@ def load(request: Request, folder: Path | None = None) -> Loaded:
     gaps = used.gaps()
     bridged = gaps.lost_up_to(bridge(len(used), gaps))
     counts = Counts(groups.samples, len(used), used.first, groups.stretches, bridged, *lost, *used.flagged)
-    axes, clock_ppm = used.axes(gaps), None if used.no_clock else used.ppm
+    axes, clock_ppm = used.axes(gaps), used.clock.ppm
     chosen = _chosen(axes, request, reading)
     data_checks = _data_checks(used, counts, axes, clock_ppm, chosen, reading)
     return Loaded(
@@ -301,21 +301,44 @@ class _Groups:
         return self._groups[key]
 
 
+class _ClockRate:
+    """How fast the device's clock runs against the host's, measured in the longest part without a restart."""
+
+    def __init__(self) -> None:
+        self._ppm: float | None = None
+        self._has_arrivals = False
+        self._epoch = self._of_epoch = self._most_of_epoch = 0
+
+    @property
+    def ppm(self) -> float | None:
+        """How much faster the device's clock runs than the host's [ppm]; None if it is not known."""
+        return self._ppm if self._has_arrivals else None
+
+    def add(self, found: Decoded, decoder: Decoder) -> None:
+        """Take the next block of samples."""
+        samples = len(found.block)
+        # If a recording has no arrival times, the device's times are used in their place.
+        if not self._has_arrivals:
+            self._has_arrivals = bool((found.raw.host_ns != found.block.device_us * 1000).any())
+        self._of_epoch = self._of_epoch + samples if decoder.epoch == self._epoch else samples
+        self._epoch = decoder.epoch
+        if self._of_epoch > self._most_of_epoch:
+            self._most_of_epoch, self._ppm = self._of_epoch, decoder.native.clock_ppm
+
+
 class _Group:
     """The samples of one rate and scale, and the breaks between them."""
 
     def __init__(self, first: int, folder: Path | None, gyro_names: Sequence[str]) -> None:
         self.first, self._gyro_names = first, gyro_names
         self.hello: Hello | None = None
-        self.ppm: float | None = None
-        self.no_clock = True
+        self.clock = _ClockRate()
         self.flagged = [0, 0, 0]
         self._in_files = folder is not None
         self._spool = Spool(folder)
         self._samples = 0
         self._at: list[int] = []
         self._missing: list[int] = []
-        self._epoch = self._of_epoch = self._most_of_epoch = 0
 
     def __len__(self) -> int:
         return self._samples
@@ -344,9 +367,7 @@ class _Group:
         if block.flags is not None and block.flags.any():
             for i, flag in enumerate((SampleFlags.LATE, SampleFlags.RETRIED, SampleFlags.SATURATED)):
                 self.flagged[i] += int(np.count_nonzero(block.flags & flag))
-        # If a recording has no arrival times, the device's times are used in their place.
-        self.no_clock = self.no_clock and bool((found.raw.host_ns == block.device_us * 1000).all())
-        self._ask(decoder, len(block))
+        self.clock.add(found, decoder)
 
     def axis(self, name: str) -> Array:
         """Return one axis as an array in memory, (n,)."""
@@ -366,13 +387,3 @@ class _Group:
     def close(self) -> None:
         """Drop the samples and their temporary files."""
         self._spool.remove()
-
-    def _ask(self, decoder: Decoder, samples: int) -> None:
-        """Update how fast the device's clock runs against the host's.
-
-        The figure is computed for the longest part without a restart.
-        """
-        self._of_epoch = self._of_epoch + samples if decoder.epoch == self._epoch else samples
-        self._epoch = decoder.epoch
-        if self._of_epoch > self._most_of_epoch:
-            self._most_of_epoch, self.ppm = self._of_epoch, decoder.native.clock_ppm
