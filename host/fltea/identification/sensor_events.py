@@ -26,7 +26,7 @@ from fltea.identification.telegraph import without_levels
 from fltea.noise.linear_system import System
 from fltea.noise.parts import Part, Relaxation, White
 from fltea.noise.system import system
-from fltea.records.arrays import Array
+from fltea.records.arrays import Array, Mask
 from fltea.settings.live import LiveConfig
 from fltea.stream.happenings import BY
 from fltea.stream.tracking import rules_of
@@ -188,6 +188,80 @@ class _Stepped(NamedTuple):
     size_std: float
 
 
+class _Course:
+    """Biases and their σ along a run, at every so many samples and at the end. `n`: number of all samples."""
+
+    def __init__(self, n: int, axes: int) -> None:
+        self._every = -(-n // COURSE_POINTS)
+        self._points: list[Array] = []
+        self.rows: list[int] = []
+        """Samples of which the course is kept."""
+        self.end: Array = np.full((2, axes), math.nan)
+        """Bias and σ of each axis after the newest sample."""
+
+    def add(self, first: int, bias: Array, bias_std: Array) -> None:
+        """Add the biases after the next samples (n, axes). `first`: index of the first of these samples."""
+        keep = np.arange(-first % self._every, len(bias), self._every)
+        self.rows += (first + keep).tolist()
+        self._points.append(np.stack([bias[keep], bias_std[keep]]))
+        self.end = np.stack([bias[-1], bias_std[-1]])
+
+    def of_axis(self, lane: int) -> Array:
+        """Return the course of an axis's bias and of its σ (2, n)."""
+        return np.concatenate(self._points, axis=1)[:, :, lane]
+
+
+class _Predictions:
+    """How well the model of each axis predicted the samples at rest."""
+
+    def __init__(self, axes: int) -> None:
+        self._squares, self._counts = np.zeros(axes), np.zeros(axes)
+
+    def add(self, innovation: Array, moving: Mask) -> None:
+        """Add the innovations of the next samples (n, axes); samples in motion do not count."""
+        known = np.isfinite(innovation) & ~moving
+        self._squares += (np.where(known, innovation, 0.0) ** 2).sum(axis=0)
+        self._counts += known.sum(axis=0)
+
+    def are_better(self, lane: int, other: "_Predictions") -> bool:
+        """Return whether the samples of an axis are predicted clearly better than by `other`."""
+        if self._counts[lane] < other._counts[lane] - LONG:
+            return False  # this run's model cannot predict some samples, so the run counted them as motion
+        mine, its = (one._squares[lane] / max(one._counts[lane], 1) for one in (self, other))
+        return bool(0 < mine < its and self._counts[lane] * math.log(its / mine) > 2 * BETTER)
+
+
+class _Steps:
+    """Steps of the biases, by axis, of which the tracker withdraws some later."""
+
+    def __init__(self, axes: int) -> None:
+        self.by_axis: list[list[_Stepped]] = [[] for _ in range(axes)]
+        self._before = [0] * axes
+        """Number of steps of each axis that an earlier tracker found."""
+
+    def begin(self) -> None:
+        """Take the steps of a new tracker from now on."""
+        self._before = [len(steps) for steps in self.by_axis]
+
+    def undo(self, counts: Sequence[int], events: Sequence[TrackerEvent], first: int) -> None:
+        """Drop the bias steps that the tracker has withdrawn.
+
+        It withdraws a step if a motion began with that step.
+
+        `counts`: number of steps of each axis that the tracker still holds valid. `first`: index in the
+        recording of the block's first sample, from which `events` count.
+        """
+        begun = [first + event.row for event in events if event.kind == EventKind.MOVES]
+        for steps, before, count in zip(self.by_axis, self._before, counts, strict=True):
+            undone = len(steps) - before - count
+            if undone > 0 and begun:
+                nearest = sorted(
+                    (min((row - one.row for row in begun if row >= one.row), default=math.inf), one)
+                    for one in steps
+                )
+                steps[:] = sorted(one for _, one in nearest[undone:])
+
+
 class _SensorRun:
     """One run of the tracker over the axes of a sensor."""
 
@@ -200,52 +274,44 @@ class _SensorRun:
         live: LiveConfig,
     ) -> None:
         self.axes, self._names, self._h, self._live = axes, tuple(axes), h, live
-        self._y, self._accel = [one.y for one in axes.values()], accel
-        first = next(iter(axes.values()))
-        self._unit, self._gaps, n = first.unit, first.gaps, len(first.y)
+        self._accel = accel
+        self._first_axis = next(iter(axes.values()))  # unit, gaps and length are the same in all axes
+        n = len(self._first_axis.y)
         self._systems = [systems.get(name) for name in axes]
-        self._every = -(-n // COURSE_POINTS)
-        self._rows: list[int] = []
-        self._points: list[Array] = []
-        self._steps: list[list[_Stepped]] = [[] for _ in axes]
-        self._end: Array = np.full((2, len(axes)), math.nan)
-        self._squares, self._counts = np.zeros(len(axes)), np.zeros(len(axes))
+        self._course, self._steps = _Course(n, len(axes)), _Steps(len(axes))
+        self._predictions = _Predictions(len(axes))
         self.moved: list[_Moved] = []
-        self._parts = cut(n, self._gaps, LONGEST_PREDICTION)
+        self._parts = cut(n, self._first_axis.gaps, LONGEST_PREDICTION)
         for begin, end, _ in self._parts:
             self._run(begin, end)
 
     def _run(self, begin: int, end: int) -> None:
         """Run a tracker over samples begin … end - 1, which have no long gap and no restart of the sensor."""
-        tracker = Tracker([None] * len(self._names), rules_of(self._live, self._h, self._unit))
+        tracker = Tracker([None] * len(self._names), rules_of(self._live, self._h, self._first_axis.unit))
         for lane, one in enumerate(self._systems):
             if one is not None:
                 # ValueError means that no Kalman filter works with this state-space model
                 with contextlib.suppress(ValueError):
                     tracker.set(lane, one)
         since: _Moved | None = None
-        self._before = [len(steps) for steps in self._steps]
+        self._steps.begin()
+        y = [one.y for one in self.axes.values()]
         for first, last, missing in self._blocks(begin, end):
             if missing:
                 tracker.skip(missing)
             accel = np.stack([one[first:last] for one in self._accel], axis=1) if self._accel else None
-            out = tracker.run(np.stack([one[first:last] for one in self._y], axis=1), accel)
+            out = tracker.run(np.stack([one[first:last] for one in y], axis=1), accel)
             for event in tracker.events:
                 since = self._take(event, first + event.row, begin, since)
-            self._undo([one.steps for one in tracker.figures()], tracker.events, first)
-            known = np.isfinite(out.innovation) & ~out.moving
-            self._squares += (np.where(known, out.innovation, 0.0) ** 2).sum(axis=0)
-            self._counts += known.sum(axis=0)
-            keep = np.arange(-first % self._every, last - first, self._every)
-            self._rows += (first + keep).tolist()
-            self._points.append(np.stack([out.bias[keep], out.bias_std[keep]]))
-            self._end = np.stack([out.bias[-1], out.bias_std[-1]])
+            self._steps.undo([one.steps for one in tracker.figures()], tracker.events, first)
+            self._predictions.add(out.innovation, out.moving)
+            self._course.add(first, out.bias, out.bias_std)
         if since is not None:
             self._end_motion(since, end, None)
 
     def _blocks(self, begin: int, end: int) -> Iterator[tuple[int, int, int]]:
         """Yield begin and end of each block of samples, and the number of samples lost before the block."""
-        inside = self._gaps.within(begin, end)
+        inside = self._first_axis.gaps.within(begin, end)
         lost = dict(zip((inside.at + begin).tolist(), inside.missing.tolist(), strict=True))
         edges = sorted({*range(begin, end, AT_ONCE), *lost, end})
         for first, last in pairwise(edges):
@@ -259,10 +325,10 @@ class _SensorRun:
         """
         at = max(row - max(event.ago - 1, 0), begin)
         if event.kind == EventKind.STEP:
-            self._steps[event.axis].append(_Stepped(at, row, event.size, event.size_std))
+            self._steps.by_axis[event.axis].append(_Stepped(at, row, event.size, event.size_std))
         elif event.kind == EventKind.MOVES:
             by = BY.get(event.axis) or self._names[event.axis]
-            return _Moved(at, at, MotionSpan(self._time(at), 0.0, by, None, self._unit))
+            return _Moved(at, at, MotionSpan(self._time(at), 0.0, by, None, self._first_axis.unit))
         elif since is not None:
             self._end_motion(since, row + 1, event.size)
             return None
@@ -270,29 +336,7 @@ class _SensorRun:
 
     def foretells(self, name: str, other: "_SensorRun") -> bool:
         """Whether this run's model predicts the samples of an axis clearly better than that of `other`."""
-        lane = self._names.index(name)
-        if self._counts[lane] < other._counts[lane] - LONG:
-            return False  # this run's model cannot predict some samples, so the run counted them as motion
-        mine, its = (one._squares[lane] / max(one._counts[lane], 1) for one in (self, other))
-        return bool(0 < mine < its and self._counts[lane] * math.log(its / mine) > 2 * BETTER)
-
-    def _undo(self, counts: Sequence[int], events: Sequence[TrackerEvent], first: int) -> None:
-        """Drop the bias steps that the tracker has withdrawn.
-
-        It withdraws a step if a motion began with that step.
-
-        `counts`: number of steps of each axis that the tracker still holds valid. `first`: index in the
-        recording of the block's first sample, from which `events` count.
-        """
-        begun = [first + event.row for event in events if event.kind == EventKind.MOVES]
-        for steps, before, count in zip(self._steps, self._before, counts, strict=True):
-            undone = len(steps) - before - count
-            if undone > 0 and begun:
-                nearest = sorted(
-                    (min((row - one.row for row in begun if row >= one.row), default=math.inf), one)
-                    for one in steps
-                )
-                steps[:] = sorted(one for _, one in nearest[undone:])
+        return self._predictions.are_better(self._names.index(name), other._predictions)
 
     def _end_motion(self, since: _Moved, end: int, largest: float | None) -> None:
         span = msgspec.structs.replace(since.span, end_s=self._time(end - 1) + self._h, largest=largest)
@@ -302,16 +346,16 @@ class _SensorRun:
             self.moved.append(one)
 
     def _at_end(self, lane: int, steps: Sequence[_Stepped]) -> BiasAtEnd | None:
-        bias, std = self._end[:, lane].tolist()
+        bias, std = self._course.end[:, lane].tolist()
         if not math.isfinite(bias + std):
             return None
         samples = max(end - begin for begin, end, _ in self._parts)
         if steps:
-            samples = min(samples, len(self._y[lane]) - steps[-1].at)
+            samples = min(samples, len(self._first_axis.y) - steps[-1].at)
         return BiasAtEnd(bias, std, self._live.bias_s, samples, has_stepped=bool(steps))
 
     def _time(self, number: int) -> float:
-        return self._gaps.place(number) * self._h
+        return self._first_axis.gaps.place(number) * self._h
 
     def of_axis(self, name: str, moved: Sequence[_Moved]) -> AxisEvents:
         """Return the events of axis `name`. `moved`: all motions of its sensor."""
@@ -323,15 +367,16 @@ class _SensorRun:
         # Do not report a step at the first sample of a part of the recording, nor steps during motion that
         # another sensor showed.
         none = [(begin, begin + 1) for begin, _, _ in self._parts] + [*spans]
-        steps = [one for one in self._steps[lane] if not any(begin <= one.at < end for begin, end in none)]
-        points = np.concatenate(self._points, axis=1)[:, :, lane]
-        t_s = np.array([self._time(row) for row in self._rows])
+        steps = [
+            one for one in self._steps.by_axis[lane] if not any(begin <= one.at < end for begin, end in none)
+        ]
+        t_s = np.array([self._time(row) for row in self._course.rows])
         return AxisEvents(
             tuple(BiasStep(self._time(one.at), one.size, one.size_std) for one in steps),
             motion,
             LeftOut(spans, tuple(one.at for one in steps)),
             self._at_end(lane, steps),
-            BiasCourse(t_s, *points),
+            BiasCourse(t_s, *self._course.of_axis(lane)),
         )
 
 
