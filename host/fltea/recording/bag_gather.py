@@ -1,10 +1,8 @@
 """Collects the messages of one topic of a bag in a temporary file, and makes a recording from them."""
 
-import contextlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import partial
-from itertools import repeat
 from pathlib import Path
 
 import numpy as np
@@ -12,27 +10,25 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from fltea.recording.bag_clock import Judged, Ticks, given_ticks, judged, measured_ticks, stamps_of
-from fltea.recording.bag_messages import LONGEST_MESSAGE, Batch, Topic
+from fltea.recording.bag_messages import Batch, Topic, Undecoded
 from fltea.recording.bag_names import Layout, title
-from fltea.recording.bag_sensors import ALL_ARE_ONE, PUBLISHER, Sensors, are_at_once
+from fltea.recording.bag_sensors import ALL_ARE_ONE, PUBLISHER, Sensors
 from fltea.recording.bag_twice import held_twice
 from fltea.recording.bag_units import AtRest, Scale, at_rest, check_rates, measured_accel, scales
 from fltea.recording.candidates import units_table
 from fltea.recording.columns import Chosen
-from fltea.recording.decompress import decompressed_zstd
 from fltea.recording.files import AT_ONCE, Note, Recording, Stored, check_span, listed
 from fltea.recording.message_stamps import Stamps, Times, is_arrival
 from fltea.recording.plausible import is_of_sensor
 from fltea.recording.quota import Quota
 from fltea.recording.reading import Answer, Missing, NotStated, asked_with, given_options, not_stated
 from fltea.recording.sample_store import SampleStore
-from fltea.recording.sample_times import Floats, Ints, Marks
+from fltea.recording.sample_times import Floats, Marks
 from fltea.recording.session import LATEST_NS
 from fltea.recording.spool import Spool
 from fltea.records.errors import UsageError
 from fltea.records.units import STANDARD_GRAVITY_MS2
 from fltea.records.visible import visible
-from fltea.settings.extras import load
 from fltea.settings.how import How
 
 COLUMNS, NUMBERS = ("gyro", "accel", "stamp", "arrival"), 8
@@ -42,9 +38,6 @@ sample.
 
 SHOWN = 8 * AT_ONCE
 """A table shows the user what each unit would mean. It is computed from at most this number of samples."""
-
-ZSTD = b"\x28\xb5\x2f\xfd"
-"""First bytes of a message that was compressed on its own, with zstd."""
 
 
 @dataclass
@@ -114,7 +107,7 @@ class Gathered:
     def __init__(
         self, path: Path, topic: Topic, layout: Layout, sensor: str | None, how: How, quota: Quota
     ) -> None:
-        self._path, self._how, self._quota = path, how, quota
+        self._path, self._how = path, how
         self._where = f"{path}: topic {visible(topic.name)}"
         self._topic, self._layout = topic, layout
         self._units = scales(self._where, layout, how)
@@ -128,8 +121,7 @@ class Gathered:
             self._where, [PUBLISHER, *layout.tell], None if is_told else sensor, layout.others
         )
         self._counts, self._neighbours = MessageCounts(), Neighbours()
-        self._waiting: list[tuple[int, bytes, str]] = []
-        self._are_several: bool | None = None
+        self._undecoded = Undecoded(quota)
 
     def add(self, batch: Batch, layout: Layout) -> None:
         """Add a batch of messages that have the given layout.
@@ -142,22 +134,18 @@ class Gathered:
         if batch.topic != self._topic:
             self._read_waiting()
             self._topic, self._layout = batch.topic, layout
-        self._waiting.extend(zip(batch.arrival_ns, batch.data, repeat(batch.publisher)))
-        if len(self._waiting) >= AT_ONCE:
+        self._undecoded.add(batch)
+        if len(self._undecoded) >= AT_ONCE:
             self._read_waiting()
 
     @np.errstate(over="ignore", invalid="ignore")
     def _read_waiting(self) -> None:
-        if not self._waiting:
+        if not len(self._undecoded):
             return
-        arrivals, data, by = zip(*self._waiting, strict=True)
-        self._waiting.clear()
-        messages = list(map(_unpacked, data))
-        imu = self._topic.read(messages, self._layout, self._quota)
+        imu, arrival_ns, by = self._undecoded.decode(self._topic, self._layout)
         counts = self._counts
-        counts.unusable += len(messages) - len(np.unique(imu.row))
-        arrival_ns = np.array(arrivals, np.int64)
-        publishers = self._publishers(np.array(by, np.str_), arrival_ns)[imu.row]
+        counts.unusable += len(by) - len(np.unique(imu.row))
+        publishers = self._sensors.publishers(by, arrival_ns)[imu.row]
         imu = imu.rows(self._sensors.keep([publishers, *imu.tell], imu.gyro))
         arrival_ns = arrival_ns[imu.row]
         if self._ticks is None:
@@ -176,15 +164,6 @@ class Gathered:
         if keep.any():
             others = {"stamp": stamp_ns[keep], "arrival": arrival_ns[keep]}
             self._samples.add(imu.gyro[keep], imu.accel[keep], others, lambda _: str(self._path), factor)
-
-    def _publishers(self, by: NDArray[np.str_], arrival_ns: Ints) -> NDArray[np.str_]:
-        """Return `by`, the publisher of each message, if several publishers send at the same time.
-
-        Otherwise, return an empty text for each message, since publishers do not distinguish sensors then.
-        """
-        if self._are_several is None:
-            self._are_several = are_at_once(by, arrival_ns)
-        return by if self._are_several else np.full(len(by), "")
 
     def lacks(self) -> str:
         """Return a text on the sensors that the topic has, if the sensor that the user names is missing.
@@ -352,15 +331,6 @@ class Gathered:
                 "values that no sensor gives"
             )
         return [Note("bag_messages", f"{self._where}: {'; '.join(problems)}.")] if problems else []
-
-
-def _unpacked(message: bytes) -> bytes:
-    if not message.startswith(ZSTD):
-        return message
-    zstandard = load("zstandard", "zstandard", "ros", "Bags that are packed in zstd need")
-    with contextlib.suppress(zstandard.ZstdError):
-        return decompressed_zstd(message, LONGEST_MESSAGE)
-    return b""
 
 
 def _blocks(

@@ -1,14 +1,25 @@
 """Types that all readers of bags share: topics, and batches of stored messages."""
 
+import contextlib
 from dataclasses import dataclass, field
+from itertools import repeat
 from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from fltea.recording.bag_imu import Encoding, Imu, read_ros, ros_layout
 from fltea.recording.bag_names import Layout
+from fltea.recording.decompress import decompressed_zstd
 from fltea.recording.quota import Quota
+from fltea.recording.sample_times import Ints
+from fltea.settings.extras import load
 
 LONGEST_MESSAGE = 1 << 16
 """Longest message that is read [bytes]; an Imu message has 350."""
+
+ZSTD = b"\x28\xb5\x2f\xfd"
+"""First bytes of a message that was compressed on its own, with zstd."""
 
 RATES = b"angular_velocity", b"gyro"
 """Words in a schema (the description of a message type) that point to a gyroscope."""
@@ -100,3 +111,37 @@ class Batch:
     arrival_ns: list[int] = field(default_factory=list)
     data: list[bytes] = field(default_factory=list)
     publisher: str = ""
+
+
+class Undecoded:
+    """Messages of one topic that wait, since many are decoded faster at once than one by one.
+
+    `quota`: limits of time and memory for decoding the messages.
+    """
+
+    def __init__(self, quota: Quota) -> None:
+        self._quota = quota
+        self._waiting: list[tuple[int, bytes, str]] = []
+
+    def __len__(self) -> int:
+        return len(self._waiting)
+
+    def add(self, batch: Batch) -> None:
+        """Add a batch of messages."""
+        self._waiting.extend(zip(batch.arrival_ns, batch.data, repeat(batch.publisher)))
+
+    def decode(self, topic: Topic, layout: Layout) -> tuple[Imu, Ints, NDArray[np.str_]]:
+        """Decode all messages; return their numbers, and the arrival time and publisher of each message."""
+        arrivals, data, by = zip(*self._waiting, strict=True)
+        self._waiting.clear()
+        imu = topic.read(list(map(_unpacked, data)), layout, self._quota)
+        return imu, np.array(arrivals, np.int64), np.array(by, np.str_)
+
+
+def _unpacked(message: bytes) -> bytes:
+    if not message.startswith(ZSTD):
+        return message
+    zstandard = load("zstandard", "zstandard", "ros", "Bags that are packed in zstd need")
+    with contextlib.suppress(zstandard.ZstdError):
+        return decompressed_zstd(message, LONGEST_MESSAGE)
+    return b""

@@ -55,7 +55,17 @@ class Sensors:
         self._where, self._names, self._value = where, [*names, *others], value
         self._named = len(names)
         self._of: dict[int, OneSensor] | None = {} if value == ALL_ARE_ONE else None
+        self._are_publishers: bool | None = None
         self.which: Missing | None = None
+
+    def publishers(self, by: NDArray[np.str_], arrival_ns: Ints) -> NDArray[np.str_]:
+        """Return `by`, the publisher of each message, if several publishers send at the same time.
+
+        Otherwise, return an empty text for each message, since publishers do not distinguish sensors then.
+        """
+        if self._are_publishers is None:
+            self._are_publishers = are_at_once(by, arrival_ns)
+        return by if self._are_publishers else np.full(len(by), "")
 
     def keep(self, values: Sequence[NDArray[np.str_]], figures: Floats | None = None) -> Marks:
         """Mark the messages to read, which are the messages of one sensor.
