@@ -19,6 +19,32 @@ RING_BYTES = 128
 """Size of the bridge's buffer of bytes for the host, as in the firmware of the real bridge."""
 
 
+class RequestedLosses:
+    """Loses bytes between the board and the host, as a test requests."""
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self._rng = rng
+        self._next = 0
+        self._probability = 0.0
+        self._until_ps = 0
+
+    def lose_next(self, count: int) -> None:
+        """Lose the next `count` bytes."""
+        self._next += count
+
+    def lose_randomly(self, probability: float, until_ps: int) -> None:
+        """Lose each byte with this probability, until a time [ps]."""
+        self._probability = probability
+        self._until_ps = until_ps
+
+    def take(self, at_ps: int) -> bool:
+        """Return whether the byte that comes at this time is lost [ps]."""
+        if self._next:
+            self._next -= 1
+            return True
+        return at_ps < self._until_ps and bool(self._rng.random() < self._probability)
+
+
 class Bridge:
     """Receives the bytes of the UART. Those that reach the host are passed to `deliver`.
 
@@ -41,13 +67,11 @@ class Bridge:
         self.garbled = 0
         self._ring = bytearray()
         self._reads_from_ps = 0
-        self._lose_next = 0
-        self._lose_probability = 0.0
-        self._lose_until_ps = 0
+        self._losses = RequestedLosses(self._rng)
 
     def send(self, byte: int, at_ps: int, baud: float) -> None:
         """Receive a byte from the UART."""
-        if self._is_lost(at_ps):
+        if self._losses.take(at_ps):
             self.lost_by_fault += 1
             return
         if abs(baud / self.host_baud - 1) > TOLERANCE:
@@ -85,23 +109,16 @@ class Bridge:
 
     def lose_next(self, count: int) -> None:
         """Lose the next `count` bytes on their way to the host."""
-        self._lose_next += count
+        self._losses.lose_next(count)
 
     def lose_randomly(self, probability: float, for_ps: int) -> None:
         """Lose each byte with this probability, until a time has passed [ps]."""
-        self._lose_probability = probability
-        self._lose_until_ps = self._machine.now_ps + for_ps
+        self._losses.lose_randomly(probability, self._machine.now_ps + for_ps)
 
     def stop_reading(self, for_ps: int) -> None:
         """Let the host read nothing for a time [ps]."""
         self._reads_from_ps = self._machine.now_ps + for_ps
         self._machine.schedule(for_ps, self.flush)
-
-    def _is_lost(self, at_ps: int) -> bool:
-        if self._lose_next:
-            self._lose_next -= 1
-            return True
-        return at_ps < self._lose_until_ps and bool(self._rng.random() < self._lose_probability)
 
 
 def seconds_to_ps(seconds: float) -> int:
