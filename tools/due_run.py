@@ -135,7 +135,12 @@ class DueRun(HostView):
     @property
     def status(self) -> wire.Status:
         """The last STATUS message."""
-        return self.statuses[-1]
+        return self.told.statuses[-1]
+
+    @property
+    def faults(self) -> list[tuple[str, int]]:
+        """The FAULT messages: for each, the name of its fault code, and its detail."""
+        return self.told.faults
 
     @property
     def stats(self) -> Stats:

@@ -62,7 +62,6 @@ OPEN_CLASSES: dict[str, int] = {
     "host/fltea/stream/board.py: BoardEstimates": 17,
     "host/fltea/stream/live.py: LiveFits": 15,
     "host/fltea/stream/pipeline.py: Pipeline": 19,
-    "tools/due_emulator/host_view.py: HostView": 20,
 }
 """Number of attributes of each class that still has too many, by class. No number may grow."""
 OPEN_FILES: dict[str, int] = {

@@ -24,6 +24,79 @@ samples). It is so large that no gap begins one, and the samples of every gap ar
 """
 
 
+class ToldByBoard:
+    """What the board says of itself in its messages.
+
+    `hello`: the newest HELLO. `hello_count`: number of HELLOs received. `boot_count`: number of boots that
+    sent one. `statuses`: the last STATUS message of each boot that sent one. `faults`: name of the fault
+    code, and detail, of each FAULT message. `fault_texts`: the same with its time, for people.
+    """
+
+    def __init__(self) -> None:
+        self.hello: wire.Hello | None = None
+        self.hello_count = self.boot_count = 0
+        self.statuses: list[wire.Status] = []
+        self.faults: list[tuple[str, int]] = []
+        self.fault_texts: list[str] = []
+        self._new_boot = True
+
+    def on_hello(self, hello: wire.Hello) -> bool:
+        """Take a HELLO. Return whether it is the first one of a boot."""
+        is_new = self.hello is None or hello.boot_id != self.hello.boot_id
+        self.hello = hello
+        self.hello_count += 1
+        self.boot_count += is_new
+        self._new_boot |= is_new
+        return is_new
+
+    def on_status(self, status: wire.Status) -> None:
+        """Take a STATUS message, which replaces an earlier one of the same boot."""
+        if not self._new_boot:
+            self.statuses.pop()
+        self.statuses.append(status)
+        self._new_boot = False
+
+    def on_fault(self, code: int, detail: int, device_us: int) -> None:
+        """Take a FAULT message that the board sent `device_us` after its boot."""
+        known = code in wire.FaultCode._value2member_map_
+        name = wire.FaultCode(code).name.lower() if known else str(code)
+        self.faults.append((name, detail))
+        self.fault_texts.append(f"{name} (detail {detail}) at {device_us / 1e6:.3f} s since boot")
+
+
+class Steps:
+    """The steps of the device's time from one sample to the next.
+
+    `min_us`, `max_us`: the shortest and the longest step over which no sample was lost [µs]; None before
+    there is one.
+    """
+
+    def __init__(self) -> None:
+        self.min_us: int | None = None
+        self.max_us: int | None = None
+        self._count = self._total_us = 0
+        self._last: tuple[int, int] | None = None
+        """Sequence number and device time of the last sample. Both go on growing where the numbers in the
+        messages wrap.
+        """
+
+    def add(self, seq: int, device_us: int, missing: int, *, new_epoch: bool) -> None:
+        """Take a sample before which `missing` samples were lost. A new epoch begins without a step."""
+        if not new_epoch and self._last is not None:
+            step_us = device_us - self._last[1]
+            self._count += seq - self._last[0]
+            self._total_us += step_us
+            if not missing:
+                self.min_us = min(step_us, self.min_us or step_us)
+                self.max_us = max(step_us, self.max_us or step_us)
+        self._last = seq, device_us
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Sampling rate by the device's own clock [Hz], with lost samples; None before the first step."""
+        return self._count / self._total_us * 1e6 if self._total_us else None
+
+
 class HostView:
     """Receives the board's bytes as they arrive, and keeps only counts.
 
@@ -36,26 +109,12 @@ class HostView:
         self._heard_boot = self.boots[0]
         self.reader = FrameReader()
         self._decoder = Decoder(lambda: 0, MAX_GAP)
-        self.hello: wire.Hello | None = None
-        self.hello_count = self.boot_count = 0
-        """Number of HELLOs received, and number of boots that sent one."""
-        self.statuses: list[wire.Status] = []
-        """The last STATUS message of each boot that sent one."""
-        self.faults: list[tuple[str, int]] = []
-        """The FAULT messages: for each, the name of its fault code, and its detail."""
-        self.fault_texts: list[str] = []
+        self.told = ToldByBoard()
         self.refused: str | None = None
         self.flags: dict[str, int] = {}
         """For each flag's name: number of samples that had this flag set."""
-        self.min_step_us: int | None = None
-        self.max_step_us: int | None = None
-        self._steps = self._steps_us = 0
-        self._last: tuple[int, int] | None = None
-        """Sequence number and device time of the last sample. Both go on growing where the numbers in the
-        messages wrap.
-        """
+        self.steps = Steps()
         self._block = bytearray()
-        self._new_boot = True
         BusWatch(board, self.on_burst)
         board.on_reset = self._on_reset
 
@@ -85,14 +144,6 @@ class HostView:
         """Number of bytes received."""
         return self.reader.bytes_in + len(self._block)
 
-    @property
-    def rate_hz(self) -> float | None:
-        """Sampling rate by the device's own clock [Hz]. Lost samples count, too.
-
-        None before two samples have arrived.
-        """
-        return self._steps / self._steps_us * 1e6 if self._steps_us else None
-
     def on_data(self, data: bytes) -> None:
         """Process bytes that arrived together."""
         for item in self.reader.feed(data):
@@ -106,26 +157,15 @@ class HostView:
         host_ns = self.now_ps // 1000
         match frame.message:
             case wire.Hello() as hello:
-                self.hello_count += 1
-                if self.hello is None or hello.boot_id != self.hello.boot_id:
-                    self.boot_count += 1
-                    self._new_boot = True
+                if self.told.on_hello(hello):
                     self._heard_boot = self.boots[-1]
-                self.hello = hello
                 self._decoder.on_hello(hello_event(hello, "emulator", host_ns))
             case wire.Sample() as sample:
                 self._on_sample(sample, frame, host_ns)
             case wire.Status() as status:
-                if not self._new_boot:
-                    self.statuses.pop()
-                self.statuses.append(status)
-                self._new_boot = False
+                self.told.on_status(status)
             case wire.Fault(code, detail):
-                known = code in wire.FaultCode._value2member_map_
-                name = wire.FaultCode(code).name.lower() if known else str(code)
-                self.faults.append((name, detail))
-                text = f"{name} (detail {detail}) at {frame.device_us / 1e6:.3f} s since boot"
-                self.fault_texts.append(text)
+                self.told.on_fault(code, detail, frame.device_us)
 
     def on_burst(self, burst: Burst) -> None:
         """Handle the moment at which the board begins to read the sensor's data."""
@@ -146,14 +186,7 @@ class HostView:
         for piece in self._decoder.feed(block_of([raw])):
             assert isinstance(piece, Decoded)
             seq, device_us = int(piece.block.seq[0]), int(piece.block.device_us[0])
-            if piece.new_epoch is None and self._last is not None:
-                step_us = device_us - self._last[1]
-                self._steps += seq - self._last[0]
-                self._steps_us += step_us
-                if not piece.missing:
-                    self.min_step_us = min(step_us, self.min_step_us or step_us)
-                    self.max_step_us = max(step_us, self.max_step_us or step_us)
-            self._last = seq, device_us
+            self.steps.add(seq, device_us, piece.missing, new_epoch=piece.new_epoch is not None)
             boot = self._heard_boot
             boot.heard = (boot.heard[0] if boot.heard else seq, seq)
 
@@ -165,7 +198,8 @@ class HostView:
     @property
     def due(self) -> int | None:
         """Number of samples that the board's timer demanded. None if the sensor's clock times the samples."""
-        timer = self.hello is not None and self.hello.sampling_mode == wire.SamplingMode.TIMER
+        hello = self.told.hello
+        timer = hello is not None and hello.sampling_mode == wire.SamplingMode.TIMER
         return sum(boot.due for boot in self.boots) if timer else None
 
 

@@ -31,7 +31,7 @@ def make_report(
         "wall_s": None if wall_s is None else round(wall_s, 3),
         "speed": None if wall_s is None else round(machine.now_ps / 1e12 / wall_s, 2),
         "error": error,
-        "faults": [*board.events, *host.fault_texts],
+        "faults": [*board.events, *host.told.fault_texts],
         "notes": list(notes),
         "image": str(image.path),
         "build_id": image.build_id,
@@ -39,8 +39,8 @@ def make_report(
         "ram_bytes": image.ram_bytes if image.ram_bytes is not None else touched,
         "ram_touched_bytes": touched,
         **_heard(host),
-        "boots": host.boot_count,
-        "hellos": host.hello_count,
+        "boots": host.told.boot_count,
+        "hellos": host.told.hello_count,
         "resets": board.resets,
         **_messages(host),
         "bytes_lost_by_fault": bridge.lost_by_fault,
@@ -57,7 +57,7 @@ def make_report(
 
 def _heard(host: HostView) -> dict[str, Any]:
     """Return how the host judges the samples that arrived."""
-    counts, due = host.counts, host.due
+    counts, due, steps = host.counts, host.due, host.steps
     heard = sum(last - first + 1 for first, last in (boot.heard for boot in host.boots if boot.heard))
     return {
         "samples": counts.delivered,
@@ -67,20 +67,20 @@ def _heard(host: HostView) -> dict[str, Any]:
         "unheard": None if due is None else due - heard,
         "duplicates": counts.duplicates,
         "before_hello": counts.before_hello,
-        "rate_hz": None if host.rate_hz is None else round(host.rate_hz, 6),
-        "step_us": {"min": host.min_step_us, "max": host.max_step_us},
+        "rate_hz": None if steps.rate_hz is None else round(steps.rate_hz, 6),
+        "step_us": {"min": steps.min_us, "max": steps.max_us},
         "flags": host.flags,
     }
 
 
 def _messages(host: HostView) -> dict[str, Any]:
     """Return what the host received besides samples: other messages, and its counts of all bytes."""
-    counts = host.reader.counts
+    counts, told = host.reader.counts, host.told
     return {
-        "hello": plain(host.hello),
+        "hello": plain(told.hello),
         "refused": host.refused,
-        "status": plain(host.statuses[-1]) if host.statuses else None,
-        "statuses": [plain(status) for status in host.statuses],
+        "status": plain(told.statuses[-1]) if told.statuses else None,
+        "statuses": [plain(status) for status in told.statuses],
         "bytes": host.bytes_in,
         "frames": counts["frames"],
         "bad_frames": {reason: n for reason, n in sorted(counts.items()) if reason != "frames"},
