@@ -11,7 +11,7 @@ from fltea.records.block import Block
 from fltea.records.events import Event, Ints, Trouble, host_ns_of
 from fltea.records.ports import Printed, Source, Wanted
 from fltea.records.records import AnyRecord, Epoch, Error, Fit, Hello
-from fltea.service.hub import NOTHING_PRINTED, ByText, Hub
+from fltea.service.hub import NOTHING_PRINTED, ByText, Hub, Tap
 from fltea.service.state import StateFile
 from fltea.settings.config import Config
 from fltea.sinks.json_lines import run_printer
@@ -27,6 +27,61 @@ CHANGES_TEXT = {Stop.EPOCH, Stop.FIT_COUNTS}
 """Some fields, such as the verdict, are equal in all records of samples until the native device (C++) stops
 for one of these reasons. Then they may change.
 """
+
+
+class WireCopy:
+    """Passes what stands on a source's wire to the outputs that record bytes.
+
+    A source that uses the wire protocol passes its bytes itself. The events of any other source are encoded
+    in the wire protocol here.
+    """
+
+    def __init__(self, source: Source, tap: Tap) -> None:
+        self.tap = tap
+        self._source = source
+        self._encoder: AsWire | None = None
+        self._is_own = isinstance(source, SerialSource | FramesSource)
+        if isinstance(source, SerialSource | FramesSource):
+            source.tap = tap
+
+    def take(self, event: Event) -> None:
+        """Encode an event and pass its bytes on, unless the source has passed them itself."""
+        if self._is_own:
+            return
+        if not self.tap.wanted:
+            self._encoder = None
+            return
+        if self._encoder is None:
+            self._encoder = AsWire(lambda: self._source.unix_offset_ns)
+        for item in self._encoder.encode(event):
+            self.tap(item)
+
+
+class Saves:
+    """Saves a device's snapshot in the file of snapshots, every `period_s`."""
+
+    def __init__(self, file: StateFile, name: str, period_s: float) -> None:
+        self.found = file.found.get(name)
+        self._file, self._name = file, name
+        self._period_ns = int(period_s * 1e9)
+        self._due_ns = clock.host_ns() + self._period_ns
+
+    def refuse(self) -> None:
+        """Set the snapshot aside that was found, since an estimator has refused it."""
+        self._file.refuse(self._name)
+
+    def is_due(self) -> bool:
+        """Return whether a snapshot is due. If so, the next one is due a period later."""
+        now_ns = clock.host_ns()
+        if now_ns < self._due_ns:
+            return False
+        self._due_ns = now_ns + self._period_ns
+        return True
+
+    def put(self, snapshot: DeviceState | None) -> None:
+        """Save a snapshot, if there is one."""
+        if snapshot is not None:
+            self._file.put(self._name, snapshot)
 
 
 class DeviceStream:
@@ -51,27 +106,22 @@ class DeviceStream:
         self.name = config.name or ""
         self.failure: Trouble | Error | None = None
         self.moved_s = time.monotonic()
-        self._once, self._hub, self._state = config.once, hub, state
+        self._once, self._hub = config.once, hub
+        self._saves = saves = Saves(state, self.name, config.state.period_s) if state else None
         self._pipeline = Pipeline(
             source,
             config,
             lambda: hub.stats(self.name),
-            state.found.get(self.name) if state else saved,
-            lambda: state.refuse(self.name) if state else None,
+            saves.found if saves else saved,
+            lambda: saves.refuse() if saves else None,
             fit_worker,
             number,
             stats_s,
             watched=source.live or hub.is_read(self.name),
         )
-        self._tap = hub.tap(self.name, wait=not source.prompt)
-        self._as_wire: AsWire | None = None
-        self._has_wire = isinstance(source, SerialSource | FramesSource)
-        if isinstance(source, SerialSource | FramesSource):
-            source.tap = self._tap
+        self._wire = WireCopy(source, hub.tap(self.name, wait=not source.prompt))
         self._printers: dict[Wanted | None, RunPrinter] = {}
         self._words: object = None
-        self._save_period_ns = int(config.state.period_s * 1e9)
-        self._save_ns = clock.host_ns() + self._save_period_ns
 
     def take(self, event: Event) -> None:
         """Handle one event of the source.
@@ -80,8 +130,7 @@ class DeviceStream:
             UsageError: the settings do not fit the samples, or the samples cannot be recorded.
         """
         self.moved_s = time.monotonic()
-        if not self._has_wire:
-            self._make_wire(event)
+        self._wire.take(event)
         if self._once and isinstance(event, Trouble) and event.fatal:
             self.failure = event
         self._publish(*self._printed(self._pipeline.feed(event)), host_ns_of(event))
@@ -112,9 +161,8 @@ class DeviceStream:
 
     def check(self) -> None:
         """Save a snapshot of the device's estimators if one is due."""
-        if self._state is not None and clock.host_ns() >= self._save_ns:
-            self._save_ns = clock.host_ns() + self._save_period_ns
-            self._deposit(self._state)
+        if self._saves is not None and self._saves.is_due():
+            self._saves.put(self._pipeline.save())
 
     def wants(self) -> tuple[bool, bool, bool]:
         """Return three flags: whether any output takes samples as blocks, as printed text, as bytes.
@@ -123,7 +171,7 @@ class DeviceStream:
         """
         has_board, texts = self._pipeline.has_board, self._hub.printing(self.name)
         takes_blocks = has_board or self._hub.takes_blocks(self.name)
-        return takes_blocks, bool(texts) and not has_board, self._tap.wanted
+        return takes_blocks, bool(texts) and not has_board, self._wire.tap.wanted
 
     @property
     def device(self) -> Device:
@@ -214,26 +262,8 @@ class DeviceStream:
         ended = self._once or not self.source.live
         last = list(self._pipeline.finish(last_fit=ended, whole=whole))
         self._hub.publish(self.name, last, wait=not self.source.prompt)
-        if self._state is not None:
-            self._deposit(self._state)
-
-    def _make_wire(self, event: Event) -> None:
-        """Encode an event in the wire protocol, and pass the bytes to outputs that record bytes.
-
-        This is done for sources that do not themselves use the wire protocol.
-        """
-        if not self._tap.wanted:
-            self._as_wire = None
-            return
-        if self._as_wire is None:
-            self._as_wire = AsWire(lambda: self.source.unix_offset_ns)
-        for item in self._as_wire.encode(event):
-            self._tap(item)
-
-    def _deposit(self, state: StateFile) -> None:
-        snapshot = self._pipeline.save()
-        if snapshot is not None:
-            state.put(self.name, snapshot)
+        if self._saves is not None:
+            self._saves.put(self._pipeline.save())
 
 
 def _is_vain(record: AnyRecord | Block) -> TypeGuard[Error]:

@@ -84,6 +84,50 @@ class SinkThread:
                 sink_queue.done.set()
 
 
+class QueueCounts:
+    """Numbers of records that were passed to one output.
+
+    `queued`: all that were ever queued. `waiting`: those that still wait in the queue. `in_hand`: those that
+    are being written. `dropped`: those for which the queue had no room, or which the output can no longer
+    take. `overflow`: those that were dropped since the last batch was taken from the queue.
+    """
+
+    def __init__(self, sink: Sink) -> None:
+        self._sink = sink
+        self.queued = self.waiting = self.in_hand = self.dropped = self.overflow = 0
+        self._written = 0
+        # number of records that the output had already lost when it began to write the present batch; None
+        # between two batches
+        self._lost_before: int | None = None
+
+    def begin_batch(self) -> int:
+        """Note that all waiting records are being written, and return how many were dropped before."""
+        self.in_hand, self.waiting = self.waiting, 0
+        overflow, self.overflow = self.overflow, 0
+        self._lost_before = self._sink.lost
+        return overflow
+
+    def end_batch(self) -> None:
+        """Note that the batch was written."""
+        self._written += self.in_hand
+        self.in_hand, self._lost_before = 0, None
+
+    def end(self) -> None:
+        """Note that the output takes no more records."""
+        self.dropped += self.waiting
+        self.waiting = 0
+        if self._lost_before is not None:  # it is unknown how much of the last batch was written
+            lost = self._sink.lost - self._lost_before
+            self.dropped += max(0, self.in_hand - lost)
+            self._written += min(self.in_hand, lost)
+            self.in_hand, self._lost_before = 0, None
+
+    def stats(self) -> OutputStats:
+        """Return the published counts. The output is not asked for its count while it writes a batch."""
+        lost = self._sink.lost if self._lost_before is None else self._lost_before
+        return OutputStats(self._written - lost, self.dropped + lost, self.waiting + self.in_hand)
+
+
 class SinkQueue:
     """Feeds one output (sink) from a queue.
 
@@ -104,17 +148,11 @@ class SinkQueue:
         self.done = threading.Event()
         self._on_end = on_end
         self._queue: deque[tuple[Item | Departed, int | None]] = deque()
-        # `_queued`: number of all records that were ever queued. `_waiting`: number of those that still wait.
-        self._queued = self._waiting = 0
+        self._counts = QueueCounts(sink)
         self.thread = thread or SinkThread(f"sink {sink.name}")
         self._changed = self.thread.changed
         self._ended = self._released = False
-        self._written = self._dropped = self._overflow = 0
-        self._in_hand = 0
         self._idle_s = 0.0
-        # number of records that the output had already lost when it began to write the present batch; None
-        # between two batches
-        self._lost_before: int | None = None
 
     @property
     def name(self) -> str:
@@ -137,34 +175,37 @@ class SinkQueue:
         `wait`: whether to wait for room if the sink must not lose records. `arrived_ns`: monotonic arrival
         time of the data, from which the latency is computed [ns]; None for data without an arrival time.
         """
+        counts = self._counts
         with self._changed:
             room = self.thread.room(self.sink.capacity)
             for item in items:
                 if wait and self.sink.lossless:
-                    while self._waiting >= room and not (self._ended or self._released):
+                    while counts.waiting >= room and not (self._ended or self._released):
                         self.thread.wake_up.ring()
                         self._changed.wait(IDLE_S)
                 count = weight(item)
-                if self._ended or self._waiting >= room:
-                    self._dropped += count
-                    self._overflow += count
+                if self._ended or counts.waiting >= room:
+                    counts.dropped += count
+                    counts.overflow += count
                 else:
                     self._queue.append((item, arrived_ns))
-                    self._queued += count
-                    self._waiting += count
+                    counts.queued += count
+                    counts.waiting += count
         self.thread.wake_up.ring()
 
     def wait_for_room(self, timeout_s: float) -> bool:
         """Wait until the queue is less than half full, or has ended. Return False if this takes too long."""
         with self._changed:
             return self._changed.wait_for(
-                lambda: self._waiting < self.sink.capacity // 2 or self._ended or self.closing, timeout_s
+                lambda: self._counts.waiting < self.sink.capacity // 2 or self._ended or self.closing,
+                timeout_s,
             )
 
     def progress(self) -> tuple[int, int]:
         """Return how many records were ever queued, and how many of them were written or dropped."""
         with self._changed:
-            return self._queued, self._queued - self._waiting - self._in_hand
+            counts = self._counts
+            return counts.queued, counts.queued - counts.waiting - counts.in_hand
 
     def stats(self) -> OutputStats:
         """Return the numbers of written, lost and waiting records.
@@ -172,8 +213,7 @@ class SinkQueue:
         A record that is being written counts as waiting.
         """
         with self._changed:
-            lost = self.sink.lost if self._lost_before is None else self._lost_before
-            return OutputStats(self._written - lost, self._dropped + lost, self._waiting + self._in_hand)
+            return self._counts.stats()
 
     def close(self) -> None:
         """Accept no more items. Queued items are still written (see `join`)."""
@@ -214,10 +254,8 @@ class SinkQueue:
         with self._changed:
             batch = list(self._queue)
             self._queue.clear()
-            count, self._waiting = self._waiting, 0
-            overflow, self._overflow = self._overflow, 0
+            overflow = self._counts.begin_batch()
             closing = self.closing
-            self._in_hand, self._lost_before = count, self.sink.lost
             self._changed.notify_all()
         for item, _ in batch:
             if isinstance(item, Departed):
@@ -230,8 +268,7 @@ class SinkQueue:
             self.sink.on_overflow(overflow)
         self.sink.flush()
         with self._changed:
-            self._written += count
-            self._in_hand, self._lost_before = 0, None
+            self._counts.end_batch()
         self._idle_s = time.monotonic() + IDLE_S
         now_ns = host_ns()
         for item, arrived_ns in batch:
@@ -245,12 +282,7 @@ class SinkQueue:
     def _end(self, error: Exception | None) -> None:
         with self._changed:
             self._ended = True
-            self._dropped += self._waiting
-            self._waiting = 0
+            self._counts.end()
             self._queue.clear()
-            if self._lost_before is not None:  # it is unknown how much of the last batch was written
-                self._dropped += max(0, self._in_hand - (self.sink.lost - self._lost_before))
-                self._written += min(self._in_hand, self.sink.lost - self._lost_before)
-                self._in_hand, self._lost_before = 0, None
             self._changed.notify_all()
         self._on_end(self, error)
