@@ -188,7 +188,7 @@ def test_a_server_killed_before_it_read_all_is_a_lost_connection_and_no_tracebac
     one.pause()
     for k in range(60):
         worker.frames.partitions.keep(k % PARTITIONS, f"d{k}", bytes(800_000))
-    loop = worker.frames.partitions._loop
+    loop = worker.frames.partitions._background.loop
     assert loop is not None
     loop.call_soon_threadsafe(lambda: loop.create_task(fail()))
     # Wait until the failing task and all messages are under way.
@@ -260,7 +260,7 @@ def test_snapshots_are_used_whatever_the_clocks_of_their_workers_said(server: Se
     first.frames.partitions.drop(0, "gone")
 
     publish(one, *[("fltea.a.frames", b"x")] * 9)
-    wait_until(lambda: all(put.done() for put in first.frames.partitions._puts), "the snapshots")
+    wait_until(lambda: all(put.done() for put in first.frames.partitions._background.puts), "the snapshots")
     first.frames.close()
     second = start(one)
     wait_until(second.serves_all, "all partitions again")

@@ -108,7 +108,7 @@ class Worker:
     def keep(self, device: str = "a") -> Kept:
         """Take and store snapshots of all devices now, and return the snapshot of `device`."""
         self.take_snapshots()
-        wait_until(lambda: self.ingest.snapshots.store(self.opened), "the snapshots")
+        wait_until(lambda: self.ingest.progress.snapshots.store(self.opened), "the snapshots")
         return self.kept(device)
 
     def kept(self, device: str = "a") -> Kept:
@@ -119,7 +119,7 @@ class Worker:
     def take_snapshots(self) -> None:
         for device in self.opened.values():
             device.kept_ns = -(10**18)
-        self.ingest.snapshots.keep_due(self.opened, self.ingest.walked, 0)
+        self.ingest.progress.snapshots.keep_due(self.opened, self.ingest.progress.walked, 0)
 
     def end(self) -> "Worker":
         assert closed(self.hub)
@@ -174,7 +174,7 @@ def test_a_snapshot_is_not_stored_before_outputs_have_what_it_follows() -> None:
     worker.hear(range(8, 9))
     assert worker.kept().mark == 6
     worker.sink.go.set()
-    wait_until(lambda: worker.ingest.snapshots.store(worker.opened), "the snapshot")
+    wait_until(lambda: worker.ingest.progress.snapshots.store(worker.opened), "the snapshot")
     assert worker.kept().mark == 8, "not what was walked since"
     worker.end()
 
@@ -298,7 +298,7 @@ def test_nobody_is_called_silent_while_the_stream_is_read_behind_its_time(later:
     for device in worker.opened.values():
         device.checked_ns = -(10**18)
     if later:
-        worker.ingest.catching_up._behind_ns.clear()
+        worker.ingest.progress.catching_up._behind_ns.clear()
     worker.ingest.check(host_ns())
     assert worker.kinds().count("silent") == later
 
@@ -388,7 +388,7 @@ def test_nobody_is_silent_or_forgotten_while_nobody_could_be_heard(act: Callable
     worker.hear(range(4))
     for k in range(4):
         worker.say("b", k, k + 1, partition=1)
-    worker.ingest.catching_up._behind_ns.clear()
+    worker.ingest.progress.catching_up._behind_ns.clear()
     act(worker)
     for name, ago_s in (("a", 300), ("b", 1000)):
         device = worker.opened[name]

@@ -46,8 +46,6 @@ OPEN_CLASSES: dict[str, int] = {
     "host/fltea/recording/sheet.py: SheetHead": 14,
     "host/fltea/recording/text_layout.py: LayoutFinder": 18,
     "host/fltea/recording/text_rows.py: TextReader": 18,
-    "host/fltea/service/ingest/loop.py: Ingest": 18,
-    "host/fltea/service/ingest/partitions.py: Partitions": 13,
     "host/fltea/sinks/mqtt/many.py: ManyMqttSink": 13,
     "host/fltea/sinks/page/history.py: DeviceHistory": 18,
     "host/fltea/sinks/record.py: RecordSink": 17,

@@ -10,11 +10,11 @@ from fltea.records.events import Chunk, Reads
 from fltea.records.ports import Report
 from fltea.records.repeat import OnceAMinute
 from fltea.service.hub import Hub
-from fltea.service.ingest.catching_up import CatchingUp
 from fltea.service.ingest.devices import Devices
 from fltea.service.ingest.inbox import Inbox, Left, Message, Resumed, Served
 from fltea.service.ingest.kept import Kept
 from fltea.service.ingest.losses import Losses
+from fltea.service.ingest.progress import Progress
 from fltea.service.ingest.receiver import Receiver
 from fltea.service.ingest.snapshots import Snapshots
 from fltea.service.pressure import CHECK_NS, Pressure
@@ -66,6 +66,43 @@ class Hearing:
         return now_ns > self._deaf_until_ns
 
 
+class Pace:
+    """Knows whether outputs have room, and whether this machine is fast enough for the messages.
+
+    Messages that arrived while the outputs had no room had to wait for the outputs. So the time for which
+    they waited says nothing about this machine.
+    """
+
+    def __init__(self, hub: Hub, fit_worker: FitWorker, report: Report, url: str) -> None:
+        self._hub, self._report, self._url = hub, report, url
+        self._pressure = Pressure(fit_worker, report)
+        self._held_ns = 0
+        self._once_a_minute = OnceAMinute()
+
+    def has_room(self) -> bool:
+        """Return whether the outputs have room. If they have none, wait for it for a short time."""
+        if self._hub.wait_for_room(SLICE_S):
+            return True
+        self._held_ns = host_ns()
+        return False
+
+    def report_full(self) -> None:
+        """Report the outputs that have no room."""
+        if self._once_a_minute.is_due("output_slow", host_ns()):
+            slow = ", ".join(sorted(self._hub.full()))
+            text = f"{slow} takes no more data at the moment, so {self._url} has to keep the messages."
+            self._report("output_slow", text)
+
+    def waited(self, arrived_ns: int, waited_ns: int) -> None:
+        """Note how long a message waited that arrived at `arrived_ns`."""
+        if arrived_ns > self._held_ns:
+            self._pressure.waited(waited_ns)
+
+    def check(self, now_ns: int) -> None:
+        """Make refits rarer if the machine is too slow, and report it."""
+        self._pressure.check(now_ns)
+
+
 class Ingest:
     """Processes the messages of all devices that publish to one broker.
 
@@ -85,7 +122,7 @@ class Ingest:
     ) -> None:
         self.name = config.name or ""
         self.moved_s = time.monotonic()
-        self._hub, self._on_end, self._report = hub, on_end, hub.report()
+        self._on_end, self._report = on_end, hub.report()
         limits = config.ingest
         self.inbox = Inbox(limits.devices, int(limits.queue_mb * 1e6), self.name)
         self._receiver = receiver(self.inbox, self._report)
@@ -93,18 +130,13 @@ class Ingest:
         self.devices = Devices(
             config, hub, self.inbox, url, self._report, shared, fit_worker, self._wait_for_room
         )
-        self.snapshots = (
+        snapshots = (
             None if shared is None else Snapshots(shared, limits.snapshot_s, self._report, hub.written)
         )
-        self.catching_up = CatchingUp()
+        self.progress = Progress(shared, snapshots)
         self.hearing = Hearing()
-        self._pressure = Pressure(fit_worker, self._report)
+        self._pace = Pace(hub, fit_worker, self._report, url)
         self._losses = Losses(self.inbox, url)
-        self._held_ns = 0
-        self._left_out = set[int | None]()
-        self.walked: dict[int, int] = {}
-        """For each partition, a message number: all messages up to this number were processed."""
-        self._once_a_minute = OnceAMinute()
         self._ends_s: float | None = None
 
     def run(self) -> None:
@@ -118,7 +150,7 @@ class Ingest:
                 if now_ns - self.hearing.checked_ns >= CHECK_NS:
                     self.check(now_ns)
             # if the broker has partitions, the next worker processes the remaining messages
-            if self._receiver.partitions is None:
+            if self.progress.shared is None:
                 self._drain()
             # report a last time, since messages may have been refused since the last report
             self._report_losses(host_ns())
@@ -146,8 +178,8 @@ class Ingest:
             if self._is_due(message):
                 groups.setdefault(message.device, []).append(message)
         self._walk(groups)
-        if self.snapshots is not None:
-            self.snapshots.store(self.devices.opened)
+        if self.progress.snapshots is not None:
+            self.progress.snapshots.store(self.devices.opened)
         if behind is not None:
             self._on_partition(behind)
 
@@ -168,15 +200,10 @@ class Ingest:
     def _wait_for_room(self) -> None:
         """Wait until the outputs have room. During this time, new messages wait in the broker."""
         began_s = time.monotonic()
-        while not self._is_over() and not self._hub.wait_for_room(SLICE_S):
-            self.moved_s, self._held_ns = time.monotonic(), host_ns()
-            if self.moved_s - began_s >= HELD_S and self._once_a_minute.is_due("output_slow", host_ns()):
-                slow = ", ".join(sorted(self._hub.full()))
-                url = self._receiver.url
-                self._report(
-                    "output_slow",
-                    f"{slow} takes no more data at the moment, so {url} has to keep the messages.",
-                )
+        while not self._is_over() and not self._pace.has_room():
+            self.moved_s = time.monotonic()
+            if self.moved_s - began_s >= HELD_S:
+                self._pace.report_full()
 
     def check(self, now_ns: int) -> None:
         """Do the regular work, about once a second.
@@ -184,7 +211,7 @@ class Ingest:
         The regular work is to check for silent devices, to take snapshots, to check that the machine is fast
         enough, and to report losses.
         """
-        opened = self.devices.opened
+        opened, progress = self.devices.opened, self.progress
         if not self.hearing.check(self._receiver.connected and self.inbox.wait_for_room(0), now_ns):
             for device in opened.values():
                 device.heard_ns = device.checked_ns = now_ns
@@ -193,12 +220,12 @@ class Ingest:
             now_ns,
             # A device is not silent while messages of its partition may still wait in the stream.
             lambda device: (
-                device.partition is None or not self.catching_up.is_behind(device.partition, now_ns)
+                device.partition is None or not progress.catching_up.is_behind(device.partition, now_ns)
             ),
         )
-        if self.snapshots is not None:
-            self.snapshots.keep_due(opened, self.walked, now_ns)
-        self._pressure.check(now_ns)
+        if progress.snapshots is not None:
+            progress.snapshots.keep_due(opened, progress.walked, now_ns)
+        self._pace.check(now_ns)
         self._report_losses(now_ns)
 
     def _report_losses(self, now_ns: int) -> None:
@@ -208,19 +235,18 @@ class Ingest:
     def _is_due(self, message: Message) -> bool:
         """Return whether this worker serves a message's partition, and has not processed the message yet."""
         name, _, arrived_ns, partition, mark = message
-        now_ns, shared = host_ns(), self._receiver.partitions
+        now_ns, progress = host_ns(), self.progress
         waited_ns = now_ns - arrived_ns
-        in_time = partition is None or self.catching_up.shows_pressure(partition, waited_ns, now_ns)
-        if in_time and arrived_ns > self._held_ns:
-            self._pressure.waited(waited_ns)
+        if partition is None or progress.catching_up.shows_pressure(partition, waited_ns, now_ns):
+            self._pace.waited(arrived_ns, waited_ns)
         if partition is None:
             return True
         device = self.devices.opened.get(name)
-        if shared is None or not self._serves(partition):
+        if not progress.serves(partition):
             return False
         if device is not None and (mark <= device.mark or device.partition != partition):
             return False
-        if again := self.catching_up.walked_again(partition, mark):
+        if again := progress.catching_up.walked_again(partition, mark):
             text = (
                 f"partition {partition} has caught up: {again} messages were processed a second time, so "
                 "their estimates and fits may have been published twice."
@@ -228,39 +254,25 @@ class Ingest:
             self._report("partition_caught_up", text)
         return True
 
-    def _serves(self, partition: int) -> bool:
-        """Return whether messages of a partition may be processed.
-
-        If a message of the partition was left out, no later one is processed either, until the broker
-        delivers the messages that were left out again.
-        """
-        shared = self._receiver.partitions
-        if shared is None or partition in self._left_out or not shared.serves(partition):
-            self._left_out.add(partition)
-        return partition not in self._left_out
-
     def _walk(self, groups: dict[str, list[Message]]) -> None:
         """Process messages, which are grouped by device.
 
         For each partition of which no message was left out, note the number of the last processed message.
         """
-        shared = self._receiver.partitions
+        progress = self.progress
         done: dict[int, int] = {}
         for name, messages in groups.items():
             partition = messages[0].partition
             self.moved_s = time.monotonic()
             if self._is_over():
                 self.inbox.put_back(messages)
-                self._left_out.add(partition)
-            elif partition is None or shared is None:
+                progress.leave_out(partition)
+            elif partition is None:
                 self._walk_device(name, messages)
-            elif self._serves(partition):
+            elif progress.serves(partition):
                 self._walk_device(name, messages)
                 done[partition] = max(done.get(partition, 0), messages[-1].mark)
-        if shared is not None:
-            for partition in done.keys() - self._left_out:
-                self.walked[partition] = done[partition]
-                shared.walked(partition, done[partition])
+        progress.note(done)
 
     def _walk_device(self, name: str, messages: Sequence[Message]) -> None:
         devices, first, last = self.devices, messages[0], messages[-1]
@@ -270,8 +282,8 @@ class Ingest:
             if devices.is_broken(name, now_ns):
                 return
             device = devices.open(name, first.arrived_ns, first.partition)
-            if self.snapshots is not None:
-                self.snapshots.keep(name, device, Kept(first.mark - 1, first.arrived_ns + offset_ns))
+            if self.progress.snapshots is not None:
+                self.progress.snapshots.keep(name, device, Kept(first.mark - 1, first.arrived_ns + offset_ns))
         device.heard_ns = device.checked_ns = now_ns
         device.mark = last.mark
         for piece in _pieces(messages, offset_ns):
@@ -281,23 +293,18 @@ class Ingest:
 
     def _on_partition(self, item: Served | Resumed | Left) -> None:
         """Begin, resume or stop serving a partition."""
-        shared, devices = self._receiver.partitions, self.devices
-        assert shared is not None
-        self._left_out.discard(item.partition)
+        progress, devices = self.progress, self.devices
         if isinstance(item, Resumed):
-            shared.resume(item.partition)
+            progress.resume(item.partition)
             return
-        self.catching_up.forget(item.partition)
         for name, device in list(devices.opened.items()):
             if device.partition == item.partition:
                 # finish the device, so that its last record `stats` counts what was processed here
                 devices.finish(name, moved=True)
-        self.walked.pop(item.partition, None)
+        progress.forget(item.partition)
         if isinstance(item, Left):
             return
-        self.walked[item.partition] = item.start
-        shared.walked(item.partition, item.start)
-        self.catching_up.begin(item.partition, item.done)
+        progress.begin(item)
         for name, kept in item.kept.items():
             self.inbox.admission.admit(name)
             now_ns, arrived_ns = host_ns(), kept.unix_ns - devices.offset_ns()

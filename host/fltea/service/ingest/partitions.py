@@ -72,6 +72,53 @@ class Held:
         return time.monotonic() - self.renewed_s < STOP_S
 
 
+class BackgroundPuts:
+    """Stores and deletes snapshots in the background, while a connection lasts.
+
+    `loop`: event loop of the connection; None while there is none. `puts`: those that have not ended yet.
+    """
+
+    def __init__(self, reports: Reports) -> None:
+        self._reports = reports
+        self._store: Store | None = None
+        self.loop: asyncio.AbstractEventLoop | None = None
+        self.puts: set[concurrent.futures.Future[None]] = set()
+
+    def begin(self, store: Store) -> None:
+        """Use a new connection until `end` is called. Call this in the connection's event loop."""
+        self._store, self.loop = store, asyncio.get_running_loop()
+
+    def end(self) -> None:
+        """Store no more snapshots, since the connection has ended."""
+        self.loop = None
+
+    def put(self, key: str, data: bytes | None) -> bool:
+        """Store a snapshot, or delete it if `data` is None.
+
+        Return False if too many snapshots are being stored already, or there is no connection.
+        """
+        self.puts = {one for one in self.puts if not one.done()}
+        store, loop = self._store, self.loop
+        if store is None or loop is None or len(self.puts) >= PUTS:
+            return False
+        put = self._put(store, key, data)
+        try:
+            self.puts.add(asyncio.run_coroutine_threadsafe(put, loop))
+        except RuntimeError:  # the connection has just ended
+            put.close()
+            return False
+        return True
+
+    async def _put(self, store: Store, key: str, data: bytes | None) -> None:
+        snapshots = store.snapshots
+        try:
+            await (snapshots.delete(key) if data is None else snapshots.put(key, data))
+        except NatsError as error:
+            # if the connection has ended, this is reported elsewhere
+            if data is not None and not isinstance(error, ConnectionClosedError):
+                self._reports.snapshot(key, error)
+
+
 class Partitions:
     """Holds the leases of this worker's share of the partitions, and fills the inbox with their messages.
 
@@ -94,12 +141,12 @@ class Partitions:
         """For each partition that was given back since its messages could not be pulled, the time at which it
         was given back.
         """
-        self._loop: asyncio.AbstractEventLoop | None = None
-        self._puts: set[concurrent.futures.Future[None]] = set()
+        self._background = BackgroundPuts(reports)
 
     def begin(self, store: Store) -> None:
         """Use a new connection until `let_go_of_all` is called. Call this in the connection's event loop."""
-        self.store, self._loop = store, asyncio.get_running_loop()
+        self.store = store
+        self._background.begin(store)
 
     def wait_for_others(self) -> None:
         """Take no partition for a while, since the server was away."""
@@ -133,7 +180,7 @@ class Partitions:
         Return False if too many snapshots are being stored already, or if this worker no longer serves the
         partition.
         """
-        return self._in_background(partition, device, data)
+        return self.serves(partition) and self._background.put(f"{partition}.{device}", data)
 
     def drop(self, partition: int, device: str) -> None:
         """Delete a device's snapshot in the background.
@@ -141,29 +188,8 @@ class Partitions:
         If the snapshot cannot be deleted, no harm is done: the next worker continues the device from the
         snapshot, and gives the device up since it is silent.
         """
-        self._in_background(partition, device, None)
-
-    def _in_background(self, partition: int, device: str, data: bytes | None) -> bool:
-        self._puts = {one for one in self._puts if not one.done()}
-        loop = self._loop
-        if not self.serves(partition) or loop is None or len(self._puts) >= PUTS:
-            return False
-        put = self._put(f"{partition}.{device}", data)
-        try:
-            self._puts.add(asyncio.run_coroutine_threadsafe(put, loop))
-        except RuntimeError:  # the connection has just ended
-            put.close()
-            return False
-        return True
-
-    async def _put(self, key: str, data: bytes | None) -> None:
-        snapshots = self.store.snapshots
-        try:
-            await (snapshots.delete(key) if data is None else snapshots.put(key, data))
-        except NatsError as error:
-            # if the connection has ended, this is reported elsewhere
-            if data is not None and not isinstance(error, ConnectionClosedError):
-                self._reports.snapshot(key, error)
+        if self.serves(partition):
+            self._background.put(f"{partition}.{device}", None)
 
     async def renew(self) -> None:
         """Renew the leases, so that other workers see that this worker runs."""
@@ -288,7 +314,7 @@ class Partitions:
 
     def let_go_of_all(self) -> None:
         """Stop serving all partitions, since the connection has ended."""
-        self._loop = None
+        self._background.end()
         for partition in list(self._held):
             self._let_go(partition)
 
