@@ -18,20 +18,130 @@ struct MeanAhead {
     double variance;
 };
 
-// Sums over m samples for a mode of the system. A mode is multiplied by a complex number a with each sample.
-// The sums are computed by doubling m. For slow modes, all terms have the same sign, so no precision is lost.
-// `power`: a^m. `geometric`: g(m) = 1 + a + … + a^(m-1). `sums`: g(1) + g(2) + … + g(m).
-struct ModeSums {
-    std::complex<double> power, geometric, sums;
+// A system in the eigenvectors of its matrix A, where a pole pair becomes two conjugate modes. A mode is
+// multiplied by its eigenvalue a with each sample.
+template <int N>
+struct Modes {
+    typedef std::complex<double> Complex;
+
+    int n;
+    Complex a[N], weight[N];
+    Complex noise[N * N];  // covariance of the noise that a sample adds to the modes
+
+    Modes(const System<N>& s, const double* weights) : n(s.n) {
+        for (int i = 0; i < n; ++i) {
+            a[i] = s.a[i];
+            weight[i] = weights[i];
+        }
+        // For a pole pair with the states x and y, the first mode is ξ = x + i y, which is multiplied by a -
+        // i b with each sample. The conjugate of ξ is the second mode.
+        for (int i = 0; i < 2 * s.pairs; i += 2) {
+            a[i] = Complex(s.a[i], -s.b[i]);
+            a[i + 1] = std::conj(a[i]);
+            weight[i] = Complex(weights[i], -weights[i + 1]) / 2.0;
+            weight[i + 1] = std::conj(weight[i]);
+        }
+        for (int i = 0; i < n * n; ++i) noise[i] = s.Q[i];
+        transform_noise(s.pairs);
+    }
+
+  private:
+    // Transforms the covariance of the noise to the modes: first its rows, then its columns.
+    void transform_noise(int pairs) {
+        for (int i = 0; i < 2 * pairs; i += 2) {
+            for (int j = 0; j < n; ++j) {
+                const Complex one = noise[i * n + j], other = noise[(i + 1) * n + j];
+                noise[i * n + j] = one + Complex(0, 1) * other;
+                noise[(i + 1) * n + j] = one - Complex(0, 1) * other;
+            }
+        }
+        for (int i = 0; i < 2 * pairs; i += 2) {
+            for (int j = 0; j < n; ++j) {
+                const Complex one = noise[j * n + i], other = noise[j * n + i + 1];
+                noise[j * n + i] = one - Complex(0, 1) * other;
+                noise[j * n + i + 1] = one + Complex(0, 1) * other;
+            }
+        }
+    }
+};
+
+// Sums over m samples for all modes of a system. They are computed by doubling m. For slow modes, all terms
+// have the same sign, so no precision is lost.
+template <int N>
+class ModeSums {
+  public:
+    typedef std::complex<double> Complex;
+
+    ModeSums(const Modes<N>& modes, long long m) : modes_(modes) {
+        const int n = modes.n;
+        for (int i = 0; i < n; ++i) of_[i] = OfMode{modes.a[i], 1.0, 1.0};
+        for (int i = 0; i < n * n; ++i) both_[i] = 1.0;
+        int bit = 0;
+        while ((m >> (bit + 1)) > 0) ++bit;
+        while (bit-- > 0) {
+            double_count();
+            if (((m >> bit) & 1) != 0) add_sample();
+        }
+    }
+
+    // Returns g(m) = 1 + a + … + a^(m-1), where a is the eigenvalue of mode i.
+    const Complex& geometric(int i) const { return of_[i].geometric; }
+    // Returns the sum over k = 1 … m of g(k) conj g'(k), where g belongs to mode i and g' to mode j.
+    const Complex& both(int i, int j) const { return both_[i * modes_.n + j]; }
+
+  private:
+    // `power`: a^m. `geometric`: g(m). `sums`: g(1) + g(2) + … + g(m).
+    struct OfMode {
+        Complex power, geometric, sums;
+    };
+
+    void double_count() {
+        const int n = modes_.n;
+        for (int i = 0; i < n; ++i) {
+            for (int j = 0; j < n; ++j) {
+                const Complex gi = of_[i].geometric, gj = std::conj(of_[j].geometric), pi = of_[i].power,
+                              pj = std::conj(of_[j].power);
+                Complex& sum = both_[i * n + j];
+                sum += count_ * gi * gj + gi * pj * std::conj(of_[j].sums) + pi * gj * of_[i].sums +
+                       pi * pj * sum;
+            }
+        }
+        for (int i = 0; i < n; ++i) {
+            OfMode& one = of_[i];
+            one.sums += count_ * one.geometric + one.power * one.sums;
+            one.geometric += one.power * one.geometric;
+            one.power *= one.power;
+        }
+        count_ *= 2;
+    }
+
+    void add_sample() {
+        const int n = modes_.n;
+        for (int i = 0; i < n; ++i) {
+            of_[i].geometric = of_[i].geometric + of_[i].power;
+            of_[i].power *= modes_.a[i];
+            of_[i].sums += of_[i].geometric;
+        }
+        for (int i = 0; i < n; ++i) {
+            for (int j = 0; j < n; ++j) {
+                both_[i * n + j] += of_[i].geometric * std::conj(of_[j].geometric);
+            }
+        }
+        count_ += 1;
+    }
+
+    const Modes<N>& modes_;
+    double count_ = 1;  // number of samples over which the sums go
+    OfMode of_[N];
+    Complex both_[N * N];
 };
 
 // Returns the expected mean of the scalar product of `weights` and the state x over the next m samples. If m
 // = 0, the result is the scalar product with the present x.
 //
-// With the transition matrix A, the state j samples ahead is x_k+j = A^j x_k plus noise. The mean is
-// therefore computed in the eigenvectors of A, where a pole pair becomes two conjugate modes. For a mode with
-// the eigenvalue a, the mean of a^j over j = 1 … m is a g(m) / m (ModeSums), and the noise that is added j
-// samples ahead has the weight g(m - j + 1) / m.
+// The state j samples ahead is x_k+j = A^j x_k plus noise. The mean is therefore computed in the eigenvectors
+// of A (Modes). For a mode with the eigenvalue a, the mean of a^j over j = 1 … m is a g(m) / m (ModeSums),
+// and the noise that is added j samples ahead has the weight g(m - j + 1) / m.
 template <int N>
 MeanAhead<N> mean_ahead(const System<N>& s, const double* weights, long long m) {
     typedef std::complex<double> Complex;
@@ -40,86 +150,18 @@ MeanAhead<N> mean_ahead(const System<N>& s, const double* weights, long long m) 
     for (int i = 0; i < N; ++i) found.row[i] = i < s.n ? weights[i] : 0;
     if (m <= 0) return found;
     const int n = s.n;
-    Complex a[N], weight[N];
-    for (int i = 0; i < n; ++i) {
-        a[i] = s.a[i];
-        weight[i] = weights[i];
-    }
-    // For a pole pair with the states x and y, the first mode is ξ = x + i y, which is multiplied by a - i b
-    // with each sample. The conjugate of ξ is the second mode.
-    for (int i = 0; i < 2 * s.pairs; i += 2) {
-        a[i] = Complex(s.a[i], -s.b[i]);
-        a[i + 1] = std::conj(a[i]);
-        weight[i] = Complex(weights[i], -weights[i + 1]) / 2.0;
-        weight[i + 1] = std::conj(weight[i]);
-    }
-    // `both`: for any two modes, the sum of g(k) conj g'(k) over k = 1 … m. Here g (ModeSums::geometric)
-    // belongs to one mode and g' to the other.
-    Complex both[N * N], noise[N * N];
-    ModeSums of[N];
-    for (int i = 0; i < n; ++i) {
-        of[i] = ModeSums{a[i], 1.0, 1.0};
-        for (int j = 0; j < n; ++j) {
-            both[i * n + j] = 1.0;
-            noise[i * n + j] = s.Q[i * n + j];
-        }
-    }
-    // The covariance of the noise is transformed to the modes: first its rows, then its columns.
-    for (int i = 0; i < 2 * s.pairs; i += 2) {
-        for (int j = 0; j < n; ++j) {
-            const Complex one = noise[i * n + j], other = noise[(i + 1) * n + j];
-            noise[i * n + j] = one + Complex(0, 1) * other;
-            noise[(i + 1) * n + j] = one - Complex(0, 1) * other;
-        }
-    }
-    for (int i = 0; i < 2 * s.pairs; i += 2) {
-        for (int j = 0; j < n; ++j) {
-            const Complex one = noise[j * n + i], other = noise[j * n + i + 1];
-            noise[j * n + i] = one - Complex(0, 1) * other;
-            noise[j * n + i + 1] = one + Complex(0, 1) * other;
-        }
-    }
-    int bit = 0;
-    while ((m >> (bit + 1)) > 0) ++bit;
-    double count = 1;
-    while (bit-- > 0) {
-        for (int i = 0; i < n; ++i) {
-            for (int j = 0; j < n; ++j) {
-                const Complex gi = of[i].geometric, gj = std::conj(of[j].geometric), pi = of[i].power,
-                              pj = std::conj(of[j].power);
-                Complex& sum = both[i * n + j];
-                sum +=
-                    count * gi * gj + gi * pj * std::conj(of[j].sums) + pi * gj * of[i].sums + pi * pj * sum;
-            }
-        }
-        for (int i = 0; i < n; ++i) {
-            ModeSums& one = of[i];
-            one.sums += count * one.geometric + one.power * one.sums;
-            one.geometric += one.power * one.geometric;
-            one.power *= one.power;
-        }
-        count *= 2;
-        if (((m >> bit) & 1) == 0) continue;
-        for (int i = 0; i < n; ++i) {
-            of[i].geometric = of[i].geometric + of[i].power;
-            of[i].power *= a[i];
-            of[i].sums += of[i].geometric;
-        }
-        for (int i = 0; i < n; ++i) {
-            for (int j = 0; j < n; ++j) {
-                both[i * n + j] += of[i].geometric * std::conj(of[j].geometric);
-            }
-        }
-        count += 1;
-    }
+    const Modes<N> modes(s, weights);
+    const ModeSums<N> sums(modes, m);
+    const Complex* const weight = modes.weight;
     for (int i = 0; i < n; ++i) {
         for (int j = 0; j < n; ++j) {
-            found.variance += (weight[i] * std::conj(weight[j]) * noise[i * n + j] * both[i * n + j]).real();
+            found.variance +=
+                (weight[i] * std::conj(weight[j]) * modes.noise[i * n + j] * sums.both(i, j)).real();
         }
     }
     found.variance = found.variance > 0 ? found.variance / (double(m) * double(m)) : 0;
     for (int i = 0; i < n; ++i) {
-        const Complex mean = weight[i] * a[i] * of[i].geometric / double(m);
+        const Complex mean = weight[i] * modes.a[i] * sums.geometric(i) / double(m);
         if (i >= 2 * s.pairs) {
             found.row[i] = mean.real();
         } else if (i % 2 == 0) {  // a mode ξ and its conjugate together contribute 2 Re(mean ξ)
