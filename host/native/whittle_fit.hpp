@@ -217,61 +217,94 @@ struct Room {
     explicit Room(const Bins& of) : bins(of), here(of), there(of) {}
 };
 
+// The bounds of all free parameters of a model.
+struct Bounds {
+    double low[kMostFree], high[kMostFree];
+
+    Bounds(const Terms& terms, const Bins& bins, double slowest) {
+        int next = 0;
+        for (const Term& term : terms) {
+            bounds_of(term, bins, slowest, low + next, high + next);
+            next += free_of(term.part);
+        }
+    }
+
+    double nearest(int i, double value) const { return std::fmin(std::fmax(value, low[i]), high[i]); }
+    // Whether parameter i is at a bound, and -log L decreases only beyond this bound.
+    bool stops(int i, double value, double gradient) const {
+        return (value <= low[i] && gradient > 0) || (value >= high[i] && gradient < 0);
+    }
+};
+
+// The derivatives of -log L at the present parameters of a fit, from which damped steps are computed.
+class Slopes {
+  public:
+    // `held`: index of the parameter that keeps its value, or -1.
+    Slopes(Spectrum& here, const Bounds& bounds, const double* eta, int free, int held)
+        : bounds_(bounds), eta_(eta), free_(free) {
+        here.derivatives(free, gradient_, information_);
+        for (int i = 0; i < free; ++i)
+            if (i != held && !bounds.stops(i, eta[i], gradient_[i])) index_[count_++] = i;
+    }
+
+    // Whether a step can change any parameter.
+    bool any() const { return count_ > 0; }
+
+    // Writes the parameters after a step to `trial`. Returns false if the damping is too weak for a step.
+    bool step(double damping, double nothing, double* trial) const {
+        double move[kMostFree], damped[kMostFree][kMostFree];
+        for (int a = 0; a < count_; ++a) {
+            move[a] = gradient_[index_[a]];
+            for (int b = 0; b < count_; ++b) damped[a][b] = information_[index_[a]][index_[b]];
+            damped[a][a] *= 1 + damping;
+            damped[a][a] += 1e-9;
+        }
+        if (!factor(count_, damped)) return false;
+        substitute(count_, damped, move, true);
+        // The step is shortened so that no parameter changes by more than 3. Parameters are logarithms and
+        // the like, and after a larger change the derivatives say nothing.
+        double longest = kLongest;
+        for (int a = 0; a < count_; ++a)
+            if (information_[index_[a]][index_[a]] > nothing)
+                longest = std::fmax(longest, std::fabs(move[a]));
+        std::copy(eta_, eta_ + free_, trial);
+        for (int a = 0; a < count_; ++a) {
+            const int i = index_[a];
+            const double step = std::fmax(-kLongest, std::fmin(kLongest, move[a] * kLongest / longest));
+            trial[i] = bounds_.nearest(i, eta_[i] - step);
+        }
+        return true;
+    }
+
+  private:
+    const Bounds& bounds_;
+    const double* eta_;
+    int free_, count_ = 0;
+    int index_[kMostFree];  // the parameters that a step may change
+    double gradient_[kMostFree], information_[kMostFree][kMostFree];
+};
+
 // Fits a model. Searches for the best parameters, starting from those in `eta`, writes the best ones to
 // `eta`, and returns their -log L. The parameter with index `held` keeps its value. If `held` is -1, all
 // parameters are free.
 inline double score(Room& room, const Terms& terms, double* eta, int held, const Patience& patience) {
     const int free = free_of(terms);
-    double low[kMostFree], high[kMostFree], gradient[kMostFree];
-    double information[kMostFree][kMostFree], damped[kMostFree][kMostFree];
-    int next = 0;
-    for (const Term& term : terms) {
-        bounds_of(term, room.bins, patience.slowest, low + next, high + next);
-        next += free_of(term.part);
-    }
+    const Bounds bounds(terms, room.bins, patience.slowest);
     for (int i = 0; i < free; ++i)
-        if (i != held) eta[i] = std::fmin(std::fmax(eta[i], low[i]), high[i]);
+        if (i != held) eta[i] = bounds.nearest(i, eta[i]);
     Spectrum &here = room.here, &there = room.there;
     double nll = here.at(terms, eta), damping = 1e-3;
     int small = 0;
     for (int step = 0; step < patience.steps && std::isfinite(nll); ++step) {
-        here.derivatives(free, gradient, information);
-        int index[kMostFree], count = 0;
-        for (int i = 0; i < free; ++i) {
-            const bool stuck =
-                (eta[i] <= low[i] && gradient[i] > 0) || (eta[i] >= high[i] && gradient[i] < 0);
-            if (i != held && !stuck) index[count++] = i;
-        }
-        if (count == 0) break;
+        const Slopes slopes(here, bounds, eta, free, held);
+        if (!slopes.any()) break;
         double trial[kMostFree], found = nll;
         bool better = false;
         for (; damping < 1e9; damping *= 8) {
-            double move[kMostFree];
-            for (int a = 0; a < count; ++a) {
-                move[a] = gradient[index[a]];
-                for (int b = 0; b < count; ++b) damped[a][b] = information[index[a]][index[b]];
-                damped[a][a] *= 1 + damping;
-                damped[a][a] += 1e-9;
-            }
-            if (!factor(count, damped)) continue;
-            substitute(count, damped, move, true);
-            // The step is shortened so that no parameter changes by more than 3. Parameters are logarithms
-            // and the like, and after a larger change the derivatives say nothing.
-            double longest = kLongest;
-            for (int a = 0; a < count; ++a)
-                if (information[index[a]][index[a]] > patience.nothing)
-                    longest = std::fmax(longest, std::fabs(move[a]));
-            std::copy(eta, eta + free, trial);
-            for (int a = 0; a < count; ++a) {
-                const int i = index[a];
-                const double step = std::fmax(-kLongest, std::fmin(kLongest, move[a] * kLongest / longest));
-                trial[i] = std::fmin(std::fmax(eta[i] - step, low[i]), high[i]);
-            }
+            if (!slopes.step(damping, patience.nothing, trial)) continue;
             found = there.at(terms, trial);
-            if (found <= nll) {
-                better = true;
-                break;
-            }
+            better = found <= nll;
+            if (better) break;
         }
         if (!better) break;
         const double gained = nll - found;
