@@ -2,7 +2,7 @@
 // filter. Search, fit and intervals, and also Python (host/fltea/noise/part.py), take everything that they
 // need to know about a part from this table.
 //
-// A new part needs a number in Part and a row in kTable here, its spectrum in whittle_kernel.cpp, and a
+// A new part needs a number in Part and a row in kTable here, its spectrum in whittle_spectra.hpp, and a
 // class in host/fltea/noise/parts.py. Compilers and tests report whatever is missing
 // (tests/noise/test_part_table.py).
 #pragma once
