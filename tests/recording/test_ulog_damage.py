@@ -26,6 +26,8 @@ ROWS: list[tuple[Any, ...]] = [
 WHOLE = ulog({"sensor_combined": FORM}, [("sensor_combined", 0)], ROWS)
 MESSAGE = 3 + 2 + 8 + 12 + 4 + 12
 BEGIN = len(WHOLE) - N * MESSAGE
+TOPIC = WHOLE[BEGIN - 3 - 3 - len("sensor_combined") : BEGIN]
+"""The message that gives the topic its number."""
 MIDDLE = BEGIN + N // 2 * MESSAGE
 
 
@@ -126,3 +128,24 @@ def test_a_log_with_a_part_appended_after_a_crash(tmp_path: Path) -> None:
         f"{MESSAGE + 20} bytes in 2 places, the first at byte {BEGIN + MESSAGE},"
         in told(found)["recording_gap"]
     )
+
+
+def test_a_topic_that_is_declared_again_keeps_its_messages(tmp_path: Path) -> None:
+    found = read(tmp_path, WHOLE[:MIDDLE] + TOPIC + WHOLE[MIDDLE:])
+    assert (found.samples, found.notes) == (N, ())
+
+
+def test_messages_that_the_library_forgets_are_counted(tmp_path: Path) -> None:
+    """If a log gives a topic's number to a second sensor, PX4's library forgets the messages of the first."""
+    found = read(tmp_path, WHOLE[:MIDDLE] + put(TOPIC, 3, b"\x07") + WHOLE[MIDDLE:])
+    assert found.samples == N // 2
+    assert f": the library of PX4 read {N // 2} of {N} messages of" in told(found)["recording_gap"]
+
+
+def test_a_log_that_the_library_takes_for_damaged(tmp_path: Path) -> None:
+    """One format names a field twice, so PX4's library refuses the topic of this format."""
+    twice = {"sensor_combined": FORM, "sensor_gyro": "float x;float x;"}
+    rows = [*ROWS, *((1, "2f", 1_000_000 + k, 0.1, 0.2) for k in range(10))]
+    found = read(tmp_path, ulog(twice, [("sensor_combined", 0), ("sensor_gyro", 0)], rows))
+    said = f": the library of PX4 takes the log for damaged, and read {N} of {N + 10} messages of"
+    assert (found.samples, said in told(found)["recording_gap"]) == (N, True)

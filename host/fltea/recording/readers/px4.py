@@ -36,7 +36,8 @@ def read(path: Path, topic: str) -> Sheet:
     name, _, instance = topic.partition(":")
     with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
         whole = mended(content)
-    log = _opened(path, whole, [name] if name else list(TOPICS))
+    wanted = [name] if name else list(TOPICS)
+    log = _opened(path, whole, wanted)
     name = name or next((known for known in TOPICS if any(one.name == known for one in log.data_list)), "")
     there = {str(one.multi_id): one for one in log.data_list if one.name == name}
     if not there:
@@ -63,7 +64,7 @@ def read(path: Path, topic: str) -> Sheet:
     if lost_ms := [one.duration for one in log.dropouts]:
         texts.append(f"the logger lost data {len(lost_ms)} times, {sum(lost_ms)} ms in all.")
     notes = tuple(Note("reading", f"{path}: {text}") for text in texts)
-    notes = (*_losses(path, whole, log), *notes)
+    notes = (*_losses(path, whole, log, wanted), *notes)
     topic = f"{name}:{instance}" if instance else name
     return replace(sheet, topic=topic, notes=notes)
 
@@ -82,12 +83,16 @@ def _no_topic(path: Path, topic: str, whole: Mended, log: Any) -> UsageError:
     names = sorted({one.name for one in _opened(path, whole, None).data_list})
     asked = f"topic {topic}" if topic else f"topic {' or '.join(TOPICS)}"
     others = f"; name one by --topic: {listed(names)}" if names else ""
-    damage = "".join(f" It {note.text.removeprefix(f'{path}: ')}" for note in _losses(path, whole, log))
+    losses = _losses(path, whole, log, [topic.partition(":")[0]] if topic else list(TOPICS))
+    damage = "".join(f" It {note.text.removeprefix(f'{path}: ')}" for note in losses)
     return UsageError(f"is a PX4 log with no {asked}{others}.{damage}")
 
 
-def _losses(path: Path, whole: Mended, log: Any) -> list[Note]:
-    """Return warnings about the parts of a log that are not read."""
+def _losses(path: Path, whole: Mended, log: Any, wanted: list[str]) -> list[Note]:
+    """Return warnings about the parts of a log that are not read.
+
+    `wanted`: the topics that PX4's library was asked for.
+    """
     found = []
     if whole.holes:
         places = f"{whole.holes} places, the first" if whole.holes > 1 else "one place,"
@@ -100,10 +105,11 @@ def _losses(path: Path, whole: Mended, log: Any) -> list[Note]:
             ("recording_gap", f"{text}, and are left out: the log is damaged, or newer than this program.")
         )
     read = sum(len(one.data["timestamp"]) for one in log.data_list)
-    there = sum(whole.counts.get(of, 0) for of in {(one.name, one.multi_id) for one in log.data_list})
+    there = sum(count for (name, _), count in whole.counts.items() if name in wanted)
     if read != there or log.file_corruption:
-        text = f"the library of PX4 takes the log for damaged, and read {read} of {there} messages"
-        found.append(("recording_gap", f"{text} of the topics with a gyroscope."))
+        damaged = "takes the log for damaged, and " if log.file_corruption else ""
+        text = f"the library of PX4 {damaged}read {read} of {there} messages of {listed(wanted)}"
+        found.append(("recording_gap", f"{text}."))
     if whole.cut_bytes:
         text = f"ends in the middle of a message, whose {whole.cut_bytes} bytes are left out"
         found.append(("cut_recording", f"{text}: the logger was switched off, or the file is cut."))
