@@ -110,6 +110,25 @@ def test_mcap_session(tmp_path: Path) -> None:
     np.testing.assert_array_equal(found.axes["gyro_z"].y, again.axes["gyro_z"].y)
 
 
+def test_a_session_of_a_device_that_contradicts_itself_is_refused(tmp_path: Path) -> None:
+    mcap_support.record(tmp_path / "rec", mcap_support.transport(400, contradicting=400))
+    with pytest.raises(UsageError, match=r"HELLO states 200 Hz, .* samples come at 100 Hz"):
+        load(Request((tmp_path / "rec",)))
+
+
+def test_a_session_of_a_device_that_contradicted_itself_for_a_while_has_a_warning(tmp_path: Path) -> None:
+    """HELLO states twice the true rate for 3 s, and the true rate for 9 s."""
+    mcap_support.record(tmp_path / "rec", mcap_support.transport(1200, contradicting=300))
+    found = load(Request((tmp_path / "rec",)))
+    (warning,) = (one for one in found.data_checks if one.kind == "rate_differs")
+    assert "HELLO states 200 Hz" in warning.text
+    assert found.hello.rate_hz == 100
+    assert found.counts.used >= 800
+    assert found.counts.rate_differs >= 150
+    # frames 60, 61 and 150 are lost, while the device's numbers are not believed
+    assert found.counts.samples + found.counts.rate_differs == 1200 - 3
+
+
 def test_accelerometer_on_request(tmp_path: Path) -> None:
     accel = counts(200, 3, seed=2)
     path = npz(tmp_path / "a.npz", counts(200), accel_raw=accel, accel_lsb_per_g=16384.0)

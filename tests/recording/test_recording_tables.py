@@ -270,6 +270,16 @@ def test_a_sum_counts_what_the_live_run_counted(tmp_path: Path) -> None:
     assert again == found
 
 
+@pytest.mark.parametrize("contradicting", [300, 1200])
+def test_a_sum_names_samples_whose_times_contradict_hello(contradicting: int, tmp_path: Path) -> None:
+    live, _ = record(tmp_path, transport(1200, contradicting=contradicting))
+    found = summarise(files(tmp_path), 100)
+    assert found.rate_differs >= contradicting - 150
+    assert found.samples == len(of(Sample, live))
+    said = f", {found.rate_differs} whose times contradict the rate of HELLO\n"
+    assert said in as_text(found)
+
+
 @pytest.mark.usefixtures("many_chunks")
 def test_a_sum_says_that_a_file_is_being_written_or_was_cut(tmp_path: Path) -> None:
     _, sink = record(tmp_path, transport(samples=100), end=False)

@@ -30,10 +30,14 @@ SMALL = {"estimator.window": 50, "estimator.startup": 20, "name": "due"}
 PERIOD_NS = 10_000_000
 
 
-def transport(samples: int = 200, boots: int = 1, seed: int = 1) -> list[TransportEvent]:
+def transport(
+    samples: int = 200, boots: int = 1, seed: int = 1, contradicting: int = 0
+) -> list[TransportEvent]:
     """Return the events of a device's serial port, with frames cut anywhere, late arrivals and lost frames.
 
     Between two boots the port is unplugged.
+
+    `contradicting`: number of samples of each boot during which HELLO states twice the true rate.
     """
     rng = random.Random(seed)
     now_ns, found = MONOTONIC_NS, list[TransportEvent]()
@@ -47,8 +51,12 @@ def transport(samples: int = 200, boots: int = 1, seed: int = 1) -> list[Transpo
             found.append(Failed("unplugged", "the port was lost.", now_ns, offset_ns()))
             now_ns += 7 * 10**9
         found.append(Opened(now_ns, offset_ns()))
+        true = device.hello
+        device.hello = true._replace(sample_rate=2 * true.sample_rate) if contradicting else true
         pending = device.booted()
         for k in range(samples):
+            if k == contradicting:
+                device.hello = true
             frames = device.next_frames()
             pending += b"" if k in (60, 61, 150) else frames
             now_ns += PERIOD_NS
