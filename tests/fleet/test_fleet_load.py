@@ -5,7 +5,7 @@ outliers.
 import msgspec
 import numpy as np
 import pytest
-from fltea.fleet.alerts import LOOKS, Alerts
+from fltea.fleet.alerts import CHECKS, Alerts
 from fltea.fleet.roll import Roll
 from fltea.fleet.summary import Comparison, compare, counts, rows, table
 from fltea.records.fit import AxisFit
@@ -64,18 +64,18 @@ def test_the_bad_ones_are_exactly_those_that_stand_out(sensors: int, bad: int) -
 def test_an_alert_needs_three_looks_and_ends_after_three() -> None:
     roll, _ = fleet(60, 1)
     alerts, seen, nothing = Alerts(), compare(roll, 1.0), Comparison([], {})
-    told = [alerts.update(roll, seen, 1.0, float(number)) for number in range(LOOKS)]
+    told = [alerts.update(roll, seen, 1.0, float(number)) for number in range(CHECKS)]
     # the third comparison raises two alerts, for N and for the density of the white noise
     assert [len(one) for one in told] == [0, 0, 2]
     assert {alert.state for alert in told[-1]} == {"raised"}
     assert len(alerts.raised()) == 2
-    told = [alerts.update(roll, nothing, 1.0, float(number)) for number in range(LOOKS)]
+    told = [alerts.update(roll, nothing, 1.0, float(number)) for number in range(CHECKS)]
     assert [len(one) for one in told] == [0, 0, 2]
     assert alerts.raised() == []
     alerts.update(roll, seen, 1.0, 9.0)
     alerts.update(roll, nothing, 1.0, 9.0)
     # the difference did not last long enough for an alert
-    assert not [alerts.update(roll, seen, 1.0, 9.0) for _ in range(LOOKS - 1)][-1]
+    assert not [alerts.update(roll, seen, 1.0, 9.0) for _ in range(CHECKS - 1)][-1]
 
 
 def test_a_fleet_of_any_size_shares_a_few_fits() -> None:

@@ -7,7 +7,7 @@ import json
 import msgspec
 import pytest
 from fltea.fleet import roll as rolls
-from fltea.fleet.alerts import LOOKS, Alerts
+from fltea.fleet.alerts import CHECKS, Alerts
 from fltea.fleet.clock import Clock
 from fltea.fleet.messages import KINDS
 from fltea.fleet.roll import Roll
@@ -222,7 +222,7 @@ def test_a_sensor_that_floods_is_named_until_it_stops() -> None:
         roll.take("fltea/stranger/status", status("online"), 50 + number * 1e-3)
     assert counts(roll, 1000.0)["flooding"] == ["stranger"]
     alerts = Alerts()
-    told = [alerts.update(roll, NOBODY, 51.0, 0.0) for _ in range(LOOKS)][-1]
+    told = [alerts.update(roll, NOBODY, 51.0, 0.0) for _ in range(CHECKS)][-1]
     assert [(alert.kind, alert.device_id) for alert in told] == [("flood", "stranger")]
 
 
@@ -263,7 +263,7 @@ def test_silence_and_a_loss_are_alerts_and_an_orderly_end_is_none() -> None:
         ("c", "offline", "connection_lost"),
     ):
         known(roll, name, text, reason)
-    for _ in range(LOOKS):
+    for _ in range(CHECKS):
         told = alerts.update(roll, NOBODY, 100.0, 0.0)
     assert [(alert.kind, alert.device_id) for alert in told] == [("silent", "a"), ("offline", "c")]
 
@@ -274,7 +274,7 @@ def test_alerts_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     roll, alerts = Roll(), Alerts()
     for number in range(8):
         known(roll, str(number))
-    for _ in range(LOOKS):
+    for _ in range(CHECKS):
         told = alerts.update(roll, NOBODY, rolls.SILENT_S + 1, 0.0)
     assert (len(told), alerts.dropped) == (5, 3)
     listed = alerts.listed()

@@ -34,11 +34,11 @@ def test_what_is_cut_off_is_read_as_far_as_it_goes(name: str, tmp_path: Path) ->
     (tmp_path / name).write_bytes(data[: len(data) * 3 // 4])
     events = list(ReplaySource(tmp_path / name).events())
     assert 20 < len(samples_of(events)) < N
-    assert "is cut off; what can be unpacked is read" in next(
+    assert "is cut off; what can be decompressed is read" in next(
         e.message for e in events if isinstance(e, Trouble)
     )
     (tmp_path / name).write_bytes(data[:40] + bytes(len(data) - 40))
-    with pytest.raises(UsageError, match=r"cannot be (unpacked|read)"):
+    with pytest.raises(UsageError, match=r"cannot be (decompressed|read)"):
         ReplaySource(tmp_path / name)
 
 
@@ -102,13 +102,16 @@ def test_what_is_packed_is_read_as_what_it_is(name: str, packer: str, tmp_path: 
 @pytest.mark.parametrize(
     ("inside", "reason"),
     [
-        (gzip.compress(text("plain.csv")), r"holds a packed file, which is not read while it is packed; "),
-        (b"\x93NUMPY" + bytes(99), r"holds \.npy of numpy, which is not read while it is packed; "),
+        (
+            gzip.compress(text("plain.csv")),
+            r"holds a compressed file, which is not read while it is compressed; ",
+        ),
+        (b"\x93NUMPY" + bytes(99), r"holds \.npy of numpy, which is not read while it is compressed; "),
         (
             b"x".ljust(257, b"\0") + b"ustar",
-            r"is packed; .*Inside, \S*two words.csv: is an archive of tar\. ",
+            r"is compressed; .*Inside, \S*two words.csv: is an archive of tar\. ",
         ),
-        (b"", r"is packed; .*Inside, \S*two words.csv: is empty\."),
+        (b"", r"is compressed; .*Inside, \S*two words.csv: is empty\."),
     ],
 )
 def test_what_has_to_be_unpacked_first_is_told_with_the_command(

@@ -160,7 +160,7 @@ def test_times_that_cross_tell_a_mean_by_the_first_and_the_last_of_them(tmp_path
         ("empty_object.tsv", b"{}", "no line of numbers; the first line is '{}'"),
         ("readme.md", b"# Mine\n\nSome words.\n" * 9, "none of its first lines holds a number"),
         ("frame.pkl", b"\x80\x04\x95" + bytes(60), "is a pickle of Python"),
-        ("rest.zst", b"(\xb5/\xfd" + bytes(60), "is packed by zstd"),
+        ("rest.zst", b"(\xb5/\xfd" + bytes(60), "is compressed by zstd"),
     ],
 )
 def test_what_is_no_recording_is_called_by_its_name(

@@ -163,6 +163,6 @@ def npz_bombs(folder: Path) -> dict[str, tuple[Path, str]]:
         "minus signs": (made("minus", gyro_raw=npy(0, "", b"", b"-" * 9998 + b"1")), "cannot be read"),
         "bzip2": (
             npz(folder / "bzip2.npz", zipfile.ZIP_BZIP2, **good, gyro_raw=small),
-            "packed in a way",
+            "compressed in a way",
         ),
     }

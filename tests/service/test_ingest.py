@@ -12,7 +12,7 @@ from fltea.service.ingest.admission import CANDIDATES, Admission
 from fltea.service.ingest.floods import BURST_BYTES, MESSAGE_BYTES, SECOND_BYTES, Allowance
 from fltea.service.ingest.inbox import Inbox
 from fltea.service.ingest.losses import Losses
-from fltea.service.pressure import LATE_NS, LOOKS, QUIET_NS, STEP_NS, Pressure
+from fltea.service.pressure import CHECKS, LATE_NS, QUIET_NS, STEP_NS, Pressure
 from fltea.stream.fit_times import RefitTimes
 from fltea.stream.fit_worker import FitWorker
 from hypothesis import given
@@ -120,7 +120,7 @@ def test_fits_come_more_rarely_while_messages_wait_and_oftener_when_it_is_calm()
         now_ns += S
         pressure.waited(2 * LATE_NS)
         pressure.check(now_ns)
-        assert kinds or k < LOOKS - 1, "devices that begin together are no reason"
+        assert kinds or k < CHECKS - 1, "devices that begin together are no reason"
     assert fit_worker.slower == 2 ** len(kinds) == 64
     assert set(kinds) == {"fits_slowed"}
     while fit_worker.slower > 1:

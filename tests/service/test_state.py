@@ -266,7 +266,7 @@ def test_what_is_new_is_written_soon_and_not_a_period_later(
     """The first snapshot of a device is written soon, not after a whole period. So a program that is killed
     loses at most what came in its last period.
     """
-    monkeypatch.setattr(state_module, "LOOK_S", 0.01)
+    monkeypatch.setattr(state_module, "POLL_S", 0.01)
     path = tmp_path / "state"
     file, said = state_file(path, period_s=3600)
     state = snapshot(config())

@@ -70,13 +70,13 @@ def test_a_fifo_with_an_ending_is_what_it_says(suffix: str, fifo: Path) -> None:
 @pytest.mark.parametrize("begin", [b"PK\x03\x04", b"\x89MCAP0\r\n"])
 def test_what_has_to_be_a_file_is_refused_from_a_pipe(begin: bytes, fifo: Path) -> None:
     thread = feed(fifo, begin + bytes(100))
-    with pytest.raises(UsageError, match=r"pipe: is a pipe, and (a packed file|MCAP) has to be a file"):
+    with pytest.raises(UsageError, match=r"pipe: is a pipe, and (a compressed file|MCAP) has to be a file"):
         ReplaySource(fifo)
     thread.join()
     for suffix in (".npz", ".mcap"):
         fifo = fifo.rename(fifo.with_suffix(suffix))
         thread = feed(fifo, begin)
-        with pytest.raises(UsageError, match=r"is a pipe, and (a packed file|MCAP) has to be a file"):
+        with pytest.raises(UsageError, match=r"is a pipe, and (a compressed file|MCAP) has to be a file"):
             ReplaySource(fifo)
         thread.join()
 

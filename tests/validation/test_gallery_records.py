@@ -10,7 +10,7 @@ from tools.validation.gallery.records import analyse, pictures, summary, tables,
 from tools.validation.runner import Options, Row
 from tools.validation.tables import Table
 
-LOOKED_AT = (
+EXAMINED = (
     *("white", "white, t4", "rounded, 0.3 LSB", "outliers", "1 relaxation", "2 relaxations"),
     *("3 relaxations", "4 relaxations", "AR(.99) + AR(.5)", "slow relaxation", "ARFIMA d .4"),
     *("ARFIMA d -.3", "ARFIMA(1, .4, 1)", "state 0.8, -1, 3", "1/f, 1 Hz", "1/f, 10 Hz", "random walk"),
@@ -23,7 +23,7 @@ LOOKED_AT = (
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", LOOKED_AT)
+@pytest.mark.parametrize("name", EXAMINED)
 def test_verdicts(name: str) -> None:
     """The verdicts on one record of 10 min at 100 Hz of each noise are right."""
     (row,) = analyse(name, 100.0, 600.0, 0)

@@ -37,7 +37,7 @@ OPEN_WITHIN_S = 60.0
 LOST = ("lost", "overflow_bytes", "dropped", "port_full", "missing", "unrecorded_bytes", "errors")
 OTHER_FILES = 100
 """Number of files that the daemon may open in addition to two for each port."""
-LOOKS = 10
+REFITS = 10
 """Number of times that the daemon's memory is measured in a run."""
 
 
@@ -110,8 +110,8 @@ def run_once(of: Setting, program: Program = PRESENT) -> dict[str, Any]:
         _still_runs(daemon, folder)
         watch = Watch({"daemon": daemon.pid, "feeder": feeder.pid, "reader": os.getpid()})
         last_refit: list[dict[str, Share]] = []
-        while len(last_refit) < LOOKS:
-            time.sleep(max(1.0, of.seconds - 1.0) / LOOKS)
+        while len(last_refit) < REFITS:
+            time.sleep(max(1.0, of.seconds - 1.0) / REFITS)
             _still_runs(daemon, folder)
             last_refit.append(watch.end())
         while not (folder / "fed.npz").exists():

@@ -33,7 +33,7 @@ from tools.validation.tables import Table
 T = TypeVar("T")
 
 SAMPLES, WARM_UP = 60_000, 6_000
-LOOK_S = 0.0005
+SAMPLE_S = 0.0005
 PACKAGE = str(Path(fltea.__file__).parent) + os.sep
 PARTS = {
     "bytes to columns": ("wire", "sources"),
@@ -128,7 +128,7 @@ def _measure(at_once: int) -> dict[str, Any]:
         list(source.wire.feed(Opened(0), 0))
         process(reads[: WARM_UP // at_once])
         before = signal.signal(signal.SIGPROF, last_refit)
-        signal.setitimer(signal.ITIMER_PROF, LOOK_S, LOOK_S)
+        signal.setitimer(signal.ITIMER_PROF, SAMPLE_S, SAMPLE_S)
         begin_s = time.process_time()
         process(reads[WARM_UP // at_once :])
         cpu_s = time.process_time() - begin_s

@@ -12,7 +12,7 @@ import msgspec
 from fltea.fleet.roll import SILENT_S, Roll
 from fltea.fleet.summary import Comparison
 
-LOOKS = 3
+CHECKS = 3
 MOST = 10_000
 """Largest number of current alerts; further alerts are only counted (`dropped`)."""
 
@@ -109,7 +109,7 @@ class Alerts:
                     continue
                 before = _Seen(text, 0)
             seen = before._replace(text=text, looks=before.looks + 1, unseen=0)
-            if seen.looks >= LOOKS and not seen.raised:
+            if seen.looks >= CHECKS and not seen.raised:
                 seen = seen._replace(raised=True)
                 changed.append(Alert("raised", *key, text, unix_s))
             self._seen[key] = seen
@@ -117,7 +117,7 @@ class Alerts:
             seen = self._seen[key]
             if not seen.raised:
                 del self._seen[key]  # the cause ended before the alert began
-            elif seen.unseen + 1 >= LOOKS:
+            elif seen.unseen + 1 >= CHECKS:
                 del self._seen[key]
                 changed.append(Alert("cleared", *key, seen.text, unix_s))
             else:

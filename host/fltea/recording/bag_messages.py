@@ -141,7 +141,7 @@ class Undecoded:
 def _unpacked(message: bytes) -> bytes:
     if not message.startswith(ZSTD):
         return message
-    zstandard = load("zstandard", "zstandard", "ros", "Bags that are packed in zstd need")
+    zstandard = load("zstandard", "zstandard", "ros", "Bags that are compressed by zstd need")
     with contextlib.suppress(zstandard.ZstdError):
         return decompressed_zstd(message, LONGEST_MESSAGE)
     return b""

@@ -140,7 +140,7 @@ def _read_chunk(
         if compression not in (b"lz4", b"bz2"):
             return f"no reader for chunks that are compressed by {compression[:20]!r}"
         if compression == b"lz4":
-            load("lz4.frame", "lz4", "ros", "Bags that are packed in LZ4 need")
+            load("lz4.frame", "lz4", "ros", "Bags that are compressed by LZ4 need")
         most = limits.chunk_bytes + 1
         try:
             data = (decompressed_lz4 if compression == b"lz4" else decompressed_bz2)(packed, most)

@@ -250,7 +250,7 @@ def unpacked_file(path: Path, limits: Limits) -> Iterator[Path]:
     if path.suffix != PACKED:
         yield path
         return
-    zstandard = load("zstandard", "zstandard", "ros", "Bags that are packed in zstd need")
+    zstandard = load("zstandard", "zstandard", "ros", "Bags that are compressed by zstd need")
     with work_folder() as folder:
         out = folder / path.stem
         try:

@@ -80,10 +80,10 @@ def open_compressed(path: Path, how: How, limits: Limits) -> Stored | Printed:
             found = _open_inside(place, content, how, limits, f"unpack it first: {command}")
             if not counted.is_cut or isinstance(found, Printed):
                 return found
-            note = Note("cut_recording", f"{path}: is cut off; what can be unpacked is read.")
+            note = Note("cut_recording", f"{path}: is cut off; what can be decompressed is read.")
             return found._replace(notes=(note, *found.notes))
     except (*DAMAGE, RuntimeError) as error:
-        raise UsageError(f"{path}: cannot be unpacked ({error}). Is the file whole?") from error
+        raise UsageError(f"{path}: cannot be decompressed ({error}). Is the file whole?") from error
 
 
 def _open_inside(
@@ -93,7 +93,7 @@ def _open_inside(
 
     `place`: name of the content for messages. `advice`: what the user can do if the content is not readable.
     """
-    inner = place.with_suffix("") if KINDS.get(place.suffix.lower()) == "packed" else place
+    inner = place.with_suffix("") if KINDS.get(place.suffix.lower()) == "compressed" else place
     with nameless_file() as whole:
         try:
             kind = kind_of_file(inner, content)
@@ -102,7 +102,7 @@ def _open_inside(
                 whole.seek(0)
                 kind = kind_of_file(inner, whole)
         except UsageError as error:
-            raise UsageError(f"{place}: is packed; {advice}. Inside, {error}") from error
+            raise UsageError(f"{place}: is compressed; {advice}. Inside, {error}") from error
         check_options(place, kind, how)
         if kind == "csv":
             return open_csv(place, how, limits, content)
@@ -110,7 +110,9 @@ def _open_inside(
             return Printed(*read_ndjson(place, limits=limits, file=content))
         if FORMATS[kind].reader:
             return open_in_process(kind, place, how, limits, whole)
-    raise UsageError(f"{place}: holds {FORMATS[kind].title}, which is not read while it is packed; {advice}")
+    raise UsageError(
+        f"{place}: holds {FORMATS[kind].title}, which is not read while it is compressed; {advice}"
+    )
 
 
 def _member(path: Path, archive: zipfile.ZipFile, command: str) -> zipfile.ZipInfo:
@@ -126,8 +128,8 @@ def _member(path: Path, archive: zipfile.ZipFile, command: str) -> zipfile.ZipIn
     if not any(PurePosixPath(info.filename).suffix.lower() in KINDS for info in rest):
         raise UsageError(f"{path}: is an archive without a recording ({names}).")
     raise UsageError(
-        f"{path}: holds {len(files)} files, and which has the gyroscope is not known ({names}). Unpack it, "
-        f"and name the file: {command}"
+        f"{path}: holds {len(files)} files, and which has the gyroscope is not known ({names}). Decompress "
+        f"it, and name the file: {command}"
     )
 
 

@@ -81,10 +81,10 @@ FORMATS: Mapping[Kind, Format] = MappingProxyType(
             opener="fltea.recording.csv_file:open_csv",
             pipe=True,
         ),
-        "packed": Format(
-            "a packed file",
-            "packed by gzip, bzip2, xz or zip: text and what is written by other programs; of a `.zip` the "
-            "file with the gyroscope",
+        "compressed": Format(
+            "a compressed file",
+            "compressed by gzip, bzip2, xz or zip: text and what is written by other programs; of a `.zip` "
+            "the file with the gyroscope",
             (".gz", ".bz2", ".xz", ".zip"),
             _each("plain.csv.gz plain.csv.bz2 plain.csv.xz"),
             magic=(b"\x1f\x8b", b"BZh", b"\xfd7zXZ", ZIP),
@@ -306,11 +306,13 @@ UNREAD = (
         (b"\x80\x02", b"\x80\x03", b"\x80\x04\x95", b"\x80\x05\x95"),
         guide="a pickle of pandas that you trust",
     ),
-    Unread("packed by zstd. Unpack it", "zstd -d {path}", (b"(\xb5/\xfd",), guide="packed by zstd"),
-    Unread("an archive of 7-Zip. Unpack it", "7z x {path}", (b"7z\xbc\xaf\x27\x1c",), guide="`.7z`"),
-    Unread("an archive of RAR. Unpack it", "unrar x {path}", (b"Rar!",), guide="`.rar`"),
     Unread(
-        "an archive of tar. Unpack it, and name the file of the gyroscope",
+        "compressed by zstd. Decompress it", "zstd -d {path}", (b"(\xb5/\xfd",), guide="compressed by zstd"
+    ),
+    Unread("an archive of 7-Zip. Decompress it", "7z x {path}", (b"7z\xbc\xaf\x27\x1c",), guide="`.7z`"),
+    Unread("an archive of RAR. Decompress it", "unrar x {path}", (b"Rar!",), guide="`.rar`"),
+    Unread(
+        "an archive of tar. Decompress it, and name the file of the gyroscope",
         "tar -xf {path}",
         (b"ustar",),
         257,
@@ -332,8 +334,8 @@ fltea.
 
 MAGIC: Mapping[bytes, Kind] = {begin: kind for kind, one in FORMATS.items() for begin in one.magic}
 
-ENDINGS = f"text ({', '.join(FORMATS['csv'].suffixes)}), packed or not; " + ", ".join(
-    suffix for suffix, kind in KINDS.items() if kind not in ("csv", "packed")
+ENDINGS = f"text ({', '.join(FORMATS['csv'].suffixes)}), compressed or not; " + ", ".join(
+    suffix for suffix, kind in KINDS.items() if kind not in ("csv", "compressed")
 )
 """Endings of the names of files that are read, for help texts."""
 

@@ -156,7 +156,7 @@ def _kind_of_text(path: Path, begin: bytes, by_end: Kind | None) -> Kind:
 def _kind_of_zip(path: Path, file: BinaryIO) -> Kind:
     """Return the format of a zip archive, such as arrays of numpy, an Excel workbook or a compressed file."""
     # if the archive cannot be read, the reader of this format reports what is wrong with the file
-    by_end = "npz" if path.suffix.lower() == ".npz" else "packed"
+    by_end = "npz" if path.suffix.lower() == ".npz" else "compressed"
     try:
         with zipfile.ZipFile(file) as archive:
             names = archive.namelist()

@@ -138,7 +138,7 @@ def _check_sizes(
 
 def _header(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> Header:
     if info.compress_type not in UNPACKED:
-        raise ValueError(f"{info.filename} is packed in a way that numpy does not use")
+        raise ValueError(f"{info.filename} is compressed in a way that numpy does not use")
     with archive.open(info) as file:
         return read_header(file, info.filename)
 

@@ -20,9 +20,9 @@ from fltea.recording.turns import Turns
 from fltea.records.errors import UsageError
 from fltea.settings.how import How
 
-FEWEST_LINES, LOOKS, MOST_LINES = 64, 4, 2000
+FEWEST_LINES, GROWTH, MOST_LINES = 64, 4, 2000
 """It is checked whether live text comes from several sensors. The first check is made after FEWEST_LINES
-lines, and a further check each time that the number of lines has grown by the factor LOOKS. After MOST_LINES
+lines, and a further check each time that the number of lines has grown by the factor GROWTH. After MOST_LINES
 lines, no more checks are made.
 """
 
@@ -49,7 +49,7 @@ class SensorLines:
         """Use the columns `chosen`, which were chosen after `looked_at` lines."""
         if self._chosen is None:
             self._chosen = chosen
-            more = max(FEWEST_LINES, LOOKS * looked_at)
+            more = max(FEWEST_LINES, GROWTH * looked_at)
             self._next_check = math.inf if looked_at >= MOST_LINES else more
             if chosen.turn[1] > 1:
                 self._turns = Turns(*chosen.turn, chosen.time_at)
@@ -71,7 +71,7 @@ class SensorLines:
             or chosen.sensor is not None
         ):
             return
-        self._next_check = math.inf if lines >= MOST_LINES else LOOKS * lines
+        self._next_check = math.inf if lines >= MOST_LINES else GROWTH * lines
         check_sensors(self._where, chosen, self._how, facts(chosen.names))
 
     def why_none(self) -> UsageError | None:

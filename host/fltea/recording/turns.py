@@ -8,10 +8,10 @@ import numpy as np
 from fltea.recording.sample_times import SAME_TIME, Floats, Ints, Marks
 from fltea.recording.table import Rows, joined
 
-LOOKED_AT, STEADY = 8, 0.2
+MEASURED_ROUNDS, STEADY = 8, 0.2
 """A round is one row of each sensor. The steps of time from one sensor's row to the next sensor's row are
-measured in the first LOOKED_AT rounds. Later steps are steady if they differ from the measured steps by at
-most the fraction STEADY of the shortest measured step.
+measured in the first MEASURED_ROUNDS rounds. Later steps are steady if they differ from the measured steps
+by at most the fraction STEADY of the shortest measured step.
 """
 
 
@@ -41,7 +41,10 @@ class Turns:
         """
         found = self.finish() if rows.begins else []
         self._held.append(rows)
-        if self._time is not None and sum(len(one.values) for one in self._held) < LOOKED_AT * self._count:
+        if (
+            self._time is not None
+            and sum(len(one.values) for one in self._held) < MEASURED_ROUNDS * self._count
+        ):
             return found
         return found + self._release(is_last=False)
 
@@ -95,7 +98,7 @@ class Turns:
         if self._steps is None:
             # The median is taken over few rounds only. If a row is missing, all rounds after this row are
             # shifted by one row.
-            rounds = min(len(time[1:]) // self._count, LOOKED_AT)
+            rounds = min(len(time[1:]) // self._count, MEASURED_ROUNDS)
             steps = np.diff(time[: 1 + rounds * self._count])
             self._steps = np.nanmedian(steps.reshape(-1, self._count), axis=0)
         if self._last is None:

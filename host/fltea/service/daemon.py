@@ -58,7 +58,7 @@ def run(configs: Sequence[Config]) -> None:
         raise failure
 
 
-LOOK_S = 1.0
+POLL_S = 1.0
 """Time between two checks whether every device stream still handles events [s]. If so, this is reported to
 the service manager (systemd).
 """
@@ -202,7 +202,7 @@ class _Run:
         moving: list[DeviceStream | Ingest] = [*self._streams, *self._ingests]
         while not (done() or self._stop.asked):
             self._date.check()
-            self._stop.wake_up.wait(LOOK_S)
+            self._stop.wake_up.wait(POLL_S)
             self._stop.wake_up.clear()
             if time.monotonic() - min(one.moved_s for one in moving) < STUCK_S:
                 self._manager.alive()

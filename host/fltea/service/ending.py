@@ -16,7 +16,7 @@ since they may hang [s].
 `KEEP_S` and `OTHER_S` together are less than the 90 s after which a service manager kills the program.
 """
 
-SAY_S, LOOK_S = 3.0, 0.05
+SAY_S, POLL_S = 3.0, 0.05
 
 
 class Awaited(NamedTuple):
@@ -57,7 +57,7 @@ class Ending:
         began_s: float | None = None
         for name, done, kept in awaited:
             most_s = KEEP_S if kept else OTHER_S
-            while not done(LOOK_S):
+            while not done(POLL_S):
                 if not self._asked():
                     continue
                 began_s = time.monotonic() if began_s is None else began_s

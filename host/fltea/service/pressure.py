@@ -9,7 +9,7 @@ CHECK_NS = 10**9
 LATE_NS = 10**9
 """If samples wait longer than this, refits are assumed to take too much of the processor's time [ns]."""
 
-LOOKS = 3
+CHECKS = 3
 """Refits become less frequent if this number of successive checks have found late samples. Late samples in a
 single check are normal when many devices begin at the same time.
 """
@@ -43,7 +43,11 @@ class Pressure:
         if longest_ns > CALM_NS:
             self._late_ns = now_ns
         self._late_looks = self._late_looks + 1 if longest_ns > LATE_NS else 0
-        if self._late_looks >= LOOKS and now_ns - self._changed_ns >= STEP_NS and fit_worker.slower < SLOWEST:
+        if (
+            self._late_looks >= CHECKS
+            and now_ns - self._changed_ns >= STEP_NS
+            and fit_worker.slower < SLOWEST
+        ):
             self._changed_ns = now_ns
             fit_worker.slower *= 2
             text = (

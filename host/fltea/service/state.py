@@ -29,7 +29,7 @@ VERSION = 5
 Up to version 4, the state of each native estimator had a header.
 """
 
-LOOK_S = 1.0
+POLL_S = 1.0
 """A new snapshot is in the file after at most this time [s]. The setting `period_s` says how often a snapshot
 is made.
 """
@@ -119,7 +119,7 @@ class StateFile:
             self._report("state_refused", f"{why}; the file is kept as {refused}.")
 
     def put(self, name: str, state: DeviceState) -> None:
-        """Replace a device's snapshot. The new snapshot is written to the file within `LOOK_S` seconds."""
+        """Replace a device's snapshot. The new snapshot is written to the file within `POLL_S` seconds."""
         with self._lock:
             self._devices[name] = state
             self._changed = True
@@ -132,7 +132,7 @@ class StateFile:
         os.close(self._held)
 
     def _run(self) -> None:
-        while not self._stop.wait(min(self._period_s, LOOK_S)):
+        while not self._stop.wait(min(self._period_s, POLL_S)):
             self._write()
 
     def _write(self) -> None:

@@ -38,7 +38,7 @@ SHORTEST_PERIOD = 2 * FEWEST_TEETH
 """Shortest period of an event, in samples. If the period is this short, just `FEWEST_TEETH` multiples of the
 fundamental frequency lie in the spectrum.
 """
-LOOKED_AT = 0.01
+LAG_FALSE_ALARM = 0.01
 """Probability that the autocorrelation of noise without a comb yields a candidate for the period."""
 LEAST_LIMIT, LIMIT_SHARE = 10.0, 0.25
 """In the search for possible periods, the ratio of an ordinate to its surroundings is limited. The limit is
@@ -240,8 +240,8 @@ def _lags(p: Periodogram) -> tuple[float, ...]:
 
 @functools.cache
 def _stands_out(lags: int) -> float:
-    """Return the normal deviate that one of `lags` lags exceeds in noise with probability LOOKED_AT."""
-    return NormalDist().inv_cdf(1 - LOOKED_AT / (len(WIDTHS) * lags))
+    """Return the normal deviate that one of `lags` lags exceeds in noise with probability LAG_FALSE_ALARM."""
+    return NormalDist().inv_cdf(1 - LAG_FALSE_ALARM / (len(WIDTHS) * lags))
 
 
 def _level(p: Periodogram) -> Array:

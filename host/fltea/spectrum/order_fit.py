@@ -40,7 +40,7 @@ from fltea.spectrum.intervals import (
 WIDEST_ORDER = 0.9
 """The order α counts as undefined if its 95 % interval is wider than this."""
 HIGHEST_ORDER = 1.999
-LOOKED_AT = np.arange(0.04, 1.3, 0.08)
+ORDERS_TRIED = np.arange(0.04, 1.3, 0.08)
 """Orders at which a second maximum of the likelihood is searched for."""
 
 
@@ -165,7 +165,7 @@ def _values(f: CandidateModels, eta: Sequence[float], at: int) -> tuple[float, .
 def _elsewhere(f: CandidateModels, model: FittedModel, at: int) -> list[list[float]]:
     """Return the transformed parameters of fits, each with a fixed order that is in the order's interval.
 
-    The first call after a model search tries all orders in LOOKED_AT. Later calls repeat only those fits
+    The first call after a model search tries all orders in ORDERS_TRIED. Later calls repeat only those fits
     whose order was found to lie in the interval.
     """
     starts = f.fits.elsewhere
@@ -178,7 +178,7 @@ def _elsewhere(f: CandidateModels, model: FittedModel, at: int) -> list[list[flo
                 logit,
                 *model.eta[at + 2 :],
             ]
-            for order in LOOKED_AT
+            for order in ORDERS_TRIED
             for logit in (-6.0, 0.0)
         ]
     fitted = [f.native.fit(list(model.codes), one, held=at, converged=1e-2, steps=20) for one in starts]

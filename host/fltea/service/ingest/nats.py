@@ -28,7 +28,7 @@ from fltea.service.ingest.partitions import Partitions
 from fltea.service.ingest.store import Store, Unfit
 from fltea.settings.config import Config
 
-LOOK_S = 0.5
+POLL_S = 0.5
 AGAIN_S = 1.0
 """Time between two attempts to connect [s]."""
 
@@ -113,7 +113,7 @@ class NatsFrames:
             # The connection is checked here, since the library lets requests wait forever after the
             # connection has broken.
             while not (serving.done() or client.is_closed):
-                await asyncio.wait([serving], timeout=LOOK_S)
+                await asyncio.wait([serving], timeout=POLL_S)
             if client.is_closed:
                 raise ConnectionError("the connection was lost")
             serving.result()
@@ -154,7 +154,7 @@ class NatsFrames:
                 self._reports.mapping(await mapping.check(client, self.worker, self._settings.partitions))
             if await self.partitions.share_out():
                 self._reports.back()
-            await asyncio.sleep(LOOK_S)
+            await asyncio.sleep(POLL_S)
         await self.partitions.give_all_back()
 
 

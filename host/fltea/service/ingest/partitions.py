@@ -34,7 +34,7 @@ is ignored [ns]. It may come from the time that the request takes.
 """
 
 PULL, PULL_S = 64, 0.5
-LOOKS = 4
+WHOLE_EVERY = 4
 """After this number of requests that brought no message, it is checked that this worker's consumer on the
 server still exists.
 
@@ -345,7 +345,7 @@ async def _pull(
                 messages = await pulling.fetch(PULL, timeout=PULL_S)
             except TimeoutError:
                 silent += 1
-                whole = silent % LOOKS != 0 or await store.has_consumer(partition)
+                whole = silent % WHOLE_EVERY != 0 or await store.has_consumer(partition)
                 continue
             for message in messages:
                 meta = message.metadata

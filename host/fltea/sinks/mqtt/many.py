@@ -27,7 +27,7 @@ from fltea.sinks.mqtt.sink import FAREWELL_S, MqttSink
 from fltea.sinks.mqtt.status import Status
 from fltea.sinks.opening import Opening
 
-LOOK_S = 0.5
+UPDATE_S = 0.5
 """Time between two updates of the outputs of all devices [s]. The output of a device with new records is
 updated at once.
 """
@@ -73,7 +73,7 @@ class ManyMqttSink(Sink):
         self._heard_ns: dict[str, int] = {}
         self._touched: set[str] = set()
         self._gone_lost = 0
-        self._looked_s = time.monotonic()
+        self._updated_s = time.monotonic()
 
     @property
     def lost(self) -> int:  # type: ignore[override]
@@ -106,13 +106,13 @@ class ManyMqttSink(Sink):
     def flush(self) -> None:
         """Update the outputs of the devices with new records.
 
-        Every `LOOK_S`, update the outputs of all devices.
+        Every `UPDATE_S`, update the outputs of all devices.
         """
         self._shared.pump()
         now_s = time.monotonic()
         touched, self._touched = self._touched, set()
-        if now_s - self._looked_s >= LOOK_S:
-            self._looked_s = now_s
+        if now_s - self._updated_s >= UPDATE_S:
+            self._updated_s = now_s
             self._look_after_own()
             self._forget_idle()
             touched = set(self._sinks)
