@@ -9,48 +9,28 @@ processor sleeps. Every instruction takes one cycle, and an access to a peripher
 durations give the program a clock. A real processor has another speed.
 """
 
-import ctypes
 from collections.abc import Callable
-from struct import Struct
 from typing import Any
 
 import unicorn
-from unicorn import arm_const
 
-from tools.due_emulator import memory_map, system_control
+from tools.due_emulator import system_control
 from tools.due_emulator.bus import PERIPHERALS_BASE, PERIPHERALS_BYTES, Bus
-from tools.due_emulator.execution import NO_INTERRUPT, NOWHERE, REASONS, STOPS, Execution, RegisterNumbers
+from tools.due_emulator.cortex_m3 import BASEPRI, LR, PC, PRIMASK, SP, THUMB, fresh_processor
+from tools.due_emulator.exceptions import Exceptions
+from tools.due_emulator.execution import NO_INTERRUPT, NOWHERE, REASONS, STOPS, Execution
 from tools.due_emulator.machine import Machine
-from tools.due_emulator.memory_map import Memory, address_of
-from tools.due_emulator.nvic import Nvic, describe_exception
+from tools.due_emulator.memory_map import Memory
+from tools.due_emulator.nvic import Nvic
 from tools.due_emulator.system_control import SystemControl
 
 SLICE_INSTRUCTIONS = 50_000
 """Largest number of instructions between two checks for signals; they take about 1 ms of real time."""
 
 EXCEPTION_EXIT = 8
-RETURN_TO_HANDLER, RETURN_TO_THREAD = 0xFFFF_FFF0, 0xFFFF_FFF8
-"""The addresses (EXC_RETURN) to which a handler jumps to return, without bit 0. The one for the process stack
-(…FFFD) is not modelled.
-"""
-FRAME = Struct("<8I")
 SPACES = {PERIPHERALS_BASE: PERIPHERALS_BYTES, system_control.BASE: system_control.BYTES}
 """Base address and size of each range of peripherals."""
 WFI, WFE, YIELD = b"\x30\xbf", b"\x20\xbf", b"\x10\xbf"
-THUMB = 1
-XPSR_T, XPSR_ALIGNED = 1 << 24, 1 << 9
-
-
-def _numbers(names: str) -> RegisterNumbers:
-    """Return Unicorn's numbers of the registers with these names, which are separated by spaces."""
-    found = [getattr(arm_const, f"UC_ARM_REG_{name}") for name in names.split()]
-    return (ctypes.c_int32 * len(found))(*found)
-
-
-STACKED = _numbers("R0 R1 R2 R3 R12 LR PC XPSR")
-UNSTACKED = _numbers("R0 R1 R2 R3 R12 LR SP XPSR")
-ENTERED = _numbers("SP LR XPSR")
-PC, SP, LR, PRIMASK, BASEPRI, FAULTMASK, CONTROL = _numbers("PC SP LR PRIMASK BASEPRI FAULTMASK CONTROL")
 
 
 # Over 12 attributes: it connects the emulated processor to all parts of the chip that can stop it.
@@ -75,6 +55,7 @@ class Cpu:
             on_events=self._on_events,
             on_limit=self._on_limit,
         )
+        self._exceptions = Exceptions(machine, nvic, control, self._execution)
         self._on_block: Callable[[int, int], None] | None = None
         self._on_breakpoint: Callable[[], None] = lambda: None
         self._has_hung = False
@@ -174,7 +155,9 @@ class Cpu:
             machine.asleep = False
             masked = urgent is not None and self._execution.register(PRIMASK) & 1
             if urgent is not None and not masked:
-                self._enter(urgent)
+                self._event_register = True
+                self._pc = self._exceptions.enter(urgent)
+                self._execution.forget_reads()
             # The program may enable interrupts for as little as two instructions. While an interrupt waits
             # for that, the program therefore runs by single instructions.
             self._run_slice(at_ps, 1 if masked else SLICE_INSTRUCTIONS)
@@ -191,13 +174,14 @@ class Cpu:
         self._raised: BaseException | None = None
         self._event_register = False
         self._invalid_address: int | None = None
-        uc, fast = self._fresh_processor(), self._fresh_processor()
+        uc, fast = fresh_processor(self._memory), fresh_processor(self._memory)
         self._uc = uc
+        self._exceptions.attach(uc)
         self._execution.attach(uc, fast, SPACES)
         self._watch_hook = None
         self._hook_watcher()
         uc.hook_add(unicorn.UC_HOOK_MEM_INVALID, self._on_invalid)
-        stack, entry = self._vector(0), self._vector(1)
+        stack, entry = self._exceptions.vector(0), self._exceptions.vector(1)
         self._pc = entry & ~THUMB
         if not entry & THUMB:
             self._machine.fault(
@@ -205,14 +189,6 @@ class Cpu:
             )
         uc.reg_write(SP, stack & ~3)
         uc.reg_write(LR, 0xFFFF_FFFF)
-
-    def _fresh_processor(self) -> unicorn.Uc:
-        # With UC_MODE_MCLASS, Unicorn emulates a Cortex-M33 whatever model is set, including its instructions
-        # for signal processing and floating point.
-        uc = unicorn.Uc(unicorn.UC_ARCH_ARM, unicorn.UC_MODE_THUMB)
-        uc.ctl_set_cpu_model(arm_const.UC_CPU_ARM_CORTEX_M3)
-        self._map(uc)
-        return uc
 
     def _hook_watcher(self) -> None:
         if self._watch_hook is not None:
@@ -230,15 +206,6 @@ class Cpu:
 
     def _settle_speed(self) -> None:
         self._execution.may_be_fast = self._on_block is None and self._execution.breakpoint == NOWHERE
-
-    def _map(self, uc: unicorn.Uc) -> None:
-        code, data = unicorn.UC_PROT_READ | unicorn.UC_PROT_EXEC, unicorn.UC_PROT_ALL
-        m = memory_map
-        flash, ram = address_of(self._memory.flash), address_of(self._memory.ram)
-        uc.mem_map_ptr(0, m.BANK_BYTES, unicorn.UC_PROT_READ, flash)
-        uc.mem_map_ptr(m.FLASH_BASE, m.FLASH_BYTES, code, flash)
-        uc.mem_map_ptr(m.SRAM0_BASE, m.SRAM0_BYTES, data, ram)
-        uc.mem_map_ptr(m.RAM_BASE, m.RAM_BYTES, data, ram)
 
     def _run_slice(self, until_ps: int, longest: int) -> None:
         machine, slice_ = self._machine, self._execution
@@ -261,7 +228,8 @@ class Cpu:
             place = "" if self._invalid_address is None else f": 0x{self._invalid_address:08X}"
             machine.fault(reason + place)
         if slice_.interrupt == EXCEPTION_EXIT:
-            self._leave()
+            self._event_register = True
+            self._pc = self._exceptions.leave(self._pc)
         elif slice_.interrupt != NO_INTERRUPT:
             number = slice_.interrupt
             machine.fault(STOPS.get(number, f"exception {number} of the processor: not modelled"))
@@ -274,62 +242,6 @@ class Cpu:
         """Return whether this instruction was the last one before the run of instructions (slice) ended."""
         last = self._execution.address
         return self._pc == last + 2 and self._memory.read(last, 2) == instruction
-
-    # Exceptions
-
-    def _vector(self, exception: int) -> int:
-        address = self._control.vector_table + 4 * exception
-        try:
-            return int.from_bytes(self._uc.mem_read(address, 4), "little")
-        except unicorn.UcError:
-            self._machine.fault(f"the vector table at 0x{self._control.vector_table:08X} is not in memory")
-
-    def _enter(self, exception: int) -> None:
-        register = self._execution.register
-        if register(CONTROL):
-            self._machine.fault("the process stack and unprivileged code are not modelled")
-        if register(FAULTMASK):
-            self._machine.fault("FAULTMASK, which would hold this exception back, is not modelled")
-        values = self._execution.registers(STACKED)
-        sp = register(SP)
-        frame = (sp - FRAME.size) & ~7
-        values[-1] |= XPSR_ALIGNED * bool(sp & 4)
-        try:
-            self._uc.mem_write(frame, FRAME.pack(*values))
-        except unicorn.UcError:
-            self._machine.fault(f"no room on the stack for an exception: SP 0x{sp:08X}")
-        vector = self._vector(exception)
-        if not vector & THUMB:
-            self._machine.fault(
-                f"{describe_exception(exception)} has no handler: its vector is 0x{vector:08X}"
-            )
-        nested = bool(self._nvic.active)
-        self._nvic.enter(exception)
-        self._event_register = True
-        back = (RETURN_TO_HANDLER if nested else RETURN_TO_THREAD) | 1
-        psr = values[-1] & 0xF800_0000 | XPSR_T | exception
-        self._execution.set_registers(ENTERED, (frame, back, psr))
-        self._execution.heed_psr()
-        self._pc = vector & ~THUMB
-        self._execution.forget_reads()
-
-    def _leave(self) -> None:
-        self._event_register = True
-        active = self._nvic.active
-        expected = RETURN_TO_HANDLER if len(active) > 1 else RETURN_TO_THREAD
-        if not active or self._pc != expected:
-            self._machine.fault(f"return from an exception to 0x{self._pc | 1:08X} is not possible here")
-        self._nvic.leave()
-        frame = self._execution.register(SP)
-        *values, pc, xpsr = FRAME.unpack(self._uc.mem_read(frame, FRAME.size))
-        if (xpsr & 0x1FF) != (active[-1] if active else 0):
-            self._machine.fault("the stack of an exception was overwritten: it holds another PSR")
-        if not xpsr & XPSR_T:
-            self._machine.fault("the stack of an exception holds a PSR without its T bit: no Thumb code")
-        sp = frame + FRAME.size + 4 * bool(xpsr & XPSR_ALIGNED)
-        self._execution.set_registers(UNSTACKED, (*values, sp, xpsr & ~XPSR_ALIGNED))
-        self._execution.heed_psr()
-        self._pc = pc & ~THUMB
 
     # Callbacks while instructions run. No Python exception may leave them, since native code calls them.
 

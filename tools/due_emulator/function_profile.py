@@ -10,7 +10,8 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Self
 
-from tools.due_emulator.cpu import THUMB, Cpu
+from tools.due_emulator.cortex_m3 import THUMB
+from tools.due_emulator.cpu import Cpu
 
 NM = "arm-none-eabi-nm"
 ELSEWHERE = "(no function)"
