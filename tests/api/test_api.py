@@ -8,7 +8,6 @@ import re
 import subprocess
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 from xml.etree import ElementTree
 
@@ -18,22 +17,13 @@ import pytest
 from fltea.api import series
 from fltea.api._check import PARAMETERS, in_python
 from fltea.documents.chart import Curve, log_log
-from fltea.identification.axis import AxisResult
 from fltea.identification.forecast import Drive, Goal
-from fltea.identification.load import Request, load
-from fltea.recording.reading import Answer
 from fltea.settings.how import How
 from fltea.settings.setting import declared
 from msgspec.structs import replace
 
-from tests.rig.identify_files import LSB_PER_DPS, RATE_HZ, counts, identify_axis, npz
-
-NOISE = np.random.default_rng(4).standard_normal(3000)
-
-
-def by_spectrum(found: AxisResult) -> AxisResult:
-    """Return the result of an axis without the fields to which the tracker contributes."""
-    return replace(found, verdict=None, level=None, drift_rate=None)
+from tests.rig.api_support import NOISE, by_spectrum
+from tests.rig.identify_files import identify_axis
 
 
 def test_an_array_gets_the_verdict_of_the_command() -> None:
@@ -153,208 +143,6 @@ def test_import_is_light() -> None:
 def test_misuse_is_told(y: object, rate_hz: float, told: str) -> None:
     with pytest.raises(ValueError, match=told):
         fltea.identify(y, rate_hz, unit="deg/s")
-
-
-def test_live_takes_arrays_of_any_length() -> None:
-    whole, parts = (fltea.Live(100.0, ["a", "b"], unit="deg/s") for _ in range(2))
-    y = np.random.default_rng(1).standard_normal((2000, 2))
-    whole.add(y)
-    for begin, end in ((0, 1), (1, 1), (1, 700), (700, 2000)):
-        parts.add(y[begin:end])
-    assert parts.samples == whole.samples == 2000
-    found, same = whole.fit(last=True), parts.fit(last=True)
-    assert list(found) == ["a", "b"]
-    assert dict(found) == dict(same)
-    assert found["a"].verdict == "white"
-    assert found["a"].allan.tau_s[0] == pytest.approx(0.01)
-    assert 49 < found["a"].spectrum.hz[-1] <= 50
-    parts.skip(500)
-    parts.add(y)
-    assert parts.fit(curves=False)["a"].breaks["gaps"] == 1
-
-
-def test_rates_less_their_bias_integrate_to_a_heading_that_is_as_far_off_as_is_said() -> None:
-    axes, rest, turn = 24, 6000, 3000
-    rng = np.random.default_rng(1)
-    walk = np.cumsum(rng.normal(0, 0.0005, (rest + turn, axes)), axis=0)
-    y = 0.5 + walk + rng.normal(0, 0.14, walk.shape)
-    rate = 20 * np.sin(np.arange(turn) / 100)[:, None]
-    live = fltea.Live(100.0, [str(axis) for axis in range(axes)], unit="deg/s")
-    still = live.add(y[:rest])
-    np.testing.assert_allclose(still.rate, y[:rest] - still.bias)
-    assert not still.moving.any()
-    assert all(math.isnan(std) for std in live.heading_std(30.0).values())
-    live.fit(curves=False)
-    moved = live.add(y[rest:] + rate, at_rest=False)
-    assert moved.moving.mean() > 0.95
-    assert (np.diff(moved.bias_std[100:], axis=0) >= 0).all(), "of a prediction"
-    off = (moved.rate - rate).sum(axis=0) / 100
-    said = np.array([*live.heading_std(30.0).values()])
-    # with 24 axes, this root mean square of error / σ is within these limits in 99.8 % of cases
-    assert 0.6 < np.sqrt(np.mean((off / said) ** 2)) < 1.4
-    assert (moved.bias_std[-1] > moved.bias_std[100]).all()
-    assert (live.samples, live.fit(curves=False)["0"].left_out["lost"]) == (rest, turn)
-
-
-def test_samples_of_one_axis_come_back_in_their_shape() -> None:
-    live = fltea.Live(100.0, "a", unit="rad/s")
-    whole, parts = live.add(NOISE[:700]), fltea.Live(100.0, "a", unit="rad/s")
-    assert all(column.shape == (700,) for column in whole)
-    cut = [parts.add(NOISE[begin:end]) for begin, end in ((0, 0), (0, 1), (1, 700))]
-    np.testing.assert_array_equal(np.concatenate([one.bias_std for one in cut]), whole.bias_std)
-    for t_s in (0, math.inf, math.nan):
-        with pytest.raises(ValueError, match="t_s must be a time"):
-            live.heading_std(t_s)
-
-
-def test_steps_and_motion_are_found_by_samples_and_by_the_accelerometer() -> None:
-    rng = np.random.default_rng(2)
-    y, accel = rng.normal(0, 0.1, (20_000, 3)), rng.normal(0, 0.02, (20_000, 3))
-    accel[:, 2] += 9.8
-    y[12_000:, 1] += 0.2
-    accel[15_000:16_000, 0] += np.linspace(0, 2, 1000)
-    accel[16_000:, 0] += 2
-    live = fltea.Live(100.0, unit="deg/s")
-    live.add(y[:6000])
-    live.fit(curves=False)
-    found = live.add(y[6000:], accel_ms2=accel[6000:])
-    (step,) = live.steps
-    assert step.axis == "gyro_y"
-    assert abs(step.sample - 12_000) < 10
-    assert abs(step.size - 0.2) < 3 * step.size_std
-    moving = found.moving[:, 0]
-    assert moving[9200:9900].all()
-    assert not moving[:9000].any()
-    assert not moving[10_100:].any()
-    assert (found.moving == moving[:, None]).all()
-    assert abs(found.bias[-1, 1] - 0.2) < 3 * found.bias_std[-1, 1]
-    with pytest.raises(ValueError, match="row for each row of y"):
-        live.add(y[:10], accel_ms2=accel[:9])
-
-
-def test_a_far_offset_is_believed_of_who_says_that_the_sensor_is_at_rest() -> None:
-    y = np.random.default_rng(3).normal(0, 0.1, (9000, 1))
-    y[6000:] += 10
-    found = {}
-    for at_rest in (None, True):
-        live = fltea.Live(100.0, "x", unit="deg/s")
-        live.add(y[:6000])
-        live.fit(curves=False)
-        found[at_rest] = live.add(y[6000:], at_rest=at_rest)
-    assert found[None].moving[32:].all()
-    assert abs(found[None].bias[-1, 0]) < 0.1
-    assert not found[True].moving[-1000:].any()
-    assert abs(found[True].bias[-1, 0] - 10) < 0.1
-
-
-def test_misuse_of_live_is_told_and_takes_nothing() -> None:
-    live = fltea.Live(100.0, "a", unit="deg/s")
-    for y, told in (([[1.0, 2.0]], "for each axis"), ([1.0, np.nan], "skip"), (1.0, "for each axis")):
-        with pytest.raises(ValueError, match=told):
-            live.add(y)
-    with pytest.raises(ValueError, match="1 or more"):
-        live.skip(0)
-    for axes in ([], ["a", "a"]):
-        with pytest.raises(ValueError, match="different names"):
-            fltea.Live(100.0, axes, unit="deg/s")
-    with pytest.raises(ValueError, match="memory must be a time"):
-        fltea.Live(100.0, unit="deg/s", memory="soon")
-    assert live.samples == 0
-    assert live.fit()["a"].verdict == "too few samples"
-
-
-def test_a_recording_is_its_axes(tmp_path: Path) -> None:
-    raw = counts(1500)
-    found = fltea.open(npz(tmp_path / "a<b>.npz", raw), axes=["gyro_y", "gyro_x"])
-    assert list(found) == ["gyro_y", "gyro_x"]
-    np.testing.assert_array_equal(found["gyro_y"], raw[:, 1] / LSB_PER_DPS)
-    assert (found.rate_hz, found.units["gyro_x"], found.counts.used) == (RATE_HZ, "deg/s", 1500)
-    report = found.identify()
-    alone = fltea.identify(found["gyro_x"], RATE_HZ, unit="deg/s", axis="gyro_x", lsb=1 / LSB_PER_DPS)
-    # Fields that contain the random walk of the offset may differ between an axis of a file and the same axis
-    # alone: the axes of a file may share one figure for this random walk.
-    of_walk = ("now", "walk", "filter", "text", "details", "allan", "allan_curve")
-    by_walk = dict.fromkeys(of_walk)
-    both = report["gyro_x"], alone
-    assert replace(both[0], **by_walk) == replace(both[1], **by_walk)
-    assert by_spectrum(both[0].details) == by_spectrum(both[1].details)
-    assert both[0].allan_curve.B == both[1].allan_curve.B
-    assert "a&lt;b&gt;.npz" in found._repr_html_()
-    assert found.to_pandas().shape == (1500, 2)
-    assert list(report.to_pandas().index) == ["gyro_y", "gyro_x"]
-    with pytest.raises(KeyError, match="gyro_y, gyro_x"):
-        _ = found["gyro_z"]
-
-
-def test_all_stretches_count_and_time_goes_on_in_gaps(tmp_path: Path) -> None:
-    """A gap of 300 samples makes two stretches without a gap. `fltea identify` reports the same."""
-    raw, seq = counts(2500), np.arange(2500) + np.where(np.arange(2500) >= 1000, 300, 0)
-    path = npz(tmp_path / "a.npz", raw, time_s=seq / RATE_HZ, seq=seq, accel_raw=raw, accel_lsb_per_g=16384.0)
-    found = fltea.open(path)
-    assert list(found)[3:] == ["accel_x", "accel_y", "accel_z"]
-    assert (found.counts.used, found.counts.lost, found.units["accel_x"]) == (2500, 300, "m/s²")
-    np.testing.assert_allclose(found.time_s, seq / RATE_HZ)
-    y = load(Request((path,))).axes["gyro_x"]
-    report = fltea.open(path, axes=["gyro_x"]).identify()
-    own = identify_axis(y.y, 1 / RATE_HZ, y.lsb, None, y.gaps)
-    assert by_spectrum(report["gyro_x"].details) == by_spectrum(own)
-    assert "300 lost in 1 gaps" in found._repr_html_()
-
-
-def test_a_recording_in_parquet(tmp_path: Path) -> None:
-    pandas = pytest.importorskip("pandas")
-    pytest.importorskip("pyarrow", reason="the extra notebook is not installed")
-    found = fltea.open(npz(tmp_path / "a.npz", counts(600)))
-    found.to_parquet(tmp_path / "a.parquet")
-    table = pandas.read_parquet(tmp_path / "a.parquet")
-    assert list(table.columns) == ["time_s", "gyro_x_dps", "gyro_y_dps", "gyro_z_dps"]
-    np.testing.assert_array_equal(table["gyro_y_dps"], found["gyro_y"])
-    np.testing.assert_allclose(np.diff(table["time_s"]), 1 / RATE_HZ)
-
-
-def test_a_recording_tells_how_it_was_read_in_the_words_of_a_call(tmp_path: Path) -> None:
-    loaded = load(Request((npz(tmp_path / "a.npz", counts(600)),)))
-    said = (Answer("unit", "rad/s", "given", "--units"), Answer("columns", "gx, <b>", "stated", "the names"))
-    found = fltea.Recording("a.npz", SimpleNamespace(**{**loaded._asdict(), "h": loaded.h, "reading": said}))
-    assert [str(one) for one in found.reading] == ["rad/s (given: units)", "gx, <b> (stated: the names)"]
-    shown = found._repr_html_()
-    assert "<tr><th>unit</th><td>rad/s (given: units)</td></tr>" in shown
-    assert "gx, &lt;b&gt; (stated" in shown
-
-
-def test_what_a_call_says_of_a_recording_is_how_it_is_read(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    asked: list[Request] = []
-    monkeypatch.setattr("fltea.api.recording.load", lambda one: asked.append(one) or load(Request(one.paths)))
-    path = npz(tmp_path / "a.npz", counts(600))
-    fltea.open(path, units="rad/s", accel_units="g", topic="1/2", overrule=True)
-    fltea.open(path, columns=["a", 2], time_column=3, time_unit="ms", rate_hz=50)
-    assert [one.how for one in asked] == [
-        How(units="rad/s", accel_units="g", topic="1/2", overrule=True),
-        How(columns=["a", "2"], time_column="3", time_unit="ms", rate_hz=50),
-    ]
-
-
-def test_a_library_that_is_missing_is_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    found = fltea.open(npz(tmp_path / "a.npz", counts(600)))
-    for library, call in (
-        ("pandas", found.to_pandas),
-        ("pyarrow", lambda: found.to_parquet(tmp_path / "b.parquet")),
-    ):
-        monkeypatch.setitem(sys.modules, library, None)
-        with pytest.raises(fltea.UsageError, match=f"{library}, which is not installed.*notebook"):
-            call()
-    assert not (tmp_path / "b.parquet").exists()
-
-
-def test_a_recording_that_is_none(tmp_path: Path) -> None:
-    with pytest.raises(fltea.UsageError, match="no such file"):
-        fltea.open(tmp_path / "none.npz")
-    with pytest.raises(fltea.UsageError, match="accel_x"):
-        fltea.open(npz(tmp_path / "a.npz", counts(600)), axes=["accel_x"])
-    with pytest.raises(ValueError, match="sampling rate"):
-        fltea.open(tmp_path / "a.csv", rate_hz=-1.0)
 
 
 def test_simulated_noise_is_that_of_its_seed() -> None:
