@@ -33,6 +33,9 @@ ROOT = Path(__file__).resolve().parents[2]
 QUICK = ("--startup", "50", "--set", "estimator.window=200")
 """Command-line options for an estimator that is quick rather than accurate."""
 
+FAST = ("run", "-s", "synthetic:?n=700", "--pace", "fast")
+"""Command that estimates 700 samples as fast as it can."""
+
 WIRE_HELLO = HELLO
 """The HELLO of the simulated boards, as the tests of the host expect it."""
 
