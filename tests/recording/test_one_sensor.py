@@ -1,14 +1,11 @@
 """If a table holds rows of several sensors, the user chooses one, and no rows of two sensors are mixed."""
 
-import itertools
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
-import pyarrow as pa
 import pytest
 import scipy.io
 from fltea.recording.csv_file import open_csv
@@ -20,114 +17,24 @@ from fltea.settings.how import How
 from fltea.sources.text_events import TextEvents
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pyarrow import feather, parquet
 
+from tests.rig.sensor_tables import (
+    AXES,
+    DEVICES,
+    GYRO,
+    NUMBERS,
+    WORDS,
+    N,
+    assert_is,
+    csv,
+    each_form,
+    json_lines,
+    npz,
+    of_parquet,
+    refusal,
+    table,
+)
 from tests.rig.table_support import open_here
-
-FILES = itertools.count()
-N = 200
-GYRO = np.round(np.random.default_rng(11).normal(size=(N, 3, 3)), 4)
-"""Angular rates of three sensors."""
-AXES = [f"gyro_{axis}_dps" for axis in "xyz"]
-NUMBERS, WORDS, DEVICES = ["0", "1", "2"], ["left", "right", "the third"], ["3932170", "3932171", "3932172"]
-
-
-def table(
-    ids: Sequence[str], which: Sequence[int], column: str = "sensor_id", later_s: float = 0.0
-) -> dict[str, list[Any]]:
-    """Return rows at 100 Hz, each with its sensor's number.
-
-    The second sensor's times are later by `later_s`.
-    """
-    count = [0] * len(ids)
-    rows = []
-    for one in which:
-        k, count[one] = count[one], count[one] + 1
-        value: Any = int(ids[one]) if ids[one].isdecimal() else ids[one]
-        rows.append([round(k / 100 + later_s * one, 6), value, *GYRO[k, one].tolist()])
-    return dict(zip(["t_s", column, *AXES], map(list, zip(*rows, strict=True)), strict=True))
-
-
-def text(folder: Path, columns: dict[str, list[Any]], separator: str, quote: str = "", **how: Any) -> Stored:
-    def cell(value: Any) -> str:
-        return f"{quote}{value}{quote}" if isinstance(value, str) else str(value)
-
-    lines = [
-        separator.join(columns),
-        *(separator.join(map(cell, row)) for row in zip(*columns.values(), strict=True)),
-    ]
-    path = folder / "rest.csv"
-    path.write_text("\n".join(lines) + "\n")
-    return open_csv(path, How(**how))
-
-
-def csv(folder: Path, columns: dict[str, list[Any]], **how: Any) -> Stored:
-    return text(folder, columns, ",", **how)
-
-
-def quoted(folder: Path, columns: dict[str, list[Any]], **how: Any) -> Stored:
-    return text(folder, columns, ";", '"', **how)
-
-
-def json_lines(folder: Path, columns: dict[str, list[Any]], **how: Any) -> Stored:
-    path = folder / "rest.jsonl"
-    rows = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
-    path.write_text("".join(json.dumps(row) + "\n" for row in rows))
-    return open_csv(path, How(**how))
-
-
-def json_columns(folder: Path, columns: dict[str, list[Any]], **how: Any) -> Stored:
-    path = folder / "rest.json"
-    path.write_text(json.dumps(columns))
-    return open_here("json", path, **how)
-
-
-def of_parquet(folder: Path, columns: dict[str, list[Any]], **how: Any) -> Stored:
-    path = folder / "rest.parquet"
-    parquet.write_table(pa.table(columns), path, row_group_size=64)
-    return open_here("parquet", path, **how)
-
-
-def of_categories(folder: Path, columns: dict[str, list[Any]], **how: Any) -> Stored:
-    path = folder / "rest.feather"
-    made = {
-        name: pa.array(values).dictionary_encode() if isinstance(values[0], str) else values
-        for name, values in columns.items()
-    }
-    feather.write_feather(pa.table(made), path, chunksize=64)
-    return open_here("feather", path, **how)
-
-
-def hdf5(folder: Path, columns: dict[str, list[Any]], **how: Any) -> Stored:
-    path = folder / f"{next(FILES)}.h5"  # a new name, since h5py may still hold the earlier file open
-    with h5py.File(path, "w") as file:
-        for name, values in columns.items():
-            file[f"imu/{name}"] = values
-    return open_here("hdf5", path, **how)
-
-
-def npz(folder: Path, columns: dict[str, list[Any]], **how: Any) -> Stored:
-    arrays: dict[str, Any] = {name: np.array(values) for name, values in columns.items()}
-    np.savez(folder / "rest.npz", **arrays)
-    return open_here("arrays", folder / "rest.npz", **how)
-
-
-FORMS = [csv, quoted, json_lines, json_columns, of_parquet, of_categories, hdf5, npz]
-each_form = pytest.mark.parametrize("form", FORMS, ids=lambda form: form.__name__)
-
-
-def refusal(read: Callable[..., Any], *arguments: Any, kind: type[UsageError] = NotStated, **how: Any) -> str:
-    with pytest.raises(kind) as caught:
-        read(*arguments, **how)
-    return str(caught.value)
-
-
-def assert_is(stored: Stored, sensor: int, count: int = N) -> None:
-    """Check that all samples of one sensor are there, and no other."""
-    whole = stored.whole()
-    assert whole.gyro.tolist() == GYRO[:count, sensor].tolist()
-    assert stored.rate_hz == pytest.approx(100)
-    assert whole.seq is None or whole.seq.tolist() == [*range(count)]
 
 
 @each_form
@@ -217,72 +124,6 @@ def test_other_rows_of_json_lines_are_left_out(tmp_path: Path) -> None:
     assert_is(open_csv(path, How(topic="right")), 1)
 
 
-@each_form
-@pytest.mark.parametrize("count", [2, 3])
-def test_rows_by_turns(form: Callable[..., Stored], count: int, tmp_path: Path) -> None:
-    columns = table(NUMBERS, [*range(count)] * N)
-    del columns["sensor_id"]
-    asked = refusal(form, tmp_path, columns)
-    assert f"whether {count} sensors take turns, or the clock is coarser than the samples" in asked
-    for sensor in range(count):
-        stored = form(tmp_path, columns, topic=f"{sensor + 1}/{count}")
-        assert_is(stored, sensor)
-        (answer,) = [one for one in stored.reading if one.question == "sensor"]
-        assert str(answer) == f"row {sensor + 1} of every {count} (given: --sensor)"
-
-
-@pytest.mark.parametrize(("count", "later_s"), [(2, 0.003), (3, 0.002)])
-def test_steps_that_come_again_are_sensors_in_turns(count: int, later_s: float, tmp_path: Path) -> None:
-    """The times of alternating sensors are not taken for an even clock of a higher rate, nor for bursts."""
-    columns = table(NUMBERS, [*range(count)] * N, later_s=later_s)
-    del columns["sensor_id"]
-    asked = refusal(csv, tmp_path, columns)
-    assert f"nothing says whether {count} sensors take turns, or one has uneven times" in asked
-    assert f"--sensor 1/{count}: the first of {count} sensors in turns" in asked
-    assert_is(csv(tmp_path, columns, topic=f"2/{count}"), 1)
-
-
-@each_form
-@pytest.mark.parametrize("later_s", [0.0, 0.005, 0.003])
-def test_rows_by_turns_stay_in_turn_behind_a_lost_row(
-    form: Callable[..., Stored], later_s: float, tmp_path: Path
-) -> None:
-    """If both rows of a pair have the same time and one is lost, the sensor of the other row is unknown.
-
-    If the rows of a pair have different times, these show the sensor.
-    """
-    columns = table(NUMBERS, [0, 1] * N, later_s=later_s)
-    lost = [60, 121, 240, 241, 301]
-    kept = {name: np.delete(np.array(values), lost).tolist() for name, values in columns.items()}
-    del kept["sensor_id"]
-    for sensor in (0, 1):
-        out = {row // 2 for row in lost if later_s == 0.0 or row % 2 == sensor}
-        stored = form(tmp_path, kept, topic=f"{sensor + 1}/2")
-        assert stored.whole().gyro.tolist() == np.delete(GYRO[:, sensor], sorted(out), axis=0).tolist()
-        assert stored.rate_hz == pytest.approx(100)
-
-
-def test_a_torn_row_of_text_takes_its_turn(tmp_path: Path) -> None:
-    """Without times, only the order of the rows distinguishes the sensors. So an unreadable line has to be
-    counted as a row of the sensor whose turn it is.
-    """
-    columns = table(NUMBERS, [0, 1] * N)
-    del columns["sensor_id"], columns["t_s"]
-    columns["gyro_y_dps"][7] = "torn"
-    assert_is(csv(tmp_path, columns, topic="1/2", rate_hz=100.0), 0)
-    other = csv(tmp_path, columns, topic="2/2", rate_hz=100.0).whole()
-    assert other.gyro.tolist() == np.delete(GYRO[:, 1], 3, axis=0).tolist()
-
-
-@pytest.mark.parametrize("given_", ["0/2", "3/2", "1/17", "1/", "a/2", "-1/2"])
-def test_turns_that_cannot_be(given_: str, tmp_path: Path) -> None:
-    columns = table(NUMBERS, [0] * N)
-    del columns["sensor_id"]
-    assert "no column is known that tells sensors apart" in refusal(
-        csv, tmp_path, columns, topic=given_, kind=UsageError
-    )
-
-
 @given(
     which=st.lists(st.integers(0, 2), min_size=20, max_size=120),
     ids=st.sampled_from([NUMBERS, WORDS, DEVICES]),
@@ -336,37 +177,6 @@ def test_live_rows_of_a_second_sensor_end_the_reading() -> None:
         list(live.feed(data[5000:], 0))
 
 
-@pytest.mark.parametrize("column", ["id", "foo", "port"])
-@pytest.mark.parametrize("ids", [NUMBERS, WORDS], ids=["numbers", "words"])
-@pytest.mark.parametrize("later_s", [0.0, 0.003, 0.005])
-def test_live_rows_by_turns_end_the_reading(column: str, ids: list[str], later_s: float) -> None:
-    """The first row alone does not show that rows of several sensors alternate."""
-    columns = table(ids, [0, 1] * N, column, later_s)
-    lines = [",".join(columns), *(",".join(map(str, row)) for row in zip(*columns.values(), strict=True))]
-    live = TextEvents("stdin:", How(), fatal=False)
-    live.open(0, within_line=False)
-    data = [f"{line}\n".encode() for line in lines]
-    with pytest.raises(NotStated, match=f"column {column} tells several apart .{ids[0]}, {ids[1]}"):
-        list(itertools.chain.from_iterable(live.feed(line, 0) for line in data))
-
-
-@each_form
-@pytest.mark.parametrize("column", ["id", "DeviceName", "foo"])
-@pytest.mark.parametrize("later_s", [0.0, 0.003, 0.005])
-def test_alike_sensors_are_told_by_their_turns(
-    form: Callable[..., Stored], column: str, later_s: float, tmp_path: Path
-) -> None:
-    """The user is asked for a sensor by its number, whatever the name of the column with the numbers."""
-    columns = table(NUMBERS, [0, 1] * N, column, later_s)
-    asked = refusal(form, tmp_path, columns)
-    assert f"which sensor is meant: column {column} tells several apart (0, 1)" in asked
-    assert "--sensor 1: " in asked
-    assert_is(form(tmp_path, columns, topic="1"), 1)
-    assert_is(form(tmp_path, columns, topic=f"{column}=0"), 0)
-    columns["t_s"] = [row / 100 for row in range(2 * N)]
-    assert form(tmp_path, columns, topic="1/1").samples == 2 * N
-
-
 def side_by_side(folder: Path, **how: Any) -> Stored:
     """Return data of two Shimmer sensors as ConsensysPRO writes them.
 
@@ -402,10 +212,3 @@ def test_sensors_side_by_side_are_asked_for_and_named(
     (clock,) = [answer for answer in stored.reading if answer.question == "clock"]
     assert f"the times of Shimmer_{sensor}_Timestamp_Unix_CAL" in clock.why
     assert np.allclose(stored.whole().gyro, GYRO[:, 0] * (3 if first > 2 else 1))
-
-
-def test_rows_that_come_in_bursts_may_be_of_sensors_in_turns(tmp_path: Path) -> None:
-    columns = table(NUMBERS, [0, 1] * N, later_s=1e-6)
-    del columns["sensor_id"]
-    assert "If they are of 2 sensors that take turns: --sensor 1/2" in refusal(csv, tmp_path, columns)
-    assert_is(csv(tmp_path, columns, topic="2/2"), 1)
