@@ -15,10 +15,7 @@ from fltea.cluster.listing import JOURNAL
 from fltea.cluster.run import Progress
 from fltea.records.errors import UsageError
 
-from tests.rig.cluster_support import (
-    command,
-    rows_in,
-)
+from tests.rig.cluster_support import command, rows_in
 from tests.rig.host_support import wait_until
 from tests.rig.identify_files import counts, npz
 

@@ -13,11 +13,7 @@ from fltea.records.errors import UsageError
 from fltea.settings.how import How, TimeUnit
 
 from tests.rig.bag_at_rest import RATE_HZ, STAMPS, N, at_rest
-from tests.rig.bag_support import (
-    START_NS,
-    told,
-    write_objects,
-)
+from tests.rig.bag_support import START_NS, told, write_objects
 
 
 def stamped(times: Sequence[Any], name: str = "timestamp") -> list[dict[str, Any]]:

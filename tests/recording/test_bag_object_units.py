@@ -16,11 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.rig.bag_at_rest import RATE_HZ, STAMPS, N, answers, at_rest
-from tests.rig.bag_support import (
-    told,
-    write_objects,
-    write_protobuf,
-)
+from tests.rig.bag_support import told, write_objects, write_protobuf
 
 
 def objects(gyro: Any, name: str = "angular_velocity", **more: Any) -> list[dict[str, Any]]:

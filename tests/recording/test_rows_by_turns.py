@@ -12,17 +12,7 @@ from fltea.records.errors import UsageError
 from fltea.settings.how import How
 from fltea.sources.text_events import TextEvents
 
-from tests.rig.sensor_tables import (
-    GYRO,
-    NUMBERS,
-    WORDS,
-    N,
-    assert_is,
-    csv,
-    each_form,
-    refusal,
-    table,
-)
+from tests.rig.sensor_tables import GYRO, NUMBERS, WORDS, N, assert_is, csv, each_form, refusal, table
 
 
 @each_form

@@ -5,9 +5,7 @@ from typing import Any
 import numpy as np
 from fltea.recording.files import Stored
 
-from tests.rig.bag_support import (
-    START_NS,
-)
+from tests.rig.bag_support import START_NS
 
 N, RATE_HZ = 1500, 200.0
 STAMPS = (START_NS + np.arange(N) * 5_000_000).tolist()

@@ -58,7 +58,6 @@ OPEN_CLASSES: dict[str, int] = {
 }
 """Number of attributes of each class that still has too many, by class. No number may grow."""
 OPEN_FILES: dict[str, int] = {
-    "tests/sinks/test_sinks.py": 437,
     "host/native/axis_tracker.hpp": 564,
     "firmware/core/engine/sliced_fit.hpp": 411,
     "tests/firmware/test_estimation.cpp": 405,

@@ -5,9 +5,7 @@ from typing import Any
 
 import msgspec
 
-from fltea.identification.axis import (
-    IdentifyOptions,
-)
+from fltea.identification.axis import IdentifyOptions
 from fltea.identification.forecast import Asked
 from fltea.records.errors import UsageError
 from fltea.records.sensor_kind import GYROSCOPE, kind_of

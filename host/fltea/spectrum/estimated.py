@@ -6,12 +6,7 @@ from collections.abc import Sequence
 import msgspec
 
 from fltea.noise.part import ROWS
-from fltea.noise.parts import (
-    Walk,
-    free_of,
-    kind_of,
-    part_of,
-)
+from fltea.noise.parts import Walk, free_of, kind_of, part_of
 from fltea.records.fit import Interval
 from fltea.records.plus_minus import NORMAL_95
 from fltea.spectrum.candidate_models import LEAK_OF_CUBIC, CandidateModels, FittedModel, leaking

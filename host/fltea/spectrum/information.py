@@ -5,10 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fltea.noise.parts import (
-    Arfima,
-    Order,
-)
+from fltea.noise.parts import Arfima, Order
 from fltea.records.arrays import Array
 from fltea.spectrum.candidate_models import CandidateModels, FittedModel
 

@@ -11,13 +11,7 @@ import msgspec
 import numpy as np
 
 from fltea.noise.coordinates import g_of_eta
-from fltea.noise.parts import (
-    Arfima,
-    Order,
-    free_of,
-    kind_of,
-    part_of,
-)
+from fltea.noise.parts import Arfima, Order, free_of, kind_of, part_of
 from fltea.noise.spectra import f_of
 from fltea.records.fit import Interval
 from fltea.spectrum.candidate_models import AT_A_LIMIT, CandidateModels, FittedModel
