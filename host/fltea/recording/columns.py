@@ -135,7 +135,7 @@ def choose(
     unit, factor, lsb = choose_unit(found, gyro)
     time, unit_of_time, time_factor, fine, fine_s = found.clock(gyro)
     rate_hz = found.rate(time)
-    if found.missing:
+    if found.asked.missing:
         raise found.error(
             gyro, rate_hz or (None if time is None else found.measured_hz(time, unit_of_time, time_factor))
         )
@@ -183,7 +183,7 @@ def check_sensors(where: str, chosen: Chosen, how: How, facts: Facts) -> None:
     """
     found = Choice(where, chosen.names, chosen.names, [], wanted_of(how), how, facts, None)
     choose_sensor(found, "", chosen.gyro)
-    if found.missing:
+    if found.asked.missing:
         raise found.error(chosen.gyro, None)
 
 

@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -49,6 +50,18 @@ ENOUGH = 10
 """
 
 
+@dataclass
+class Asked:
+    """What the user is asked. `missing`: the facts that nothing states. `tables`: what helps to answer.
+
+    `rows`: sentence that says of which sensor the remaining tables show rows, "" if they show all rows.
+    """
+
+    missing: list[Missing] = field(default_factory=list)
+    tables: list[str] = field(default_factory=list)
+    rows: str = ""
+
+
 class Choice:
     """The answers about a file's columns so far, and the facts that are still missing.
 
@@ -70,13 +83,15 @@ class Choice:
         self.facts, self.dialect = facts, dialect
         self.units = [*units, *[""] * (len(self.names) - len(units))]
         self.answers: list[Answer] = []
-        self.missing: list[Missing] = []
         self.notes: list[Note] = []
-        self.tables: list[str] = []
-        self.shown_of = ""
+        self.asked = Asked()
         self.turn = (0, 1)
         self.state_units()
-        self.by_dialect: Evidence = "convention" if dialect is not None and dialect.convention else "dialect"
+
+    @property
+    def by_dialect(self) -> Evidence:
+        """Kind of evidence that the dialect gives."""
+        return "convention" if self.dialect is not None and self.dialect.convention else "dialect"
 
     def answer(self, question: Question, value: str, evidence: Evidence, why: str) -> None:
         """Add an answer about the columns with its evidence."""
@@ -119,7 +134,7 @@ class Choice:
             gyro = tuple(found.values())
             self.answer("columns", _as_axes(names, gyro, tuple(found)), "stated", "their names")
             return gyro, tuple(found)
-        self.missing.append(Missing("which columns are the gyroscope's axes", "--columns ?,?,?"))
+        self.asked.missing.append(Missing("which columns are the gyroscope's axes", "--columns ?,?,?"))
         return (), ()
 
     def _check_twice(self, places: Sequence[int]) -> None:
@@ -216,10 +231,10 @@ class Choice:
         return place, unit, factor, None, 0.0
 
     def _ask_clock(self, place: int, what: str) -> None:
-        self.missing.append(Missing(what, "--time-unit ?"))
+        self.asked.missing.append(Missing(what, "--time-unit ?"))
         step = self._step(place)
         if step is not None and (units := candidates.times_table(step)):
-            self.tables.append(candidates.ticks_table(step, units))
+            self.asked.tables.append(candidates.ticks_table(step, units))
 
     def _step(self, place: int) -> float | None:
         """Return the median step between the first times in a column; None if the steps are uneven."""
@@ -264,7 +279,7 @@ class Choice:
         for sort in PREFERRED_TIMES if len(found) > 1 else ():
             found = [k for k in found if sort(names[k].lower())] or found
         if len(found) > 1 and self.how.rate_hz is None:
-            self.missing.append(
+            self.asked.missing.append(
                 Missing(
                     f"which column has the times ({listed([names[k] for k in found])})", "--time-column ?"
                 )
@@ -291,7 +306,7 @@ class Choice:
         elif time is None and not self._has_times_beside_columns():
             several = f"which rate is right: {', '.join(rates)}"
             what = several if rates else "the rate, as there is no column of times"
-            self.missing.append(Missing(what, "--rate ?"))
+            self.asked.missing.append(Missing(what, "--rate ?"))
         return rate_hz
 
     def _has_times_beside_columns(self) -> bool:
@@ -299,7 +314,7 @@ class Choice:
 
         In this case the user is not asked for the rate, since the times may give it.
         """
-        is_asked = any(one.option.startswith("--columns") for one in self.missing)
+        is_asked = any(one.option.startswith("--columns") for one in self.asked.missing)
         return is_asked and any(is_time(name.rpartition(".")[2]) for name in self.names)
 
     def stated_rates(self) -> Mapping[str, float]:
@@ -326,11 +341,13 @@ class Choice:
         has_names = self.names != [str(place + 1) for place in range(len(self.names))]
         if values is not None and not gyro:
             tables.append(candidates.columns_table(self.names if has_names else None, values))
-        elif values is not None and any(one.option.startswith("--units ?") for one in self.missing):
+        elif values is not None and any(one.option.startswith("--units ?") for one in self.asked.missing):
             when = self.dialect.ask_unit if self.is_of_dialect(gyro) and self.dialect is not None else {}
             tables.append(candidates.units_table(values[:, list(gyro)], rate_hz, when or None))
-        tables = [*self.tables, self.shown_of if any(tables) else "", *tables]
-        return not_stated(self.where, self.missing, given_options(self.how), "\n".join(filter(None, tables)))
+        tables = [*self.asked.tables, self.asked.rows if any(tables) else "", *tables]
+        return not_stated(
+            self.where, self.asked.missing, given_options(self.how), "\n".join(filter(None, tables))
+        )
 
 
 def axes_of(names: Sequence[str], units: Sequence[str] = ()) -> dict[str, int]:

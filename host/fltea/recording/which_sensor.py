@@ -170,7 +170,7 @@ def _ask(choice: Choice, place: int, gyro: Sequence[int]) -> None:
     """Ask the user which sensor to read, and show what the first rows of each sensor hold."""
     cells, values, name = np.array(_cells(choice, place)), choice.facts.sample(), choice.names[place]
     counts = Counter(cells[cells != ""].tolist())
-    choice.missing.append(which_of(name, counts))
+    choice.asked.missing.append(which_of(name, counts))
     shown = list(gyro) or [k for k in range(len(choice.names)) if k != place and not is_time(choice.names[k])]
     lines = [f"The sensors by the column {name}, and what the first rows show of each (mean ± σ):"]
     for one in sorted(counts)[:MOST_SHOWN]:
@@ -179,8 +179,8 @@ def _ask(choice: Choice, place: int, gyro: Sequence[int]) -> None:
         lines.append(f"  --sensor {one}: {counts[one]} rows; {', '.join(figures[:MOST_FIGURES])}")
     (most, _), *_ = counts.most_common(1)
     lines.append(f"  --sensor 1/1: {name} tells something else, and all rows are of one sensor")
-    choice.tables.append("\n".join(lines))
-    choice.shown_of = f"The rest of this message shows rows with {name}={most}."
+    choice.asked.tables.append("\n".join(lines))
+    choice.asked.rows = f"The rest of this message shows rows with {name}={most}."
     _only(choice, cells == most)
 
 

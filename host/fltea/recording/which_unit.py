@@ -43,7 +43,7 @@ def choose_unit(choice: Choice, gyro: tuple[int, ...]) -> Unit:
         what = (
             f"the unit of the numbers in the file: {changed}, and nothing says whether that was done already"
         )
-        choice.missing.append(Missing(what, "--units ? --overrule"))
+        choice.asked.missing.append(Missing(what, "--units ? --overrule"))
         return _ASKED
     known = {one for one in stated if one is not None}
     if len(known) > 1:
@@ -71,15 +71,15 @@ def _ask(choice: Choice, gyro: Sequence[int], stated: Sequence[str | None]) -> N
     If the axes are unknown, the user is asked for the axes' columns, too. The unit is then asked for only if
     no column states a unit of angular rate.
     """
-    if any(one.option.startswith("--units ?") for one in choice.missing):
+    if any(one.option.startswith("--units ?") for one in choice.asked.missing):
         return
     if gyro:
         what = listed([choice.names[p] for p, unit in zip(gyro, stated, strict=True) if unit is None])
         known = next(filter(None, stated), None)
         some = f" ({listed([choice.names[gyro[0]]])} says {known})" if known else ""
-        choice.missing.append(Missing(f"the unit of {what}{some}", "--units ?"))
+        choice.asked.missing.append(Missing(f"the unit of {what}{some}", "--units ?"))
     elif not any(map(rate_unit_of, choice.names)) and not any(map(rate_unit, choice.units)):
-        choice.missing.append(Missing("their unit", "--units ?"))
+        choice.asked.missing.append(Missing("their unit", "--units ?"))
 
 
 def _use_head(choice: Choice, gyro: Sequence[int]) -> None:
@@ -106,7 +106,7 @@ def _use_head(choice: Choice, gyro: Sequence[int]) -> None:
         units = {line: unit for line, unit in units.items() if parse_units(unit) == given}
         if given is None:
             each = " or ".join(f'"{line}"' for line in stated_in(choice.facts.head).units)
-            choice.missing.append(Missing(f"which unit of the head is right, {each}", "--units ?"))
+            choice.asked.missing.append(Missing(f"which unit of the head is right, {each}", "--units ?"))
     if len(units) == 1 and not any(beside):
         ((line, unit),) = units.items()
         for place in gyro:
