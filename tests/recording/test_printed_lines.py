@@ -122,7 +122,7 @@ def test_a_header_in_bytes_has_its_units() -> None:
     values, reader = fed([data], How())
     assert values.tolist() == [[1, 2, 0], [3, 4, 0.01]]
     assert reader.chosen is not None
-    assert reader.chosen.units == "deg/s"
+    assert reader.chosen.unit.name == "deg/s"
 
 
 @given(st.binary(max_size=60).filter(lambda data: not set(data) & set(b"b([$*{n")))

@@ -192,12 +192,12 @@ def test_a_weaker_unit_never_beats_a_stronger_one(
         assert all(unit in str(caught.value) for unit in stated)
         assert len(stated) != 1 or (given_ or "rad/s") in str(caught.value)
         if given_ is not None:
-            assert read(names, units, units=given_, overrule=True).factor == parse_units(given_)[0]
+            assert read(names, units, units=given_, overrule=True).unit.factor == parse_units(given_)[0]
         return
     unit, evidence = wanted
     chosen = read(names, units, units=given_)
     answer = said(chosen, "unit")
-    assert (answer.value, chosen.factor, chosen.lsb) == (unit, PER_UNIT[unit], None)
+    assert (answer.value, chosen.unit.factor, chosen.unit.lsb) == (unit, PER_UNIT[unit], None)
     assert answer.evidence == (kind if evidence == "told" else evidence)
     told_otherwise = kind != "none" and evidence == "given" and unit != "rad/s"
     assert [note.kind for note in chosen.notes] == ["reading"] * told_otherwise
@@ -224,10 +224,10 @@ def test_a_weaker_unit_of_times_never_beats_a_stronger_one(
     if len(stated) > 1 or (given_ is not None and stated - {given_}):
         text = refusal(names, units, **how)
         assert all(f" {unit} " in text or f"[{unit}]" in text for unit in stated)
-        assert read(names, units, **{**how, "time_unit": "us"}, overrule=True).time_unit == "us"
+        assert read(names, units, **{**how, "time_unit": "us"}, overrule=True).clock.unit == "us"
         return
     chosen = read(names, units, **how)
-    assert chosen.time_unit == (given_ or next(iter(stated), None) or told)
+    assert chosen.clock.unit == (given_ or next(iter(stated), None) or told)
     is_note = told is not None and given_ not in (None, told)
     text = f"as --time-unit says; by {dialect} it counts {told}"
     assert [text in note.text for note in chosen.notes] == [True] * is_note
@@ -236,7 +236,7 @@ def test_a_weaker_unit_of_times_never_beats_a_stronger_one(
 def test_seconds_in_two_columns_have_no_other_unit() -> None:
     names = ["stamp.sec", "stamp.nanosec", "gx_dps"]
     chosen = read(names)
-    assert (chosen.time, chosen.time_unit, chosen.fine, chosen.fine_s) == (0, "s", 1, 1e-9)
+    assert chosen.clock == (0, "s", 1.0, 1, 1e-9)
     assert read(names, time_unit="s") == chosen
     assert "is in s by its name or line of units, and --time-unit ms" in refusal(names, time_unit="ms")
 

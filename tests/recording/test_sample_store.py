@@ -5,10 +5,11 @@ import pytest
 from fltea.recording.columns import Chosen
 from fltea.recording.files import AT_ONCE
 from fltea.recording.sample_store import SampleStore
+from fltea.recording.which_unit import Unit
 from fltea.records.errors import UsageError
 from fltea.settings.limits import Limits
 
-CHOSEN = Chosen(["x", "y", "z"], (0, 1, 2), None, "dps", 1.0, None, None)
+CHOSEN = Chosen(["x", "y", "z"], (0, 1, 2), Unit("dps"))
 NUMBERS = 7
 
 

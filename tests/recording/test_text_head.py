@@ -306,5 +306,5 @@ def test_live_text_is_understood_as_a_file_is(tmp_path: Path, head: str) -> None
     reader = TextReader("stdin", How())
     values = [rows.values for k in range(0, len(data), 7) for rows in reader.feed(data[k : k + 7])]
     assert reader.chosen is not None
-    assert reader.chosen.rate_hz == 100.0
+    assert reader.chosen.rate.hz == 100.0
     assert np.allclose(np.concatenate(values)[:, :3], GYRO_DPS)

@@ -131,7 +131,7 @@ class Text(NamedTuple):
         """
         chosen = self.layout.chosen
         named = [k for k, name in enumerate(self.names) if is_time(name)] if self.header >= 0 else []
-        return sorted({*named, *(place for place in (chosen.time, chosen.fine) if place is not None)})
+        return sorted({*named, *(place for place in (chosen.time, chosen.clock.fine) if place is not None)})
 
 
 class Case(NamedTuple):
@@ -252,7 +252,7 @@ def _marks(one: Text) -> Iterator[Case]:
 
 def _clocks(one: Text) -> Iterator[Case]:
     chosen = one.layout.chosen
-    if one.layout.parse is not None or chosen.time is None or chosen.fine is not None:
+    if one.layout.parse is not None or chosen.time is None or chosen.clock.fine is not None:
         return
     for factor in (2, 1000):
         for what, which in {"the one that is read": [chosen.time], "all of them": one.clocks}.items():
@@ -297,7 +297,7 @@ def _claims(one: Text) -> Iterator[Case]:
     claims = [("--rate", f"{rate_hz * factor:g}") for factor in (0.1, 2)]
     claims += [("--units", unit) for unit in ("deg/s", "rad/s", "mrad/s")]
     units = ("s", "ms", "us", "ns")
-    known = units.index(one.layout.chosen.time_unit or "s")
+    known = units.index(one.layout.chosen.clock.unit or "s")
     claims += [("--time-unit", units[k]) for k in (known - 1, known + 1) if one.clocks and 0 <= k < 4]
     claims += [("--accel-units", unit) for unit in ("g", "m/s^2")] if one.layout.chosen.accel else []
     for flag, value in claims:

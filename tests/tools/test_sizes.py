@@ -31,12 +31,6 @@ OPEN_FUNCTIONS: dict[str, int] = {
 grow.
 """
 OPEN_CLASSES: dict[str, int] = {
-    "host/fltea/identification/load.py: _Group": 14,
-    "host/fltea/identification/sensor_events.py: _SensorRun": 19,
-    "host/fltea/recording/bag_gather.py: Gathered": 14,
-    "host/fltea/recording/bag_names.py: Layout": 16,
-    "host/fltea/recording/columns.py: Chosen": 20,
-    "host/fltea/recording/evidence.py: Choice": 15,
     "host/fltea/recording/readers/arrays.py: _Columns": 15,
     "host/fltea/recording/readers/ulog.py: _LogScan": 14,
     "host/fltea/recording/sample_times.py: Elapsed": 15,

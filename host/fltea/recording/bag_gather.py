@@ -26,6 +26,7 @@ from fltea.recording.sample_store import SampleStore
 from fltea.recording.sample_times import Floats, Marks
 from fltea.recording.session import LATEST_NS
 from fltea.recording.spool import Spool
+from fltea.recording.which_unit import Unit
 from fltea.records.errors import UsageError
 from fltea.records.units import STANDARD_GRAVITY_MS2
 from fltea.records.visible import visible
@@ -114,7 +115,7 @@ class Gathered:
         self._ticks: Ticks | None = given_ticks(self._where, layout, how)
         rate = self._units.rate
         unit, lsb = ("", None) if rate is None else (rate.said.unit, rate.lsb)
-        chosen = Chosen(list(layout.gyro), (0, 1, 2), None, unit, 1.0, lsb, None)
+        chosen = Chosen(list(layout.gyro), (0, 1, 2), Unit(unit, 1.0, lsb))
         self._samples = SampleStore(chosen, NUMBERS, quota.limits)
         is_told = layout.by.evidence == "given"
         self._sensors = Sensors(

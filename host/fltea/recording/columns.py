@@ -1,8 +1,9 @@
 """Chooses the columns to read, their units, the clock and the sensor, each with its evidence."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,53 +13,65 @@ from fltea.recording.dialects import Dialect, Facts, dialect_of
 from fltea.recording.evidence import Choice
 from fltea.recording.files import Note
 from fltea.recording.reading import Answer
-from fltea.recording.sample_times import TimeColumn
+from fltea.recording.sample_times import ClockColumns, TimeColumn
 from fltea.recording.wanted import Wanted, wanted_of
 from fltea.recording.which_accelerometer import choose_accelerometer
 from fltea.recording.which_sensor import choose_sensor
-from fltea.recording.which_unit import choose_unit
+from fltea.recording.which_unit import Unit, choose_unit
 from fltea.records.errors import UsageError
-from fltea.settings.how import How, TimeUnit
+from fltea.settings.how import How
 
 NOTHING = Facts()
+
+
+class StatedRate(NamedTuple):
+    """The sampling rate that the user or the file states, None if neither does.
+
+    `is_given`: whether the user states it; `overrule`: whether it is then used even if the times contradict
+    it.
+    """
+
+    hz: float | None = None
+    is_given: bool = False
+    overrule: bool = False
+
+
+NO_TIMES, NO_RATE = ClockColumns(), StatedRate()
 
 
 @dataclass(frozen=True)
 class Chosen:
     """The columns to read, as indices from 0, and their units.
 
-    `gyro`: columns of the axes; `axes`: the letter x, y or z of each axis. `units`: unit of the rates in the
-    notation of `--units`; `factor`, `lsb`: factor to deg/s or counts, and counts per deg/s, as `parse_units`
-    returns them. `time`: column of times, None if there is none; `time_unit`: unit of the times, None if
-    unknown; `time_factor`: how many of this unit a 1 in the column stands for. `fine`: column with fractions
-    that are added to whole seconds; `fine_s`: unit of this column [s]. `accel`: columns of the
-    accelerometer's axes x, y, z, or empty; `accel_ms2`: unit of these columns [m/s²]. `rate_hz`: sampling
-    rate that the user or the file states; `is_given`: whether the user states it. `sensor`: column that
-    distinguishes sensors, and the value of the sensor to read, None if there is only one value. `turn`: index
-    of the sensor to read among sensors whose rows alternate, and the number of these sensors. `answers`: the
+    `gyro`: columns of the axes; `axes`: the letter x, y or z of each axis. `unit`: unit of the rates.
+    `clock`: columns that say the times. `accel`: columns of the accelerometer's axes x, y, z, or empty;
+    `accel_ms2`: unit of these columns [m/s²]. `sensor`: column that distinguishes sensors, and the value of
+    the sensor to read, None if there is only one value. `turn`: index of the sensor to read among sensors
+    whose rows alternate, and the number of these sensors. `answers`: the
     choices so far, each with its evidence. `notes`: warnings for the user.
     """
 
     names: list[str]
     gyro: tuple[int, ...]
-    time: int | None
-    units: str
-    factor: float
-    lsb: float | None
-    time_unit: TimeUnit | None
+    unit: Unit
+    clock: ClockColumns = NO_TIMES
     accel: tuple[int, ...] = ()
     accel_ms2: float = 1.0
-    fine: int | None = None
-    fine_s: float = 0.0
     axes: tuple[str, ...] = ("x", "y", "z")
-    time_factor: float = 1.0
-    rate_hz: float | None = None
-    is_given: bool = False
-    overrule: bool = False
+    rate: StatedRate = NO_RATE
     sensor: tuple[int, str | None] | None = None
     turn: tuple[int, int] = (0, 1)
     answers: tuple[Answer, ...] = ()
     notes: tuple[Note, ...] = ()
+
+    @property
+    def time(self) -> int | None:
+        """Column of times, None if there is none."""
+        return self.clock.time
+
+    def without_times(self) -> "Chosen":
+        """Return the choice without the column of times."""
+        return replace(self, clock=self.clock._replace(time=None))
 
     @cached_property
     def time_name(self) -> str:
@@ -68,14 +81,12 @@ class Chosen:
     @cached_property
     def times(self) -> TimeColumn:
         """The column of times with its unit and the user's options about it."""
-        return TimeColumn(
-            self.time_name, self.time_unit, self.rate_hz, self.is_given, self.overrule, self.time_factor
-        )
+        return TimeColumn(self.time_name, self.clock.unit, *self.rate, self.clock.factor)
 
     @cached_property
     def needed(self) -> tuple[int, ...]:
         """Columns in which every sample must have a number: the axes, then the times."""
-        return tuple(place for place in (*self.gyro, self.time, self.fine) if place is not None)
+        return tuple(place for place in (*self.gyro, self.time, self.clock.fine) if place is not None)
 
     @cached_property
     def time_at(self) -> int | None:
@@ -90,12 +101,12 @@ class Chosen:
     def scale(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Convert the values read (n, columns) in place: rates to deg/s or counts, accelerations to m/s²."""
         with np.errstate(over="ignore", invalid="ignore"):
-            axes = len(self.gyro)
-            values[:, :axes] *= self.factor
-            if self.time is not None and self.time_factor != 1.0:
-                values[:, axes] *= self.time_factor
-            if self.fine is not None:
-                values[:, axes] += values[:, axes + 1] * self.fine_s
+            axes, clock = len(self.gyro), self.clock
+            values[:, :axes] *= self.unit.factor
+            if clock.time is not None and clock.factor != 1.0:
+                values[:, axes] *= clock.factor
+            if clock.fine is not None:
+                values[:, axes] += values[:, axes + 1] * clock.fine_s
             if self.accel:
                 values[:, len(self.needed) :] *= self.accel_ms2
         return values
@@ -132,35 +143,25 @@ def choose(
     found = Choice(where, labels, names, list(units or ()), wanted, how, facts, dialect)
     gyro, axes = found.gyro()
     sensor = choose_sensor(found, tag, gyro)
-    unit, factor, lsb = choose_unit(found, gyro)
-    time, unit_of_time, time_factor, fine, fine_s = found.clock(gyro)
-    rate_hz = found.rate(time)
+    unit = choose_unit(found, gyro)
+    clock = found.clock(gyro)
+    rate_hz = found.rate(clock.time)
     if found.asked.missing:
-        raise found.error(
-            gyro, rate_hz or (None if time is None else found.measured_hz(time, unit_of_time, time_factor))
-        )
-    check_clock(found, time, unit_of_time, time_factor, (fine, fine_s))
-    accel, accel_ms2 = choose_accelerometer(found, {*gyro, time})
-    check_gravity(found, gyro, factor / (lsb or 1.0), accel, accel_ms2)
+        raise found.error(gyro, rate_hz or found.measured_hz(clock))
+    check_clock(found, clock)
+    accel, accel_ms2 = choose_accelerometer(found, {*gyro, clock.time})
+    check_gravity(found, gyro, unit.factor / (unit.lsb or 1.0), accel, accel_ms2)
     if dialect is not None and dialect.note:
         found.notes.append(Note("reading", f"{where}: {dialect.name}: {dialect.note}"))
     return Chosen(
         list(names),
         gyro,
-        time,
         unit,
-        factor,
-        lsb,
-        unit_of_time,
+        clock,
         accel,
         accel_ms2,
-        fine,
-        fine_s,
         axes,
-        time_factor,
-        rate_hz,
-        how.rate_hz is not None,
-        how.overrule,
+        StatedRate(rate_hz, how.rate_hz is not None, how.overrule),
         sensor,
         found.turn,
         tuple(found.answers),

@@ -12,11 +12,10 @@ from fltea.recording.dialects import GRAVITY_TOLERANCE
 from fltea.recording.evidence import Choice
 from fltea.recording.files import Note, listed
 from fltea.recording.reading import OVERRULE, Missing, given_options, not_stated
-from fltea.recording.sample_times import EVEN_SHARE, EVENNESS, SAME_RATE, SECONDS, Floats
+from fltea.recording.sample_times import EVEN_SHARE, EVENNESS, SAME_RATE, SECONDS, ClockColumns, Floats
 from fltea.recording.units import accel_unit, rate_unit, time_scale, time_unit
 from fltea.records.errors import UsageError
 from fltea.records.units import STANDARD_GRAVITY_MS2
-from fltea.settings.how import TimeUnit
 
 MOST_OFFSET_DPS = 5.0
 """A usual offset at rest is at most this large [deg/s]. If three rates are no larger, a length of their
@@ -27,17 +26,8 @@ FEWEST_STEPS = 8
 """Two clocks are compared if there are at least this many steps between times."""
 
 
-def check_clock(
-    choice: Choice,
-    time: int | None,
-    unit: TimeUnit | None,
-    factor: float,
-    fine: tuple[int | None, float] = (None, 0.0),
-) -> None:
+def check_clock(choice: Choice, clock: ClockColumns) -> None:
     """Compare the chosen clock with the dialect, the rate in the file's head and other columns of times.
-
-    `time`: column of times. `unit`, `factor`: unit of the times, and the number of such units that a 1 in the
-    column means. `fine`: column of fractions that is added to whole seconds, and the unit of this column [s].
 
     Raises:
         UsageError: the user's rate differs from the rate in the file's head.
@@ -51,9 +41,9 @@ def check_clock(
                 f'{choice.where}: "{why.removeprefix("the head: ")}" stands in the head, and --rate '
                 f"{given_hz:g} says otherwise. Leave --rate out. {OVERRULE}"
             )
-    if time is None:
+    if clock.time is None:
         return
-    name = choice.names[time]
+    name = choice.names[clock.time]
     if dialect is not None and how.time_unit is not None and name in _of_dialect(choice):
         scale, counted = choice.scale(dialect.time_scale), time_scale(dialect.time_unit)
         is_in_head = bool(dialect.time_scale) and scale is not None and counted is not None
@@ -71,7 +61,8 @@ def check_clock(
             text = f"{listed([name])} is read in {how.time_unit}, as --time-unit says; {counts}."
             choice.notes.append(Note("reading", f"{choice.where}: {text}"))
     if how.time_column is None and not how.overrule:
-        _compare_clocks(choice, time, None if unit is None else SECONDS[unit] * factor, *fine)
+        unit_s = None if clock.unit is None else SECONDS[clock.unit] * clock.factor
+        _compare_clocks(choice, clock.time, unit_s, clock.fine, clock.fine_s)
 
 
 def _compare_clocks(choice: Choice, time: int, unit_s: float | None, fine: int | None, fine_s: float) -> None:

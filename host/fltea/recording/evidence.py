@@ -23,7 +23,7 @@ from fltea.recording.column_names import (
 from fltea.recording.dialects import Dialect, Facts, columns_of, nearest
 from fltea.recording.files import TIME_COLUMN, Note, listed
 from fltea.recording.reading import OVERRULE, Answer, Evidence, Missing, Question, given_options, not_stated
-from fltea.recording.sample_times import EVEN_SHARE, EVENNESS, PLAUSIBLE_HZ, Floats
+from fltea.recording.sample_times import EVEN_SHARE, EVENNESS, PLAUSIBLE_HZ, ClockColumns, Floats
 from fltea.recording.text_head import stated_in
 from fltea.recording.text_labels import units_beside
 from fltea.recording.timing import rate_of
@@ -186,22 +186,18 @@ class Choice:
                     f"{unit} by the unit beside it. Say which is right: {flag} ? --overrule"
                 )
 
-    def clock(self, gyro: Sequence[int]) -> tuple[int | None, TimeUnit | None, float, int | None, float]:
-        """Find the column of times and its unit.
-
-        Returns five facts: the column, its unit, the number of such units that a 1 in the column means, the
-        column of fractions to add, and the unit of the latter column [s].
-        """
+    def clock(self, gyro: Sequence[int]) -> ClockColumns:
+        """Find the column of times and its unit."""
         place, by_dialect = self._time_column(gyro)
         given, factor = self.how.time_unit, 1.0
         if place is None:
-            return None, given, 1.0, None, 0.0
+            return ClockColumns(unit=given)
         if place in (parts := split_seconds(self.names)) and given in (None, "s"):
-            return place, "s", 1.0, *parts[place]
+            return ClockColumns(place, "s", 1.0, *parts[place])
         if by_dialect and self.dialect is not None and given in (None, "s"):
             for two in map(_TWO_FIELDS.fullmatch, self.dialect.time):
                 if two is not None and two[1] == self.names[place]:
-                    return place, "s", 1.0, self.names.index(two[2]), 1e-9
+                    return ClockColumns(place, "s", 1.0, self.names.index(two[2]), 1e-9)
         self.check_names_against_units([place], time_scale_of, time_scale, "--time-unit")
         name, beside = self.names[place], self.units[place]
         stated = time_scale(beside) or time_scale_of(name)
@@ -228,7 +224,7 @@ class Choice:
             step = self._step(place)
             if step is not None and not PLAUSIBLE_HZ[0] <= 1 / step <= PLAUSIBLE_HZ[1]:
                 self._ask_clock(place, f"what the times of {listed([name])} count")
-        return place, unit, factor, None, 0.0
+        return ClockColumns(place, unit, factor)
 
     def _ask_clock(self, place: int, what: str) -> None:
         self.asked.missing.append(Missing(what, "--time-unit ?"))
@@ -327,12 +323,12 @@ class Choice:
             return {f"the head: {said[0].strip()}": float(said[1])}
         return self.facts.rates or {f"the head: {line}": hz for line, hz in stated_in(head).rates.items()}
 
-    def measured_hz(self, time: int, unit: TimeUnit | None, factor: float) -> float | None:
+    def measured_hz(self, clock: ClockColumns) -> float | None:
         """Return the sampling rate by the first times; None if these times are uneven or have no unit."""
         values = self.facts.sample()
-        if values.ndim != 2 or values.shape[1] <= time or len(values) < 3:
+        if clock.time is None or values.ndim != 2 or values.shape[1] <= clock.time or len(values) < 3:
             return None
-        return rate_of(values[:, time] * factor, unit)
+        return rate_of(values[:, clock.time] * clock.factor, clock.unit)
 
     def error(self, gyro: Sequence[int], rate_hz: float | None) -> UsageError:
         """Return the error that asks the user for all missing facts."""

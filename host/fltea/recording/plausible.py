@@ -29,7 +29,7 @@ class Plausible:
     def add(self, gyro: Floats) -> None:
         """Add the next samples."""
         self.rows += len(gyro)
-        size, most = np.abs(gyro), MOST_DPS * (self._chosen.lsb or 1.0)
+        size, most = np.abs(gyro), MOST_DPS * (self._chosen.unit.lsb or 1.0)
         if size.max() > most:  # this is tested first, since the sum over rows is slow
             self._large += (size > most).sum(axis=0)
         if self._rises.any():
@@ -56,9 +56,9 @@ class Plausible:
             if large > self.rows // 2:
                 raise Implausible(
                     f"{where}: column '{name}' is beyond {MOST_DPS:g} deg/s in {large} of {self.rows} rows, "
-                    f"read in the unit {chosen.units}; no gyroscope at rest gives that. If it holds counts, "
-                    "say how many counts are 1 deg/s by the data sheet, such as --units lsb:131. If it holds "
-                    "thousandths of deg/s, say --units mdps."
+                    f"read in the unit {chosen.unit.name}; no gyroscope at rest gives that. If it holds "
+                    "counts, say how many counts are 1 deg/s by the data sheet, such as --units lsb:131. If "
+                    "it holds thousandths of deg/s, say --units mdps."
                 )
 
 

@@ -43,7 +43,9 @@ class RowCounts:
         reason, (first, _) = next(iter(self._left_out.items()))
         where = place(first)
         if reason == "too_large":
-            return UsageError(f"{where}: more than {LARGEST_DPS:g} deg/s; is --units {chosen.units} right?")
+            return UsageError(
+                f"{where}: more than {LARGEST_DPS:g} deg/s; is --units {chosen.unit.name} right?"
+            )
         if reason == "time":
             return UsageError(f"{where}: column '{chosen.time_name}' has an impossible time.")
         empty = [name for name, some in zip(chosen.read, self._some, strict=False) if not some]
@@ -60,7 +62,7 @@ class RowCounts:
                     text = "with an empty field, NaN or the like: their samples count as lost."
                     found.append(Note("missing_numbers", where + text))
                 case "too_large":
-                    right = f"is --units {self._chosen.units} right?"
+                    right = f"is --units {self._chosen.unit.name} right?"
                     text = f"with more than {LARGEST_DPS:g} deg/s, which are left out; {right}"
                     found.append(Note("bad_lines", where + text))
                 case _:

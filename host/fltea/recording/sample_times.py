@@ -214,6 +214,21 @@ def differences(values: Floats, before: float) -> Floats:
     return found
 
 
+class ClockColumns(NamedTuple):
+    """The columns that say the time of each row.
+
+    `time`: column of times, None if there is none; `unit`: unit of the times, None if unknown; `factor`: how
+    many of this unit a 1 in the column stands for. `fine`: column with fractions that are added to whole
+    seconds; `fine_s`: unit of this column [s].
+    """
+
+    time: int | None = None
+    unit: TimeUnit | None = None
+    factor: float = 1.0
+    fine: int | None = None
+    fine_s: float = 0.0
+
+
 class TimeColumn(NamedTuple):
     """A column of times. `unit`: unit of the times, None if unknown.
 

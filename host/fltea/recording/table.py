@@ -83,7 +83,7 @@ def samples_of(rows: Rows, chosen: Chosen) -> Samples:
     """Return the rows that are samples. A sample has all needed numbers, and no impossible numbers."""
     values, numbers, ordinal = rows.values, rows.numbers, rows.ordinal
     axes, needed = len(chosen.gyro), len(chosen.needed)
-    largest = LARGEST_DPS * (chosen.lsb or 1.0)
+    largest = LARGEST_DPS * (chosen.unit.lsb or 1.0)
     left_out: dict[str, tuple[int, int]] = {}
 
     def leave_out(reason: str, bad: Marks) -> None:
@@ -159,7 +159,7 @@ class _Table:
         self._path, self._chosen, self._place = path, chosen, place
         self._samples = SampleStore(chosen, len(chosen.places), limits)
         self._counts = RowCounts(chosen)
-        self._elapsed = Elapsed(chosen.time_unit)
+        self._elapsed = Elapsed(chosen.clock.unit)
         self._runs = _Runs()
         self._notes: list[Note] = []
 
@@ -207,7 +207,7 @@ class _Table:
         answers = (*chosen.answers, *found.answers)
         notes = (*chosen.notes, *self._notes)
         return Stored(
-            samples, found.rate_hz, chosen.lsb, None, make, notes, reading=answers, axes=chosen.axes
+            samples, found.rate_hz, chosen.unit.lsb, None, make, notes, reading=answers, axes=chosen.axes
         )
 
     def _drop_bad_accel(self) -> None:
@@ -236,7 +236,7 @@ class _Table:
 
     @property
     def _given_hz(self) -> float | None:
-        return self._chosen.rate_hz if self._chosen.is_given else None
+        return self._chosen.rate.hz if self._chosen.rate.is_given else None
 
     def _timing(self) -> tuple[Timing, Ints]:
         """Return how rows are numbered, and where new runs begin.
@@ -247,9 +247,9 @@ class _Table:
         by_headers = np.array(self._runs.by_headers, np.int64)
         if chosen.time is None:
             # without a column of times there is a rate: `choose` requires a column of times or a rate
-            assert chosen.rate_hz is not None
-            check_given(str(self._path), chosen.rate_hz, overrule=chosen.overrule)
-            return Timing(chosen.rate_hz, None), by_headers
+            assert chosen.rate.hz is not None
+            check_given(str(self._path), chosen.rate.hz, overrule=chosen.rate.overrule)
+            return Timing(chosen.rate.hz, None), by_headers
         clock = clock_of(lambda: (times for (times,) in spool.blocks(["time"], STEPS_AT_ONCE)), elapsed)
         found = timing(str(self._path), chosen.times, clock, elapsed, self._place)
         if found.period is None:
@@ -305,4 +305,6 @@ def _blocks(
         epochs = epoch + np.cumsum(marks)
         if len(seq):
             epoch = int(epochs[-1])
-            yield Recording(gyro, rate_hz, device_s, chosen.lsb, seq=seq, epoch=epochs, accel_ms2=accel_ms2)
+            yield Recording(
+                gyro, rate_hz, device_s, chosen.unit.lsb, seq=seq, epoch=epochs, accel_ms2=accel_ms2
+            )

@@ -6,7 +6,6 @@ Lines are examined one by one, so files and endless streams are read in the same
 import re
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -346,4 +345,4 @@ def _without_dates(chosen: Chosen, fields: Sequence[str], how: How) -> tuple[Cho
     if is_number(first) or is_missing(first):
         return chosen, ""
     text = f"column {shown(chosen.time_name)}: {shown(first)} is no number, so it cannot tell which samples "
-    return replace(chosen, time=None), text + "are missing."
+    return chosen.without_times(), text + "are missing."

@@ -260,7 +260,7 @@ class TextReader:
         """Return whether a new header has columns of the same kinds as the header before it."""
 
         def kind(of: Chosen) -> tuple[object, ...]:
-            return len(of.gyro), of.lsb, of.time is None, of.time_unit, len(of.accel)
+            return len(of.gyro), of.unit.lsb, of.time is None, of.clock.unit, len(of.accel)
 
         return self.chosen is None or kind(chosen) == kind(self.chosen)
 

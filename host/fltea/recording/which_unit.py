@@ -4,6 +4,7 @@ The user, the file and the logger's dialect may state the unit. If several of th
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,12 +20,20 @@ ALIKE = 0.02
 """Two scales count as equal if their relative difference is at most this, since files state rounded scales.
 """
 
-Unit = tuple[str, float, float | None]
-"""Three facts about a unit: its name, the factor that converts numbers to deg/s or to counts, and the number
-of counts in 1 deg/s. The last one is None if the numbers are no counts.
-"""
 
-_ASKED: Unit = ("", 1.0, None)
+class Unit(NamedTuple):
+    """The unit of the axes. `name`: the unit in the notation of `--units`.
+
+    `factor`: factor that converts numbers to deg/s or to counts. `lsb`: number of counts in 1 deg/s, None if
+    the numbers are no counts.
+    """
+
+    name: str
+    factor: float = 1.0
+    lsb: float | None = None
+
+
+_ASKED = Unit("")
 
 
 def choose_unit(choice: Choice, gyro: tuple[int, ...]) -> Unit:
@@ -58,7 +67,7 @@ def choose_unit(choice: Choice, gyro: tuple[int, ...]) -> Unit:
         unit = known.pop()
         _check_against_dialect(choice, gyro, unit)
         choice.answer("unit", unit, *choice.facts.units_from)
-        return unit, *_whole(choice, parse_units(unit), gyro)
+        return Unit(unit, *_whole(choice, parse_units(unit), gyro))
     if not known and gyro and (found := _of_dialect(choice, gyro)) is not None:
         return found
     _ask(choice, gyro, stated)
@@ -133,7 +142,8 @@ def _given(choice: Choice, gyro: Sequence[int], stated: Sequence[str | None], ch
         if dialect.gyro_scale and scale is not None and not any(stated):
             read, said = parsed[0] / (parsed[1] or 1.0), by_dialect[0] * scale
             if parsed == by_dialect or abs(read / said - 1) < ALIKE:
-                return units, *_whole(choice, (said, None) if parsed == by_dialect else parsed, gyro)
+                parsed = (said, None) if parsed == by_dialect else parsed
+                return Unit(units, *_whole(choice, parsed, gyro))
             raise UsageError(
                 f"{choice.where}: {dialect.gyro_scale} {scale:g} stands in the head: times that, the numbers "
                 f"are {dialect.gyro_unit} ({dialect.name}), and --units {units} says otherwise. Leave "
@@ -144,7 +154,7 @@ def _given(choice: Choice, gyro: Sequence[int], stated: Sequence[str | None], ch
                 f"read in {units}, as --units says; by {dialect.name} they would be in {dialect.gyro_unit}."
             )
             choice.notes.append(Note("reading", f"{choice.where}: {text}"))
-    return units, *_whole(choice, parsed, gyro)
+    return Unit(units, *_whole(choice, parsed, gyro))
 
 
 def _check_given(
@@ -177,7 +187,7 @@ def _of_dialect(choice: Choice, gyro: Sequence[int]) -> Unit | None:
     said = f" times {dialect.gyro_scale} {scale:g} of the head" if dialect.gyro_scale else ""
     choice.answer("unit", f"{dialect.gyro_unit}{said}", choice.by_dialect, dialect.name)
     factor, lsb = parse_units(dialect.gyro_unit)
-    return dialect.gyro_unit, *_whole(choice, (factor * scale, lsb), gyro)
+    return Unit(dialect.gyro_unit, *_whole(choice, (factor * scale, lsb), gyro))
 
 
 def _check_against_dialect(choice: Choice, gyro: Sequence[int], unit: str) -> None:

@@ -169,9 +169,9 @@ class TextEvents:
         """Choose how samples are numbered, now that the columns of the text are known."""
         if chosen.time is None:
             # `choose` has refused the columns if there are neither times nor a rate
-            assert chosen.rate_hz is not None
-            self._numbers = ByOrder(chosen.rate_hz)
-            self._watch = ArrivalWatch(self.url, chosen.rate_hz)
+            assert chosen.rate.hz is not None
+            self._numbers = ByOrder(chosen.rate.hz)
+            self._watch = ArrivalWatch(self.url, chosen.rate.hz)
         else:
             self._numbers = ByTime(self._where, chosen.times)
         self._plausible = Plausible(chosen)
@@ -246,7 +246,7 @@ class TextEvents:
             rate_hz=numbers.rate_hz,
             sampling_mode="text",
             boot_id=self._boot,
-            gyro_lsb_per_dps=self.reader.chosen.lsb,
+            gyro_lsb_per_dps=self.reader.chosen.unit.lsb,
         )
 
     def _report_lines(self, now_ns: int) -> Iterator[Trouble]:
