@@ -33,7 +33,6 @@ grow.
 OPEN_CLASSES: dict[str, int] = {
     "host/fltea/recording/readers/arrays.py: _Columns": 15,
     "host/fltea/recording/readers/ulog.py: _LogScan": 14,
-    "host/fltea/recording/sample_times.py: Elapsed": 15,
     "host/fltea/recording/sheet.py: SheetHead": 14,
     "host/fltea/recording/text_layout.py: LayoutFinder": 18,
     "host/fltea/recording/text_rows.py: TextReader": 18,

@@ -87,6 +87,61 @@ SAME_RATE = 0.1
 """
 
 
+class LocalTime:
+    """Finds steps that only a clock of local time makes. `unit_s`: length of the unit of the times [s].
+
+    `of_day`: number of times that passed to the next minute, in times of day written as hhmmss. `hours`:
+    number of steps of one hour, to within a second, in either direction.
+    """
+
+    def __init__(self, unit_s: float) -> None:
+        self.of_day = self.hours = 0
+        self._unit_s = unit_s
+
+    def minutes(self, time: Floats, steps: Floats) -> Floats | None:
+        """Return what to add to the steps at which times of day, written as hhmmss, pass to the next minute.
+
+        Return None if there are no such steps.
+        """
+        turns = np.flatnonzero(np.abs(steps) * self._unit_s > MINUTE_TURNS_S)
+        if not len(turns):
+            return None
+        off_s = np.abs(np.abs(steps[turns]) * self._unit_s - HOUR_S)
+        self.hours += int((off_s < NEAR_TURN_S).sum())
+        after_s, before_s = time[turns] * self._unit_s, (time[turns] - steps[turns]) * self._unit_s
+        # the true step is NaN if the number before or after it is no time of day
+        real_s = (_of_day(after_s) - _of_day(before_s)) % DAY_S
+        ends = (before_s % 100 >= 60 - NEAR_TURN_S) & (after_s % 100 < NEAR_TURN_S)
+        is_turn = ends & (real_s > 0) & (real_s < 2 * NEAR_TURN_S)
+        self.of_day += int(is_turn.sum())
+        jump = np.zeros(len(time))
+        jump[turns[is_turn]] = real_s[is_turn] / self._unit_s - steps[turns[is_turn]]
+        return jump if is_turn.any() else None
+
+
+class _Restarts(NamedTuple):
+    """Where times restart at 0, in the unit of the times.
+
+    `wrap`: value after which times restart. `longest`: longest step within a run. `second`: one second, 0 if
+    times that are only fractions of a second do not occur in this unit.
+    """
+
+    wrap: float
+    longest: float
+    second: float
+
+    def at(self, latest: float) -> tuple[float, float]:
+        """Return the value at which times restart at 0, and the length of the longest step within a run.
+
+        Times that are only fractions of a second restart after 1 s.
+
+        `latest`: largest time so far.
+        """
+        if self.second and latest < self.second:
+            return self.second, self.second / 2
+        return self.wrap, self.longest
+
+
 class Elapsed:
     """Converts the times of rows to the time since the first row, in the same unit.
 
@@ -95,21 +150,21 @@ class Elapsed:
     `rows`: number of rows. `repeated`: number of rows with the same time as the previous row. `odd`: number
     of steps that no sensor's clock makes: steps backwards, and repeated times in rows with different values.
     `backwards`: number of steps backwards. `first`: number of the first row whose time is not later than the
-    time of the row before, or None. `of_day`: number of times that passed to the next minute, in times of day
-    written as hhmmss. `hours`: number of steps of one hour, to within a second, in either direction.
+    time of the row before, or None. `local`: steps that only a clock of local time makes.
     `longest`: a step longer than this begins a new run, in the unit of the times; infinite if this unit is
     unknown.
     `unit_s`: length of the unit of the times [s].
     """
 
     def __init__(self, unit: TimeUnit | None) -> None:
-        self.repeated = self.odd = self.backwards = self.rows = self.of_day = self.hours = 0
+        self.repeated = self.odd = self.backwards = self.rows = 0
         self.first: int | None = None
-        self._wrap = {"ms": COUNTER_WRAP, "us": COUNTER_WRAP, "ns": math.inf}.get(unit or "s", DAY_S)
         self.unit_s = SECONDS[unit or "s"]
-        self._longest = LONGEST_GAP_S / self.unit_s
-        self.longest = math.inf if unit is None else self._longest
-        self._second = 1 / SECONDS[unit] if unit in ("ms", "us", "ns") else 0.0
+        self.local = LocalTime(self.unit_s)
+        wrap = {"ms": COUNTER_WRAP, "us": COUNTER_WRAP, "ns": math.inf}.get(unit or "s", DAY_S)
+        second = 1 / SECONDS[unit] if unit in ("ms", "us", "ns") else 0.0
+        self._restarts = _Restarts(wrap, LONGEST_GAP_S / self.unit_s, second)
+        self.longest = math.inf if unit is None else self._restarts.longest
         self._offset = 0.0
         self._last: tuple[float, float, Floats] | None = None
         self._between = math.inf, -math.inf
@@ -136,12 +191,12 @@ class Elapsed:
             self._offset = -last_time
         steps = differences(time, last_time)
         begins = steps < 0
-        jump = self._minutes(time, steps)
+        jump = self.local.minutes(time, steps)
         offset: float | Floats = self._offset
         if jump is not None or begins.any():
             jump = np.zeros(len(time)) if jump is None else jump
             begins &= jump == 0
-            wrap, longest = self._wrap_of(time)
+            wrap, longest = self._restarts.at(max(self._between[1], float(time.max())))
             after = steps + wrap
             wraps = begins & (after <= longest) & (time >= 0) & (time < after)
             begins &= ~wraps
@@ -165,35 +220,6 @@ class Elapsed:
             self.first = int(numbers[int(np.argmax(flat | begins))])
         self._last = float(time[-1]), float(elapsed[-1]), values[-1]
         return elapsed, begins
-
-    def _minutes(self, time: Floats, steps: Floats) -> Floats | None:
-        """Return what to add to the steps at which times of day, written as hhmmss, pass to the next minute.
-
-        Return None if there are no such steps.
-        """
-        turns = np.flatnonzero(np.abs(steps) * self.unit_s > MINUTE_TURNS_S)
-        if not len(turns):
-            return None
-        off_s = np.abs(np.abs(steps[turns]) * self.unit_s - HOUR_S)
-        self.hours += int((off_s < NEAR_TURN_S).sum())
-        after_s, before_s = time[turns] * self.unit_s, (time[turns] - steps[turns]) * self.unit_s
-        # the true step is NaN if the number before or after it is no time of day
-        real_s = (_of_day(after_s) - _of_day(before_s)) % DAY_S
-        ends = (before_s % 100 >= 60 - NEAR_TURN_S) & (after_s % 100 < NEAR_TURN_S)
-        is_turn = ends & (real_s > 0) & (real_s < 2 * NEAR_TURN_S)
-        self.of_day += int(is_turn.sum())
-        jump = np.zeros(len(time))
-        jump[turns[is_turn]] = real_s[is_turn] / self.unit_s - steps[turns[is_turn]]
-        return jump if is_turn.any() else None
-
-    def _wrap_of(self, time: Floats) -> tuple[float, float]:
-        """Return the value at which times restart at 0, and the length of the longest step within a run.
-
-        Times that are only fractions of a second restart after 1 s.
-        """
-        if self._second and max(self._between[1], float(time.max())) < self._second:
-            return self._second, self._second / 2
-        return self._wrap, self._longest
 
 
 def _of_day(times: Floats) -> Floats:

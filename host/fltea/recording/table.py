@@ -257,9 +257,10 @@ class _Table:
         if runs := sum(map(len, self._runs.by_times)):
             text = f"column '{chosen.time_name}' runs backwards {runs} times; a new run begins at each."
             self._notes.append(Note("row_times", f"{self._path}: {text}"))
-        if elapsed.hours and elapsed.unit_s == found.unit_s:
+        hours = elapsed.local.hours
+        if hours and elapsed.unit_s == found.unit_s:
             self._note_times(
-                f"{elapsed.hours} steps of an hour; a new run begins at each. A clock of local time makes "
+                f"{hours} steps of an hour; a new run begins at each. A clock of local time makes "
                 "such a step when daylight saving time begins or ends, and then no sample is missing: write "
                 "times in UTC, or with their offset (+02:00)."
             )

@@ -131,7 +131,7 @@ def rate_of(times: Floats, unit: TimeUnit | None) -> float | None:
 def _clock_answer(column: TimeColumn, elapsed: Elapsed, rate_hz: float) -> Answer:
     ticks = f"{column.ticks:g} " if column.ticks != 1.0 else ""
     unit = f" in {ticks}{column.unit}" if column.unit else ", which can only be seconds"
-    form = ", with hours and minutes before the seconds (hhmmss)" if elapsed.of_day else ""
+    form = ", with hours and minutes before the seconds (hhmmss)" if elapsed.local.of_day else ""
     return Answer("clock", f"{rate_hz:.6g} Hz", "measured", f"the times of {column.name}{unit}{form}")
 
 
