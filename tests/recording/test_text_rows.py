@@ -163,6 +163,15 @@ def test_a_sender_that_begins_again_may_order_its_columns_in_another_way_and_nam
     assert parser.bad.counts == {"header": 1}
 
 
+def test_words_as_whole_seconds_leave_the_fractions_out_too() -> None:
+    parser = TextReader("x", How(rate_hz=9.0, units="dps"))
+    assert rows_of(parser, b"sec,nanosec,gx,gy\nnoon,5,1,2\nnoon,7,3,4\n") == [
+        (0, [1.0, 2.0]),
+        (1, [3.0, 4.0]),
+    ]
+    assert [note.kind for note in parser.notes] == ["row_times"]
+
+
 def test_after_an_opening_the_rest_of_a_line_is_left_out() -> None:
     parser = TextReader("x", RATE)
     parser.resume(within_line=True)

@@ -70,8 +70,8 @@ class Chosen:
         return self.clock.time
 
     def without_times(self) -> "Chosen":
-        """Return the choice without the column of times."""
-        return replace(self, clock=self.clock._replace(time=None))
+        """Return the choice without the columns of times."""
+        return replace(self, clock=self.clock._replace(time=None, fine=None))
 
     @cached_property
     def time_name(self) -> str:
