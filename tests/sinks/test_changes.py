@@ -140,8 +140,8 @@ def test_an_epoch_ends_a_motion_and_forgets_what_is_later() -> None:
     made.begin(1 * S)
     assert made.within("gyro_x", 0, 30 * S) == {"steps": [], "motion": []}
     history = told(records("n=400"), [MOVES])
-    assert history.epoch is not None
-    history.write(replace(history.epoch, epoch=2, host_ns=12 * S))
+    assert history.epoch.record is not None
+    history.write(replace(history.epoch.record, epoch=2, host_ns=12 * S))
     assert history.marks.within("gyro_x", 0, 30 * S)["motion"] == [[8_000, 12_000]]
 
 

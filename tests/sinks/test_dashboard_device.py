@@ -66,7 +66,7 @@ def test_axes_of_the_accelerometer_are_the_hosts_and_leave_the_devices_alone() -
             found.append(record)
     history = told(found, who="device")
     assert [history.estimator(axis) for axis in history.axes] == ["device", "host", "host"]
-    assert history.newest.keys() == {"gyro_x", "accel_x", "accel_y"}
+    assert history.epoch.newest.keys() == {"gyro_x", "accel_x", "accel_y"}
     for axis in ("accel_y", "gyro_x"):
         assert np.isfinite(columns(history, axis)["alpha"][-2])
 

@@ -62,10 +62,12 @@ def test_status_in_a_line(
 
 def test_status_names_the_axis_that_is_not_valid() -> None:
     history = told(records("n=200"))
-    assert history.estimate is not None
-    x = history.estimate.axes["gyro_x"]
+    assert history.epoch.estimate is not None
+    x = history.epoch.estimate.axes["gyro_x"]
     gone = msgspec.structs.replace(x, fltea=FlteaEstimate())
-    estimate = msgspec.structs.replace(history.estimate, axes={**history.estimate.axes, "gyro_x": gone})
+    estimate = msgspec.structs.replace(
+        history.epoch.estimate, axes={**history.epoch.estimate.axes, "gyro_x": gone}
+    )
     history.write(estimate)
     assert later(history, 0)[0] == "bad"
     assert "gyro_x not valid" in later(history, 0)[1]

@@ -96,8 +96,8 @@ def test_each_axis_stands_in_the_sentence_that_the_page_has(width: int) -> None:
     text = " ".join(shown(HELLO, *agreeing, estimate(), width=width).split())
     history = told([HELLO, EPOCH, *agreeing, estimate()])
     for name in ("gyro_x", "gyro_y", "gyro_z"):
-        answer = answer_of(history.fits, history.stats, name)
-        words = "".join(axis_sentence(answer, history.fits, history.stats, history.newest.get(name), name))
+        answer, newest = answer_of(history.fits, history.stats, name), history.epoch.newest.get(name)
+        words = "".join(axis_sentence(answer, history.fits, history.stats, newest, name))
         assert f"{name} {words}" in text
     assert (
         "gyro_x Fractional: α = 0.80 (0.76 … 0.85), f = −1.0 (−1.3 … −0.8) s^−α; bias 0.234 ± 0.024" in text

@@ -41,6 +41,45 @@ samples at 100 Hz.
 """
 
 
+class OwnStatus:
+    """Publishes the status of this program, which is no device's, on each new connection.
+
+    `program`: name of this program. `will`: message that the broker publishes if the program vanishes.
+    """
+
+    def __init__(self, settings: MqttConfig, program: str) -> None:
+        self._program = program
+        self._topic = f"{settings.prefix}/{program}/ingest"
+        self.will = (self._topic, self._status("offline", "connection_lost"))
+
+    def open(self, broker: Broker, shared: SharedConnection, report: Report) -> None:
+        """Connect to the broker."""
+        self._shared, self._link = shared, Link(broker, report)
+        self._link.open(shared.connect())
+
+    def look(self) -> None:
+        """Connect again if the connection was lost, and publish the status on a new one."""
+        if self._link.is_due():
+            self._link.open(self._shared.connect())
+        for event in self._link.events():
+            if isinstance(event, Up):
+                self._link.end_outage()
+                self._publish("online", None)
+
+    def end(self) -> None:
+        """Publish that the program has ended."""
+        self._publish("offline", "ended")
+
+    def _publish(self, status: str, reason: str | None) -> None:
+        self._link.publish(self._topic, self._status(status, reason), 1, True)
+
+    def _status(self, status: str, reason: str | None) -> bytes:
+        since_ns = None if reason == "connection_lost" else host_ns() + unix_offset_ns()
+        return msgspec.json.encode(
+            Status(status, since_ns, "ingest", None, self._program, reason)  # type: ignore[arg-type]
+        )
+
+
 class ManyMqttSink(Sink):
     """Publishes the records of all devices that reach this program through MQTT brokers.
 
@@ -61,14 +100,12 @@ class ManyMqttSink(Sink):
         every = max(EVERY, settings.estimate_every)
         sample_every = max(EVERY, settings.sample_every) if settings.sample_every else 0
         self._settings = msgspec.structs.replace(settings, estimate_every=every, sample_every=sample_every)
-        self._program, self._apart = program, frozenset(apart)
+        self._apart = frozenset(apart)
         self._report, self._once_a_minute = report, OnceAMinute()
         broker = Broker(settings)
-        self._status_topic = f"{settings.prefix}/{program}/ingest"
-        will = (self._status_topic, self._status("offline", "connection_lost"))
-        self._shared = SharedConnection(broker, f"fltea-{program}-{secrets.token_hex(4)}", will)
-        self._own = Link(broker, self._report_once)
-        self._own.open(self._shared.connect())
+        self._own = OwnStatus(settings, program)
+        self._shared = SharedConnection(broker, f"fltea-{program}-{secrets.token_hex(4)}", self._own.will)
+        self._own.open(broker, self._shared, self._report_once)
         self._sinks: dict[str, MqttSink] = {}
         self._heard_ns: dict[str, int] = {}
         self._touched: set[str] = set()
@@ -113,7 +150,7 @@ class ManyMqttSink(Sink):
         touched, self._touched = self._touched, set()
         if now_s - self._updated_s >= UPDATE_S:
             self._updated_s = now_s
-            self._look_after_own()
+            self._own.look()
             self._forget_idle()
             touched = set(self._sinks)
         for name in touched:
@@ -125,7 +162,7 @@ class ManyMqttSink(Sink):
         for sink in self._sinks.values():
             sink.end()
         if self._shared.up:
-            self._own.publish(self._status_topic, self._status("offline", "ended"), 1, True)
+            self._own.end()
         deadline_s = time.monotonic() + FAREWELL_S
         while self._shared.waiting and self._shared.up and time.monotonic() < deadline_s:
             time.sleep(POLL_S)
@@ -133,21 +170,6 @@ class ManyMqttSink(Sink):
         for sink in self._sinks.values():
             sink.leave()
         self._shared.close(deadline_s)
-
-    def _look_after_own(self) -> None:
-        """Publish the program's own status on each new connection."""
-        if self._own.is_due():
-            self._own.open(self._shared.connect())
-        for event in self._own.events():
-            if isinstance(event, Up):
-                self._own.end_outage()
-                self._own.publish(self._status_topic, self._status("online", None), 1, True)
-
-    def _status(self, status: str, reason: str | None) -> bytes:
-        since_ns = None if reason == "connection_lost" else host_ns() + unix_offset_ns()
-        return msgspec.json.encode(
-            Status(status, since_ns, "ingest", None, self._program, reason)  # type: ignore[arg-type]
-        )
 
     def _forget_idle(self) -> None:
         now_ns = host_ns()

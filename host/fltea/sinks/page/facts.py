@@ -51,7 +51,7 @@ def status(history: DeviceHistory, now_ns: int) -> tuple[Level, str]:
 
     `now_ns`: present monotonic time.
     """
-    hello, epoch, heard_ns = history.hello, history.epoch, history.heard_ns
+    hello, epoch, heard_ns = history.hello, history.epoch.record, history.heard_ns
     error = history.error
     if heard_ns is None or hello is None or epoch is None:
         if error is not None:
@@ -76,7 +76,7 @@ def status(history: DeviceHistory, now_ns: int) -> tuple[Level, str]:
         return "wait", f"start-up: {to_go} samples to go; keep the sensor at rest ({begun})"
     if facts_of_device.silent(history):
         return "wait", f"{facts_of_device.NOTHING_YET} ({begun})"
-    lost = [name for name, axis in history.newest.items() if not axis.fltea.valid]
+    lost = [name for name, axis in history.epoch.newest.items() if not axis.fltea.valid]
     if lost:
         return "bad", f"{', '.join(lost)} not valid ({begun})"
     age_ns = history.sample.host_ns - epoch.host_ns if history.sample else 0
@@ -117,7 +117,7 @@ def now(history: DeviceHistory, now_ns: int) -> dict[str, Any]:
         "status": {"level": level, "text": text},
         "slow": slow(history.stats),
         "seq": sample.seq if sample else None,
-        "epoch": history.epoch.epoch if history.epoch else None,
+        "epoch": history.epoch.record.epoch if history.epoch.record else None,
         "time_ms": sample.host_ns // 1_000_000 if sample else None,
         "fit": fitted(history),
         "settings": settings(history),
@@ -133,7 +133,7 @@ def axes(history: DeviceHistory) -> list[dict[str, Any]]:
 
 def _axis(history: DeviceHistory, name: str) -> dict[str, Any]:
     found = answer_of(history.fits, history.stats, name)
-    head, rest = axis_sentence(found, history.fits, history.stats, history.newest.get(name), name)
+    head, rest = axis_sentence(found, history.fits, history.stats, history.epoch.newest.get(name), name)
     return {
         "name": name,
         "kind": found.kind,
@@ -168,7 +168,7 @@ def axis(history: DeviceHistory, name: str, window: int) -> dict[str, Any]:
 
 def _running(history: DeviceHistory, name: str) -> list[Cells]:
     """Return rows of text about the filters of an axis that process sample after sample."""
-    seen = Seen(history.stats, history.hello, name, history.newest.get(name))
+    seen = Seen(history.stats, history.hello, name, history.epoch.newest.get(name))
     return [[label, value] for label, value, *_ in rows("axis", seen)]
 
 
@@ -289,9 +289,9 @@ def events(history: DeviceHistory) -> list[dict[str, Any]]:
 
 def settings(history: DeviceHistory) -> str:
     """Return the settings of the epoch's estimator, in one line of text."""
-    if history.epoch is None:
+    if history.epoch.record is None:
         return ""
-    found = infos(history.epoch)
+    found = infos(history.epoch.record)
     if not found:
         return ""
     e = found[0]

@@ -25,7 +25,7 @@ NOTHING_YET = "no estimate of the device yet"
 def silent(history: DeviceHistory) -> bool:
     """Return whether only the device estimates the gyroscope's axes, and has not done so in this epoch."""
     expected = [axis for axis in history.axes or AXES if history.estimator(axis) == "device"]
-    return bool(expected) and not any(axis in history.newest for axis in expected)
+    return bool(expected) and not any(axis in history.epoch.newest for axis in expected)
 
 
 def startup_to_go(history: DeviceHistory) -> int:
@@ -67,7 +67,7 @@ def compared(history: DeviceHistory, axis: str, window: int) -> dict[str, Any] |
     if history.estimator(axis) != "both":
         return None
     farthest = history.course.farthest(window, axis)
-    e = history.compared.get(axis)
+    e = history.epoch.compared.get(axis)
     why = NOTHING_YET if e is None else not_comparable(e.why_not) if e.why_not else ""
     stats = history.stats.device_estimator if history.stats else None
     known = None if why or e is None else e

@@ -25,7 +25,6 @@ from fltea.records.records import (
     Step,
 )
 from fltea.records.sensor_kind import kind_of
-from fltea.records.stats import AxisStats
 from fltea.settings.estimator import EstimateOn
 from fltea.sinks.changes import sentence
 from fltea.sinks.page.answer import order
@@ -42,36 +41,74 @@ class HeardError(NamedTuple):
     heard_ns: int
 
 
+class HeardSample(NamedTuple):
+    """A `sample` record, and the monotonic time of its arrival."""
+
+    record: Sample
+    heard_ns: int
+
+
+class PresentEpoch:
+    """What is known about the present epoch of a device. All of it begins anew with each epoch.
+
+    `record`: the record of its begin; None before the first epoch. `estimate`: the last estimates. `newest`:
+    for each axis, the last estimate. `compared`: for each axis, the last estimate that the device itself
+    made, with its differences from this computer's estimate. `lost`: number of samples lost in gaps.
+    """
+
+    def __init__(self, record: Epoch | None = None) -> None:
+        self.record = record
+        self.estimate: Estimate | None = None
+        self.newest: dict[str, AxisEstimate] = {}
+        self.compared: dict[str, DeviceAxisEstimate] = {}
+        self.lost = 0
+        self._means: dict[str, tuple[int, float]] = {}
+
+    def is_of(self, record: Sample | Stats | Gap | None) -> bool:
+        """Return whether a record belongs to this epoch."""
+        return record is not None and self.record is not None and record.epoch == self.record.epoch
+
+    def average(self, axis: str, value: float) -> None:
+        """Take a sample of an axis into the mean of the axis's samples."""
+        count, mean = self._means.get(axis, (0, 0.0))
+        self._means[axis] = count + 1, mean + (value - mean) / (count + 1)
+
+    def mean(self, axis: str) -> float:
+        """Return the mean of an axis's samples for which `average` was called; 0 if there is none."""
+        return self._means.get(axis, (0, 0.0))[1]
+
+
 class DeviceHistory:
     """Keeps what is known about one device.
 
     One thread writes records to this object; other threads read it, and hold `lock` while they do.
 
-    `estimate_on`: where the estimates of the gyroscope's axes are made. `newest`: for each axis, the last
-    estimate of this epoch. `compared`: for each axis, the last estimate that the device itself made, with its
-    differences from this computer's estimate.
-    `heard_ns`: monotonic arrival time of the last sample.
+    `estimate_on`: where the estimates of the gyroscope's axes are made.
     """
 
     def __init__(self, name: str, estimate_on: EstimateOn) -> None:
         self.name = name
         self.lock = threading.Lock()
         self.hello: Hello | None = None
-        self.epoch: Epoch | None = None
+        self.epoch = PresentEpoch()
         self.stats: Stats | None = None
-        self.sample: Sample | None = None
-        self.heard_ns: int | None = None
-        self.estimate: Estimate | None = None
-        self.newest: dict[str, AxisEstimate] = {}
-        self.compared: dict[str, DeviceAxisEstimate] = {}
+        self._heard: HeardSample | None = None
         self.error: HeardError | None = None
         self.course = Course()
         self._estimate_on = estimate_on
         self.fits = Fits()
         self.happenings = Happenings()
         self.marks = Marks()
-        self._lost = 0
-        self._means: dict[str, tuple[int, float]] = {}
+
+    @property
+    def sample(self) -> Sample | None:
+        """The last sample."""
+        return self._heard.record if self._heard else None
+
+    @property
+    def heard_ns(self) -> int | None:
+        """Monotonic arrival time of the last sample [ns]."""
+        return self._heard.heard_ns if self._heard else None
 
     @property
     def rate_hz(self) -> float:
@@ -96,7 +133,7 @@ class DeviceHistory:
                 case Estimate():
                     self._on_estimate(record)
                 case DeviceEstimates():
-                    self.compared |= record.axes
+                    self.epoch.compared |= record.axes
                     for axis, found in record.axes.items():
                         self.course.know(axis, record.host_ns, _compared(found))
                 case DeviceFits():
@@ -115,8 +152,8 @@ class DeviceHistory:
                 case Epoch():
                     self._on_epoch(record)
                 case Gap():
-                    if self.epoch is not None and record.epoch == self.epoch.epoch:
-                        self._lost += record.missing
+                    if self.epoch.is_of(record):
+                        self.epoch.lost += record.missing
                     self.happenings.gap(record.host_ns, record.missing)
                 case Step():
                     self.marks.step(record)
@@ -144,48 +181,48 @@ class DeviceHistory:
 
         This number includes samples that did not reach the page, but not samples that were lost in gaps.
         """
-        if self.sample is None or self.epoch is None or self.sample.epoch != self.epoch.epoch:
+        sample, epoch = self.sample, self.epoch.record
+        if sample is None or epoch is None or not self.epoch.is_of(sample):
             return 0
-        return self.sample.seq - self.epoch.seq + 1 - self._lost
+        return sample.seq - epoch.seq + 1 - self.epoch.lost
 
     def offset(self, axis: str) -> float:
         """Return the offset that is subtracted from an axis's samples in diagrams.
 
         This offset is the bias, or the mean of the samples as long as the bias is unknown.
         """
-        stats = self._stats_of_epoch(axis)
-        return stats.bias if stats and stats.bias is not None else self._means.get(axis, (0, 0.0))[1]
+        bias = self._bias(axis)
+        return bias if bias is not None else self.epoch.mean(axis)
 
-    def _stats_of_epoch(self, axis: str) -> AxisStats | None:
-        if self.stats is None or self.epoch is None or self.stats.epoch != self.epoch.epoch:
+    def _bias(self, axis: str) -> float | None:
+        if self.stats is None or not self.epoch.is_of(self.stats):
             return None
-        return self.stats.axes.get(axis)
+        stats = self.stats.axes.get(axis)
+        return stats.bias if stats else None
 
     def _on_epoch(self, record: Epoch) -> None:
-        self.epoch, self.estimate = record, None
-        self.newest, self.compared, self._means = {}, {}, {}
+        self.epoch = PresentEpoch(record)
         self.fits.begin()
-        self._lost = 0
         self.course.begin(record.host_ns)
         self.marks.begin(record.host_ns)
         text = f"epoch {record.epoch} begins: {EPOCH_WORDS[record.reason]}"
         self.happenings.append(Happening(record.host_ns, "epoch", text))
 
     def _on_sample(self, record: Sample) -> None:
-        self.sample, self.heard_ns = record, clock.host_ns()
+        self._heard = HeardSample(record, clock.host_ns())
         y: dict[str, float] = {}
         for axis in self.axes:
             value = _value(record, axis)
-            stats = self._stats_of_epoch(axis)
-            if stats is None or stats.bias is None:
-                count, mean = self._means.get(axis, (0, 0.0))
-                self._means[axis] = count + 1, mean + (value - mean) / (count + 1)
-            y[axis] = value - self.offset(axis)
+            bias = self._bias(axis)
+            if bias is None:
+                self.epoch.average(axis, value)
+                bias = self.epoch.mean(axis)
+            y[axis] = value - bias
         self.course.sample(record.host_ns, record.temperature_c, y)
 
     def _on_estimate(self, record: Estimate) -> None:
-        self.estimate = record
-        self.newest.update(record.axes)
+        self.epoch.estimate = record
+        self.epoch.newest.update(record.axes)
         for axis, e in record.axes.items():
             own, state = e.fltea, None if e.bias is None else e.bias - self.offset(axis)
             values = {
