@@ -292,7 +292,7 @@ def test_the_number_of_devices_decides_when_the_outputs_are_opened(tmp_path: Pat
     sinks: list[Any] = [sink_queue.sink for device, sink_queue in hub.sink_queues() if device is not None]
     hub.close()
     assert len(sinks) == devices
-    assert {Sample in sink._topics for sink in sinks} == {devices <= FEW_DEVICES}
+    assert {"sample" in sink._channels.kinds for sink in sinks} == {devices <= FEW_DEVICES}
 
 
 def test_channels_that_there_are_not() -> None:

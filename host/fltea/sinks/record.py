@@ -1,6 +1,7 @@
 """Record the bytes from the wire, and the records that the program makes of them, in MCAP files."""
 
 import errno
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import get_args
 
@@ -17,8 +18,8 @@ from fltea.records.records import AnyRecord, Error, Hello
 from fltea.settings.outputs import RecordConfig
 from fltea.sinks.json_lines import BlockLines
 from fltea.sinks.opening import Opening
-from fltea.sinks.record_loss import lost_of, told
-from fltea.sinks.record_session import NOTHING, OpenPart, Session, longer, summed
+from fltea.sinks.record_loss import DELETED, Outage, lost_of, told
+from fltea.sinks.record_session import NOTHING, OpenPart, Session, SourceClock, summed
 from fltea.sources.as_wire import as_stated
 
 FLUSH_NS = 750_000_000
@@ -36,11 +37,6 @@ not used until its next good HELLO.
 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
 
-DELETED = "record_deleted"
-"""Kind of the `error` record that says that another program has deleted the file. After such a loss, the next
-file begins at once.
-"""
-
 KINDS: dict[str, type[AnyRecord]] = {str(kind.__struct_config__.tag): kind for kind in get_args(AnyRecord)}
 """Type of the records in each channel, by the channel's name."""
 
@@ -54,6 +50,29 @@ written to it.
 """
 
 
+class Channels:
+    """The channels of a recording that contain records, by their names.
+
+    `kinds`: for the name of each channel, the type of its records.
+    """
+
+    def __init__(self, names: Iterable[str]) -> None:
+        self.kinds = {str(name): KINDS[name] for name in names}
+        self._names = {kind: name for name, kind in self.kinds.items()}
+        self._of_blocks = {name: wanted for name, wanted in OF_BLOCKS.items() if name in self.kinds}
+        self._lines = BlockLines()
+
+    def name_of(self, record: AnyRecord) -> str | None:
+        """Return the name of a record's channel; None if such records are not recorded."""
+        return self._names.get(type(record))
+
+    def lines_of(self, block: Block) -> Iterator[tuple[str, bytes]]:
+        """Yield the name of each channel that has records of the block, and these records as JSON lines."""
+        for name, wanted in self._of_blocks.items():
+            if lines := self._lines.of(block, wanted, block.due_rows):
+                yield name, lines
+
+
 class RecordSink(Sink):
     """Records the session of one device in successive files, in a folder that may hold other files.
 
@@ -62,7 +81,6 @@ class RecordSink(Sink):
     file.
 
     `hello`: the last HELLO of the device, if the device is already running. `path`: the newest file.
-    `trouble`: reason why nothing is recorded at the moment.
 
     Raises:
         UsageError: the folder cannot be made or written to.
@@ -80,21 +98,21 @@ class RecordSink(Sink):
         assert settings.folder is not None
         assert settings.channels is not None  # `RecordConfig.for_devices` has set the names of the channels
         self.path: Path | None = None
-        self.trouble: str | None = None
         self.lost = 0
         self._settings, self._report = settings, report
-        kinds = {str(name): KINDS[name] for name in settings.channels}
-        self._topics = {kind: name for name, kind in kinds.items()}
-        self._of_blocks = {name: wanted for name, wanted in OF_BLOCKS.items() if name in kinds}
-        self._lines = BlockLines()
-        self._session = Session(settings.folder, device, kinds)
+        self._channels = Channels(settings.channels)
+        self._session = Session(settings.folder, device, self._channels.kinds)
         self._part: OpenPart | None = None
         self._finished_bytes = 0
-        self._offset_ns: int | None = None
-        self._now_ns = self._retry_ns = 0
+        self._clock = SourceClock()
         self._sequence = 0
         self._hello = None if hello is None else as_stated(hello)
-        self._gap: LinkMessage | None = None
+        self._outage = Outage()
+
+    @property
+    def trouble(self) -> str | None:
+        """Reason why nothing is recorded at the moment."""
+        return self._outage.trouble
 
     @property
     def parts(self) -> int:
@@ -140,7 +158,7 @@ class RecordSink(Sink):
         """Record a gap, and forget the device's HELLO, since a newer HELLO may be among the dropped items."""
         self._hello = None
         if self._part is not None:
-            self._part.add_gap(LinkMessage("gap", kind=OVERFLOW, items=count), self._log_ns)
+            self._part.add_gap(LinkMessage("gap", kind=OVERFLOW, items=count), self._clock.log_ns)
 
     def close(self) -> None:
         """Finish the present file."""
@@ -149,12 +167,12 @@ class RecordSink(Sink):
     def _on_reads(self, reads: Reads) -> None:
         self._come(int(reads.host_ns[0]), int(reads.unix_offset_ns[0]))
         count = len(reads.end)
-        if self._part is None or self._offset_ns is None:
+        if self._part is None or self._clock.offset_ns is None:
             self._lose(count, len(reads.data), chunks=count)
         else:
-            self._part.add_reads(reads, self._offset_ns, self._sequence)
+            self._part.add_reads(reads, self._clock.offset_ns, self._sequence)
         self._sequence = (self._sequence + count) % WIRE_WRAP
-        self._now_ns = int(reads.host_ns[-1])
+        self._clock.now_ns = int(reads.host_ns[-1])
 
     def _on_link(self, item: Opened | Failed) -> None:
         self._come(item.host_ns, item.unix_offset_ns)
@@ -165,16 +183,16 @@ class RecordSink(Sink):
         if self._part is None:
             self._lose()
         else:
-            self._part.add_link(message, self._log_ns, item.host_ns + item.unix_offset_ns)
+            self._part.add_link(message, self._clock.log_ns, item.host_ns + item.unix_offset_ns)
 
     def _come(self, host_ns: int, unix_offset_ns: int) -> None:
         """Prepare to record data from the wire.
 
         Begin a new file if the present one is large or old enough, or if there is none.
         """
-        self._now_ns = host_ns
-        if self._offset_ns is None:
-            self._offset_ns = unix_offset_ns
+        self._clock.now_ns = host_ns
+        if self._clock.offset_ns is None:
+            self._clock.offset_ns = unix_offset_ns
         if self._part is not None and self._is_due(self._part):
             self._finish()
         if self._part is None:
@@ -183,12 +201,11 @@ class RecordSink(Sink):
     def _on_block(self, block: Block) -> None:
         rows = block.due_rows
         times = block.host_ns[rows.start : rows.stop : rows.step]
-        for name, wanted in self._of_blocks.items():
-            if lines := self._lines.of(block, wanted, rows):
-                if part := self._file():
-                    part.add_lines(name, times, lines)
-                else:
-                    self._lose(len(times))
+        for name, lines in self._channels.lines_of(block):
+            if part := self._file():
+                part.add_lines(name, times, lines)
+            else:
+                self._lose(len(times))
 
     def _on_record(self, record: AnyRecord) -> None:
         if isinstance(record, Hello):
@@ -197,7 +214,7 @@ class RecordSink(Sink):
                 self._part.note(self._hello)
         elif isinstance(record, Error) and record.kind in REFUSED:
             self._hello = None
-        name = self._topics.get(type(record))
+        name = self._channels.name_of(record)
         if name is None:
             return
         if part := self._file():
@@ -210,24 +227,18 @@ class RecordSink(Sink):
 
         If no data have arrived from the device yet, begin the first file.
         """
-        if self._offset_ns is None:
+        if self._clock.offset_ns is None:
             self._come(clock.host_ns(), clock.unix_offset_ns())
         return self._part
-
-    @property
-    def _log_ns(self) -> int:
-        """Unix time of the newest item, as it is written to the file [ns]."""
-        return self._now_ns + (self._offset_ns or 0)
 
     def _lose(self, items: int = 1, size_bytes: int = 0, chunks: int = 0) -> None:
         """Count items as lost, since they are written to no file."""
         self.lost += items
-        if self._gap is not None:
-            self._gap = longer(self._gap, items, size_bytes, chunks)
+        self._outage.count(items, size_bytes, chunks)
 
     def _is_due(self, part: OpenPart) -> bool:
         """Return whether this file is so large or so old that the next file has to begin."""
-        age_ns = self._now_ns - part.began_ns
+        age_ns = self._clock.now_ns - part.began_ns
         return (
             part.writer.size_bytes >= self._settings.rotate_mb * 1e6
             or age_ns >= self._settings.rotate_s * 1e9
@@ -238,19 +249,18 @@ class RecordSink(Sink):
 
         After a failure, try to begin the file only every few seconds, and only if the disk has enough room.
         """
-        now_ns = clock.host_ns()
-        if self._gap is not None and now_ns < self._retry_ns:
+        now_ns, outage = clock.host_ns(), self._outage
+        if outage.gap is not None and now_ns < outage.retry_ns:
             return
-        self._retry_ns = now_ns + RETRY_NS
-        assert self._offset_ns is not None
-        waited = self._gap is not None and self._gap.kind != DELETED
-        reserve_bytes = int(self._settings.resume_mb * 1e6) if waited else 0
+        outage.retry_ns = now_ns + RETRY_NS
+        assert self._clock.offset_ns is not None
+        reserve_bytes = int(self._settings.resume_mb * 1e6) if outage.is_of_disk else 0
         path, part = self._session.next_path, None
         try:
-            writer = self._session.begin(self._offset_ns, self._hello, reserve_bytes)
-            part = OpenPart(writer, self._hello, self._now_ns, now_ns)
-            if self._gap is not None:
-                part.add_gap(self._gap, self._log_ns)
+            writer = self._session.begin(self._clock.offset_ns, self._hello, reserve_bytes)
+            part = OpenPart(writer, self._hello, self._clock.now_ns, now_ns)
+            if outage.gap is not None:
+                part.add_gap(outage.gap, self._clock.log_ns)
                 part.flush(now_ns)
         except OSError as error:
             if part is not None:
@@ -258,10 +268,10 @@ class RecordSink(Sink):
             self._stop(error)
             return
         self._session.parts += 1
-        self._part, self.path, self.trouble = part, path, None
-        if self._gap is not None:
-            text = f"recording goes on in {path}; {self._gap.items} items before it were not recorded."
-            self._gap = None
+        self._part, self.path, outage.trouble = part, path, None
+        if outage.gap is not None:
+            text = f"recording goes on in {path}; {outage.gap.items} items before it were not recorded."
+            outage.gap = None
             self._report("record_resumed", text)
 
     def _finish(self) -> None:
@@ -289,13 +299,13 @@ class RecordSink(Sink):
             unflushed = part.unflushed
             part.writer.abandon()
             self._finished_bytes += part.writer.size_bytes
-        if self._gap is not None and self._gap.kind != DELETED:
+        if self._outage.is_of_disk:
             return
         kind, text = _explain(self._session.folder, error, self._settings.resume_mb)
         self.lost += unflushed.items
-        self._gap = msgspec.structs.replace(summed(unflushed, self._gap or NOTHING), kind=kind)
-        self._retry_ns = clock.host_ns() + RETRY_NS
-        self.trouble = text
+        self._outage.add(kind, unflushed)
+        self._outage.retry_ns = clock.host_ns() + RETRY_NS
+        self._outage.trouble = text
         self._report(kind, text)
 
     def _lose_file(self, part: OpenPart, error: Meddled) -> None:
@@ -318,10 +328,9 @@ class RecordSink(Sink):
         kind, text = told(part.writer.path, error, lost.items)
         self.lost += lost.items.items
         if kind == DELETED:
-            gap = summed(lost.items, lost.gaps)
-            self._gap = msgspec.structs.replace(summed(gap, self._gap or NOTHING), kind=kind)
-        self._retry_ns = 0
-        self.trouble = text
+            self._outage.add(kind, summed(lost.items, lost.gaps))
+        self._outage.retry_ns = 0
+        self._outage.trouble = text
         self._report(kind, text)
 
 

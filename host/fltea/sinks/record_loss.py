@@ -12,6 +12,39 @@ from fltea.recording.session import LINK_CHANNEL, WIRE_CHANNEL, LinkMessage
 from fltea.records.errors import UsageError
 from fltea.sinks.record_session import NOTHING, OpenPart, longer, summed
 
+DELETED = "record_deleted"
+"""Kind of the `error` record that says that another program has deleted the file. After such a loss, the next
+file begins at once.
+"""
+
+
+class Outage:
+    """What is not recorded at the moment, and why.
+
+    `gap`: counts of the items that were not recorded; None while a file is written. `trouble`: reason why
+    nothing is recorded, or why something was lost last; None while a file is written. `retry_ns`: time by the
+    host's clock before which no new file is tried [ns].
+    """
+
+    def __init__(self) -> None:
+        self.gap: LinkMessage | None = None
+        self.trouble: str | None = None
+        self.retry_ns = 0
+
+    @property
+    def is_of_disk(self) -> bool:
+        """Whether the disk is full or failed, and not only a file was deleted."""
+        return self.gap is not None and self.gap.kind != DELETED
+
+    def count(self, items: int, size_bytes: int, chunks: int) -> None:
+        """Count items that were not recorded."""
+        if self.gap is not None:
+            self.gap = longer(self.gap, items, size_bytes, chunks)
+
+    def add(self, kind: str, lost: LinkMessage) -> None:
+        """Begin or continue the gap, in which `lost` was lost for a reason of this kind."""
+        self.gap = msgspec.structs.replace(summed(lost, self.gap or NOTHING), kind=kind)
+
 
 class Held(NamedTuple):
     """Counts of what a file contains.
@@ -46,7 +79,7 @@ def told(path: Path, error: Meddled, lost: LinkMessage) -> tuple[str, str]:
             f"{path} was moved away{to} while it was written. It is finished there; the recording goes on in "
             "a new file."
         )
-    return "record_deleted", (
+    return DELETED, (
         f"{path} was {error.what} by another program while it was written: {lost.items} items of it, with "
         f"{lost.bytes} bytes of the wire, are lost. The recording goes on in a new file. Does a "
         "program delete old files to make room?"

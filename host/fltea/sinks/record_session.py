@@ -42,6 +42,23 @@ def summed(gap: LinkMessage, other: LinkMessage) -> LinkMessage:
     return longer(gap, other.items, other.bytes, other.chunks)
 
 
+class SourceClock:
+    """The source's clock, by which the items of a recording get their times.
+
+    `now_ns`: time of the newest item [ns]. `offset_ns`: offset from this clock to Unix time, as it was at the
+    first item [ns]; None before the first item.
+    """
+
+    def __init__(self) -> None:
+        self.now_ns = 0
+        self.offset_ns: int | None = None
+
+    @property
+    def log_ns(self) -> int:
+        """Unix time of the newest item, as it is written to the file [ns]."""
+        return self.now_ns + (self.offset_ns or 0)
+
+
 class OpenPart:
     """A file that is being written.
 
