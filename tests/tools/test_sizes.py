@@ -36,8 +36,6 @@ OPEN_CLASSES: dict[str, int] = {
     "host/fltea/recording/sheet.py: SheetHead": 14,
     "host/fltea/recording/text_layout.py: LayoutFinder": 18,
     "host/fltea/recording/text_rows.py: TextReader": 18,
-    "host/fltea/sources/i2c/fifo_reader.py: FifoReader": 16,
-    "host/fltea/sources/i2c/source.py: I2cSource": 20,
     "host/fltea/sources/iio/source.py: IioSource": 14,
     "host/fltea/sources/mcap.py: McapRecording": 18,
     "host/fltea/sources/numbering.py: ByTime": 15,

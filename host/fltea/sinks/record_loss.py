@@ -79,7 +79,7 @@ def told(path: Path, error: Meddled, lost: LinkMessage) -> tuple[str, str]:
             f"{path} was moved away{to} while it was written. It is finished there; the recording goes on in "
             "a new file."
         )
-    return DELETED, (
+    return "record_deleted", (
         f"{path} was {error.what} by another program while it was written: {lost.items} items of it, with "
         f"{lost.bytes} bytes of the wire, are lost. The recording goes on in a new file. Does a "
         "program delete old files to make room?"

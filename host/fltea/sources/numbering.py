@@ -121,17 +121,29 @@ class ByTime:
     """
 
     def __init__(self, where: str, column: TimeColumn) -> None:
-        self.rate_hz: float | None = None
         self.duplicates = self.unrated = 0
-        self.why_no_rate = self.uneven = ""
-        self._where, self._column, self._unit = where, column, column.unit
-        self._given_hz = column.rate_hz if column.is_given else None
+        self.why_no_rate = ""
+        self._where, self._column = where, column
         self._elapsed = Elapsed(column.unit)
         self._waiting: list[_Waiting] = []
         self._timing: Timing | None = None
         self._numbering: Numbering | None = None
         self._by_order: ByOrder | None = None
         self._begins = True
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Sampling rate; None until it is measured or the rate that the user gives is confirmed."""
+        return self._timing.rate_hz if self._timing is not None else None
+
+    @property
+    def uneven(self) -> str:
+        """Warning that the times are uneven, so that samples are numbered by their order; empty if even."""
+        return self._timing.warning if self._timing is not None else ""
+
+    @property
+    def _given_hz(self) -> float | None:
+        return self._column.rate_hz if self._column.is_given else None
 
     def begin(self) -> None:
         """Note that the connection to the sender was lost.
@@ -162,8 +174,8 @@ class ByTime:
     def _is_enough(self, host_ns: int) -> bool:
         first = self._waiting[0]
         count = sum(len(one.elapsed) for one in self._waiting)
-        heard_s = float(self._waiting[-1].elapsed[-1] - first.elapsed[0]) * SECONDS[self._unit or "s"]
-        if self._given_hz is not None and self._unit is None:
+        heard_s = float(self._waiting[-1].elapsed[-1] - first.elapsed[0]) * SECONDS[self._column.unit or "s"]
+        if self._given_hz is not None and self._column.unit is None:
             heard_s = count / self._given_hz
         long = heard_s >= RATE_S or host_ns - first.host_ns >= PATIENCE_NS
         return count >= MOST or (count >= FEWEST and long)
@@ -180,9 +192,9 @@ class ByTime:
         except UsageError as error:
             self.unrated += sum(len(one.elapsed) for one in waiting)
             self.why_no_rate = str(error)
-            self._elapsed = Elapsed(self._unit)
+            self._elapsed = Elapsed(self._column.unit)
             return
-        self._timing, self.rate_hz, self.uneven = found, found.rate_hz, found.warning
+        self._timing = found
         if found.period is None:
             self._by_order = ByOrder(found.rate_hz)
             for one in waiting:

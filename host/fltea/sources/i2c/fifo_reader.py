@@ -47,31 +47,82 @@ def _not_of_empty_fifo(row: Row) -> bool:
     return len(set(row)) > 1 or row[0] & 0xFF != row[0] >> 8 & 0xFF
 
 
+class NominalTime:
+    """Gives samples their device time, at the sensor's nominal rate, by their numbers."""
+
+    def __init__(self, rate_hz: float) -> None:
+        self._origin = (0, 0.0)
+        self._period_us = 1e6 / rate_hz
+
+    def begin(self, number: int, rate_hz: float) -> None:
+        """Go on at another nominal rate after the sample with this number."""
+        self._origin = (number, self.us(number))
+        self._period_us = 1e6 / rate_hz
+
+    def us(self, number: int) -> float:
+        """Return the device time of a sample [us]."""
+        first, first_us = self._origin
+        return first_us + (number - first) * self._period_us
+
+
+class Repeats:
+    """Counts how many samples in succession are equal."""
+
+    def __init__(self) -> None:
+        self._last: Row = ()
+        self._equal = 0
+
+    def add(self, row: Row) -> int:
+        """Return how many samples until this one are equal to it, with itself."""
+        self._equal = self._equal + 1 if row == self._last else 1
+        self._last = row
+        return self._equal
+
+
+class Restarts:
+    """Restarts of the FIFO, which empty it.
+
+    `counts`: number of restarts, by cause. `is_due`: whether the next poll has to restart the FIFO. `cause`:
+    cause of the last restart, or of the one that is due; empty if the sensor was just set up. `last_ns`: time
+    of the last restart [ns].
+    """
+
+    def __init__(self) -> None:
+        self.counts: Counter[str] = Counter()
+        self.is_due = False
+        self.cause = ""
+        self.last_ns = 0
+
+    def demand(self, cause: str) -> None:
+        """Let the next poll restart the FIFO."""
+        self.cause, self.is_due = cause, True
+
+    def note(self, cause: str, now_ns: int) -> None:
+        """Note that the FIFO was restarted."""
+        self.is_due, self.cause, self.last_ns = False, cause, now_ns
+        if cause:
+            self.counts[cause] += 1
+
+
 class FifoReader:
     """Reads one sensor that `driver` has set up.
 
     `now_ns`: function that reads the host's clock [ns]. `samples`: number of samples that were passed on.
-    `overruns`: number of samples that were lost or are not valid. `restarts`: for each reason to restart the
-    FIFO, how often this was done.
-    `losses`: losses that have not been reported yet.
+    `overruns`: number of sampling instants whose samples were lost or are not valid. `losses`: losses that
+    have not been reported yet.
     """
 
     def __init__(self, driver: Driver, now_ns: Callable[[], int]) -> None:
         self.samples = self.overruns = 0
-        self.restarts: Counter[str] = Counter()
+        self.restarts = Restarts()
         self.losses: list[Loss] = []
         self._driver = driver
         self._now_ns = now_ns
         self._clock = FifoClock(driver.chip.rate_hz, driver.chip.clock_error)
-        self._cause = ""
-        self._restart_due = False
-        self._restarted_ns = 0
         self._empty_ns: int | None = None
-        self._last: Row = ()
-        self._equal = 0
+        self._repeats = Repeats()
         self._latest_ns = 0
-        self._origin = (0, 0.0)
-        self._period_us = 1e6 / driver.chip.rate_hz
+        self._time = NominalTime(driver.chip.rate_hz)
 
     @property
     def hurry(self) -> bool:
@@ -80,17 +131,15 @@ class FifoReader:
         After a loss, the arrival time of the first sample shows how many were lost, so it has to be measured
         exactly.
         """
-        return self._restart_due or self._empty_ns is not None
+        return self.restarts.is_due or self._empty_ns is not None
 
     def begin(self) -> None:
         """Start to read a sensor that was just set up, and whose FIFO is being filled."""
         chip = self._driver.chip
-        last = max(0, self._clock.next - 1)
         # the device time continues, at the nominal rate of the chip that is read now
-        self._origin = (last, self._device_us(last))
-        self._period_us = 1e6 / chip.rate_hz
+        self._time.begin(max(0, self._clock.next - 1), chip.rate_hz)
         self._clock.begin(chip.rate_hz, chip.clock_error)
-        self._last, self._equal = (), 0
+        self._repeats = Repeats()
         self._restarted("")
 
     def poll(self) -> list[RawSample]:
@@ -101,8 +150,9 @@ class FifoReader:
             TransferFailed: a transfer failed because the bus is disturbed.
         """
         driver = self._driver
-        if self._restart_due:
-            self._restart()
+        if self.restarts.is_due:
+            driver.restart_fifo()
+            self._restarted(self.restarts.cause)
             return []
         level, doubt = self._level()
         waiting = self._whole_samples(level, doubt)
@@ -118,15 +168,15 @@ class FifoReader:
         # these samples count as lost until the check below has shown that the sensor still has its settings
         self.overruns += len(rows)
         if cause := doubt or cut_off:
-            self._cause, self._restart_due = cause, True
+            self.restarts.demand(cause)
         else:
             self._watch_overflow(level, waiting)
         driver.check_settings()
         samples = [self._sample(row, *number, flags) for row, number in zip(rows, numbers, strict=True)]
         self.overruns -= len(rows)
         self.samples += len(rows)
-        if self._empty_ns is not None and not self._restart_due:
-            if level.after_ns - self._restarted_ns > SILENT_NS:
+        if self._empty_ns is not None and not self.restarts.is_due:
+            if level.after_ns - self.restarts.last_ns > SILENT_NS:
                 raise SensorFault(FaultCode.SENSOR_FROZEN, 0)
             self._empty_ns = level.before_ns
         return samples
@@ -184,8 +234,8 @@ class FifoReader:
         missing, doubt = self._clock.resume(waiting, empty_ns, seen_ns)
         self.overruns += missing
         self._empty_ns = None
-        if self._cause:
-            self.losses.append(Loss(self._cause, missing, doubt))
+        if self.restarts.cause:
+            self.losses.append(Loss(self.restarts.cause, missing, doubt))
 
     def _watch_overflow(self, level: Level, read: int) -> None:
         """Let the next poll restart the FIFO if it overflowed after `level` was read.
@@ -196,15 +246,14 @@ class FifoReader:
         room = chip.fifo_bytes // chip.sample.size - read
         room_ns = room / chip.rate_hz * 1e9 * (1 - max(0.1, 2 * chip.clock_error))
         if self._now_ns() - level.before_ns > room_ns:
-            self._cause, self._restart_due = "overflow", True
-            self._restart_due = self._driver.level().overflowed
+            self.restarts.demand("overflow")
+            self.restarts.is_due = self._driver.level().overflowed
 
     def _sample(self, row: Row, number: int, arrived_ns: int, flags: SampleFlags) -> RawSample:
-        self._equal = self._equal + 1 if row == self._last else 1
-        self._last = row
-        if self._equal == MOST_EQUAL:
-            raise SensorFault(FaultCode.SENSOR_FROZEN, self._equal)
-        if self._equal > 1:
+        equal = self._repeats.add(row)
+        if equal == MOST_EQUAL:
+            raise SensorFault(FaultCode.SENSOR_FROZEN, equal)
+        if equal > 1:
             flags |= SampleFlags.REPEATED
         accel, temperature, gyro = self._driver.counts(row)
         if any(count in INT16_ENDS for count in gyro):
@@ -212,21 +261,9 @@ class FifoReader:
         # `arrived_ns` is an estimate. The maximum is taken so that no sample seems to arrive before the
         # sample that precedes it.
         self._latest_ns = max(self._latest_ns, arrived_ns)
-        sequence, device_us = number % SEQUENCE_WRAP, round(self._device_us(number)) % TIME_WRAP_US
+        sequence, device_us = number % SEQUENCE_WRAP, round(self._time.us(number)) % TIME_WRAP_US
         return RawSample(sequence, device_us, self._latest_ns, gyro, accel, temperature, int(flags))
 
-    def _device_us(self, number: int) -> float:
-        """Return the nominal device time of a sample [us], from its number and the nominal period."""
-        first, first_us = self._origin
-        return first_us + (number - first) * self._period_us
-
-    def _restart(self) -> None:
-        self._driver.restart_fifo()
-        self._restarted(self._cause)
-
     def _restarted(self, cause: str) -> None:
-        self._restart_due = False
-        self._cause = cause
-        self._empty_ns = self._restarted_ns = self._now_ns()
-        if cause:
-            self.restarts[cause] += 1
+        self._empty_ns = now_ns = self._now_ns()
+        self.restarts.note(cause, now_ns)

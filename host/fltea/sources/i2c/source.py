@@ -29,7 +29,7 @@ from fltea.sources.i2c.bus import Bus, explain_open_failure
 from fltea.sources.i2c.chip import Chip
 from fltea.sources.i2c.chips import ADDRESSES, CHIPS
 from fltea.sources.i2c.driver import TRIES, Driver, SensorFault, TransferFailed
-from fltea.sources.i2c.fifo_reader import FifoReader
+from fltea.sources.i2c.fifo_reader import FifoReader, Loss
 from fltea.sources.i2c.texts import bus_lost_text, fault_text, loss_text
 from fltea.wire.layout import FaultCode
 from fltea.wire.sensors import NO_SENSOR, relative_text, sensor_name
@@ -113,6 +113,121 @@ def device_id(path: str, address: int) -> str:
     return hashlib.sha256(f"fltea i2c {machine} {path} {address}".encode()).hexdigest()[:32]
 
 
+class Pauses:
+    """Waits between two uses of the bus, and yields ticks and statuses meanwhile.
+
+    `status`: function that returns the present status. `closed`: whether to end the iteration of events.
+    """
+
+    def __init__(self, host: SystemClock, status: Callable[[], DeviceStatus]) -> None:
+        self.closed = False
+        self._host, self._status = host, status
+        self._random = random.Random(0)
+        self._tick_ns = self._status_ns = 0
+
+    def came(self, host_ns: int) -> None:
+        """Note that samples came, so that no tick is needed for a while."""
+        self._tick_ns = host_ns + TICK_NS
+
+    def poll(self) -> Iterator[Event]:
+        """Wait until the sensor is to be read again."""
+        return self.wait(self._random.uniform(*POLL_S))
+
+    def wait(self, seconds: float) -> Iterator[Event]:
+        """Wait.
+
+        The method sleeps only for short times, so that it soon notices if another thread sets `closed`.
+        """
+        end_ns = self._host.host_ns() + round(seconds * 1e9)
+        while True:
+            if self.closed:
+                raise _Closed
+            now_ns = self._host.host_ns()
+            if now_ns >= self._tick_ns:
+                self._tick_ns = now_ns + TICK_NS
+                yield Tick(now_ns)
+            if now_ns >= self._status_ns:
+                self._status_ns = now_ns + STATUS_NS
+                yield self._status()
+            if now_ns >= end_ns:
+                return
+            self._host.sleep(min(SLICE_S, (end_ns - now_ns) * 1e-9))
+
+
+class Identity:
+    """What a HELLO says of the source and its sensor.
+
+    `starts`: how often the sensor was set up. `who_am_i`: the register that names the sensor's kind.
+    """
+
+    def __init__(self, url: str, place: Place) -> None:
+        self._url = url
+        self._boot_id = int.from_bytes(os.urandom(4), "big")
+        self._device_id = device_id(place.path, place.address)
+        self.starts = 0
+        self.who_am_i = NO_SENSOR
+
+    def hello(self, chip: Chip, host_ns: int) -> Hello:
+        """Return the HELLO of a sensor that was just set up."""
+        return Hello(
+            source=self._url,
+            host_ns=host_ns,
+            rate_hz=chip.rate_hz,
+            sampling_mode="fifo",
+            boot_id=self._boot_id,
+            device_id=self._device_id,
+            firmware_version=f"fltea {__version__} i2c",
+            who_am_i=self.who_am_i,
+            sensor=sensor_name(self.who_am_i),
+            sensor_starts=(self.starts - 1) % 65535 + 1,
+            gyro_range_dps=chip.gyro_range_dps,
+            gyro_lsb_per_dps=chip.gyro_lsb_per_dps,
+            accel_range_g=chip.accel_range_g,
+            accel_lsb_per_g=chip.accel_lsb_per_g,
+            gyro_dlpf_hz=chip.gyro_dlpf_hz,
+        )
+
+
+class Troubles:
+    """Makes the troubles of one sensor, and leaves out those that were reported in the last minute."""
+
+    def __init__(self, url: str, place: Place, host: SystemClock) -> None:
+        self._url, self._place, self._host = url, place, host
+        self._reported = OnceAMinute()
+        self._reported_relative = NO_SENSOR
+
+    def forget(self) -> None:
+        """Make every topic reportable again."""
+        self._reported.forget()
+
+    def relative(self, who_am_i: int) -> Iterator[Trouble]:
+        """Report once that a sensor is only a relative of a known one."""
+        text = relative_text(who_am_i)
+        if text is not None and who_am_i != self._reported_relative:
+            self._reported_relative = who_am_i
+            yield Trouble("sensor_relative", f"{self._url}: {text}", self._host.host_ns(), fatal=False)
+
+    def losses(self, losses: list[Loss], fifo_s: float) -> Iterator[Trouble]:
+        """Report the losses of samples, and remove them from the list."""
+        for cause, missing, doubt in losses:
+            kind, text = loss_text(cause, missing, doubt, fifo_s)
+            topic = f"{cause} ±" if doubt else cause
+            yield from self.report(kind, topic, f"{self._url}: {text}", fatal=False)
+        losses.clear()
+
+    def fault(self, code: FaultCode, detail: int, *, fatal: bool = False) -> Iterator[Trouble]:
+        """Report a fault of the sensor or of its bus."""
+        name = code.name.lower()
+        text = f"{self._url}: {name}: {fault_text(code, detail, self._place.path, self._place.address)}"
+        yield from self.report("device_fault", name, text, fatal=fatal)
+
+    def report(self, kind: str, topic: str, text: str, *, fatal: bool = True) -> Iterator[Trouble]:
+        """Report a trouble, unless its topic was already reported in the last minute."""
+        now_ns = self._host.host_ns()
+        if self._reported.is_due(topic, now_ns):
+            yield Trouble(kind, text, now_ns, fatal)
+
+
 class I2cSource:
     """Reads the samples of one sensor. Every failure becomes a `Trouble`, and reading is tried again.
 
@@ -130,20 +245,17 @@ class I2cSource:
         open_bus: Callable[[str, int], Bus] | None = None,
         host: SystemClock | None = None,
     ) -> None:
-        self.path, self.address, chip = parse_url(rest)
-        self.url = f"i2c:{self.path}?addr=0x{self.address:02X}"
+        self._place = place = parse_url(rest)
+        self.url = f"i2c:{place.path}?addr=0x{place.address:02X}"
         self._open_bus = open_bus or i2c_bus.open_bus
         self._host = host or SystemClock()
-        self._driver = Driver(self.address, self._host.host_ns, chip)
+        self._driver = Driver(place.address, self._host.host_ns, place.chip)
         self._reader = FifoReader(self._driver, self._host.host_ns)
-        self._random = random.Random(0)
-        self._boot_id = int.from_bytes(os.urandom(4), "big")
-        self._device_id = device_id(self.path, self.address)
-        self._closed = self._unanswered = False
-        self._openings = self._starts = 0
-        self._who_am_i = self._reported_relative = NO_SENSOR
-        self._reported = OnceAMinute()
-        self._tick_ns = self._status_ns = 0
+        self._identity = Identity(self.url, place)
+        self._pauses = Pauses(self._host, self._status)
+        self._troubles = Troubles(self.url, place, self._host)
+        self._unanswered = False
+        self._openings = 0
         self.unix_offset_ns = self._host.unix_offset_ns()
 
     def events(self) -> Iterator[Event]:
@@ -157,10 +269,10 @@ class I2cSource:
         failures = 0
         try:
             while True:
-                starts = self._starts
+                starts = self._identity.starts
                 yield from self._use_bus()
-                failures = 0 if self._starts > starts else failures + 1
-                yield from self._wait(BACKOFF_S[min(failures, len(BACKOFF_S) - 1)])
+                failures = 0 if self._identity.starts > starts else failures + 1
+                yield from self._pauses.wait(BACKOFF_S[min(failures, len(BACKOFF_S) - 1)])
         except _Closed:
             return
 
@@ -173,21 +285,21 @@ class I2cSource:
         return LinkStats(
             bytes=self._reader.samples * self._driver.chip.sample.size,
             frames=self._reader.samples,
-            bad_frames=dict(self._reader.restarts),
+            bad_frames=dict(self._reader.restarts.counts),
             reconnects=max(0, self._openings - 1),
         )
 
     def close(self) -> None:
         """Let the iteration of `events` end, which also releases the bus."""
-        self._closed = True
+        self._pauses.closed = True
 
     def _use_bus(self) -> Iterator[Event]:
         """Open the bus, and read the sensor until the bus is lost."""
         try:
-            bus = self._open_bus(self.path, self.address)
+            bus = self._open_bus(self._place.path, self._place.address)
         except OSError as error:
-            kind, text = explain_open_failure(self.path, self.address, error)
-            yield from self._report(kind, kind, text)
+            kind, text = explain_open_failure(self._place.path, self._place.address, error)
+            yield from self._troubles.report(kind, kind, text)
             return
         self._driver.bus = bus
         self._openings += 1
@@ -197,7 +309,7 @@ class I2cSource:
                     yield from self._read()
         except OSError as error:
             yield LinkDown(self._host.host_ns())
-            yield from self._report("unplugged", "unplugged", bus_lost_text(self.path, error))
+            yield from self._troubles.report("unplugged", "unplugged", bus_lost_text(self._place.path, error))
         finally:
             bus.close()
 
@@ -205,138 +317,70 @@ class I2cSource:
         """Find the sensor and set it up. Return whether the sensor now takes samples."""
         driver = self._driver
         try:
-            self._who_am_i = driver.identify()
+            self._identity.who_am_i = driver.identify()
         except SensorFault as fault:
-            yield from self._report_fault(fault.code, fault.detail, fatal=True)
-            yield from self._wait(SET_UP_S)
+            yield from self._troubles.fault(fault.code, fault.detail, fatal=True)
+            yield from self._pauses.wait(SET_UP_S)
             return False
         except TransferFailed as failed:
             code = FaultCode.BUS_HELD if failed.acknowledged else FaultCode.SENSOR_MISSING
             # a missing sensor is reported only at the second attempt, since it may start later than this
             # computer
             if self._unanswered:
-                yield from self._report_fault(code, self.address, fatal=True)
+                yield from self._troubles.fault(code, self._place.address, fatal=True)
             self._unanswered = True
-            yield from self._wait(PROBE_S)
+            yield from self._pauses.wait(PROBE_S)
             return False
         self._unanswered = False
         try:
-            driver.start_reset(self._who_am_i)
-            yield from self._wait(driver.chip.reset_s)
+            driver.start_reset(self._identity.who_am_i)
+            yield from self._pauses.wait(driver.chip.reset_s)
             driver.configure()
-            yield from self._wait(driver.chip.settle_s)
+            yield from self._pauses.wait(driver.chip.settle_s)
             driver.restart_fifo()
         except SensorFault as fault:
-            yield from self._report_fault(fault.code, fault.detail)
+            yield from self._troubles.fault(fault.code, fault.detail)
         except TransferFailed:
-            yield from self._report_fault(FaultCode.SENSOR_LOST, TRIES)
+            yield from self._troubles.fault(FaultCode.SENSOR_LOST, TRIES)
         else:
             return True
-        yield from self._wait(SET_UP_S)
+        yield from self._pauses.wait(SET_UP_S)
         return False
 
     def _read(self) -> Iterator[Event]:
         """Read the sensor until it has to be set up again."""
-        self._starts += 1
-        self._reported.forget()
+        self._identity.starts += 1
+        self._troubles.forget()
         self._reader.begin()
-        yield self._hello()
-        yield from self._report_relative()
+        yield self._identity.hello(self._driver.chip, self._host.host_ns())
+        yield from self._troubles.relative(self._identity.who_am_i)
         failing = 0
         while True:
             hurry = self._reader.hurry and not failing
-            yield from self._wait(FRESH_POLL_S if hurry else self._random.uniform(*POLL_S))
+            yield from self._pauses.wait(FRESH_POLL_S) if hurry else self._pauses.poll()
             try:
                 samples = self._reader.poll()
                 failing = 0
             except SensorFault as fault:
-                yield from self._report_fault(fault.code, fault.detail)
+                yield from self._troubles.fault(fault.code, fault.detail)
                 return
             except TransferFailed:
                 failing += 1
                 if failing == lost_polls(self._driver.chip):
-                    yield from self._report_fault(FaultCode.SENSOR_LOST, TRIES * failing)
+                    yield from self._troubles.fault(FaultCode.SENSOR_LOST, TRIES * failing)
                     return
             else:
                 if samples:
-                    self._tick_ns = samples[-1].host_ns + TICK_NS
+                    self._pauses.came(samples[-1].host_ns)
                     yield block_of(samples)
-            yield from self._report_losses()
-
-    def _hello(self) -> Hello:
-        chip = self._driver.chip
-        return Hello(
-            source=self.url,
-            host_ns=self._host.host_ns(),
-            rate_hz=chip.rate_hz,
-            sampling_mode="fifo",
-            boot_id=self._boot_id,
-            device_id=self._device_id,
-            firmware_version=f"fltea {__version__} i2c",
-            who_am_i=self._who_am_i,
-            sensor=sensor_name(self._who_am_i),
-            sensor_starts=(self._starts - 1) % 65535 + 1,
-            gyro_range_dps=chip.gyro_range_dps,
-            gyro_lsb_per_dps=chip.gyro_lsb_per_dps,
-            accel_range_g=chip.accel_range_g,
-            accel_lsb_per_g=chip.accel_lsb_per_g,
-            gyro_dlpf_hz=chip.gyro_dlpf_hz,
-        )
+            yield from self._troubles.losses(self._reader.losses, self._driver.chip.fifo_s)
 
     def _status(self) -> DeviceStatus:
         return DeviceStatus(
             i2c_errors=self._driver.i2c_errors,
             bus_recoveries=max(0, self._openings - 1),
-            sensor_reinits=max(0, self._starts - 1),
+            sensor_reinits=max(0, self._identity.starts - 1),
             overruns=self._reader.overruns,
             dropped_frames=0,
             reset_cause="software",
         )
-
-    def _report_relative(self) -> Iterator[Trouble]:
-        who = self._who_am_i
-        text = relative_text(who)
-        if text is not None and who != self._reported_relative:
-            self._reported_relative = who
-            yield Trouble("sensor_relative", f"{self.url}: {text}", self._host.host_ns(), fatal=False)
-
-    def _report_losses(self) -> Iterator[Trouble]:
-        for cause, missing, doubt in self._reader.losses:
-            kind, text = loss_text(cause, missing, doubt, self._driver.chip.fifo_s)
-            topic = f"{cause} ±" if doubt else cause
-            yield from self._report(kind, topic, f"{self.url}: {text}", fatal=False)
-        self._reader.losses.clear()
-
-    def _report_fault(self, code: FaultCode, detail: int, *, fatal: bool = False) -> Iterator[Trouble]:
-        name = code.name.lower()
-        text = f"{self.url}: {name}: {fault_text(code, detail, self.path, self.address)}"
-        yield from self._report("device_fault", name, text, fatal=fatal)
-
-    def _report(self, kind: str, topic: str, text: str, *, fatal: bool = True) -> Iterator[Trouble]:
-        """Report a trouble, unless its topic was already reported in the last minute.
-
-        A successful set-up of the sensor makes every topic reportable again.
-        """
-        now_ns = self._host.host_ns()
-        if self._reported.is_due(topic, now_ns):
-            yield Trouble(kind, text, now_ns, fatal)
-
-    def _wait(self, seconds: float) -> Iterator[Event]:
-        """Wait, and yield ticks and statuses meanwhile.
-
-        The method sleeps only for short times, so that it soon notices if another thread calls `close`.
-        """
-        end_ns = self._host.host_ns() + round(seconds * 1e9)
-        while True:
-            if self._closed:
-                raise _Closed
-            now_ns = self._host.host_ns()
-            if now_ns >= self._tick_ns:
-                self._tick_ns = now_ns + TICK_NS
-                yield Tick(now_ns)
-            if now_ns >= self._status_ns:
-                self._status_ns = now_ns + STATUS_NS
-                yield self._status()
-            if now_ns >= end_ns:
-                return
-            self._host.sleep(min(SLICE_S, (end_ns - now_ns) * 1e-9))

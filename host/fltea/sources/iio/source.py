@@ -77,6 +77,27 @@ def parse_url(rest: str) -> Place:
     return Place(what, Wishes(rate_hz, trigger), mount)
 
 
+class Counts:
+    """Counts of one source since its beginning.
+
+    `openings`: how often the device was opened. `duplicates`, `unrated`: samples that were left out, see
+    `ByTime`.
+    """
+
+    def __init__(self) -> None:
+        self.bytes = self.samples = self.openings = self.duplicates = self.unrated = 0
+
+    def link_stats(self) -> LinkStats:
+        """Return the counts of the connection, in which samples count as frames."""
+        counts = {"duplicate_time": self.duplicates, "no_rate": self.unrated}
+        return LinkStats(
+            bytes=self.bytes,
+            frames=self.samples,
+            bad_frames={reason: n for reason, n in counts.items() if n},
+            reconnects=max(0, self.openings - 1),
+        )
+
+
 class IioSource:
     """Reads the samples of one device. Each failure becomes a `Trouble`, and then the device is opened again.
 
@@ -97,14 +118,14 @@ class IioSource:
         self._closed_read, self._closed_write = os.pipe()
         self._closed = False
         self._reported = OnceAMinute()
-        self._bytes = self._samples = self._openings = self._duplicates = self._unrated = 0
+        self._counts = Counts()
         self.unix_offset_ns = clock.unix_offset_ns()
 
     def events(self) -> Iterator[Event]:
         """Yield the device's events until `close`."""
         failures = 0
         while not self._closed:
-            before = self._samples
+            before = self._counts.samples
             try:
                 for event in self._use():
                     self.unix_offset_ns = clock.unix_offset_ns()
@@ -118,7 +139,7 @@ class IioSource:
                     f"the device was lost ({error.strerror}): it was unplugged, its driver was unloaded, or "
                     "somebody switched its buffer off. It is opened again.",
                 )
-            failures = 0 if self._samples > before else failures + 1
+            failures = 0 if self._counts.samples > before else failures + 1
             yield from self._pause(BACKOFF_S[min(failures, len(BACKOFF_S) - 1)])
 
     def link_stats(self) -> LinkStats:
@@ -126,13 +147,7 @@ class IioSource:
 
         Samples that were lost are not counted here, since gaps in the samples' numbers show them.
         """
-        counts = {"duplicate_time": self._duplicates, "no_rate": self._unrated}
-        return LinkStats(
-            bytes=self._bytes,
-            frames=self._samples,
-            bad_frames={reason: n for reason, n in counts.items() if n},
-            reconnects=max(0, self._openings - 1),
-        )
+        return self._counts.link_stats()
 
     def close(self) -> None:
         """Let the iteration of `events` end, which also restores the device's settings."""
@@ -155,7 +170,7 @@ class IioSource:
                 for kind in channels
                 if channels[kind]
             }
-            self._openings += 1
+            self._counts.openings += 1
             yield from self._read(_Reader(device, self._root, buffer, channels, convert), buffer)
         finally:
             buffer.close()
@@ -184,7 +199,7 @@ class IioSource:
         ready.register(buffer.fd, select.POLLIN)
         ready.register(self._closed_read, select.POLLIN)
         heard_ns, hello_due, rest = clock.host_ns(), True, b""
-        duplicates, unrated = self._duplicates, self._unrated
+        duplicates, unrated = self._counts.duplicates, self._counts.unrated
         while not self._closed:
             found = {fd for fd, _ in ready.poll(TICK_S * 1000)}
             now_ns = clock.host_ns()
@@ -203,7 +218,7 @@ class IioSource:
                     yield from self._report("silent", text)
                 continue
             heard_ns = now_ns
-            self._bytes += len(data)
+            self._counts.bytes += len(data)
             rest += data
             whole = len(rest) // buffer.layout.size * buffer.layout.size
             if not whole:
@@ -215,11 +230,11 @@ class IioSource:
                     hello_due = False
                     yield reader.hello(self.url, self._boot, now_ns)
                     yield from self._judge_rate(reader)
-                self._samples += len(piece.sequence)
+                self._counts.samples += len(piece.sequence)
                 yield reader.block(piece)
             rest = rest[whole:]
-            self._duplicates = duplicates + reader.numbers.duplicates
-            self._unrated = unrated + reader.numbers.unrated
+            self._counts.duplicates = duplicates + reader.numbers.duplicates
+            self._counts.unrated = unrated + reader.numbers.unrated
             if reader.numbers.unrated and reader.numbers.rate_hz is None:
                 yield from self._report("no_rate", "from the time stamps of its samples no rate can be told.")
 
