@@ -79,6 +79,25 @@ def test_what_a_killed_process_left_goes_with_the_next(temporary_folder: Path) -
     ]
 
 
+FORKED = """
+import os, signal
+from fltea.records.temporary import process_folder, work_folder
+folder, used = process_folder(), work_folder()
+used.__enter__()
+for end in (lambda: os.kill(os.getpid(), signal.SIGTERM), exit):
+    if not os.fork():
+        end()
+    os.wait()
+    print(folder.exists())
+"""
+
+
+def test_a_forked_process_leaves_the_folder_of_its_parent(temporary_folder: Path) -> None:
+    found = subprocess.run([sys.executable, "-c", FORKED], capture_output=True, text=True)
+    assert found.stdout.splitlines() == ["True", "True"], found
+    assert not [*temporary_folder.iterdir()]
+
+
 def test_a_file_without_a_name_also_cleans_up(temporary_folder: Path) -> None:
     end_by(signal.SIGKILL)
     temporary._remove_left_once.cache_clear()

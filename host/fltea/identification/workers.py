@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from fltea.records.errors import FlteaError
+from fltea.records.temporary import process_folder
 
 T = TypeVar("T")
 
@@ -24,6 +25,11 @@ SMALL = 6_000_000
 the processes save.
 
 Three axes at 100 Hz have this number of samples after 5 hours.
+"""
+
+LONGEST_FOLDER = 107 - len("/listener-abcdefgh")
+"""Longest path of the folder of the fork server's socket [bytes]. Linux allows 107 bytes for the path of a
+socket.
 """
 
 
@@ -131,6 +137,16 @@ def _safe_path() -> Iterator[None]:
         os.environ.update({} if before is None else {SAFE_PATH: before})
 
 
+def _keep_socket_in_our_folder() -> None:
+    """Keep the fork server's socket in a folder that the next run removes if this process is killed.
+
+    If the path would be too long for a socket, Python makes a folder of its own.
+    """
+    folder, config = process_folder(), multiprocessing.current_process()._config  # type: ignore[attr-defined]
+    if len(os.fsencode(folder)) <= LONGEST_FOLDER:
+        config.setdefault("tempdir", str(folder))
+
+
 class Processes(Workers):
     """Run tasks in processes on this machine.
 
@@ -142,6 +158,7 @@ class Processes(Workers):
         self._context = multiprocessing.get_context("forkserver")
         # The server process loads modules while this process reads a recording.
         self._context.set_forkserver_preload(["fltea.identification.run"])
+        _keep_socket_in_our_folder()
         # Ctrl-C reaches all processes of the terminal. It is ignored here, since it would end the server with
         # a traceback while it loads modules.
         ours = signal.signal(signal.SIGINT, signal.SIG_IGN)

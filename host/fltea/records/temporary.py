@@ -5,6 +5,7 @@ Files that other code must open by name are kept in a work folder, on which the 
 work folder has no lock, its process was killed, and the folder is removed.
 """
 
+import atexit
 import contextlib
 import errno
 import fcntl
@@ -120,7 +121,29 @@ def work_folder() -> Iterator[Path]:
     Raises:
         TemporaryFailed: the folder cannot be made.
     """
-    where = _temporary_folder()
+    with _new_folder() as made, _removed_by_signals(made):
+        yield made
+
+
+@functools.cache
+def process_folder() -> Path:
+    """Return a folder as `work_folder` yields it, which is kept until this process ends.
+
+    Signals remove this folder only while the process also uses `work_folder`.
+
+    Raises:
+        TemporaryFailed: the folder cannot be made.
+    """
+    kept = contextlib.ExitStack()
+    atexit.register(kept.close)
+    made = kept.enter_context(_new_folder())
+    _IN_USE.add(made)
+    return made
+
+
+@contextlib.contextmanager
+def _new_folder() -> Iterator[Path]:
+    where, owner = _temporary_folder(), os.getpid()
     try:
         _remove_left(where)
         made = Path(tempfile.mkdtemp(prefix=NEW_PREFIX, dir=where))
@@ -132,10 +155,10 @@ def work_folder() -> Iterator[Path]:
         with contextlib.suppress(OSError):
             fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
             made = made.rename(made.with_name(made.name.replace(NEW_PREFIX, PREFIX, 1)))
-        with _removed_by_signals(made):
-            yield made
+        yield made
     finally:
-        shutil.rmtree(made, ignore_errors=True)
+        if os.getpid() == owner:  # not in a process that was forked from this one
+            shutil.rmtree(made, ignore_errors=True)
         os.close(held)
 
 
@@ -149,9 +172,10 @@ def _temporary_folder() -> Path:
 @contextlib.contextmanager
 def _removed_by_signals(folder: Path) -> Iterator[None]:
     """Make SIGTERM and SIGHUP remove the work folders first, unless the program handles these signals."""
+    owner = os.getpid()
 
     def end(number: int, _: object) -> None:
-        for used in tuple(_IN_USE):
+        for used in tuple(_IN_USE) if os.getpid() == owner else ():
             shutil.rmtree(used, ignore_errors=True)
         signal.signal(number, signal.SIG_DFL)
         os.kill(os.getpid(), number)
