@@ -184,6 +184,25 @@ def test_files_that_are_no_history(tmp_path: Path) -> None:
         assert before == (path.read_bytes() if path.exists() else None)
 
 
+def test_a_history_that_is_a_link_or_a_pipe_is_refused(tmp_path: Path) -> None:
+    """SQLite would create or fill the file to which a link leads."""
+    opened(tmp_path / "mine", 1.0).close()
+    (tmp_path / "empty").touch()
+    before = {name: (tmp_path / name).read_bytes() for name in ("mine", "empty")}
+    for name in ("mine", "empty", "none"):
+        (tmp_path / f"to {name}").symlink_to(name)
+        with pytest.raises(UsageError, match=r"used as a history .it is a link, and has to be a file"):
+            opened(tmp_path / f"to {name}", 1.0)
+    (tmp_path / "hard").hardlink_to(tmp_path / "empty")
+    with pytest.raises(UsageError, match="hard link to another file"):
+        opened(tmp_path / "hard", 1.0)
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(UsageError, match="it is a pipe or a device"):
+        opened(tmp_path / "pipe", 1.0)
+    assert before == {name: (tmp_path / name).read_bytes() for name in before}
+    assert sorted(os.listdir(tmp_path)) == ["empty", "hard", "mine", "pipe", "to empty", "to mine", "to none"]
+
+
 def test_export(tmp_path: Path) -> None:
     history = opened(tmp_path / "h.db", 0.0)
     for number in range(10):

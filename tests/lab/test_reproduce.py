@@ -1,6 +1,8 @@
 """Tests of the paper's experiments: the data, the errors, runs that diverge, and the rows of the tables."""
 
+import csv
 import json
+import os
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +12,8 @@ import pytest
 from fltea.estimator.engine import Estimates
 from fltea.lab.reproduce import gyroscope, paper, paper_tables, timing
 from fltea.lab.reproduce.figures import median_seed
+from fltea.lab.reproduce.report import Report
+from fltea.lab.reproduce.request import Request
 from fltea.lab.reproduce.runs import Options, Outcome, estimate, far_off, not_finite, outcomes
 from fltea.lab.reproduce.scenarios import SawTooth, Scenario, example, unknown_input
 from fltea.lab.reproduce.simulate import fractional_states, noises
@@ -364,3 +368,25 @@ def test_changes_with_the_length_are_those_of_each_seed() -> None:
 def test_percentiles_of_0_and_100_stand_for_none_and_all() -> None:
     texts = [paper_tables.percent_text(share) for share in (0.0, 1e-4, 0.3, 41.88, 99.96, 100.0)]
     assert texts == ["0", "0.01", "0.3", "41.9", "99.9", "100"]
+
+
+def test_tables_of_seeds_do_not_follow_links_or_wait_for_pipes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A link is replaced, and the file to which it leads stays as it was. A pipe is left alone."""
+    made = dict.fromkeys((4000, 2000), make_outcome([False, False]))
+    monkeypatch.setattr("fltea.lab.reproduce.report.outcomes", lambda *_: made)
+    (tmp_path / "other").write_text("mine")
+    path = tmp_path / "table-04.csv"
+    path.symlink_to("other")
+    Report(Request(("4",), (), 2, out=tmp_path)).run()
+    assert (tmp_path / "other").read_text() == "mine"
+    with path.open() as file:
+        found = [(row["run"], row["L"], row["seed"]) for row in csv.DictReader(file)]
+    assert found == [(run, L, seed) for run in "32" for L in ("4000", "2000") for seed in "01"]
+    assert not path.is_symlink()
+    path.unlink()
+    os.mkfifo(path)
+    with pytest.raises(UsageError, match="something that is not a file"):
+        Report(Request(("4",), (), 2, out=tmp_path)).run()
+    assert path.is_fifo()

@@ -12,6 +12,7 @@ from types import ModuleType
 from typing import Any
 
 from fltea.records.errors import UsageError
+from fltea.records.own_file import open_own
 from fltea.records.secret import refuse_secret
 from fltea.settings.extras import load
 
@@ -62,7 +63,7 @@ class Sqlite:
     a full disk, the same command may succeed later.
 
     Raises:
-        UsageError: the file is not a database of fltea fleet, or cannot be written.
+        UsageError: the file is not a database of fltea fleet, cannot be written, or is a link or a pipe.
     """
 
     failures: type[Exception] = sqlite3.Error
@@ -72,6 +73,9 @@ class Sqlite:
         self.name = str(path or "in memory")
         self._is_file = path is not None
         try:
+            if path is not None:
+                # SQLite would follow a link, and would fill the file to which it leads
+                os.close(open_own(path, 0o644))
             self.connection = sqlite3.connect(
                 path or ":memory:", isolation_level=None, check_same_thread=False, timeout=5.0
             )
@@ -84,9 +88,10 @@ class Sqlite:
             self.connection.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
             self.connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
             self.connection.execute("COMMIT")
-        except sqlite3.Error as error:
+        except (sqlite3.Error, OSError) as error:
+            why = getattr(error, "strerror", None) or error
             raise UsageError(
-                f"{path}: cannot be used as a history ({error}). Is it a file of fltea fleet, in a folder "
+                f"{path}: cannot be used as a history ({why}). Is it a file of fltea fleet, in a folder "
                 "that may be written?"
             ) from error
 

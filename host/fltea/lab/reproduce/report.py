@@ -10,8 +10,8 @@ from fltea.lab.reproduce.paper_tables import Row
 from fltea.lab.reproduce.request import Request
 from fltea.lab.reproduce.runs import Outcome, estimate, outcomes
 from fltea.lab.reproduce.scenarios import Data, Scenario, example, unknown_input
-from fltea.records.errors import FlteaError, UsageError
-from fltea.records.whole_file import prepare_folder, whole_file
+from fltea.records.errors import UsageError
+from fltea.records.whole_file import prepare_folder, text_of, whole_file
 from fltea.settings.extras import need_matplotlib
 
 Progress = Callable[[str, int], None]
@@ -39,6 +39,7 @@ class Report:
             prepare_folder("--out", request.folder)
         self._scenarios = self._choose_scenarios()
         self._results: dict[str, Mapping[int, Outcome]] = {}
+        self._seeds: dict[Path, list[list[object]]] = {}
         self.files: list[Path] = []
 
     @property
@@ -132,19 +133,16 @@ class Report:
     def _write_seeds(self, path: Path, name: str, results: Mapping[int, Outcome]) -> None:
         """Write one row for each seed and length L to a CSV file.
 
-        The first scenario of a table creates the file; the rows of further scenarios are appended to it.
+        If the table has further scenarios, the file is then written again, with their rows, too.
         """
-        try:
-            with path.open("a" if path in self.files else "w", newline="", encoding="utf-8") as file:
-                lines = csv.writer(file)
-                if path not in self.files:
-                    lines.writerow(["run", "L", "seed", *Outcome._fields])
-                    self.files.append(path)
-                for length, outcome in results.items():
-                    for seed, numbers in enumerate(zip(*(a.tolist() for a in outcome), strict=True)):
-                        lines.writerow([name, length, seed, *numbers])
-        except OSError as error:
-            raise FlteaError(f"{path}: cannot be written ({error}).") from error
+        rows = self._seeds.setdefault(path, [["run", "L", "seed", *Outcome._fields]])
+        for length, outcome in results.items():
+            for seed, numbers in enumerate(zip(*(a.tolist() for a in outcome), strict=True)):
+                rows.append([name, length, seed, *numbers])
+        with whole_file(path) as file, text_of(file) as text:
+            csv.writer(text).writerows(rows)
+        if path not in self.files:
+            self.files.append(path)
 
     def _figure(self, figure: str) -> None:
         assert self.request.folder is not None
