@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import pytest
 from fltea.records.clock import host_ns
 from fltea.records.errors import FlteaError
-from fltea.records.events import Chunk, Event, Reads
+from fltea.records.events import Chunk, Event, Opened, Reads
 from fltea.service.hub import Hub
 from fltea.service.ingest import devices
 from fltea.service.ingest.inbox import Inbox
@@ -17,7 +17,7 @@ from tests.rig.host_support import closed
 
 
 class _Failing(FramesSource):
-    def take(self, item: Chunk | Reads | None) -> Iterator[Event]:
+    def take(self, item: Opened | Chunk | Reads | None) -> Iterator[Event]:
         if self.url.endswith("/bad") and isinstance(item, Chunk):
             raise FlteaError("no room")
         return super().take(item)
