@@ -276,11 +276,12 @@ def test_client_that_says_nothing_or_leaves_disturbs_nobody(
 
 
 def test_after_close_nobody_answers_and_the_port_is_free() -> None:
+    before = {*threading.enumerate()}
     sink = MetricsSink(MetricsConfig(address="0"), list, lambda kind, text: None)
     port = port_of(sink.url)
-    before = threading.active_count()
+    (own,) = {*threading.enumerate()} - before
     sink.close()
-    assert threading.active_count() == before - 1
+    assert not own.is_alive()
     again = MetricsSink(MetricsConfig(address=port), list, lambda kind, text: None)
     again.close()
     with pytest.raises(OSError, match="refused"):

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 import pytest
+from fltea.spectrum.last_refit import null_ratio
 from fltea.spectrum.likelihood_ratio import critical_values, p_value
 from fltea.spectrum.null_constants import ORDER_COEFFICIENTS, PROBABILITIES
 from fltea.spectrum.periodogram import periodogram
-from fltea.spectrum.spectral import null_ratio
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter

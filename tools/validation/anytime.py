@@ -18,9 +18,10 @@ import numpy as np
 from fltea.records.arrays import Array
 from fltea.spectrum.drift import FALSE_ALARM as FALSE_DRIFT
 from fltea.spectrum.evidence import ANYTIME_LEVEL, APART, LEVEL, Evidence
+from fltea.spectrum.last_refit import LastRefit
 from fltea.spectrum.live_axes import FEWEST_SAMPLES
 from fltea.spectrum.octaves import Octaves
-from fltea.spectrum.spectral import LastRefit, examine
+from fltea.spectrum.spectral import examine
 from fltea.spectrum.spectral_lines import FALSE_ALARM, find_peaks
 from fltea.spectrum.stationarity import find_change
 from fltea.spectrum.verdict import decide

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from fltea.identification.sums import octaves_of
 from fltea.records.arrays import Array
+from fltea.spectrum.last_refit import null_ratio
 from fltea.spectrum.likelihood_ratio import p_value
 from fltea.spectrum.periodogram import periodogram
-from fltea.spectrum.spectral import null_ratio
 from fltea.spectrum.spectral_lines import find_peaks
 
 from tools.validation.recursions import FractionalState

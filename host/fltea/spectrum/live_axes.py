@@ -22,9 +22,10 @@ from fltea.spectrum.angle_walk import angle_walk
 from fltea.spectrum.candidate_models import FittedModel
 from fltea.spectrum.evidence import ANYTIME_LEVEL, LEVEL
 from fltea.spectrum.how_long import seconds_more
+from fltea.spectrum.last_refit import LastRefit
 from fltea.spectrum.octaves import BandCells, Counts, Octaves
 from fltea.spectrum.periodogram import FEWEST, LOWEST, Periodogram, binned
-from fltea.spectrum.spectral import LastRefit, Spectral, examine
+from fltea.spectrum.spectral import Spectral, examine
 from fltea.spectrum.verdict import decide, winner
 
 POINTS = 150

@@ -9,7 +9,7 @@ A recording and a live sensor are examined in the same way, except for the signi
 
 from collections.abc import Callable, Iterable
 from functools import partial
-from typing import Any, NamedTuple, TypeVar, cast
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -17,23 +17,23 @@ import numpy as np
 from fltea.noise.filters import HighPass
 from fltea.noise.parts import Resonance
 from fltea.records.arrays import Array
-from fltea.spectrum.candidate_models import CandidateModels, native
+from fltea.spectrum.candidate_models import CandidateModels
 from fltea.spectrum.cubic_drift import Drift
 from fltea.spectrum.drift import drift_hz, slow_power
 from fltea.spectrum.evidence import APART, LEVEL, Evidence, apart
 from fltea.spectrum.high_pass import LEAKS_AT_MOST, end_leak
+from fltea.spectrum.last_refit import LastRefit
 from fltea.spectrum.likelihood_ratio import p_value
 from fltea.spectrum.median_filter import MedianFilter
 from fltea.spectrum.octave_comb import find_octave_comb
 from fltea.spectrum.octaves import BandCells
 from fltea.spectrum.ordinates import around
-from fltea.spectrum.periodogram import FEWEST, Periodogram, binned
+from fltea.spectrum.periodogram import FEWEST, Periodogram
 from fltea.spectrum.reading import read
 from fltea.spectrum.spectral_lines import Peak, find_peaks
 from fltea.spectrum.stationarity import Change, find_change
 
 Bands = tuple[tuple[float, float], ...]
-T = TypeVar("T")
 
 FALSE_PEAK = 0.01
 """Probability of finding a peak where there is none, at the significance level `LEVEL`. If it were smaller,
@@ -55,8 +55,6 @@ EXPLAINED = 1.5
 """A peak is discarded if its power is less than this many times the power that the rest of the model has in
 the same band.
 """
-GROWN = 1.1
-"""When the record has become longer by this factor, models, peaks and changes are searched for again."""
 
 
 class Band(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -78,59 +76,6 @@ class Spectral(msgspec.Struct, frozen=True):
     ordinates: int
     """The effective number of all ordinates."""
     band: Band
-
-
-class LastRefit:
-    """Results of the last refit of one axis.
-
-    The next refit begins at these results, until the record has grown by a tenth.
-    """
-
-    def __init__(self) -> None:
-        self._found: dict[str, tuple[Any, float]] = {}
-
-    def forget(self) -> None:
-        """Discard all results, so that the next refit searches from the beginning."""
-        self._found.clear()
-
-    def result(self, name: str, ordinates: float, compute: Callable[[], T]) -> T:
-        """Return the result for `name`, which is usually the last one.
-
-        If the record has grown by a tenth, call `compute` for a new result.
-        """
-        found, then = self._found.get(name, (None, 0.0))
-        if ordinates > GROWN * then:
-            found, then = self._found[name] = compute(), ordinates
-        return cast(T, found)
-
-    def candidates(self, name: str, p: Periodogram, samples: int) -> CandidateModels:
-        """Return the candidate models of these ordinates.
-
-        If the record has grown by a tenth, the models come from a new search. If not, the models of the last
-        refit are fitted again.
-        """
-        data = binned(p)
-        last, then = self._found.get(name, (None, 0.0))
-        if last is None or data.ordinates > GROWN * then:
-            last, then = None, data.ordinates
-        found = CandidateModels(data, p.h, samples, last)
-        self._found[name] = found.fits, then
-        return found
-
-    def null_test(self, name: str, p: Periodogram) -> tuple[float, float]:
-        """Return the null test's likelihood ratio on these ordinates, and its p-value."""
-        ratio = self.null_ratio(name, p)
-        return ratio, p_value(ratio, p.ordinates)
-
-    def null_ratio(self, name: str, p: Periodogram) -> float:
-        """Return the null test's likelihood ratio on these ordinates."""
-        data = binned(p)
-        last, then = self._found.get(name, ([], 0.0))
-        if data.ordinates > GROWN * then:
-            last, then = [], data.ordinates
-        of_order, of_high_pass, eta = native(data, p.h, p.n).null_test(last)
-        self._found[name] = eta, then
-        return max(of_order, of_high_pass, 0.0)
 
 
 def examine(
@@ -193,11 +138,6 @@ def examine(
     )
     band = clean.band(notch + seen.of_comb + seen.of_median)
     return Spectral(evidence, ratio, round(whole.ordinates), band)
-
-
-def null_ratio(p: Periodogram) -> float:
-    """Return the null test's likelihood ratio on these ordinates, with fits from all starting points."""
-    return LastRefit().null_ratio("", p)
 
 
 class _Seen(NamedTuple):
