@@ -118,8 +118,9 @@ def summarise(
         hello=tally.hello,
         files=len(files),
         size_bytes=sum(map(_size_bytes, files)),
-        whole=not (mcap and (mcap.torn or mcap.open or mcap.missing_before)) and not (cut or unread),
-        breaks=mcap.breaks if mcap else 0,
+        whole=not (mcap and (mcap.losses.torn or mcap.losses.open or mcap.missing_before))
+        and not (cut or unread),
+        breaks=mcap.losses.breaks if mcap else 0,
         start_unix_ns=first_ns if source.unix_offset_ns else None,
         duration_s=0.0 if first_ns is None else (tally.last_ns - first_ns) * 1e-9,
         samples=count.delivered,
@@ -139,11 +140,11 @@ def summarise(
         unread=unread,
         about=source.about if isinstance(source, ReplaySource) else "",
         reading=list(source.reading) if isinstance(source, ReplaySource) else [],
-        unrecorded_items=mcap.unrecorded_items if mcap else 0,
-        unrecorded_bytes=mcap.unrecorded_bytes if mcap else 0,
-        damaged_bytes=mcap.damaged_bytes if mcap else 0,
+        unrecorded_items=mcap.losses.unrecorded_items if mcap else 0,
+        unrecorded_bytes=mcap.losses.unrecorded_bytes if mcap else 0,
+        damaged_bytes=mcap.losses.damaged_bytes if mcap else 0,
         missing=mcap.missing_before if mcap else "",
-        being_written=bool(mcap and mcap.open),
+        being_written=bool(mcap and mcap.losses.open),
     )
 
 

@@ -160,16 +160,47 @@ def name_of(path: Path) -> Path:
     return path.with_name(match[1]) if match else path
 
 
+class Losses:
+    """Counts of what a recording does not hold, by the events that were yielded so far.
+
+    `breaks`: number of gaps in which something was not recorded. `torn`: number of files that end without an
+    index, since their writing was interrupted. `open`: number of files to which a program still writes.
+    `unrecorded_items`, `unrecorded_bytes`: items and bytes that the recorder counted as lost.
+    `damaged_bytes`: total size of the unreadable places in files.
+    """
+
+    def __init__(self) -> None:
+        self.breaks = self.torn = self.open = 0
+        self.unrecorded_items = self.unrecorded_bytes = self.damaged_bytes = 0
+
+
+class Continuity:
+    """Knows whether the next message follows the last one without a gap.
+
+    `opened`: whether the connection to the device stands. `hello`: HELLO to yield before the next message, or
+    None. `missing`: the reason if data are missing before the next message, else None. `next_sequence`:
+    number of the next message from the wire; None if any number may follow.
+    """
+
+    def __init__(self, info: PartInfo) -> None:
+        self.opened = info.part == 0
+        self.hello = info.hello
+        self.missing: str | None = None
+        self.next_sequence: int | None = None
+
+    def end(self, why: str, hello: Hello | None) -> None:
+        """Note that data are missing before the next message, for the reason `why`.
+
+        `hello`: HELLO of the device after the gap, if known.
+        """
+        self.missing, self.hello, self.next_sequence, self.opened = why, hello, None, False
+
+
 class McapRecording:
     """Yields the events of a recording, or the recording's messages. This is possible only once.
 
-    `name`: name of the source in each HELLO. All counts below are those of the events that were yielded so
-    far. `breaks`: number of gaps in which something was not recorded. `torn`: number of files that end
-    without an index, since their writing was interrupted. `open`: number of files to which a program still
-    writes. `unread`: reasons why files cannot be read, or not completely. `unrecorded_items`,
-    `unrecorded_bytes`: items and bytes that the recorder counted as lost.
-    `damaged_bytes`: total size of the unreadable places in files. `changes`: counts of bias steps and
-    motions.
+    `name`: name of the source in each HELLO. `unread`: reasons why files cannot be read, or not completely.
+    `changes`: counts of bias steps and motions, of the events that were yielded so far.
     """
 
     live = prompt = False
@@ -178,17 +209,13 @@ class McapRecording:
         self.parts = parts = session.parts
         self.unread = list(session.unread.values())
         self._limits = limits
-        self.breaks = self.torn = self.open = 0
-        self.unrecorded_items = self.unrecorded_bytes = self.damaged_bytes = 0
+        self.losses = Losses()
         self.changes = Changes()
         self._name = name
         self._wire = WireEvents(name)
         self._wire.unix_offset_ns = parts[0].info.offset_ns
         self._now_ns = 0
-        self._next_sequence: int | None = None
-        self._opened = parts[0].info.part == 0
-        self._hello = parts[0].info.hello  # HELLO to yield before the next message, or None
-        self._missing: str | None = None  # the reason if data are missing before the next message, else None
+        self._continuity = Continuity(parts[0].info)
         self._no_sensor = False
 
     @property
@@ -218,7 +245,7 @@ class McapRecording:
         number = self.parts[0].info.part
         for part in self.parts:
             if part.info.part != number:
-                self._break(f"files are missing before {part.path.name}", part.info.hello)
+                self._continuity.end(f"files are missing before {part.path.name}", part.info.hello)
             number = part.info.part + 1
             for item in self._items_of(part):
                 match item:
@@ -229,11 +256,11 @@ class McapRecording:
                         text = f"{part.path} {item.said}."
                         yield Trouble("cut_recording", text, self._now_ns, fatal=False)
                     case Damage():
-                        self.damaged_bytes += item.size
-                        self._break(f"{part.path.name} {item.said}", None)
+                        self.losses.damaged_bytes += item.size
+                        self._continuity.end(f"{part.path.name} {item.said}", None)
                     case Torn():
-                        self.torn += not item.is_open
-                        self.open += item.is_open
+                        self.losses.torn += not item.is_open
+                        self.losses.open += item.is_open
                         yield Trouble(
                             "recording_open" if item.is_open else "cut_recording",
                             item.text,
@@ -258,13 +285,6 @@ class McapRecording:
                 what = f"{part.path}: {item.said}; what stands before and after that is read."
                 self.unread.append(what)
             yield item
-
-    def _break(self, why: str, hello: Hello | None) -> None:
-        """Note that data are missing before the next message, for the reason `why`.
-
-        `hello`: HELLO of the device after the gap, if known.
-        """
-        self._missing, self._hello, self._next_sequence, self._opened = why, hello, None, False
 
     def _on_batch(self, batch: Batch, info: PartInfo) -> Iterator[Event]:
         """Yield the events of a batch of messages.
@@ -294,9 +314,9 @@ class McapRecording:
 
     def _on_wire(self, group: Messages, host_ns: Ints) -> Iterator[Event]:
         table = group.table
-        if self._next_sequence not in (None, table[0, SEQUENCE]):
-            self._break("chunks from the wire are missing", None)
-        self._next_sequence = (int(table[-1, SEQUENCE]) + 1) % WIRE_WRAP
+        if self._continuity.next_sequence not in (None, table[0, SEQUENCE]):
+            self._continuity.end("chunks from the wire are missing", None)
+        self._continuity.next_sequence = (int(table[-1, SEQUENCE]) + 1) % WIRE_WRAP
         begin, end = table[:, BEGIN], table[:, END]
         spans = zip(begin.tolist(), end.tolist(), strict=True)
         data = b"".join([group.data[first:last] for first, last in spans])
@@ -307,13 +327,13 @@ class McapRecording:
             link = _link.decode(data)
         # msgspec raises ValueError, and RecursionError for deeply nested brackets
         except (ValueError, RecursionError):
-            self._break("a message about the connection is damaged", None)
+            self._continuity.end("a message about the connection is damaged", None)
             return
         if link.event == "gap":
-            self.unrecorded_items += link.items
-            self.unrecorded_bytes += link.bytes
+            self.losses.unrecorded_items += link.items
+            self.losses.unrecorded_bytes += link.bytes
             why = f"{link.items} items, {link.bytes} bytes of the wire were not recorded ({link.kind})"
-            self._break(why, None if link.kind == OVERFLOW else info.hello)
+            self._continuity.end(why, None if link.kind == OVERFLOW else info.hello)
         elif link.event == "opened":
             yield from self._feed(Opened(host_ns, offset_ns))
         else:
@@ -325,19 +345,20 @@ class McapRecording:
         If there was a gap or a new connection before the item, events about these come first.
         """
         host_ns, offset_ns = item[-2:] if not isinstance(item, Reads) else next(item.chunks())[1:]
-        if self._missing is not None:
-            self.breaks += 1
+        continuity = self._continuity
+        if continuity.missing is not None:
+            self.losses.breaks += 1
             # it is unknown what the port did during the gap, so no silence of the port is reported for it
             self._wire.forgive(host_ns)
-            failed = Failed("recording_gap", f"{self._name}: {self._missing}.", host_ns, offset_ns)
+            failed = Failed("recording_gap", f"{self._name}: {continuity.missing}.", host_ns, offset_ns)
             yield from self._interpret(failed, host_ns)
-            self._missing = None
-        if not self._opened and not isinstance(item, Opened):
+            continuity.missing = None
+        if not continuity.opened and not isinstance(item, Opened):
             yield from self._interpret(Opened(host_ns, offset_ns), host_ns)
-        self._opened = True
-        if self._hello is not None:
-            yield self._renamed(msgspec.structs.replace(self._hello, host_ns=host_ns))
-            self._hello = None
+        continuity.opened = True
+        if continuity.hello is not None:
+            yield self._renamed(msgspec.structs.replace(continuity.hello, host_ns=host_ns))
+            continuity.hello = None
         yield from self._interpret(item, host_ns)
 
     def _interpret(self, item: Reads | Opened | Failed, host_ns: int) -> Iterator[Event]:

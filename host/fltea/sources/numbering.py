@@ -113,11 +113,9 @@ class ByTime:
 
     A step of the times longer than the sampling period means that samples were lost.
 
-    `where`: name of the source in messages. `rate_hz`: sampling rate; None until it is measured, unless the
-    user gives it. `duplicates`: number of samples that were left out because their time equals that of the
-    previous sample. `unrated`: number of samples that were left out because their times give no rate;
-    `why_no_rate` says why. `uneven`: warning that the times are uneven, so that samples are numbered by their
-    order; empty if the times are even.
+    `where`: name of the source in messages. `duplicates`: number of samples that were left out because their
+    time equals that of the previous sample. `unrated`: number of samples that were left out because their
+    times give no rate; `why_no_rate` says why.
     """
 
     def __init__(self, where: str, column: TimeColumn) -> None:
@@ -133,12 +131,12 @@ class ByTime:
 
     @property
     def rate_hz(self) -> float | None:
-        """Sampling rate; None until it is measured or the rate that the user gives is confirmed."""
+        """Sampling rate, measured or given by the user; None as long as samples wait."""
         return self._timing.rate_hz if self._timing is not None else None
 
     @property
     def uneven(self) -> str:
-        """Warning that the times are uneven, so that samples are numbered by their order; empty if even."""
+        """Warning that the times are uneven, so that samples are numbered by their order; empty if not."""
         return self._timing.warning if self._timing is not None else ""
 
     @property
