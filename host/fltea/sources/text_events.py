@@ -2,7 +2,7 @@
 
 import os
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import pairwise
 
 import numpy as np
@@ -46,6 +46,68 @@ sender may write a few such lines first.
 """
 
 
+class Counts:
+    """Numbers of samples, bytes and connections since the beginning."""
+
+    def __init__(self) -> None:
+        self.samples = self.bytes = self.connections = 0
+
+
+class LeftOut:
+    """Rows of numbers that are no sample. `counts`: their number, by reason. `newest`: text about the last.
+
+    `told`: number of all lines without a sample when such lines were last reported.
+    """
+
+    def __init__(self) -> None:
+        self.counts: Counter[str] = Counter()
+        self.newest = ""
+        self.told = 0
+
+    def add(self, found: Mapping[str, tuple[int, int]]) -> None:
+        """Count rows. `found`: as in `Samples.left_out`."""
+        for reason, (line, count) in found.items():
+            self.counts[reason] += count
+            self.newest = f"line {line} {REASONS[reason]}"
+
+
+class Introduction:
+    """Knows when a HELLO is due, and the boot that it names. `is_due`: whether it is due before a sample."""
+
+    def __init__(self) -> None:
+        self.boot_id = int.from_bytes(os.urandom(4), "big")
+        self.is_due = False
+
+    def reboot(self) -> None:
+        """Begin another boot, since the sender restarted or its samples have other axes."""
+        self.boot_id = (self.boot_id + 1) % (1 << 32)
+        self.is_due = True
+
+
+class Reports:
+    """Reports troubles of the input, each kind once a minute. `fatal`: whether they are fatal."""
+
+    def __init__(self, *, fatal: bool) -> None:
+        self._fatal = fatal
+        self._reported = OnceAMinute()
+        self._has_uneven = False
+
+    def is_due(self, kind: str, now_ns: int) -> bool:
+        """Return whether troubles of a kind may be reported now. If so, they then wait for a minute."""
+        return self._reported.is_due(kind, now_ns)
+
+    def report(self, kind: str, text: str, now_ns: int) -> Iterator[Trouble]:
+        """Report a trouble."""
+        if self.is_due(kind, now_ns):
+            yield Trouble(kind, text, now_ns, self._fatal)
+
+    def uneven(self, text: str, now_ns: int) -> Iterator[Trouble]:
+        """Report once that the times of the samples are uneven."""
+        if not self._has_uneven:
+            self._has_uneven = True
+            yield Trouble("row_times", text, now_ns, fatal=False)
+
+
 class TextEvents:
     """Turns text that arrives live into events.
 
@@ -57,29 +119,31 @@ class TextEvents:
     """
 
     def __init__(self, url: str, how: How, *, fatal: bool) -> None:
-        self.url, self._how, self._fatal = url, how, fatal
+        self.url = url
         parse_units(how.units or "deg/s")
-        self._where = url.removesuffix(":")
         if how.rate_hz is not None:
             check_given(self._where, how.rate_hz, overrule=how.overrule)
         self.reader = TextReader(self._where, how)
         self._numbers: ByOrder | ByTime | None = None
         self._watch: ArrivalWatch | None = None
         self._plausible: Plausible | None = None
-        self._left_out: Counter[str] = Counter()
-        self._newest = ""
-        self._reported = OnceAMinute()
-        self._boot = int.from_bytes(os.urandom(4), "big")
-        self._samples = self._bytes = self._connections = 0
+        self._left_out = LeftOut()
+        self._reports = Reports(fatal=fatal)
+        self._introduction = Introduction()
+        self._counts = Counts()
         self._heard_ns: int | None = None
-        self._hello_due = self._begins = self._reported_uneven = False
+        self._begins = False
         self._has_accel = True
-        self._lines_reported = 0
+
+    @property
+    def _where(self) -> str:
+        """Name of the source in messages about its text."""
+        return self.url.removesuffix(":")
 
     def open(self, now_ns: int, *, within_line: bool) -> None:
         """Note that the input was opened. `within_line`: whether its first bytes may be the end of a line."""
-        self._connections += 1
-        self._hello_due = True
+        self._counts.connections += 1
+        self._introduction.is_due = True
         self._heard_ns = now_ns
         self.reader.resume(within_line=within_line)
         if self._numbers is not None:
@@ -89,7 +153,7 @@ class TextEvents:
         """Yield the events that report that the input was lost or cannot be opened."""
         self._heard_ns = None
         yield LinkDown(failed.host_ns)
-        yield from self._report(failed.kind, failed.message, failed.host_ns, fatal=self._fatal)
+        yield from self._reports.report(failed.kind, failed.message, failed.host_ns)
 
     def feed(self, data: bytes, now_ns: int) -> Iterator[Event]:
         """Yield the events of the bytes that came next.
@@ -98,7 +162,7 @@ class TextEvents:
             UsageError: the text has named columns, but it is unclear which of them are the rates, or in which
             units.
         """
-        self._bytes += len(data)
+        self._counts.bytes += len(data)
         self._heard_ns = now_ns
         yield from self._take(self.reader.feed(data), now_ns)
         yield from self._report_lines(now_ns)
@@ -108,7 +172,7 @@ class TextEvents:
         yield Tick(now_ns)
         if self._heard_ns is not None and now_ns - self._heard_ns >= PATIENCE_NS:
             text = f"{self.url}: nothing came for {PATIENCE_NS // 10**9} s; does the sender run?"
-            yield from self._report("silent", text, now_ns, fatal=self._fatal)
+            yield from self._reports.report("silent", text, now_ns)
 
     def finish(self, now_ns: int) -> Iterator[Event]:
         """Yield the events that are still due at the end of the input.
@@ -119,7 +183,7 @@ class TextEvents:
         yield from self._take(self.reader.finish(), now_ns)
         if self._numbers is not None:
             yield from self._blocks(self._numbers, self._numbers.finish(), now_ns)
-        if not self._samples:
+        if not self._counts.samples:
             raise UsageError(f"{self.url}: the input has ended, and no sample was in it. {self._why_none()}")
         yield from self._report_lines(now_ns)
         if self.reader.cut is not None:
@@ -127,17 +191,17 @@ class TextEvents:
 
     def link_stats(self, overflow_bytes: int = 0) -> LinkStats:
         """Return the counts. Lines with a sample count as frames, and lines without a sample as bad ones."""
-        bad = dict(self.reader.bad.counts + self._left_out)
+        bad = dict(self.reader.bad.counts + self._left_out.counts)
         if self._numbers is not None and self._numbers.duplicates:
             bad["duplicate_time"] = self._numbers.duplicates
         if self._numbers is not None and self._numbers.unrated:
             bad["no_rate"] = self._numbers.unrated
         return LinkStats(
-            bytes=self._bytes,
-            frames=self._samples,
+            bytes=self._counts.bytes,
+            frames=self._counts.samples,
             bad_frames=bad,
             overflow_bytes=overflow_bytes,
-            reconnects=max(0, self._connections - 1),
+            reconnects=max(0, self._counts.connections - 1),
         )
 
     def _take(self, found: list[Rows], now_ns: int) -> Iterator[Event]:
@@ -150,9 +214,7 @@ class TextEvents:
         for rows in found:
             samples = samples_of(rows, chosen)
             self._begins |= rows.begins
-            for reason, (line, count) in samples.left_out.items():
-                self._left_out[reason] += count
-                self._newest = f"line {line} {REASONS[reason]}"
+            self._left_out.add(samples.left_out)
             if not len(samples.gyro):
                 continue
             values = samples.gyro
@@ -198,17 +260,16 @@ class TextEvents:
         if not self._has_accel or is_of_sensor(samples.accel).all():
             return
         self._has_accel = False
-        self._hello_due = True
-        self._boot = (self._boot + 1) % (1 << 32)
+        self._introduction.reboot()
         text = f"{self.url}: a line holds no acceleration, so the accelerometer is left out from now on."
         yield Trouble("missing_numbers", text, now_ns, fatal=False)
 
     def _blocks(self, numbers: ByOrder | ByTime, pieces: Iterator[Numbered], now_ns: int) -> Iterator[Event]:
         for piece in pieces:
             if piece.begins:
-                self._boot = (self._boot + 1) % (1 << 32)
-            if piece.begins or self._hello_due:
-                self._hello_due = False
+                self._introduction.reboot()
+            if self._introduction.is_due:
+                self._introduction.is_due = False
                 yield self._hello(numbers, now_ns)
                 if self._watch is not None:
                     self._watch.begin()
@@ -218,15 +279,14 @@ class TextEvents:
                 yield found
         if numbers.unrated and numbers.rate_hz is None and isinstance(numbers, ByTime):
             text = f"{numbers.why_no_rate} {numbers.unrated} samples are left out so far."
-            yield from self._report("no_rate", text, now_ns, fatal=self._fatal)
-        elif numbers.uneven and not self._reported_uneven:
-            self._reported_uneven = True
-            yield Trouble("row_times", numbers.uneven, now_ns, fatal=False)
+            yield from self._reports.report("no_rate", text, now_ns)
+        elif numbers.uneven:
+            yield from self._reports.uneven(numbers.uneven, now_ns)
 
     def _of_piece(self, piece: Numbered) -> Iterator[RawBlock]:
         assert self.reader.chosen is not None
         axes = len(self.reader.chosen.gyro)
-        self._samples += len(piece.sequence)
+        self._counts.samples += len(piece.sequence)
         accel = piece.values[:, axes:] if self._has_accel and piece.values.shape[1] > axes else None
         sequence, device_us = piece.sequence % SEQUENCE_WRAP, piece.device_us % TIME_WRAP_US
         raw = RawBlock(sequence, device_us, piece.host_ns, piece.values[:, :axes], accel)
@@ -245,7 +305,7 @@ class TextEvents:
             host_ns=now_ns,
             rate_hz=numbers.rate_hz,
             sampling_mode="text",
-            boot_id=self._boot,
+            boot_id=self._introduction.boot_id,
             gyro_lsb_per_dps=self.reader.chosen.unit.lsb,
         )
 
@@ -255,26 +315,22 @@ class TextEvents:
         Lines that come before the columns are known are reported only if no sample follows.
         """
         early = self.reader.bad.counts["before_header"]
-        total = self.reader.left_out + self._left_out.total()
-        if total > self._lines_reported and self._reported.is_due("lines", now_ns):
-            self._lines_reported = total
+        total = self.reader.left_out + self._left_out.counts.total()
+        if total > self._left_out.told and self._reports.is_due("lines", now_ns):
+            self._left_out.told = total
             newest = self.reader.bad.newest
-            what = self._newest if newest is None else f"line {newest.line}: {newest.why}"
+            what = self._left_out.newest if newest is None else f"line {newest.line}: {newest.why}"
             text = f"{self.url}: {total} lines hold no sample and are left out; the newest is {what}"
             yield Trouble("bad_lines", text, now_ns, fatal=False)
         if self.reader.chosen is None and early >= FEW_LINES:
             text = f"{self.url}: lines come, but none is a sample. {self._why_none()}"
-            yield from self._report("no_columns", text, now_ns, fatal=self._fatal)
+            yield from self._reports.report("no_columns", text, now_ns)
 
     def _why_none(self) -> str:
-        if not self._bytes:
+        if not self._counts.bytes:
             return "It was empty."
         if isinstance(self._numbers, ByTime) and self._numbers.why_no_rate:
             return self._numbers.why_no_rate
-        if self._left_out and not self.reader.bad.counts:
-            return f"The newest {self._newest}."
+        if self._left_out.counts and not self.reader.bad.counts:
+            return f"The newest {self._left_out.newest}."
         return str(self.reader.refusal())
-
-    def _report(self, kind: str, text: str, now_ns: int, *, fatal: bool) -> Iterator[Trouble]:
-        if self._reported.is_due(kind, now_ns):
-            yield Trouble(kind, text, now_ns, fatal)
