@@ -5,6 +5,7 @@ newest samples since the last restart of the filters. An estimate for any other 
 """
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 from fltea.records.block import Block
 from fltea.records.events import (
@@ -34,6 +35,59 @@ AS_STATED = "begun", "every", "queue", "skipped", "longest_axis_us", "fit_every"
 """Fields of the board's message about its estimator that the record `stats` repeats unchanged."""
 
 
+class _Group(NamedTuple):
+    """The board's estimates of one sample that have arrived so far, by axis."""
+
+    sample: RecentSample
+    axes: dict[str, DeviceAxis]
+
+
+class EstimateCounts:
+    """Numbers of the board's estimates.
+
+    `came`: those that arrived. `lost`: those that did not, by the numbers of the others. `unplaced`: those
+    whose sample is not remembered.
+    """
+
+    def __init__(self) -> None:
+        self.came = self.lost = self.unplaced = 0
+        self._newest: int | None = None
+
+    def add(self, sequence: int) -> None:
+        """Count the estimate with this number on the wire."""
+        self.came += 1
+        if self._newest is not None:
+            self.lost += (sequence - self._newest - 1) % SEQUENCE_WRAP
+        self._newest = sequence
+
+    def forget(self) -> None:
+        """Count no estimates as lost before the next one."""
+        self._newest = None
+
+
+class HostSettings:
+    """The settings for this computer's filters: those of the board, once they are known.
+
+    `usual`: the settings of this computer. `of_board`: those that the board has stated, if this computer can
+    use them.
+    """
+
+    def __init__(self, usual: EstimatorConfig) -> None:
+        self._usual = usual
+        self.of_board: EstimatorConfig | None = None
+        self._in_use: EstimatorConfig | None = None
+
+    def use(self) -> EstimatorConfig:
+        """Return the settings with which this computer's filters begin now."""
+        self._in_use = self.of_board or self._usual
+        return self._in_use
+
+    @property
+    def is_same(self) -> bool:
+        """Whether this computer's filters use the settings that the board has stated."""
+        return self.of_board is not None and self.of_board == self._in_use
+
+
 class BoardEstimates:
     """Follows the board's own estimates.
 
@@ -53,25 +107,19 @@ class BoardEstimates:
         self.alone = config.estimator.estimate_on == "device"
         self.stated: DeviceEstimator | None = None
         self._config = config
-        self._settings: EstimatorConfig | None = None
-        self._in_use: EstimatorConfig | None = None
+        self._settings = HostSettings(config.estimator)
         self._axes: dict[str, int] = {}
         self._samples = RecentSamples()
         self._newest: dict[str, DeviceAxis] = {}
-        self._group: dict[str, DeviceAxis] = {}
-        self._group_of: RecentSample | None = None
-        self._sequence: int | None = None
-        self._estimates = self._lost = self._unplaced = 0
+        self._group: _Group | None = None
+        self._counts = EstimateCounts()
 
     def host_settings(self) -> EstimatorConfig | None:
         """Return the settings for this computer's filters: those of the board, once they are known.
 
         The result is None if only the board makes estimates.
         """
-        if self.alone:
-            return None
-        self._in_use = self._settings or self._config.estimator
-        return self._in_use
+        return None if self.alone else self._settings.use()
 
     def begin(self, beginning: Beginning) -> None:
         """Begin an epoch: a stretch of samples without a restart of the filters."""
@@ -83,12 +131,13 @@ class BoardEstimates:
 
     def forget(self) -> None:
         """Forget all samples until now. Estimates for them that still arrive are dropped."""
-        self._unplaced += len(self._group)
+        if self._group is not None:
+            self._counts.unplaced += len(self._group.axes)
         self._fits.forget()
         self._samples.clear()
-        self._group.clear()
+        self._group = None
         self._newest.clear()
-        self._sequence = None
+        self._counts.forget()
 
     def on_block(self, block: Block, host_ns: Ints) -> Iterator[Item]:
         """Remember samples, since the board's estimates for them arrive later."""
@@ -107,7 +156,7 @@ class BoardEstimates:
         """Yield the records about an event in which the board reports estimates, fits or settings."""
         if isinstance(event, LinkDown):
             self.forget()
-            self.stated = self._settings = None
+            self.stated = self._settings.of_board = None
             self._notices.on_link_down()
         elif isinstance(event, DeviceAxis):
             yield from self._on_axis(event)
@@ -132,9 +181,9 @@ class BoardEstimates:
     def _on_estimator(self, stated: DeviceEstimator) -> Iterator[Notice]:
         self.stated = stated
         try:
-            self._settings = host_settings(stated)
+            self._settings.of_board = host_settings(stated)
         except ValueError as problem:
-            self._settings = None
+            self._settings.of_board = None
             if not self.alone:
                 yield from self._notices.on_settings(problem, stated.host_ns)
         yield from self._notices.on_estimator(stated)
@@ -144,24 +193,21 @@ class BoardEstimates:
 
         Yield a record when the estimates of all axes for this sample have arrived.
         """
-        self._estimates += 1
-        if self._sequence is not None:
-            self._lost += (e.sequence - self._sequence - 1) % SEQUENCE_WRAP
-        self._sequence = e.sequence
+        self._counts.add(e.sequence)
         sample = self._samples.find(e.sample)
         if sample is None or self.stated is None:
-            self._unplaced += 1
+            self._counts.unplaced += 1
             return
         if e.axis not in self._axes:
             return
-        if self._group and self._group_of is not None and self._group_of.seq != sample.seq:
-            yield from self._record(self._group_of, self.stated.variant)
+        if self._group is not None and self._group.sample.seq != sample.seq:
+            yield from self._record(self._group, self.stated.variant)
         if self.alone:
             yield from self._notices.on_axis(e, self._newest.get(e.axis))
-        self._newest[e.axis] = self._group[e.axis] = e
-        self._group_of = sample
-        if len(self._group) == len(self._axes):
-            yield from self._record(sample, self.stated.variant)
+        group = self._group = self._group or _Group(sample, {})
+        self._newest[e.axis] = group.axes[e.axis] = e
+        if len(group.axes) == len(self._axes):
+            yield from self._record(group, self.stated.variant)
 
     def _axes_stats(self) -> dict[str, AxisStats]:
         """Return for each axis the statistics that the board states."""
@@ -183,27 +229,28 @@ class BoardEstimates:
         return DeviceEstimatorStats(
             **{name: getattr(s, name) for name in AS_STATED},
             startup_remaining=s.remaining,
-            estimates=self._estimates,
-            lost=self._lost,
-            unplaced=self._unplaced,
+            estimates=self._counts.came,
+            lost=self._counts.lost,
+            unplaced=self._counts.unplaced,
             restarts=dict(zip(AXES, s.restarts, strict=True)),
             interventions={axis: e.interventions for axis, e in self._newest.items()},
             fits=self._fits.came,
             fits_refused=self._fits.refused,
         )
 
-    def _record(self, sample: RecentSample, variant: str) -> Iterator[Estimate | DeviceEstimates]:
+    def _record(self, found: _Group, variant: str) -> Iterator[Estimate | DeviceEstimates]:
         """Yield the record of the board's estimates of one sample."""
-        group, self._group = self._group, {}
+        self._group = None
+        sample, group = found
         if sample.seq % self._config.output.every:
             return
         ordered = [axis for axis in self._axes if axis in group]
         if self.alone:
             known = sample.estimates()
-            found = {axis: estimate_of(group[axis], self._accepted(axis), known[axis]) for axis in ordered}
-            yield Estimate(*sample.moment(), variant, found, device=self._config.name)
+            own = {axis: estimate_of(group[axis], self._accepted(axis), known[axis]) for axis in ordered}
+            yield Estimate(*sample.moment(), variant, own, device=self._config.name)
             return
-        same = self._settings is not None and self._settings == self._in_use
+        same = self._settings.is_same
         known, age = sample.estimates(), sample.age if sample.has_filters() else None
         axes = {axis: compare(group[axis], known.get(axis), age, same) for axis in ordered}
         comparable = any(axis.why_not is None for axis in axes.values())

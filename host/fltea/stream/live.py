@@ -97,6 +97,37 @@ class _Begun(NamedTuple):
     """For each axis, a function that waits until the axis's remembered samples are filtered."""
 
 
+class Sums:
+    """The spectral sums of all axes, which continue as long as each HELLO describes the same sensor.
+
+    `identity`: what of a HELLO has to be equal. `rate_hz`: sampling rate. `of_sensors`: the sums of each
+    sensor; empty if no axis is fitted.
+    """
+
+    def __init__(
+        self, identity: tuple[object, ...] | None, rate_hz: float, of_sensors: dict[str, LiveAxes]
+    ) -> None:
+        self.identity, self.rate_hz, self.of_sensors = identity, rate_hz, of_sensors
+        self._noticed = self._notices()
+
+    @property
+    def samples(self) -> int:
+        """Number of samples in the sums."""
+        return next(iter(self.of_sensors.values())).samples
+
+    @property
+    def has_news(self) -> bool:
+        """Whether a step or a change of the noise was noticed since the call of `note`."""
+        return self._notices() != self._noticed
+
+    def note(self) -> None:
+        """Note that a refit takes account of all that was noticed until now."""
+        self._noticed = self._notices()
+
+    def _notices(self) -> int:
+        return sum(sums.noticed for sums in self.of_sensors.values())
+
+
 class LiveFits:
     """Fits the noise of both sensors' axes, no matter whether this computer or the board makes estimates.
 
@@ -120,12 +151,9 @@ class LiveFits:
         self._config, self._number = config, number
         self._fit_worker = fit_worker or FitWorker()
         self._prompt, self._watched = prompt, watched
-        self._rate_hz = 1.0
         self._begun: _Begun | None = None
-        self._sums: dict[str, LiveAxes] = {}
-        self._of: tuple[object, ...] | None = None
+        self._sums = Sums(None, 1.0, {})
         self._times = RefitTimes(1.0, grows=False, every=False)
-        self._noticed = 0
         self._before_first = 0
         self._accepted: dict[str, AcceptedFit] = {}
         self._drawn_samples = 0
@@ -142,20 +170,19 @@ class LiveFits:
         hello, saved = beginning.hello, beginning.saved or Saved()
         axes = beginning.axes(self._config.channels)
         identity = (_identity_of(hello), *(tuple(axes.get(kind, ())) for kind in SENSOR_KINDS))
-        if beginning.saved is None and identity == self._of:
+        if beginning.saved is None and identity == self._sums.identity:
             self.bridge(beginning.missing)
         else:
             h, of_live = 1.0 / hello.rate_hz, self._config.live
-            self._sums = {
+            of_sensors = {
                 kind.name: LiveAxes(tuple(names), h, of_live, kind.unit, saved.of(kind).sums)
                 for kind, names in axes.items()
             }
-            self._accepted, self._begun, self._of = {}, None, identity
-            self._rate_hz = hello.rate_hz
+            self._sums = Sums(identity, hello.rate_hz, of_sensors)
+            self._accepted, self._begun = {}, None
             grows = self._config.live.period_s is None
             self._times = RefitTimes(hello.rate_hz, grows=grows, every=self._watched)
-            self._noticed = self._notices()
-        return self._sums
+        return self._sums.of_sensors
 
     def begin_numbers(self, seq: int) -> None:
         """Note that the first sample of the epoch has the number `seq`."""
@@ -168,13 +195,13 @@ class LiveFits:
 
     def bridge(self, count: int) -> None:
         """End the present stretch of samples, since at least `count` samples are missing."""
-        for sums in self._sums.values():
+        for sums in self._sums.of_sensors.values():
             sums.skip(max(count, BREAK))
 
     @property
     def due(self) -> int:
         """Number of the next sample after which `refit` is to be called."""
-        if not self._sums:
+        if not self._sums.of_sensors:
             return NEVER
         refilters = NEVER if self._begun is None else self._begun.refilters
         return self._before_first + min(self._times.check, refilters)
@@ -194,14 +221,13 @@ class LiveFits:
         self._refilter(number, tracks)
         if number < self._times.check:
             return
-        noticed, samples = self._notices(), self._samples
-        busy, news = self._begun is not None, noticed != self._noticed
+        samples, busy, news = self._sums.samples, self._begun is not None, self._sums.has_news
         refit = self._times.at(number, samples, self._period(), noticed=news, busy=busy)
         if refit is None:
             return
-        self._noticed = noticed
+        self._sums.note()
         refits = {}
-        for sums in self._sums.values():
+        for sums in self._sums.of_sensors.values():
             for axis, make in sums.refits(curves=refit.curves, fresh=refit.fresh).items():
                 maker = tracks(axis).maker(axis) if refit.settles else None
                 refits[axis] = self._fit_worker.begin(
@@ -247,20 +273,20 @@ class LiveFits:
         and times of the last sample; None if there was no sample.
         """
         yield from self.counted()
-        if not self._sums or moment in (None, self._last):
+        if not self._sums.of_sensors or moment in (None, self._last):
             return
         self._last = moment
-        if self._prompt and self._samples == self._drawn_samples:
+        if self._prompt and self._sums.samples == self._drawn_samples:
             return
         assert moment is not None
         found: dict[str, AxisFit] = {}
-        for sums in self._sums.values():
+        for sums in self._sums.of_sensors.values():
             found |= sums.fit(curves=True, last=not self._prompt)
         if self._prompt:
             found = {axis: self._with_stability(axis, one) for axis, one in found.items()}
         else:
             found = {axis: replace(one, stable=True) for axis, one in found.items()}
-        yield Fit(*moment, self._samples, found, device=self._config.name)
+        yield Fit(*moment, self._sums.samples, found, device=self._config.name)
 
     def accepted(self, axis: str) -> AcceptedFit:
         """Return the fit that the next estimates of an axis use."""
@@ -268,18 +294,11 @@ class LiveFits:
 
     def period_s(self) -> float | None:
         """Return the shortest time between two refits [s]; None if no axis is fitted."""
-        return period_s(self._config, self._fit_worker) if self._sums else None
-
-    @property
-    def _samples(self) -> int:
-        return next(iter(self._sums.values())).samples
+        return period_s(self._config, self._fit_worker) if self._sums.of_sensors else None
 
     def _period(self) -> int:
         """Return the smallest number of samples between two refits."""
-        return max(1, round(period_s(self._config, self._fit_worker) * self._rate_hz))
-
-    def _notices(self) -> int:
-        return sum(sums.noticed for sums in self._sums.values())
+        return max(1, round(period_s(self._config, self._fit_worker) * self._sums.rate_hz))
 
     def _with_stability(self, axis: str, fit: AxisFit) -> AxisFit:
         stands = self.accepted(axis).stands
