@@ -36,7 +36,6 @@ OPEN_CLASSES: dict[str, int] = {
     "host/fltea/recording/sheet.py: SheetHead": 14,
     "host/fltea/recording/text_layout.py: LayoutFinder": 18,
     "host/fltea/recording/text_rows.py: TextReader": 18,
-    "host/fltea/stream/pipeline.py: Pipeline": 19,
 }
 """Number of attributes of each class that still has too many, by class. No number may grow."""
 OPEN_FILES: dict[str, int] = {

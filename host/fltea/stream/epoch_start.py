@@ -19,6 +19,7 @@ class EpochStart:
     `board`: the estimates of a board; None if the board does not estimate.
     `state`: the snapshot of an earlier run, until the first epoch has used or refused it; then None.
     `refuse`: a function that is called if the content of that snapshot is not valid.
+    `boot_id`: the boot of the present epoch; None before the first epoch.
     """
 
     def __init__(
@@ -32,6 +33,7 @@ class EpochStart:
     ) -> None:
         self._config, self._decoder, self._sensors, self._board = config, decoder, sensors, board
         self.state, self._refuse = state, refuse
+        self.boot_id: int | None = None
         self._no_axis_reported = False
 
     def begin(
@@ -48,6 +50,7 @@ class EpochStart:
         """
         notices: list[Item] = []
         hello = beginning.hello
+        self.boot_id = hello.boot_id
         absent = beginning.absent(self._config.channels)
         if absent and not self._no_axis_reported:
             self._no_axis_reported = True

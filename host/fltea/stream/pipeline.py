@@ -18,7 +18,6 @@ import msgspec
 from fltea._native import Device, stands_before_sample
 from fltea.estimator.lanes import Reason
 from fltea.records.block import Block
-from fltea.records.clock import SECOND_NS
 from fltea.records.events import Event, Ints, LinkDown, RawBlock, Trouble, host_ns_of
 from fltea.records.ports import Source
 from fltea.records.records import AnyRecord, Epoch, Error, Gap, Hello, Stats
@@ -30,13 +29,13 @@ from fltea.settings.estimator import BY_DEVICE
 from fltea.stream.board import BoardEstimates
 from fltea.stream.channels import explain_lost
 from fltea.stream.decode import Decoder, FirstSample, Rows, Stop, explain_rate
-from fltea.stream.epoch import NEVER, Beginning, Item, Moment, Notice, Standing
+from fltea.stream.epoch import Beginning, Item, Moment, Notice, Standing
 from fltea.stream.epoch_start import EpochStart
-from fltea.stream.fit_times import turn
 from fltea.stream.fit_worker import FitWorker
 from fltea.stream.live import LiveFits
 from fltea.stream.sensors import Sensors
 from fltea.stream.snapshot import DeviceState, LastSample, sensor_of
+from fltea.stream.stream_time import StatsTimes, StreamTime
 
 Output = AnyRecord | Block
 
@@ -67,14 +66,12 @@ class Pipeline:
         stats_s: int = 1,
         watched: bool = True,
     ) -> None:
-        self._stats_ns = stats_s * SECOND_NS
-        self._stats_offset_ns = turn(fit_worker or FitWorker(), number, self._stats_ns)
         self._source, self._config, self._outputs = source, config, outputs
+        self._time = time = StreamTime(source.unix_offset_ns)
         self._decoder = Decoder(
-            lambda: self._source_offset_ns, config.link.max_gap, config.name, config.output
+            lambda: time.source_offset_ns, config.link.max_gap, config.name, config.output
         )
-        self._device = self._decoder.native
-        self._watched = watched
+        self._stats_times = StatsTimes(self.device, stats_s, fit_worker, number, watched=watched)
         fits = LiveFits(config, prompt=source.prompt, watched=watched, fit_worker=fit_worker, number=number)
         self._fits = fits if config.live.on else None
         self._board = (
@@ -84,12 +81,7 @@ class Pipeline:
         self._sensors = Sensors(config, settings, self._fits)
         self._start = EpochStart(config, self._decoder, self._sensors, self._board, state, refuse)
         self._status: DeviceStatus | None = None
-        self._now_ns = 0
-        self._knows_time = False
-        self._device.stats_due_ns = -NEVER if watched else NEVER
-        self._boot_id: int | None = None
         self._lost_reported = OnceAMinute()
-        self._offset_ns = self._source_offset_ns = source.unix_offset_ns
 
     def feed(self, event: Event) -> Iterator[Output]:
         """Process one event of the source, and yield the records and blocks that result.
@@ -99,7 +91,7 @@ class Pipeline:
         Raises:
             UsageError: the settings, such as a fixed bias or R, do not fit the axes of the device.
         """
-        self._source_offset_ns = self._source.unix_offset_ns
+        self._time.source_offset_ns = self._source.unix_offset_ns
         if isinstance(event, RawBlock):
             yield from self._on_samples(event)
             return
@@ -107,7 +99,7 @@ class Pipeline:
         if isinstance(event, Hello):
             if self._decoder.on_hello(event):
                 self._forget()
-                yield msgspec.structs.replace(event, host_ns=self._unix_ns(), device=self._config.name)
+                yield msgspec.structs.replace(event, host_ns=self._time.unix_ns, device=self._config.name)
         else:
             self._decoder.on_other(event)
         yield from self._on_event(event)
@@ -118,9 +110,9 @@ class Pipeline:
             if rows is not None:
                 yield from self.took(rows, raw.host_ns[rows[0] : rows[0] + len(rows[1][0])])
             if stop in HANDLERS:
-                now_ns = int(raw.host_ns[row]) if stop in BEFORE_SAMPLE else self._now_ns
+                now_ns = int(raw.host_ns[row]) if stop in BEFORE_SAMPLE else self._time.now_ns
                 yield from self.stopped(stop, now_ns, details)
-        self._now_ns = int(raw.host_ns[-1])  # noted even if the device ignores the last samples
+        self._time.now_ns = int(raw.host_ns[-1])  # noted even if the device ignores the last samples
 
     def took(self, rows: Rows, host_ns: Ints) -> Iterator[Output]:
         """Yield the samples that the native device has processed, together with the results for them.
@@ -132,21 +124,21 @@ class Pipeline:
             yield block
         else:
             yield from self._records(self._board.on_block(block, host_ns))
-        self._now_ns = int(host_ns[-1])
+        self._time.now_ns = int(host_ns[-1])
 
     def stopped(self, stop: Stop, now_ns: int, details: Any) -> Iterator[Output]:
         """Handle a stop of the native device. `now_ns`: arrival time of the sample at the stop [ns]."""
-        self._source_offset_ns, self._now_ns = self._source.unix_offset_ns, now_ns
+        self._time.source_offset_ns, self._time.now_ns = self._source.unix_offset_ns, now_ns
         self._note_offset()
         return HANDLERS[stop](self, details)
 
     def came_to(self, now_ns: int) -> None:
         """Note the arrival time [ns] of samples that the native device has processed without a stop."""
-        self._now_ns = max(self._now_ns, now_ns)
+        self._time.now_ns = max(self._time.now_ns, now_ns)
 
     def _on_stats_due(self, details: None) -> Iterator[Output]:
         """Publish the statistics. They are due because the next sample is the first of a new second."""
-        return self._on_time(self._now_ns)
+        return self._on_time(self._time.now_ns)
 
     def _on_gap(self, details: Any) -> Iterator[Output]:
         """Report that samples are missing before the next sample, and which axes became invalid meanwhile."""
@@ -161,10 +153,10 @@ class Pipeline:
         hello = self._decoder.hello
         assert hello is not None
         name, missing = self._config.name, first.missing
-        self._offset_ns, self._boot_id = self._source_offset_ns, hello.boot_id
-        unix_ns = self._unix_ns()
+        self._time.take_offset()
+        now_ns, unix_ns = self._time.now_ns, self._time.unix_ns
         beginning = Beginning(hello, first.gyro_axes, first.has_accel, missing=missing)
-        notices, reason, resumed_after_s, between = self._start.begin(beginning, first, self._now_ns, unix_ns)
+        notices, reason, resumed_after_s, between = self._start.begin(beginning, first, now_ns, unix_ns)
         yield from self._records(notices)
         if self._fits is not None:
             self._fits.begin_numbers(first.seq)
@@ -177,7 +169,7 @@ class Pipeline:
         gyro, accel = (standing.filters.get(kind) for kind in SENSOR_KINDS)
         yield Epoch(epoch, reason, *place, hello.boot_id, gyro, accel, resumed_after_s, device=name)
         if between:
-            self._device.note_lost(between)
+            self.device.note_lost(between)
             yield Gap(first.seq - between, between, epoch, unix_ns, device=name)
 
     def _on_happened(self, details: Any) -> Iterator[Output]:
@@ -192,14 +184,14 @@ class Pipeline:
 
     def _on_window_full(self, details: None) -> Iterator[Output]:
         """Let the filters of a sensor begin to estimate, since the sensor's start-up window is full."""
-        for channels in self._sensors.fill(self._device):
-            yield from self._records(channels.notices(self._now_ns))
+        for channels in self._sensors.fill(self.device):
+            yield from self._records(channels.notices(self._time.now_ns))
 
     def _on_fit_counts(self, details: None) -> Iterator[Output]:
         """From the next sample on, use the result of the refit that began earlier."""
         assert self._fits is not None
         found = list(self._fits.counted())
-        self._sensors.go_by_fits(self._device)
+        self._sensors.go_by_fits(self.device)
         self._set_fit_times()
         # The records of the fit are yielded only after the sensors have changed to that fit: an output that
         # receives these records also needs the new verdicts (`words`), which the next samples have.
@@ -220,25 +212,20 @@ class Pipeline:
 
     def _set_fit_times(self) -> None:
         assert self._fits is not None
-        self._device.fit_due, self._device.fit_counts = self._fits.due, self._fits.counts
+        self.device.fit_due, self.device.fit_counts = self._fits.due, self._fits.counts
 
     def _on_lost(self, losses: Sequence[tuple[str, Reason]]) -> Iterator[Output]:
         for axis, why in losses:
-            if self._lost_reported.is_due(axis, self._now_ns):
+            if self._lost_reported.is_due(axis, self._time.now_ns):
                 yield self._error(*explain_lost(axis, why))
 
     def _on_time(self, host_ns: int | None) -> Iterator[Output]:
         """Publish the statistics of the past second if this event is the first of a new second."""
         if host_ns is not None:
-            self._now_ns = host_ns
+            self._time.now_ns = host_ns
         self._note_offset()
-        if not self._watched or (self._knows_time and self._now_ns < self._device.stats_due_ns):
-            return
-        if self._knows_time:
+        if self._stats_times.pass_time(self._time.now_ns):
             yield self.stats()
-        self._knows_time = True
-        begun = (self._now_ns - self._stats_offset_ns) // self._stats_ns
-        self._device.stats_due_ns = (begun + 1) * self._stats_ns + self._stats_offset_ns
 
     def _note_offset(self) -> None:
         """Take the source's present offset from host time to Unix time, unless the first epoch has begun.
@@ -246,7 +233,7 @@ class Pipeline:
         The offset may change because the source may learn the date only after its first events.
         """
         if not self._decoder.epoch:
-            self._offset_ns = self._source_offset_ns
+            self._time.take_offset()
 
     def _on_event(self, event: Event) -> Iterator[Output]:
         match event:
@@ -264,7 +251,7 @@ class Pipeline:
     def _records(self, items: Iterable[Item]) -> Iterator[Output]:
         for item in items:
             if isinstance(item, Notice):
-                self._now_ns = item.host_ns
+                self._time.now_ns = item.host_ns
                 yield self._error(item.kind, item.message)
             else:
                 yield item
@@ -274,19 +261,20 @@ class Pipeline:
         if self._start.state is not None:  # the snapshot of an earlier run has not been used yet
             return self._start.state
         hello, saved = self._decoder.hello, self._sensors.save()
-        if hello is None or not saved or self._device.moment is None:
+        if hello is None or not saved or self.device.moment is None:
             return None
-        sequence, device_us, host_ns, *_ = self._device.newest
+        sequence, device_us, host_ns, *_ = self.device.newest
         # The offset from host time to Unix time is the present one, not that of the beginning of the epoch,
         # because the date may have been set since then.
         unix_ns = host_ns + self._source.unix_offset_ns
-        last = None if self._boot_id is None else LastSample(self._boot_id, sequence, device_us)
+        boot_id = self._start.boot_id
+        last = None if boot_id is None else LastSample(boot_id, sequence, device_us)
         return DeviceState(sensor=sensor_of(hello, self._config), unix_ns=unix_ns, last=last, **saved)
 
     @property
     def device(self) -> Device:
         """The native device, for those callers whose own native code passes the samples to the device."""
-        return self._device
+        return self._decoder.native
 
     @property
     def words(self) -> object:
@@ -305,10 +293,10 @@ class Pipeline:
 
     def stats(self) -> Stats:
         """Return the statistics of the whole device stream so far."""
-        device, standing = self._device, self._standing()
+        device, standing = self.device, self._standing()
         return Stats(
             epoch=self._decoder.epoch,
-            host_ns=self._unix_ns(),
+            host_ns=self._time.unix_ns,
             rate_hz=device.rate_hz,
             clock_ppm=device.clock_ppm,
             startup_remaining=standing.startup_remaining,
@@ -344,7 +332,7 @@ class Pipeline:
 
     def _moment(self) -> Moment | None:
         """Return the number, device time and host time of the last sample; None before the first one."""
-        moment = self._device.moment
+        moment = self.device.moment
         if moment is None:
             return None
         seq, device_us, host_ns = moment
@@ -355,7 +343,7 @@ class Pipeline:
 
         For an axis that only the board estimates, it is the state of the board's estimator.
         """
-        whole = self._sensors.standing(self._device)
+        whole = self._sensors.standing(self.device)
         return whole if self._board is None else whole.with_board(self._board.standing())
 
     def _forget(self) -> None:
@@ -367,10 +355,7 @@ class Pipeline:
             self._board.forget()
 
     def _error(self, kind: str, message: str) -> Error:
-        return Error(kind, message, self._unix_ns(), device=self._config.name)
-
-    def _unix_ns(self) -> int:
-        return self._now_ns + self._offset_ns
+        return Error(kind, message, self._time.unix_ns, device=self._config.name)
 
 
 HANDLERS: dict[Stop, Callable[[Pipeline, Any], Iterator[Output]]] = {
