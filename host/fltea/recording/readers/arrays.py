@@ -94,6 +94,20 @@ def _facts(arrays: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
+class _TableColumn(NamedTuple):
+    """A column of the table. `array`: name of its array. `rows`: number of rows.
+
+    `is_of_dates`: whether the array holds dates.
+    """
+
+    name: str
+    unit: str
+    array: str
+    rows: int
+    column: Column
+    is_of_dates: bool
+
+
 class _Columns:
     """Collects columns from arrays for a table. `facts`: what the file states about the arrays."""
 
@@ -103,12 +117,7 @@ class _Columns:
             file_facts.Near(facts, file_facts.COLUMNS),
             file_facts.Near(facts, file_facts.SCALES),
         )
-        self._names: list[str] = []
-        self._units: list[str] = []
-        self._of: list[str] = []
-        self._lengths: list[int] = []
-        self._columns: list[Column] = []
-        self._stamps: list[str] = []
+        self._found: list[_TableColumn] = []
         self._reasons: list[str] = []
         self._unread: dict[str, str] = {}
         self._changed: dict[str, str] = {}
@@ -142,12 +151,8 @@ class _Columns:
                 self._changed[label] = scale
             why = why or self._doubts.get(name, "") or self._wrong_units(name, len(found))
             self._unread |= {label: why} if why else {}
-            self._stamps += [label] if not reason and array.dtype.kind == "M" else []
-            self._names.append(label)
-            self._units.append(unit)
-            self._of.append(name)
-            self._lengths.append(rows)
-            self._columns.append(column)
+            is_of_dates = not reason and array.dtype.kind == "M"
+            self._found.append(_TableColumn(label, unit, name, rows, column, is_of_dates))
 
     def _wrong_units(self, name: str, width: int) -> str:
         said = self._said.get(name, [])
@@ -156,24 +161,24 @@ class _Columns:
 
     def sheet(self, rates: Mapping[str, float], arrays: Mapping[str, Any]) -> Sheet:
         """Return all columns as a table."""
-        names, lengths, columns = self._names, self._lengths, self._columns
-        if not set(lengths) - {0} or (len(self._unread) == len(names) and self._reasons):
+        found = self._found
+        if not any(one.rows for one in found) or (len(self._unread) == len(found) and self._reasons):
             has = "; ".join(self._reasons[:MOST_REASONS]) or listed(list(arrays)) or "nothing"
             raise UsageError(f"holds no columns of numbers, but {has}.")
 
         def blocks(places: Sequence[int]) -> Iterator[Floats]:
-            rows = min(lengths[place] for place in places)
+            rows, columns = min(found[p].rows for p in places), [found[p].column for p in places]
             for begin in range(0, rows, AT_ONCE):
                 end = min(begin + AT_ONCE, rows)
-                yield np.stack([np.asarray(columns[p](begin, end), np.float64) for p in places], axis=1)
+                yield np.stack([np.asarray(of(begin, end), np.float64) for of in columns], axis=1)
 
         return Sheet(
-            names,
-            self._units,
-            max(lengths),
-            lengths=lengths,
-            arrays=self._of,
-            stamps=tuple(self._stamps),
+            [one.name for one in found],
+            [one.unit for one in found],
+            max(one.rows for one in found),
+            lengths=[one.rows for one in found],
+            arrays=[one.array for one in found],
+            stamps=tuple(one.name for one in found if one.is_of_dates),
             rates=dict(rates),
             doubts=self._unread,
             changed=self._changed,
