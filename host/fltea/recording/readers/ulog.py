@@ -90,6 +90,10 @@ def mended(content: bytes | mmap) -> Mended:
     return scan.found()
 
 
+_Field = tuple[str, int, str]
+"""A field of a format: its type, the number of values, and its name."""
+
+
 class _Topic(NamedTuple):
     """A topic to which the log has given a number.
 
@@ -102,17 +106,80 @@ class _Topic(NamedTuple):
     padded: int
 
 
+class _Formats:
+    """The formats of messages that the log has declared so far: the fields of each, by the format's name."""
+
+    def __init__(self) -> None:
+        self._fields: dict[str, list[_Field]] = {}
+        self._lengths = dict(SIZES)
+
+    def add(self, name: str, fields: list[_Field]) -> None:
+        """Add a format."""
+        self._fields[name] = fields
+        self._lengths = dict(SIZES)
+
+    def sizes(self, name: str) -> tuple[int, int]:
+        """Return two lengths of a format's messages: without the padding at their end, and with the padding.
+
+        Both include the two bytes of the topic number [bytes].
+
+        Both lengths are 0 if the length is unknown.
+        """
+        fields = self._fields.get(name, [])
+        sizes = [self._length(kind, MOST_NESTED) * many for kind, many, _ in fields]
+        if not fields or 0 in sizes or sum(sizes) > MOST_BYTES:
+            return 0, 0
+        padded = 2 + sum(sizes)
+        while sizes and fields[len(sizes) - 1][2].startswith(PADDING):
+            sizes.pop()
+        return 2 + sum(sizes), padded
+
+    def _length(self, kind: str, most_nested: int) -> int:
+        """Return the length of a field of the type `kind` [bytes].
+
+        Return 0 if the type is unknown or contains itself.
+        """
+        if kind not in self._lengths:
+            self._lengths[kind] = 0  # a format that contains itself finds this 0
+            fields = self._fields.get(kind, []) if most_nested else []
+            sizes = [self._length(inner, most_nested - 1) * many for inner, many, _ in fields]
+            self._lengths[kind] = 0 if 0 in sizes or sum(sizes) > MOST_BYTES else sum(sizes)
+        return self._lengths[kind]
+
+
+class _Damage:
+    """The parts of the log that are left out of its copy.
+
+    `holes`: begin and end of each hole. `odd`, `cut_bytes`: as in `Mended`.
+    """
+
+    def __init__(self) -> None:
+        self.holes: list[tuple[int, int]] = []
+        self.odd = self.cut_bytes = 0
+
+    def __bool__(self) -> bool:
+        return bool(self.holes or self.odd or self.cut_bytes)
+
+    def skip(self, at: int, end: int) -> int:
+        """Leave the bytes from `at` to `end` out as a hole, and return `end`.
+
+        Adjacent holes become one hole.
+        """
+        if self.holes and self.holes[-1][1] == at:
+            at = self.holes.pop()[0]
+        self.holes.append((at, end))
+        return end
+
+
 class _LogScan:
     def __init__(self, content: bytes | mmap) -> None:
         self._content, self._size = content, len(content)
-        self._forms: dict[str, list[tuple[str, int, str]]] = {}
-        self._lengths = dict(SIZES)
+        self._formats = _Formats()
         self._topics: dict[int, _Topic] = {}
         self._is_head = True
         self._counts: Counter[tuple[str, int]] = Counter()
         self._kept: list[tuple[int, int] | bytes] = []
-        self._holes: list[tuple[int, int]] = []
-        self._odd = self._cut_bytes = 0
+        self._damage = _Damage()
         self._is_changed = False
         self._searched = (0, -1)
         self._checks: Mapping[int, Callable[[int, int], bool]] = {
@@ -132,10 +199,10 @@ class _LogScan:
 
     def found(self) -> Mended:
         """Return the result of the check of the log."""
-        is_whole = not (self._holes or self._odd or self._cut_bytes or self._is_changed)
-        data = b"" if is_whole else b"".join(self._pieces())
-        first, lost = (self._holes[0][0] if self._holes else 0), sum(end - at for at, end in self._holes)
-        return Mended(data, len(self._holes), lost, first, self._cut_bytes, self._odd, self._counts)
+        data = b"".join(self._pieces()) if self._damage or self._is_changed else b""
+        holes, cut_bytes, odd = self._damage.holes, self._damage.cut_bytes, self._damage.odd
+        first, lost = (holes[0][0] if holes else 0), sum(end - at for at, end in holes)
+        return Mended(data, len(holes), lost, first, cut_bytes, odd, self._counts)
 
     def _pieces(self) -> list[bytes]:
         return [one if isinstance(one, bytes) else self._content[slice(*one)] for one in self._kept]
@@ -196,27 +263,17 @@ class _LogScan:
                 self._take(at, after, kind)
                 at = after
             elif kind and size and after == following:
-                self._odd += 1
+                self._damage.odd += 1
                 at = after
             else:
-                at = self._skip(at, following)
+                at = self._damage.skip(at, following)
             is_one = self._is_message(at)
 
     def _cut(self, at: int, end: int) -> None:
         if end == self._size:
-            self._cut_bytes = end - at
+            self._damage.cut_bytes = end - at
         else:  # a crash of the logger interrupted this message
-            self._skip(at, end)
-
-    def _skip(self, at: int, end: int) -> int:
-        """Leave the bytes from `at` to `end` out as a hole, and return `end`.
-
-        Adjacent holes become one hole.
-        """
-        if self._holes and self._holes[-1][1] == at:
-            at = self._holes.pop()[0]
-        self._holes.append((at, end))
-        return end
+            self._damage.skip(at, end)
 
     def _keep(self, begin: int, end: int) -> None:
         last = self._kept[-1] if self._kept else b""
@@ -231,18 +288,12 @@ class _LogScan:
         if kind == ord("F"):
             form = self._form(body, size)
             assert form is not None
-            self._forms[form[0]] = form[1]
-            self._lengths = dict(SIZES)
+            self._formats.add(*form)
         elif kind == ord("A"):
             self._is_head = False
             sensor, number = struct.unpack("<BH", self._content[body : body + 3])
             name = self._content[body + 3 : end].decode()
-            topic = _Topic(name, sensor, *self._sizes(name))
-            if self._topics.get(number) == topic:
-                # PX4's library forgets a topic's earlier messages when the log declares the topic again
-                self._is_changed = True
-                return
-            self._topics[number] = topic
+            self._topics[number] = _Topic(name, sensor, *self._formats.sizes(name))
         elif kind == ord("D"):
             topic = self._topics[int.from_bytes(self._content[body : body + 2], "little")]
             self._counts[topic.name, topic.sensor] += 1
@@ -296,7 +347,7 @@ class _LogScan:
     def _is_topic(self, at: int, size: int) -> bool:
         if not 3 < size < LONGEST_NAME:
             return False
-        return self._sizes(self._read(at + 3, size - 3).decode(errors="replace"))[0] > 0
+        return self._formats.sizes(self._read(at + 3, size - 3).decode(errors="replace"))[0] > 0
 
     def _is_data(self, at: int, size: int) -> bool:
         topic = self._topics.get(int.from_bytes(self._read(at, 2), "little"))
@@ -313,37 +364,9 @@ class _LogScan:
         one = SIZES.get(found[1].decode())
         return one is not None and size == 1 + length[0] + one * int(found[2] or 1)
 
-    def _form(self, at: int, size: int) -> tuple[str, list[tuple[str, int, str]]] | None:
+    def _form(self, at: int, size: int) -> tuple[str, list[_Field]] | None:
         found = FORMAT.fullmatch(self._read(at, size))
         if found is None or at + size > self._size:
             return None
         fields = FIELD.findall(found[2].decode())
         return found[1].decode(), [(kind, int(many or 1), name) for kind, many, name in fields]
-
-    def _sizes(self, name: str) -> tuple[int, int]:
-        """Return two lengths of a format's messages: without the padding at their end, and with the padding.
-
-        Both include the two bytes of the topic number [bytes].
-
-        Both lengths are 0 if the length is unknown.
-        """
-        fields = self._forms.get(name, [])
-        sizes = [self._length(kind, MOST_NESTED) * many for kind, many, _ in fields]
-        if not fields or 0 in sizes or sum(sizes) > MOST_BYTES:
-            return 0, 0
-        padded = 2 + sum(sizes)
-        while sizes and fields[len(sizes) - 1][2].startswith(PADDING):
-            sizes.pop()
-        return 2 + sum(sizes), padded
-
-    def _length(self, kind: str, most_nested: int) -> int:
-        """Return the length of a field of the type `kind` [bytes].
-
-        Return 0 if the type is unknown or contains itself.
-        """
-        if kind not in self._lengths:
-            self._lengths[kind] = 0  # a format that contains itself finds this 0
-            fields = self._forms.get(kind, []) if most_nested else []
-            sizes = [self._length(inner, most_nested - 1) * many for inner, many, _ in fields]
-            self._lengths[kind] = 0 if 0 in sizes or sum(sizes) > MOST_BYTES else sum(sizes)
-        return self._lengths[kind]
