@@ -31,7 +31,6 @@ OPEN_FUNCTIONS: dict[str, int] = {
 grow.
 """
 OPEN_CLASSES: dict[str, int] = {
-    "host/fltea/recording/sheet.py: SheetHead": 14,
     "host/fltea/recording/text_layout.py: LayoutFinder": 18,
     "host/fltea/recording/text_rows.py: TextReader": 18,
 }

@@ -53,6 +53,7 @@ are wrong by about 5 ‰ at most.
 """
 
 
+# Over 12 attributes: each is a fact about the table, and the reader process sends all of them as one message.
 class SheetHead(msgspec.Struct, frozen=True):
     """Everything that a table in a file holds, except its rows.
 
