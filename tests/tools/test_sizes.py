@@ -31,11 +31,24 @@ OPEN_FUNCTIONS: dict[str, int] = {
 grow.
 """
 OPEN_CLASSES: dict[str, int] = {
-    "host/fltea/recording/text_layout.py: LayoutFinder": 18,
     "host/fltea/recording/text_rows.py: TextReader": 18,
 }
 """Number of attributes of each class that still has too many, by class. No number may grow."""
 OPEN_FILES: dict[str, int] = {
+    "host/fltea/identification/run.py": 441,
+    "host/fltea/noise/parts.py": 478,
+    "host/fltea/noise/system.py": 441,
+    "host/fltea/records/records.py": 489,
+    "host/fltea/spectrum/intervals.py": 436,
+    "host/fltea/spectrum/verdict.py": 407,
+    "host/fltea/stream/pipeline.py": 450,
+    "tools/due_emulator/cpu.py": 418,
+    "tests/api/test_api.py": 520,
+    "tests/cli/test_cli.py": 417,
+    "tests/cluster/test_cluster_run.py": 425,
+    "tests/recording/test_one_sensor.py": 411,
+    "tests/recording/test_ros_bag_units.py": 546,
+    "tests/sinks/test_sinks.py": 437,
     "host/native/axis_tracker.hpp": 564,
     "firmware/core/engine/sliced_fit.hpp": 411,
     "tests/firmware/test_estimation.cpp": 405,

@@ -6,27 +6,23 @@ Lines are examined one by one, so files and endless streams are read in the same
 import re
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import cache
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from fltea.recording.columns import Chosen, choose
-from fltea.recording.dialects import Facts, dialect_of, may_be_of_a_dialect, names_kinds
+from fltea.recording.dialects import dialect_of, may_be_of_a_dialect
 from fltea.recording.evidence import axes_of
 from fltea.recording.files import Note, listed
 from fltea.recording.header_choices import Choices
 from fltea.recording.named_lines import NamedLines
 from fltea.recording.raw_lines import shown
-from fltea.recording.row_layout import Layout, layout_of, why_no_row, why_too_many
+from fltea.recording.row_kinds import RowKinds
 from fltea.recording.text_fields import (
     COMMENTS,
     MOST_COLUMNS,
-    Kinds,
-    Thousands,
     all_numbers,
-    cells_of,
     is_blank,
     is_comment,
-    sample_of,
     separator_of,
     split,
     units_in,
@@ -34,15 +30,13 @@ from fltea.recording.text_fields import (
 )
 from fltea.recording.text_labels import decode_object, values_in
 from fltea.recording.text_refusal import names_above, refusal
+from fltea.recording.text_so_far import MOST_BEFORE, TextSoFar
 from fltea.recording.wanted import is_missing, is_number, wanted_of
 from fltea.records.errors import UsageError
 from fltea.settings.how import How
 
 SEPARATORS = ("\t", ";", ",", None)
 """Possible separators of fields in a line; None is white space."""
-
-MOST_BEFORE = 200
-"""At most this number of lines before the first row are kept. One of them may name the columns."""
 
 WORDS = re.compile(r"[\s,;:={}\[\]]+")
 
@@ -60,14 +54,21 @@ class _Names(NamedTuple):
     is_loose: bool
 
 
-class _Header(NamedTuple):
-    """Names of columns, with the line that holds the names (`text`) and the number of this line (`line`)."""
+@dataclass
+class _Header:
+    """Names of columns, with the line that holds the names (`text`) and the number of this line (`line`).
+
+    `units`: units of the columns, if the next line has them. `chosen`: the columns to read, None until the
+    line after these lines has shown the number of fields.
+    """
 
     line: int
     text: str
     names: list[str]
     separator: str | None
     is_loose: bool
+    units: list[str] | None = None
+    chosen: Chosen | None = None
 
 
 class LayoutFinder:
@@ -76,6 +77,8 @@ class LayoutFinder:
     `where`: file, for messages. `how`: the user's options. `sample`: function that returns those of the first
     lines of the text that have been read so far.
     `before`: finder of the previous header, if the text has several headers.
+    `head`: lines from elsewhere that describe the rows.
+    `text`: what is known of the text so far.
     `is_other`: whether the newest line is neither empty, nor a comment, nor a part of a header.
 
     Raises:
@@ -88,20 +91,17 @@ class LayoutFinder:
         how: How,
         sample: Callable[[], Sequence[str]] = tuple,
         before: "LayoutFinder | None" = None,
+        head: Sequence[str] = (),
     ) -> None:
-        self.is_other, self._newest = False, ""
-        self._wanted = wanted_of(how)
-        self._where, self._how, self._sample = where, how, sample
-        self.head: list[str] = [] if before is None else before.head
+        self.is_other = False
+        self._how, self._wanted = how, wanted_of(how)
+        self.text = text = TextSoFar(where, sample, None if before is None else before.text)
+        text.head += head
         self._before: deque[tuple[int, str]] = deque(maxlen=MOST_BEFORE)
         self._header: _Header | None = None
-        self._units: list[str] | None = None
-        self._chosen: Chosen | None = None
         self._why_no_row = ""
-        self._named = NamedLines(where, how, sample, self.facts, self._are_names)
-        self._kinds_at_hand: Kinds = Kinds() if before is None else before._kinds_at_hand
-        self._thousands: Thousands = Thousands() if before is None else before._thousands
-        self._known: dict[tuple[str, int, int] | str, bool] = {} if before is None else before._known
+        self._named = NamedLines(where, how, sample, text.facts, self._are_names)
+        self._kinds = RowKinds(text, how.topic, None if before is None else before._kinds)
         self._choices: Choices = Choices() if before is None else before._choices
         self._had_rows = before is not None
 
@@ -111,7 +111,7 @@ class LayoutFinder:
         Raises:
             UsageError: a line names the columns, but the choice among them or their unit is ambiguous.
         """
-        self.is_other, self._newest = False, line
+        self.is_other, self.text.newest = False, line
         if is_blank(line):
             return None
         comment = is_comment(line)
@@ -119,14 +119,14 @@ class LayoutFinder:
             found = _by_names(self._named.of_object(number, line), decode_object, number)
         else:
             numbers = not comment and all_numbers(line)
-            header = None if numbers or self._has_kinds() else self.header_of(line)
+            header = None if numbers or self._kinds.are_of_dialect() else self.header_of(line)
             if header is not None:
-                self._header, self._units, self._chosen = _Header(number, line.strip(), *header), None, None
+                self._header = _Header(number, line.strip(), *header)
                 return None
-            if self._header is not None and self._chosen is None:
-                units = None if numbers or self._units is not None else units_in(line)
+            if self._header is not None and self._header.chosen is None:
+                units = None if numbers or self._header.units is not None else units_in(line)
                 if units is not None and (not comment or len(units) == len(self._header.names)):
-                    self._units = units
+                    self._header.units = units
                     return None
                 if not comment:
                     self._choose_named(line)
@@ -135,8 +135,7 @@ class LayoutFinder:
                 found = _by_names(self._named.of_labels(number, line), values_in, number)
         if found is None:
             self._before.append((number, line))
-            if len(self.head) < MOST_BEFORE:
-                self.head.append(line)
+            self.text.add_to_head(line)
             self.is_other = not comment
         return found
 
@@ -175,7 +174,7 @@ class LayoutFinder:
             if not has_times:
                 return False
             return bool(axes_of(names, units)) or (
-                may_be_of_a_dialect(names) and dialect_of(names, self.facts(names)) is not None
+                may_be_of_a_dialect(names) and dialect_of(names, self.text.facts(names)) is not None
             )
         is_row = wanted.by_position and any(is_number(field) and not field.isdecimal() for field in names)
         return wanted.is_in(names) and not is_row
@@ -184,43 +183,30 @@ class LayoutFinder:
         """Return the error that explains why no line so far is a row."""
         why = self._why_no_row or self._named.why_not
         if self._header is not None or why:
-            return UsageError(why or f"{self._where}: has a header but no rows.")
-        lines = list(self._sample()) or self.head
-        self._thousands.check(self._where, lines)
-        return refusal(self._where, self._how, lines, self._kinds(), self.facts)
-
-    def facts(self, names: Sequence[str] | None, width: int = 0, tag: str = "") -> Facts:
-        """Return everything that is known of the file, except the names of its columns.
-
-        `tag`: first field of the rows to read, if there are several kinds of rows.
-        """
-        count = width or len(names or ())
-        return Facts(
-            "\n".join(self._sample()[:MOST_BEFORE] if tag else [*self.head, self._newest]),
-            self._where.rpartition("/")[2].rpartition(":")[0] or self._where.rpartition("/")[2],
-            sample=cache(lambda: sample_of(self._sample(), names, count, tag)),
-            cells=lambda place: cells_of(self._sample(), names, count, tag, place),
-        )
+            return UsageError(why or f"{self.text.where}: has a header but no rows.")
+        lines = list(self.text.sample()) or self.text.head
+        self.text.check_thousands(lines)
+        return refusal(self.text.where, self._how, lines, self._kinds.of_text(), self.text.facts)
 
     def _choose_named(self, line: str) -> None:
         """Choose the columns by the header and by the line after it, which shows the number of fields."""
-        self._thousands.check(self._where, self._sample())
+        self.text.check_thousands(self.text.sample())
         header, self._header = self._header, None  # reset at once, in case an error is raised below
         assert header is not None
         fields = split(line, separator_of(line))
         if 2 * sum(map(is_number, fields)) > len(fields):
             fitting = next((one for one in self._headers(header.text) if _fit(one, line)), None)
             if fitting is not None:
-                header = _Header(header.line, header.text, *fitting)
+                header = _Header(header.line, header.text, *fitting, header.units)
             elif header.separator is None and any(mark in header.text for mark in "\t;,"):
-                lines = header.text, *(["\t".join(self._units)] if self._units else ())
+                lines = header.text, *(["\t".join(header.units)] if header.units else ())
                 self._before += enumerate(lines, header.line)
-                self.head += lines
+                self.text.head += lines
                 return
-        names, units = header.names, self._units
+        names, units = header.names, header.units
         beside = units if units is not None and len(units) == len(names) else None
-        where, facts = f"{self._where}:{header.line}", self.facts(names)
-        self._chosen = self._choices.of(
+        where, facts = f"{self.text.where}:{header.line}", self.text.facts(names)
+        header.chosen = self._choices.of(
             (header.text, header.separator, units and tuple(units)),
             lambda: choose(where, names, beside, len(names), self._how, facts),
             had_rows=self._had_rows,
@@ -228,7 +214,8 @@ class LayoutFinder:
         self._header = header
 
     def _of_row(self, number: int, line: str) -> Layout | None:
-        header, chosen = self._header, self._chosen
+        header = self._header
+        chosen = None if header is None else header.chosen
         if header is None or chosen is None:
             return self._of_row_without_names(number, line)
         names = header.names
@@ -245,77 +232,35 @@ class LayoutFinder:
             timed, note = _without_dates(chosen, fields, self._how)
             found = found or why_no_row(timed, fields, separator)
             if not found:
-                where = f"{self._where}:{number}"
+                where = f"{self.text.where}:{number}"
                 notes = (Note("row_times", f"{where}: {note}"),) if note else ()
-                again = header.text, ",".join(self._units or ())
+                again = header.text, ",".join(header.units or ())
                 return layout_of(timed, separator, fields, len(names), number, notes, again)
             why = why or found
-        self._why_no_row = self._why_no_row or f"{self._where}:{number}: {why}"
+        self._why_no_row = self._why_no_row or f"{self.text.where}:{number}: {why}"
         return None
 
     def _of_row_without_names(self, number: int, line: str) -> Layout | None:
         separator = separator_of(line)
         fields = split(line, separator)
-        tag = self._tag_of(fields)
+        tag = self._kinds.tag_of(fields)
         if tag is None:
             return None
         if self._wanted.columns is None:
             if 2 * sum(map(is_number, fields)) <= len(fields):
                 return None
-            facts = self.facts(None, len(fields), tag)
+            facts = self.text.facts(None, len(fields), tag)
             if dialect_of((), facts, tag=tag, fields=len(fields)):
-                chosen = choose(f"{self._where}:{number}", None, None, len(fields), self._how, facts, tag)
+                chosen = choose(f"{self.text.where}:{number}", None, None, len(fields), self._how, facts, tag)
                 return layout_of(chosen, separator, fields, len(fields), number)
             return None
         if not self._wanted.is_at(fields):
             return None
-        self._thousands.check(self._where, self._sample())
+        self.text.check_thousands(self.text.sample())
         at, names, units = names_above(self._before, len(fields))
-        facts = self.facts(names, len(fields), tag)
-        chosen = choose(f"{self._where}:{at or number}", names, units, len(fields), self._how, facts, tag)
+        facts = self.text.facts(names, len(fields), tag)
+        chosen = choose(f"{self.text.where}:{at or number}", names, units, len(fields), self._how, facts, tag)
         return layout_of(chosen, separator, fields, len(fields), number)
-
-    def _tag_of(self, fields: Sequence[str]) -> str | None:
-        """Return the first field of a row if it tells the kind of the row, else "".
-
-        Return None for a row of a kind that is not to be read.
-        """
-        tag = fields[0] if fields else ""
-        if len(fields) < 2 or is_number(tag) or is_missing(tag):
-            return ""
-        if self._how.topic == tag:
-            return tag
-        kinds, topic = self._kinds(), self._how.topic
-        if topic in kinds:
-            return None
-        if tag not in kinds:
-            return ""
-        if (
-            topic is not None and not {*topic} & {*"=/"} and topic not in fields
-        ):  # rows that begin with the sensor's name may come later
-            return None
-        if self._is_known(tag, kinds[tag]):
-            return tag
-        return None if self._has_kinds() else "" if len(kinds) == 1 else tag
-
-    def _has_kinds(self) -> bool:
-        """Return whether the text is in a logger's dialect that has several kinds of rows."""
-        kinds = self._kinds()
-        if "head" in self._known or names_kinds(self._newest):
-            self._known["head"] = True
-            return True
-        return any(self._is_known(kind, width) for kind, width in kinds.items())
-
-    def _is_known(self, kind: str, width: int) -> bool:
-        """Return whether a known dialect has rows with the first field `kind` and `width` fields."""
-        at_hand = kind, width, min(len(self._sample()), MOST_BEFORE)
-        if at_hand not in self._known:
-            facts = self.facts(None, width, kind)
-            self._known[at_hand] = dialect_of((), facts, tag=kind, fields=width) is not None
-        return self._known[at_hand]
-
-    def _kinds(self) -> dict[str, int]:
-        return self._kinds_at_hand.of(self._sample())
 
 
 def _by_names(chosen: Chosen | None, parse: Callable[[str], Mapping[str, Any]], number: int) -> Layout | None:

@@ -73,8 +73,7 @@ class TextReader:
         self._buffer, self._numbers = LineBuffer(), RowNumbers()
         self._sample: list[str] = []
         self._clocks, self._stages = Clocks(), (FlashLines(how.columns), LabelLines())
-        self._finder = LayoutFinder(where, how, lambda: self._sample)
-        self._finder.head += head
+        self._finder = LayoutFinder(where, how, lambda: self._sample, head=head)
         self._parser: RowParser | None = None
         # The key is a line of column names. The value is the layout of the rows below this line, or None if
         # the columns do not fit those of the first line of column names.
@@ -198,7 +197,7 @@ class TextReader:
         at: int | None = 0
         self._checks = MOST_CHECKS
         if self.layout is not None:
-            self._sensors.look_again(len(self._sample), self._finder.facts)
+            self._sensors.look_again(len(self._sample), self._finder.text.facts)
             data = self._sensors.only(self.layout, data)
         while at is not None and at <= len(data):
             if self.layout is None:
