@@ -15,9 +15,12 @@ import pytest
 from fltea.recording import (
     dialects,
     named_lines,
+    plain_text,
+    row_kinds,
     sensor_lines,
     text_fields,
     text_forms,
+    text_headers,
     text_layout,
     text_numbers,
     text_rows,
@@ -25,9 +28,10 @@ from fltea.recording import (
 from fltea.recording.csv_file import HEAD_LINES, open_csv
 from fltea.recording.one_sensor import OneSensor
 from fltea.recording.text_forms import YamlDocuments
+from fltea.recording.text_headers import SAMPLE_LINES
 from fltea.recording.text_layout import LayoutFinder
 from fltea.recording.text_numbers import RowParser
-from fltea.recording.text_rows import SAMPLE_LINES, TextReader
+from fltea.recording.text_rows import TextReader
 from fltea.records.errors import UsageError
 from fltea.settings.how import How
 from fltea.sources.text_events import TextEvents
@@ -179,15 +183,17 @@ def work(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
     watch(sensor_lines, "_value")
     watch(TextReader, "_add", lambda *given: len(given[3]))
     watch(text_numbers, "plain_rows", lambda _, data, *__: len(data))
-    watch(text_rows, "plain_lines", lines)
-    watch(text_rows, "decoded", lines)
+    watch(plain_text, "plain_lines", lines)
+    for module in (plain_text, text_headers, text_rows):
+        watch(module, "decoded", lines)
     watch(text_rows, "end_of_line", lambda end, data, begin: end - begin)
     watch(text_layout, "choose")
     watch(text_layout, "split", lines)
     watch(named_lines, "labelled", lines)
     watch(text_fields, "split", lines)
     watch(text_fields, "values_in", lines)
-    watch(text_layout, "dialect_of")
+    for module in (row_kinds, text_layout):
+        watch(module, "dialect_of")
     watch(dialects, "_is_in")
     return done
 
@@ -334,4 +340,4 @@ def test_a_document_that_never_ends_is_not_joined_again_and_again() -> None:
 def test_the_sample_is_bounded(work: Counter[str]) -> None:
     reader = TextReader("stdin", How())
     reader.feed("".join(plain(2 * ROWS)).encode())
-    assert len(reader._sample) <= 2 * SAMPLE_LINES
+    assert len(reader._headers.sample) <= 2 * SAMPLE_LINES

@@ -31,7 +31,6 @@ OPEN_FUNCTIONS: dict[str, int] = {
 grow.
 """
 OPEN_CLASSES: dict[str, int] = {
-    "host/fltea/recording/text_rows.py: TextReader": 18,
 }
 """Number of attributes of each class that still has too many, by class. No number may grow."""
 OPEN_FILES: dict[str, int] = {

@@ -95,13 +95,14 @@ class LayoutFinder:
     ) -> None:
         self.is_other = False
         self._how, self._wanted = how, wanted_of(how)
-        self.text = text = TextSoFar(where, sample, None if before is None else before.text)
+        text = TextSoFar(where, sample, None if before is None else before.text)
+        self.text: TextSoFar = text
         text.head += head
         self._before: deque[tuple[int, str]] = deque(maxlen=MOST_BEFORE)
         self._header: _Header | None = None
         self._why_no_row = ""
         self._named = NamedLines(where, how, sample, text.facts, self._are_names)
-        self._kinds = RowKinds(text, how.topic, None if before is None else before._kinds)
+        self._kinds: RowKinds = RowKinds(text, how.topic, None if before is None else before._kinds)
         self._choices: Choices = Choices() if before is None else before._choices
         self._had_rows = before is not None
 

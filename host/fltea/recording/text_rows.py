@@ -13,40 +13,25 @@ import numpy as np
 from fltea.recording.candidates import columns_table
 from fltea.recording.columns import Chosen
 from fltea.recording.files import Note
-from fltea.recording.flash_lines import FlashLines
-from fltea.recording.label_lines import LabelLines
 from fltea.recording.line_buffer import LineBuffer
 from fltea.recording.line_counts import BadLines, RowNumbers
+from fltea.recording.plain_text import PlainText
 from fltea.recording.raw_lines import BOM, LONGEST_LINE, shown
 from fltea.recording.row_layout import Layout
 from fltea.recording.sample_times import Floats, Ints
 from fltea.recording.sensor_lines import SensorLines
 from fltea.recording.table import Rows, joined
 from fltea.recording.text_fields import sample_of
-from fltea.recording.text_forms import plain_lines
-from fltea.recording.text_layout import LayoutFinder
+from fltea.recording.text_headers import Headers
+from fltea.recording.text_layout import Layout
 from fltea.recording.text_numbers import RowParser, WhyNot, decoded, end_of_line
-from fltea.recording.text_times import A_CLOCK, Clocks
 from fltea.records.errors import UsageError
 from fltea.settings.how import How
-
-SAMPLE_LINES, SAMPLE_BYTES = 2000, 1 << 18
-"""To find out what the columns hold, at most SAMPLE_LINES of a text's first lines are kept, and at most
-SAMPLE_BYTES bytes of each piece of the text.
-"""
 
 ONE_DOCUMENT = re.compile(rb'\s*(?:\[\s*[\[{]|\{\s*\n|\{\s*"[^"]*"\s*:\s*(?:\[\s*["\[{]|\{\s*"0"))')
 """Matches the beginning of a JSON document that cannot be read line by line. Such a document is an array, an
 object over several lines, or columns as pandas writes them.
 """
-
-MOST_CHECKS, MOST_HEADERS = 200, 64
-"""At most MOST_CHECKS lines in a block are examined to find out whether they are headers. A file may have at
-most MOST_HEADERS different headers.
-"""
-
-NO_NAME = "0123456789+-."
-"""Characters with which a line of names cannot begin."""
 
 
 class TextReader:
@@ -56,7 +41,6 @@ class TextReader:
     `bad`: counts of the lines without a sample.
     `cut`: warning about a last line that is incomplete and left out, or None.
     `lines`: number of lines that were read so far. `notes`: warnings about the columns.
-    `chosen`: the columns that are read. None until a line determines the columns, and unchanged afterwards.
 
     Raises:
         UsageError: the options in `how` are impossible.
@@ -68,18 +52,17 @@ class TextReader:
         self.lines = 0
         self.most_before = math.inf
         self.notes: list[Note] = []
-        self.chosen: Chosen | None = None
-        self._where, self._how = where, how
+        self._where = where
         self._buffer, self._numbers = LineBuffer(), RowNumbers()
-        self._sample: list[str] = []
-        self._clocks, self._stages = Clocks(), (FlashLines(how.columns), LabelLines())
-        self._finder = LayoutFinder(where, how, lambda: self._sample, head=head)
+        self._plain = PlainText(how.columns)
+        self._headers = Headers(where, how, head)
         self._parser: RowParser | None = None
-        # The key is a line of column names. The value is the layout of the rows below this line, or None if
-        # the columns do not fit those of the first line of column names.
-        self._layouts: dict[str, Layout | None] = {}
-        self._checks = 0
         self._sensors = SensorLines(where, how)
+
+    @property
+    def chosen(self) -> Chosen | None:
+        """Columns that are read. None until a line determines the columns, and unchanged afterwards."""
+        return self._headers.chosen
 
     @property
     def layout(self) -> Layout | None:
@@ -111,7 +94,7 @@ class TextReader:
         chosen = self.chosen
         if chosen is None:
             return error
-        values = sample_of(self._sample, chosen.names, len(chosen.names), "")
+        values = sample_of(self._headers.sample, chosen.names, len(chosen.names), "")
         return type(error)("\n".join(filter(None, [str(error), columns_table(chosen.names, values)])))
 
     def refusal(self, *, is_file: bool = False) -> UsageError:
@@ -131,7 +114,7 @@ class TextReader:
             return error
         first = self.bad.first
         if first is None or (self.chosen is None and first.reason != "too_long"):
-            return self._finder.refusal()
+            return self._headers.finder.refusal()
         return UsageError(f"{self._where}:{first.line}: {first.why}")
 
     def feed(self, data: bytes) -> list[Rows]:
@@ -166,9 +149,8 @@ class TextReader:
         before = self.bad.copy()
         if rest:
             found += self._take(rest)
-        for stage in self._stages:
-            if lines := stage.finish():
-                found += self._rows_in("\n".join(lines).encode())
+        for held in self._plain.finish():
+            found += self._rows_in(held)
         if not found and self.chosen is not None and self.bad.counts != before.counts:
             self.bad = before
             text = f"{self._where}:{self.lines}: the last line is cut off, and left out."
@@ -177,27 +159,15 @@ class TextReader:
 
     def _take(self, data: bytes) -> list[Rows]:
         """Read whole lines. The last line in `data` has no line end."""
-        data = plain_lines(data)
-        if b":" in data and A_CLOCK.search(data):
-            data = self._clocks.with_seconds(decoded(data)).encode()
-        for stage in self._stages:
-            if stage.holds or (self.chosen is None and stage.begins.search(data)):
-                lines = stage.take(decoded(data).split("\n"), is_known=self.chosen is not None)
-                data = "\n".join(lines).encode()
-                if not lines:
-                    return []
-        return self._rows_in(data)
+        plain = self._plain.take(data, is_known=self.chosen is not None)
+        return [] if plain is None else self._rows_in(plain)
 
     def _rows_in(self, data: bytes) -> list[Rows]:
-        if len(self._sample) < SAMPLE_LINES:
-            lines = decoded(data[:SAMPLE_BYTES]).split("\n")
-            is_cut = len(data) > SAMPLE_BYTES and len(lines) > 1
-            self._sample += lines[: min(len(lines) - is_cut, SAMPLE_LINES)]
         pieces: list[Rows] = []
         at: int | None = 0
-        self._checks = MOST_CHECKS
+        self._headers.begin_block(data)
         if self.layout is not None:
-            self._sensors.look_again(len(self._sample), self._finder.text.facts)
+            self._sensors.look_again(len(self._headers.sample), self._headers.finder.text.facts)
             data = self._sensors.only(self.layout, data)
         while at is not None and at <= len(data):
             if self.layout is None:
@@ -212,6 +182,7 @@ class TextReader:
 
     def _find(self, data: bytes, begin: int) -> int | None:
         """Find the first row after a header. Return the offset of the row, or None if no row has come yet."""
+        headers = self._headers
         while begin <= len(data):
             if self.chosen is None and self.lines >= self.most_before:
                 raise self.refusal()
@@ -220,30 +191,29 @@ class TextReader:
             if self.lines == 0:
                 line = line.removeprefix(BOM)
             text = decoded(line)
-            if text.strip() in self._layouts:
+            if text.strip() in headers.layouts:
                 self.lines += 1
-                if (known := self._layouts[text.strip()]) is not None:
+                if (known := headers.layouts[text.strip()]) is not None:
                     self._begin(known)
                     return end + 1
                 self.bad.add(self.lines, "header", f"other columns than before: {shown(text)}")
                 begin = end + 1
                 continue
             try:
-                layout = self._finder.take(self.lines + 1, text)
+                layout = headers.finder.take(self.lines + 1, text)
             except UsageError as error:
                 if self.chosen is None:
                     raise
                 self.bad.add(self.lines + 1, "header", str(error))
                 layout = None
-            if layout is not None and self._is_as_before(layout.chosen):
+            if layout is not None and headers.is_as_before(layout.chosen):
                 self._begin(layout)
                 return begin
             self.lines += 1
             if layout is not None:
                 self.bad.add(self.lines, "header", f"other columns than before: {shown(text)}")
-                self._layouts.update(dict.fromkeys(layout.again[:1]))
-                self._finder = self._new_finder()
-            elif self._finder.is_other:
+                headers.refuse(layout)
+            elif headers.finder.is_other:
                 reason, what = "before_header", "came before the columns"
                 # the header before this line is incomplete or does not fit its rows
                 if self.chosen is not None:
@@ -252,33 +222,21 @@ class TextReader:
             begin = end + 1
         return None
 
-    def _new_finder(self) -> LayoutFinder:
-        return LayoutFinder(self._where, self._how, lambda: self._sample, self._finder)
-
-    def _is_as_before(self, chosen: Chosen) -> bool:
-        """Return whether a new header has columns of the same kinds as the header before it."""
-
-        def kind(of: Chosen) -> tuple[object, ...]:
-            return len(of.gyro), of.unit.lsb, of.time is None, of.clock.unit, len(of.accel)
-
-        return self.chosen is None or kind(chosen) == kind(self.chosen)
-
     def _begin(self, layout: Layout) -> RowParser:
         self._numbers.begin()
-        self.chosen = self.chosen or layout.chosen
-        if layout.again:
-            self._layouts[layout.again[0]] = layout
+        self._headers.use(layout)
         self.notes += [note for note in layout.notes if note not in self.notes]
         return self._go_on(layout)
 
     def _go_on(self, layout: Layout) -> RowParser:
         """Read the following rows by `layout`."""
-        self._sensors.begin(layout.chosen, len(self._sample))
+        self._sensors.begin(layout.chosen, len(self._headers.sample))
         self._parser = RowParser(layout)
         return self._parser
 
     def _read(self, parser: RowParser, data: bytes, begin: int, pieces: list[Rows]) -> int | None:
         """Read rows up to another header; return the header's offset, or None if the data end first."""
+        headers = self._headers
         is_plain = is_first = (
             True  # after two lines without a row, lines are read one by one until a row appears
         )
@@ -304,13 +262,14 @@ class TextReader:
             is_plain, is_first = is_row or is_first, is_row
             if isinstance(values, list):
                 self._add(parser.layout, np.zeros(1, np.int64), np.array([values]), pieces)
-            elif (line := text.strip()) in self._layouts or line in parser.layout.again:
+            elif (line := text.strip()) in headers.layouts or line in parser.layout.again:
                 parser = self._names_again(parser, line, data, begin, end)
             elif values is not None:
-                if self._is_header(parser, text):
-                    self._parser, self._finder = None, self._new_finder()
+                if headers.is_header(parser.layout, text):
+                    self._parser = None
+                    headers.look_for_next()
                     return begin
-                if self._checks:
+                if headers.checks:
                     parser.leave_out(data[begin:end], values)
                 self._leave_out(values)
                 begin = end + 1
@@ -328,13 +287,13 @@ class TextReader:
 
     def _names_again(self, parser: RowParser, line: str, data: bytes, begin: int, end: int) -> RowParser:
         """Handle a line of column names or units that occurs again; return the parser for the next rows."""
-        known = self._layouts.get(line)
+        known = self._headers.layouts.get(line)
         if known is not None:
             again = data.find(data[begin:end], end)
             self._numbers.repeat_header(data.count(b"\n", end + 1, again) if again > 0 else -1)
             if line != parser.layout.again[0]:
                 parser = self._go_on(known)
-        elif line in self._layouts:
+        elif line in self._headers.layouts:
             self.bad.add(self.lines + 1, "header", f"other columns than before: {shown(line)}")
         return parser
 
@@ -343,17 +302,6 @@ class TextReader:
             return
         ordinal, begins = self._numbers.take(len(rows))
         pieces.append(Rows(self.lines + 1 + rows, layout.chosen.scale(values), ordinal, begins))
-
-    def _is_header(self, parser: RowParser, text: str) -> bool:
-        """Return whether a line in the middle of a text is a further line of column names.
-
-        Only a limited number of lines is examined, since the examination is slow.
-        """
-        might_be = parser.layout.parse is None and text.lstrip()[:1] not in NO_NAME
-        if not might_be or not self._checks or len(self._layouts) >= MOST_HEADERS:
-            return False
-        self._checks -= 1
-        return self._finder.header_of(text) is not None
 
 
 def _by_run(pieces: list[Rows]) -> list[Rows]:
