@@ -1,6 +1,8 @@
 // The samples of an axis that the tracker remembers, and how a filter processes them.
 #pragma once
 
+#include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <cstring>
 #include <vector>
@@ -9,6 +11,12 @@
 
 namespace fltea {
 namespace track {
+
+// Number, mean and variance of those among some samples that are known.
+struct KnownSamples {
+    int count;
+    double mean, variance;
+};
 
 // The samples from which a filter can restart: the past (past.hpp) and the recent samples, which are not yet
 // part of the past, because they may turn out to be motion. Unknown samples are NaN. The steps of the bias
@@ -101,6 +109,13 @@ struct Remembered {
         steps.forget(total - count);
     }
 
+    // Marks all samples as unknown and forgets the steps.
+    void forget_all() {
+        past.clear();
+        steps.clear();
+        for (int i = 0; i < kept; ++i) recent[i] = __builtin_nanf("");
+    }
+
     void clear() {
         past.clear();
         steps.clear();
@@ -115,6 +130,24 @@ struct Remembered {
         for (int i = count < there ? there - count : 0; i < there; ++i) {
             found.push_back(i < single ? past.single()[i] : double(recent[i - single]));
         }
+        return found;
+    }
+
+    // Returns figures of the known ones of `count` samples that are kept singly, or of fewer if fewer are
+    // kept. The newest `but` samples are left out.
+    KnownSamples known_samples(int count, int but = 0) const {
+        const std::vector<double> all = newest(but + count);
+        KnownSamples found = {0, 0, 0};
+        double sum = 0, squares = 0;
+        for (std::size_t i = 0; i + std::size_t(but) < all.size(); ++i) {
+            if (std::isnan(all[i])) continue;
+            sum += all[i];
+            squares += all[i] * all[i];
+            ++found.count;
+        }
+        if (found.count == 0) return found;
+        found.mean = sum / found.count;
+        found.variance = std::fmax(squares / found.count - found.mean * found.mean, 0);
         return found;
     }
 

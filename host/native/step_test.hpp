@@ -26,6 +26,16 @@ struct StepSeen {
 // that size.
 struct StepSuspected {
     double likely, size, variance;
+
+    // Adds the possible step to a bias and its variance. The result is a mean of two values: the bias if
+    // there was a step, and the bias if there was none. The probability of the step weights them.
+    // `deviation`: standard deviation of an innovation.
+    void add_to(double& bias, double& bias_variance, double deviation) const {
+        if (!(likely > 0)) return;
+        const double change = size * deviation;
+        bias += likely * change;
+        bias_variance += likely * (1 - likely) * change * change + likely * variance * deviation * deviation;
+    }
 };
 
 class StepTest {
