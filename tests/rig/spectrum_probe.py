@@ -15,7 +15,7 @@ from tests.rig.built import COUNTS, DOUBLES, probe
 
 
 class BoardFit(NamedTuple):
-    """The board's fit of an axis, with the fields of FitFigures in firmware/core/engine/sliced_fit.hpp."""
+    """The board's fit of an axis, with the fields of FitFigures in firmware/core/engine/fit_memory.hpp."""
 
     verdict: float
     """0: none, 1: white, 2: fractional, 3: a relaxation describes the noise as well as an order does"""

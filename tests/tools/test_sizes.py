@@ -48,7 +48,6 @@ OPEN_FILES: dict[str, int] = {
     "tests/recording/test_one_sensor.py": 411,
     "tests/recording/test_ros_bag_units.py": 546,
     "tests/sinks/test_sinks.py": 437,
-    "firmware/core/engine/sliced_fit.hpp": 411,
     "tests/firmware/test_estimation.cpp": 405,
 }
 """Number of lines of each file that still has to be split, by file. No number may grow."""

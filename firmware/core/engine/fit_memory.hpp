@@ -2,6 +2,7 @@
 #ifndef FLTEA_FIT_MEMORY_HPP
 #define FLTEA_FIT_MEMORY_HPP
 
+#include "null_quantiles.hpp"
 #include "order_interval.hpp"
 
 namespace fltea {
@@ -67,6 +68,34 @@ class FitMemory {
         bool known;
         unsigned char look;  // index of the grid point that will be tested next
     };
+    // Writes all figures of a fit except the interval of the order. `full`: the model kFull. `unit`: the
+    // power that the fit counts as 1. Returns false if white noise is not rejected, because there is no
+    // interval to compute then.
+    bool report(const Model<float>& full, NullLevel level, float ordinates, float unit) {
+        const Answer& best = answers_[kFull];
+        FitFigures& f = figures_;
+        f = FitFigures();
+        f.ordinates = ordinates;
+        f.ratio_white = 2.0f * (answers_[kWhiteNoise].nll - answers_[kUpToOne].nll);
+        f.ratio_ar1 = 2.0f * (answers_[kRelaxation].nll - best.nll);
+        note_relaxation(unit);
+        // If white noise is not rejected, the best fractional model may have counted power of the white noise
+        // as power of the state. R is therefore set to the whole power.
+        if (f.ratio_white < null_quantile(level, f.ordinates)) {
+            f.verdict = Verdict::white;
+            f.R = unit;
+            return false;
+        }
+        f.verdict = f.ratio_ar1 > kApart ? Verdict::fractional : Verdict::relaxation;
+        Mapped<float> at;
+        map(full, best.theta, at);
+        const float power = best.scale * unit;
+        f.alpha = at.natural.shape[0];
+        f.g = at.natural.shape[1];
+        f.s2 = at.natural.variance[0] * power;
+        f.R = at.natural.white * power;
+        return true;
+    }
     void note_relaxation(float unit) {
         const Answer& answer = answers_[kRelaxation];
         if (!answer.known) return;
@@ -77,6 +106,9 @@ class FitMemory {
         figures_.relaxation_variance = Share<float>(answer.theta[1]).value * power / (fall * (2.0f - fall));
         figures_.relaxation_R = Share<float>(-answer.theta[1]).value * power;
     }
+
+    // An order is reported if it raises 2 log L by more than this, compared with a relaxation.
+    static constexpr float kApart = 6.0f;
 
     Answer answers_[kModels];
     OrderEnds ends_;

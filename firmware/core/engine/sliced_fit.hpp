@@ -321,7 +321,7 @@ class SlicedFit {
             return;
         }
         if (which_ == kFull) {
-            if (report()) {
+            if (memory_->report(model_, level_, target_.ordinates, target_.unit())) {
                 begin_interval();
             } else {
                 memory_->ends_.known = busy_ = false;
@@ -330,33 +330,6 @@ class SlicedFit {
         }
         which_ = static_cast<Which>(which_ + 1);
         begin_model();
-    }
-
-    // Writes all results except the interval of the order. Returns false if white noise is not rejected,
-    // because there is no interval to compute then.
-    bool report() {
-        FitFigures& f = memory_->figures_;
-        f = FitFigures();
-        f.ordinates = target_.ordinates;
-        f.ratio_white = 2.0f * (memory_->answers_[kWhiteNoise].nll - memory_->answers_[kUpToOne].nll);
-        f.ratio_ar1 = 2.0f * (memory_->answers_[kRelaxation].nll - best_.nll);
-        memory_->note_relaxation(target_.unit());
-        // If white noise is not rejected, the best fractional model may have counted power of the white noise
-        // as power of the state. R is therefore set to the whole power.
-        if (f.ratio_white < null_quantile(level_, f.ordinates)) {
-            f.verdict = Verdict::white;
-            f.R = target_.unit();
-            return false;
-        }
-        f.verdict = f.ratio_ar1 > kApart ? Verdict::fractional : Verdict::relaxation;
-        Mapped<float> at;
-        map(model_, best_.theta, at);
-        const float power = best_.scale * target_.unit();
-        f.alpha = at.natural.shape[0];
-        f.g = at.natural.shape[1];
-        f.s2 = at.natural.variance[0] * power;
-        f.R = at.natural.white * power;
-        return true;
     }
 
     void begin_interval() {
@@ -386,8 +359,8 @@ class SlicedFit {
         busy_ = false;
     }
 
-    static constexpr float kTolerance = 3e-4f, kApart = 6.0f, kMuchMore = 4.0f, kBelowOne = 0.99f,
-                           kNearly = 3.0f, kWorthALook = 20.0f, kAboveOne = 1.2f, k95 = 1.96f;
+    static constexpr float kTolerance = 3e-4f, kMuchMore = 4.0f, kBelowOne = 0.99f, kNearly = 3.0f,
+                           kWorthALook = 20.0f, kAboveOne = 1.2f, k95 = 1.96f;
 
     SlicedTarget<Bins> target_;
     FitMemory* memory_;
