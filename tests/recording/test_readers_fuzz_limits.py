@@ -7,7 +7,7 @@ import json
 import os
 import resource
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import h5py
 import numpy as np
@@ -18,6 +18,7 @@ from fltea.recording.ros_bag import open_bag
 from fltea.records.errors import FlteaError
 from fltea.settings.limits import Limits
 from fltea.sources.replay import ReplaySource
+from google.protobuf import descriptor_pb2
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.writer import Writer
@@ -118,6 +119,126 @@ def test_messages_of_any_width(
             for k in range(20):
                 at_ns = START_NS + k * 10_000_000
                 writer.add_message(channel, at_ns, data, at_ns)
+        writer.finish()
+    with contextlib.suppress(FlteaError):
+        open_bag(path, limits=Limits(max_chunk_mb=1, max_mb=1, seconds=60.0))
+
+
+class Wide(NamedTuple):
+    """A schema with message types T0, T1 …, each of which holds the next one.
+
+    `names`: names of the first fields of each type. `fields`: number of further fields, which are numbers.
+    `types`: number of types. `parts`: number of fields of the next type in each type. `many`: length of each
+    of these fields, if it is an array; 0: a list of any length; None: a single message. `is_circle`: whether
+    the last type holds the first one.
+    """
+
+    names: list[str]
+    fields: int
+    types: int
+    parts: int
+    many: int | None
+    is_circle: bool
+
+    def parts_of(self, number: int) -> list[tuple[str, int]]:
+        """Return the fields of type `number` that hold another type, and the number of that type."""
+        following = (number + 1) % self.types if self.is_circle else number + 1
+        return [(f"p{k}", following) for k in range(self.parts)] if following < self.types else []
+
+
+def _ros(wide: Wide) -> bytes:
+    many = "" if wide.many is None else f"[{wide.many or ''}]"
+    blocks = []
+    for number in range(wide.types):
+        lines = [f"float64 {name}" for name in (*wide.names, *(f"f{k}" for k in range(wide.fields)))]
+        lines += [f"T{inner}{many} {name}" for name, inner in wide.parts_of(number)]
+        blocks.append("\n".join([f"MSG: robot/T{number}"] * (number > 0) + lines) + "\n")
+    return f"\n{'=' * 80}\n".join(blocks).encode()
+
+
+def _protobuf(wide: Wide) -> bytes:
+    field = descriptor_pb2.FieldDescriptorProto
+    found = descriptor_pb2.FileDescriptorSet()
+    file = found.file.add(name="imu.proto", package="robot", syntax="proto3")
+    label = field.LABEL_OPTIONAL if wide.many is None else field.LABEL_REPEATED
+    for number in range(wide.types):
+        message = file.message_type.add(name=f"T{number}")
+        # the numbers of these fields follow each other, since MESSAGES has bytes of the field 1
+        for place, (name, inner) in enumerate(wide.parts_of(number), 1):
+            message.field.add(
+                name=name, number=place, label=label, type=field.TYPE_MESSAGE, type_name=f".robot.T{inner}"
+            )
+        names = [*wide.names, *(f"f{k}" for k in range(wide.fields))]
+        for place, name in enumerate(names, len(message.field) + 1):
+            message.field.add(name=name, number=place, label=field.LABEL_OPTIONAL, type=field.TYPE_DOUBLE)
+    return found.SerializeToString()
+
+
+def _json_schema(wide: Wide) -> bytes:
+    definitions = {}
+    for number in range(wide.types):
+        fields: dict[str, Any] = {
+            name: {"type": "number", "description": "deg/s"}
+            for name in (*wide.names, *(f"f{k}" for k in range(wide.fields)))
+        }
+        for name, inner in wide.parts_of(number):
+            one = {"$ref": f"#/$defs/T{inner}"}
+            fields[name] = one if wide.many is None else {"type": "array", "items": one}
+        definitions[f"T{number}"] = {"title": "a part", "properties": fields}
+    return json.dumps({"$ref": "#/$defs/T0", "$defs": definitions}).encode()
+
+
+SCHEMAS = {
+    "ros1msg": ("ros1", _ros),
+    "ros2msg": ("cdr", _ros),
+    "protobuf": ("protobuf", _protobuf),
+    "jsonschema": ("json", _json_schema),
+}
+"""For each encoding of a schema, the encoding of its messages, and a function that writes the schema."""
+
+WIDE = st.builds(
+    Wide,
+    st.sampled_from([["gyro_x_dps", "gyro_y_dps", "gyro_z_dps"], ["x", "y", "z"], []]),
+    st.sampled_from([0, 3, 990, 1001, 5000]),
+    st.integers(1, 12),
+    st.sampled_from([1, 2, 50]),
+    st.sampled_from([None, 0, 3, 5000]),
+    st.booleans(),
+)
+MESSAGES = (
+    st.binary(max_size=200)
+    | st.integers(0, 60_000).map(bytes)
+    # empty messages in the first field of protobuf, one beside the other, and each within the one before it
+    | st.integers(0, 30_000).map(lambda n: b"\x0a\x00" * n)
+    | st.integers(0, 60).map(lambda n: b"".join(bytes([10, 2 * k]) for k in range(n, -1, -1)))
+    | st.integers(0, 5000).map(lambda n: json.dumps(_wide(n, 1, 3, 0.5)).encode())
+)
+
+
+@pytest.mark.slow
+@given(
+    kind=st.sampled_from(sorted(SCHEMAS)),
+    wide=WIDE,
+    messages=st.lists(MESSAGES, min_size=1, max_size=4),
+    cut=st.none() | st.integers(0, 2000),
+)
+@settings(max_examples=60)
+def test_schemas_of_any_width(
+    folder: Path, kind: str, wide: Wide, messages: list[bytes], cut: int | None
+) -> None:
+    """`cut`: length to which the schema is cut, or None."""
+    path = folder / "a.mcap"
+    encoding, write = SCHEMAS[kind]
+    name = "robot.T0" if kind == "protobuf" else "robot/msg/T0"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        schema = writer.register_schema(name, kind, write(wide)[:cut])
+        channel = writer.register_channel("/imu", encoding, schema)
+        for k in range(20):
+            at_ns = START_NS + k * 10_000_000
+            head = b"\0\1\0\0" if encoding == "cdr" else b""
+            writer.add_message(channel, at_ns, head + messages[k % len(messages)], at_ns)
         writer.finish()
     with contextlib.suppress(FlteaError):
         open_bag(path, limits=Limits(max_chunk_mb=1, max_mb=1, seconds=60.0))
