@@ -15,6 +15,7 @@ import typer.main
 from fltea.cli import fleet
 from fltea.cli.app import app
 from fltea.machine import flash
+from fltea.recording.formats import KINDS
 from fltea.records import small_file
 from fltea.records.errors import FlteaError, UsageError, of_input
 from fltea.settings.config import SETTINGS
@@ -76,10 +77,16 @@ FILES = [
         "x" * 252 + ".npz",
         "../" * 1500,
     ),
+    *("pipe", "link", "link to none"),
 ]
 """Words that are tried as names of files. None of these names is a device, since many options write files,
 and tests may run as root.
 """
+STRANGE = ["pipe", "link", "link to none"]
+"""A pipe that nobody writes to, a link to a file of somebody else, and a link to a file that does not exist.
+"""
+
+OTHER = "what somebody else wrote\n"
 URLS = [
     *(
         "http://[",
@@ -126,6 +133,7 @@ TEXTS: dict[str, bytes] = {
     "nothing": b"",
 }
 NAMES = ["folder", "loop", "sparse", "pipe", "\udcff", "x" * 300, "a\0b", "none"]
+IDENTIFY = BASES["identify"]
 WHOLE = {
     "settings": [*BASES["run live"], "-c"],
     "settings of a fleet": ["fleet", "--json", "-c"],
@@ -157,9 +165,25 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     np.savez("rest.npz", gyro_raw=counts, fs_hz=100.0, lsb_per_dps=16.4)
     Path("folder").mkdir()
     Path("loop").symlink_to("loop")
-    os.mkfifo("pipe")
+    restore()
     with Path("sparse").open("wb") as file:
         file.truncate(50_000_000_000)
+
+
+def put(kind: str, name: str) -> None:
+    """Put a pipe or a link at a name, as `STRANGE` describes them, in place of what is there."""
+    Path(name).unlink(missing_ok=True)
+    Path("other").write_text(OTHER)
+    if kind == "pipe":
+        os.mkfifo(name)
+    else:
+        Path(name).symlink_to(Path("other" if kind == "link" else "nobody").absolute())
+
+
+def restore() -> None:
+    """Put the pipe and the links back, since an earlier command may have replaced a link by a file."""
+    for kind in STRANGE:
+        put(kind, kind)
 
 
 def lines() -> list[list[str]]:
@@ -176,6 +200,14 @@ def lines() -> list[list[str]]:
     return found
 
 
+def is_live(line: list[str]) -> bool:
+    """Return whether the command line reads lines of text from the pipe as they come.
+
+    It then waits for who writes, and says so after 5 s.
+    """
+    return line[0] in ("run", "record") and line[-1] in ("--source=pipe", "source=pipe")
+
+
 def check(line: list[str], codes: tuple[int, ...] = (0, 1, 2)) -> str:
     said = "\n".join(word[:80] for word in line).encode("utf-8", "backslashreplace").decode()
     try:
@@ -186,13 +218,18 @@ def check(line: list[str], codes: tuple[int, ...] = (0, 1, 2)) -> str:
     assert "Traceback" not in done.stderr, said
     assert "Warning" not in done.stderr, said
     assert done.returncode == 0 or done.stderr or done.stdout, said
+    assert Path("other").read_text() == OTHER, said
+    assert not Path("nobody").exists(), said
+    assert Path("pipe").is_fifo(), said
     return done.stderr
 
 
 @pytest.mark.slow
 def test_options_take_any_word() -> None:
     for line in random.Random(150).sample(lines(), 75):
-        check(line)
+        if not is_live(line):
+            restore()
+            check(line)
 
 
 PARTS = 4
@@ -209,7 +246,10 @@ def test_every_option_takes_words_of_each_kind(part: int) -> None:
     of_an_option = [found[k : k + n] for k in range(0, len(found), n)]
     for place, some in list(enumerate(of_an_option))[part::PARTS]:
         for third in range(3):
-            check(some[(place + third * n // 3) % n])
+            line = some[(place + third * n // 3) % n]
+            if not is_live(line):
+                restore()
+                check(line)
 
 
 @pytest.mark.parametrize("kind", WHOLE)
@@ -239,6 +279,75 @@ WRITES = {
     "record": (["record", "-s", "synthetic:?n=100", "--for", "0.1", "kept"], ["kept/*.mcap"]),
 }
 """For each command that writes files, its arguments and the files that it creates."""
+
+
+READS = {
+    "info": ["info", "NAME"],
+    "identify": [*IDENTIFY, "NAME"],
+    "export": ["export", "NAME", "--to", "out.csv"],
+    "recover": ["recover", "NAME"],
+    "run": [*FAST, "-s", "replay:NAME"],
+}
+"""For each command that reads recordings, its arguments, where NAME stands for the recording."""
+
+
+@pytest.mark.parametrize(
+    ("command", "kind"), [*((command, "pipe") for command in READS), ("info", "link to none")]
+)
+def test_recordings_that_are_pipes_or_broken_links_are_refused(command: str, kind: str) -> None:
+    """A pipe to which nobody writes is not waited for without an end."""
+    for ending in (*KINDS, ".db3.zstd", ".csv.gz", ".zip"):
+        name = f"a{ending}"
+        put(kind, name)
+        check([word.replace("NAME", name) for word in READS[command]], (1, 2))
+
+
+REPLACED = {
+    "--export-model": ([*IDENTIFY, "--export-model", "m.json"], "m.json"),
+    "--imu-yaml": ([*IDENTIFY, "--imu-yaml", "imu.yaml"], "imu.yaml"),
+    "--allan-csv": ([*IDENTIFY, "--allan-csv", "a.csv"], "a.csv"),
+    "a file of --report": ([*IDENTIFY, "--report", "folder"], "folder/report.html"),
+    "simulate": (["simulate", "out.csv", "-n", "20", "--window", "20"], "out.csv"),
+    "--to": (["export", "rest.npz", "--to", "out.npz", "--force"], "out.npz"),
+    "--to as CSV": (["export", "rest.npz", "--to", "out.csv", "--force"], "out.csv"),
+    "--export": (["fleet", "--history", "old.db", "--export", "fits.parquet"], "fits.parquet"),
+}
+REFUSED = {
+    "--report": ([*IDENTIFY, "--report", "report"], "report"),
+    "--out": ([*IDENTIFY, "--out", "v.parquet"], "v.parquet"),
+    "record": (["record", "-s", "synthetic:?n=100", "--for", "0.1", "kept"], "kept"),
+    "--record": ([*FAST, "-s", "synthetic:?n=100", "--record", "kept"], "kept"),
+    "--state": ([*FAST, "--pace", "fast", "-s", "synthetic:?n=60", "--state", "state"], "state"),
+    "its lock": ([*FAST, "--pace", "fast", "-s", "synthetic:?n=60", "--state", "state"], ".state.lock"),
+    "--history": ([*BASES["fleet"], "--history", "fleet.db"], "fleet.db"),
+}
+"""For each option that names what is written, a command, and the name at which a pipe or a link is put.
+
+A link at a name of `REPLACED` is replaced by the file, one at a name of `REFUSED` is refused.
+"""
+
+
+@pytest.mark.parametrize("option", REPLACED | REFUSED)
+def test_what_is_written_follows_no_link_and_waits_for_no_pipe(option: str) -> None:
+    line, name = (REPLACED | REFUSED)[option]
+    counts = np.random.default_rng(1).integers(-50, 50, (700, 3)).astype(np.int16)
+    np.savez("rest.npz", gyro_raw=counts, fs_hz=100.0, lsb_per_dps=16.4)
+    if option == "--export":
+        check([*BASES["fleet"], "--history", "old.db"], (1,))
+    for kind in STRANGE:
+        put(kind, name)
+        # a snapshot that does not exist yet is made, in place of the link
+        is_replaced = kind != "pipe" and (option in REPLACED or (option, kind) == ("--state", "link to none"))
+        check(line, (0,) if is_replaced else (1, 2))
+        assert Path(name).is_symlink() == (kind != "pipe" and not is_replaced)
+        assert Path(name).is_fifo() == (kind == "pipe")
+
+
+@pytest.mark.parametrize("name", ["fleet.db-wal", "fleet.db-shm", "fleet.db-journal"])
+def test_files_of_sqlite_follow_no_link_and_wait_for_no_pipe(name: str) -> None:
+    for kind in STRANGE:
+        put(kind, name)
+        check([*BASES["fleet"], "--history", "fleet.db"], (1, 2))
 
 
 @pytest.mark.parametrize("umask", [0o000, 0o027, 0o077], ids=oct)
