@@ -25,10 +25,11 @@ def test_what_is_missed_is_named() -> None:
     good = {"seconds": [1.0, 2.0, 4.0], "twice": [2.0, 2.0], "s_per_mb": 0.1}
     speed = {"mb": 1.0, "fltea": [50.0], "pandas": [90.0], "of_pandas": 0.55}
 
-    def missed(ratio: float, **growth: Any) -> list[str]:
+    def missed(ratio: float, headers: float = 5.0, **growth: Any) -> list[str]:
         found: dict[str, Any] = {
             "speed": {"CSV with a header": speed | {"of_pandas": ratio}},
             "growth": {"a form": good | growth},
+            "headers": {"live text": {"with": 100.0, "without": 500.0, "ratio": headers}},
         }
         found |= {"rows": 20, "rounds": 1}
         reached = bench.not_reached(found)
@@ -39,4 +40,13 @@ def test_what_is_missed_is_named() -> None:
     assert missed(0.45) == ["CSV at 0.45 of pandas' speed, goal 0.5"]
     assert missed(0.55, twice=[2.0, 3.9]) == ["a form: twice the file takes 3.9 times as long, goal 2.5"]
     assert missed(0.55, s_per_mb=1.5) == ["a form: 1.50 s for 1 MB, goal 1"]
+    assert missed(0.55, headers=25.0) == [
+        "live text with a header before each row: 25.0 times the time, goal 20"
+    ]
     assert missed(0.55, refused="no unit") == ["a form: refused"]
+
+
+def test_each_row_with_a_header_is_compared_with_the_same_row_without(tmp_path: Path) -> None:
+    found = bench._headers(tmp_path, 120, 1)
+    assert list(found) == ["a file", "live text"]
+    assert all(min(one.values()) > 0 for one in found.values())

@@ -7,6 +7,7 @@ and nothing else; fltea also checks every line, numbers the samples and determin
 import json
 import statistics
 import tempfile
+from collections import deque
 from collections.abc import Callable
 from functools import partial
 from itertools import pairwise
@@ -18,6 +19,7 @@ import pandas as pd
 from fltea.recording.csv_file import open_csv
 from fltea.records.errors import UsageError
 from fltea.settings.how import How
+from fltea.sources.text_events import TextEvents
 
 from tools.bench.measured import cpu_seconds, in_turns
 from tools.validation.tables import NONE, Table, number
@@ -39,6 +41,12 @@ for a text, divided by the time for half of it.
 """
 HALF = 0.5
 """Goal: the speed of reading CSV is at least this fraction of pandas' speed."""
+HEADERS = 20.0
+"""Goal: rows with a header before each of them take at most this many times as long as the same rows without
+these headers.
+"""
+LIVE_BYTES = 1500
+"""Size of the pieces in which live text arrives [bytes]."""
 
 Row = tuple[str, ...]
 
@@ -90,6 +98,7 @@ FORMS = {
 LINEAR = {
     "CSV with a header": FORMS["CSV with a header"],
     "a header every ten rows": Form(",".join, HEAD, again=HEAD, every=10),
+    "a header before each row": Form(",".join, HEAD, again=HEAD, every=1),
     "words every ten rows": Form(",".join, HEAD, again="battery low\n", every=10),
     "labels beside each number": Form(
         lambda row: " ".join(f"{name}: {value}" for name, value in zip(SEVEN, row, strict=True)),
@@ -103,13 +112,14 @@ def measure(rows: int = ROWS, rounds: int = ROUNDS) -> dict[str, Any]:
     """Return the processor times for each kind of text.
 
     Also return, for some kinds of text, the times for a small file and for files that are twice and four
-    times as long.
+    times as long, and the times for rows with and without a header before each of them.
     """
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "rest.csv"
         speeds = {name: _speed(path, form, rows, rounds) for name, form in FORMS.items()}
         times = {name: _growth(path, form, rows // SMALLER, rounds) for name, form in LINEAR.items()}
-    found = {"rows": rows, "rounds": rounds, "speed": speeds, "growth": times}
+        headers = _headers(Path(folder), rows // SMALLER, rounds)
+    found = {"rows": rows, "rounds": rounds, "speed": speeds, "growth": times, "headers": headers}
     return found | {"not_reached": not_reached(found)}
 
 
@@ -127,6 +137,11 @@ def not_reached(found: dict[str, Any]) -> list[str]:
             )
         if one["s_per_mb"] > SECONDS_PER_MB:
             missed.append(f"{name}: {one['s_per_mb']:.2f} s for 1 MB, goal {SECONDS_PER_MB:g}")
+    for name, one in found["headers"].items():
+        if one["ratio"] > HEADERS:
+            missed.append(
+                f"{name} with a header before each row: {one['ratio']:.1f} times the time, goal {HEADERS:g}"
+            )
     return missed
 
 
@@ -150,6 +165,10 @@ def text(found: dict[str, Any]) -> str:
         else (name, "refused", *[NONE] * 4)
         for name, one in found["growth"].items()
     ]
+    headers = [
+        (name, *(f"{one[which]:.0f}" for which in ("without", "with")), f"{one['ratio']:.1f}")
+        for name, one in found["headers"].items()
+    ]
     columns = ("", "MB", "fltea, MB/s", "from … to", "pandas, MB/s", "from … to", "of pandas' speed")
     tables = [
         Table(
@@ -161,6 +180,11 @@ def text(found: dict[str, Any]) -> str:
             f"Is it linear? {found['rows'] // SMALLER:,} rows, twice and four times as many",
             ("", "n, ms", "2n, ms", "4n, ms", "2n / n", "4n / 2n"),
             growth,
+        ),
+        Table(
+            f"A header before each row? {found['rows'] // SMALLER:,} rows; medians of rounds in turns",
+            ("", "without, rows/s", "with, rows/s", "times as long"),
+            headers,
         ),
     ]
     missed = found["not_reached"]
@@ -214,3 +238,29 @@ def _growth(path: Path, form: Form, rows: int, rounds: int) -> dict[str, Any]:
             return {"refused": str(error)}
     twice = [after / before for before, after in pairwise(seconds)]
     return {"seconds": seconds, "twice": twice, "s_per_mb": seconds[-1] / mb}
+
+
+def _headers(folder: Path, rows: int, rounds: int) -> dict[str, dict[str, float]]:
+    """Return the speed of rows with and without a header before each of them [rows/s], and the ratio."""
+    works = {}
+    for name, form in (("with", LINEAR["a header before each row"]), ("without", FORMS["CSV with a header"])):
+        path = folder / f"{name}.csv"
+        _write(path, form, rows)
+        works["a file", name] = partial(cpu_seconds, partial(open_csv, path, form.how))
+        works["live text", name] = partial(cpu_seconds, partial(_live, path.read_bytes(), form.how))
+    seconds = in_turns(works, rounds)
+    found = {}
+    for of in ("a file", "live text"):
+        times = seconds[of, "with"], seconds[of, "without"]
+        speeds = [rows / statistics.median(some) for some in times]
+        ratio = statistics.median(long / short for long, short in zip(*times, strict=True))
+        found[of] = {"with": speeds[0], "without": speeds[1], "ratio": ratio}
+    return found
+
+
+def _live(data: bytes, how: How) -> None:
+    events = TextEvents("stdin:", how, fatal=False)
+    events.open(0, within_line=False)
+    for begin in range(0, len(data), LIVE_BYTES):
+        deque(events.feed(data[begin : begin + LIVE_BYTES], begin), maxlen=0)
+    deque(events.finish(len(data)), maxlen=0)
