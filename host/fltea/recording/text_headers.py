@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from fltea.recording.columns import Chosen
+from fltea.recording.row_layout import Layout
 from fltea.recording.text_layout import LayoutFinder
 from fltea.recording.text_numbers import decoded
 from fltea.settings.how import How

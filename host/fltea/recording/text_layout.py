@@ -17,6 +17,7 @@ from fltea.recording.header_choices import Choices
 from fltea.recording.named_lines import NamedLines
 from fltea.recording.raw_lines import shown
 from fltea.recording.row_kinds import RowKinds
+from fltea.recording.row_layout import Layout, layout_of, why_no_row, why_too_many
 from fltea.recording.text_fields import (
     COMMENTS,
     MOST_COLUMNS,

@@ -23,7 +23,6 @@ from fltea.recording.sensor_lines import SensorLines
 from fltea.recording.table import Rows, joined
 from fltea.recording.text_fields import sample_of
 from fltea.recording.text_headers import Headers
-from fltea.recording.text_layout import Layout
 from fltea.recording.text_numbers import RowParser, WhyNot, decoded, end_of_line
 from fltea.records.errors import UsageError
 from fltea.settings.how import How

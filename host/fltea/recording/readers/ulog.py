@@ -293,7 +293,12 @@ class _LogScan:
             self._is_head = False
             sensor, number = struct.unpack("<BH", self._content[body : body + 3])
             name = self._content[body + 3 : end].decode()
-            self._topics[number] = _Topic(name, sensor, *self._formats.sizes(name))
+            topic = _Topic(name, sensor, *self._formats.sizes(name))
+            if self._topics.get(number) == topic:
+                # PX4's library forgets a topic's earlier messages when the log declares the topic again
+                self._is_changed = True
+                return
+            self._topics[number] = topic
         elif kind == ord("D"):
             topic = self._topics[int.from_bytes(self._content[body : body + 2], "little")]
             self._counts[topic.name, topic.sensor] += 1
