@@ -43,66 +43,88 @@ TEST_CASE("noise fit: a board that was moved in its start-up window fits as one 
     }
 }
 
-TEST_CASE("noise fit: samples that found the queue full are lost to the spectrum, and counted by it") {
-    std::unique_ptr<fltea::Estimation> estimation(new fltea::Estimation);
-    estimation->begin();
-    Counts noise(9);
-    std::vector<Octaves> alone(1);
+namespace {
+
+// An estimation after its start-up window, and beside it the spectrum of the samples that it has to use.
+struct Followed {
+    std::unique_ptr<fltea::Estimation> estimation{new fltea::Estimation};
+    std::vector<Octaves> expected{1};
+    Counts noise{9};
     uint32_t instant = 0;
-    fltea::Estimate estimate = {};
-    std::vector<int16_t> counts;
-    uint32_t taken = 0;
-    auto add = [&] {
-        fltea::Sample sample = {};
-        counts.push_back(noise());
-        sample.gyro_x = sample.gyro_y = sample.gyro_z = counts.back();
-        estimation->add(sample, instant++);
-    };
-    auto work = [&] {
-        while (estimation->busy()) estimation->work(estimate);
-    };
-    for (uint32_t k = 0; k < settings::kStartup; ++k) {
-        add();
-        work();
-    }
-    auto both = [&](uint32_t n) {
-        for (uint32_t k = 0; k < n; ++k, ++taken) {
+    uint32_t taken = 0;  // number of samples that were taken since the window
+
+    Followed() {
+        estimation->begin();
+        for (uint32_t k = 0; k < settings::kStartup; ++k) {
             add();
-            alone[0].add(counts.back());
             work();
         }
-    };
-    both(700);
+    }
+
+    int16_t add() {
+        fltea::Sample sample = {};
+        sample.gyro_x = sample.gyro_y = sample.gyro_z = noise();
+        estimation->add(sample, instant++);
+        return sample.gyro_x;
+    }
+    void add_expected() {
+        expected[0].add(add());
+        ++taken;
+    }
+    void work() {
+        fltea::Estimate estimate = {};
+        while (estimation->busy()) estimation->work(estimate);
+    }
+    void run(uint32_t n) {
+        for (uint32_t k = 0; k < n; ++k) {
+            add_expected();
+            work();
+        }
+    }
+
+    // Makes a fit, and compares the samples that it has used with those that are expected.
+    void check_fit(uint32_t lost) {
+        Fit fit = {};
+        Spectrum spectrum = {};
+        REQUIRE(estimation->noise().busy());
+        while (estimation->noise().work(fit, spectrum) != NoiseFit::Told::fit) {
+        }
+        CHECK(fit.age == taken + lost);
+        CHECK(fit.used == expected[0].counts().used);
+        Bins bins;
+        bins.begin();
+        while (!bins.step(expected[0])) {
+        }
+        CHECK(fit.ordinates == bins.ordinates());
+    }
+};
+
+}  // namespace
+
+TEST_CASE("noise fit: samples that found the queue full are lost to the spectrum, and counted by it") {
+    Followed device;
+    device.run(700);
     // The queue fills with 32 samples, and the next seven are skipped. After that, samples are processed
     // again.
-    for (int k = 0; k < 32; ++k, ++taken) {
-        add();
-        alone[0].add(counts.back());
-    }
-    for (int k = 0; k < 7; ++k) add();
-    work();
-    alone[0].skip(7);
-    both(900);
-    // Five samples are lost on the bus.
-    instant += 5;
-    alone[0].skip(5);
-    both(400);
-    Fit fit = {};
-    Spectrum spectrum = {};
-    REQUIRE(estimation->noise().busy());
-    while (estimation->noise().work(fit, spectrum) != NoiseFit::Told::fit) {
-    }
-    CHECK(fit.age == taken + 7 + 5);
-    CHECK(fit.used == alone[0].counts().used);
-    Bins bins;
-    bins.begin();
-    while (!bins.step(alone[0])) {
-    }
-    CHECK(fit.ordinates == bins.ordinates());
+    for (int k = 0; k < 32; ++k) device.add_expected();
+    for (int k = 0; k < 7; ++k) device.add();
+    device.work();
+    device.expected[0].skip(7);
+    device.run(1300);
+    device.check_fit(7);
     Estimator report;
-    estimation->report(report);
+    device.estimation->report(report);
     CHECK(report.skipped == 7);
     CHECK(report.fit_every == settings::kFitEvery);
+}
+
+TEST_CASE("noise fit: samples that were lost on the bus are lost to the spectrum") {
+    Followed device;
+    device.run(1600);
+    device.instant += 5;
+    device.expected[0].skip(5);
+    device.run(400);
+    device.check_fit(5);
 }
 
 namespace {
