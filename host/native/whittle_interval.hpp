@@ -28,6 +28,18 @@ struct Critical {
     double usual, at_bound;
 };
 
+// Fits the model with parameter i held, writes the best parameters to `eta`, and returns the loss. If the fit
+// has no white noise, the loss is scaled so that it is `critical.usual` at the end of the interval, too.
+// `nll`: -log L of the best fit of all.
+inline double loss_of(Room& room, const Terms& terms, std::vector<double>& eta, double nll, int i,
+                      const Critical& critical, const Patience& patience) {
+    const double found = score(room, terms, eta.data(), i, patience);
+    const double loss = std::isfinite(found) ? 2 * (found - nll) : 1e6;
+    const bool has_bound = critical.at_bound != critical.usual;
+    const bool at_bound = has_bound && without_white(room, terms, eta) - found < kNoWhite;
+    return at_bound ? loss * (critical.usual / critical.at_bound) : loss;
+}
+
 // A value of the parameter that was tried, and all parameters of the best fit with this value.
 struct Tried {
     double value, excess;  // `excess`: by how much 2 log L is lower than 2 log L of the best fit of all
@@ -93,10 +105,7 @@ inline double interval_end(const Bins& bins, const Terms& terms, const std::vect
     for (int look = 0; look < 40; ++look) {
         if (i != 0) eta[0] = std::fmax(eta[0], some_white);
         eta[at] = trial;
-        const double found = score(room, terms, eta.data(), i, patience);
-        double excess = std::isfinite(found) ? 2 * (found - nll) : 1e6;
-        if (critical.at_bound != critical.usual && without_white(room, terms, eta) - found < kNoWhite)
-            excess *= critical.usual / critical.at_bound;
+        const double excess = loss_of(room, terms, eta, nll, i, critical, patience);
         const bool close = std::fabs(excess - critical.usual) < 0.02;
         if (!close && excess < critical.usual) {
             if (trial == limit) return std::numeric_limits<double>::quiet_NaN();

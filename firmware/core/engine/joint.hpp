@@ -128,10 +128,13 @@ struct Joint {
         }
         const T proposed_a = alpha + K_a * e, proposed_b = beta + K_b * e;
         const T made_a = guards.order(proposed_a), made_b = guards.beta(proposed_b, made_a);
-        const T moved_a = made_a - alpha, moved_b = made_b - beta;
+        move_to(made_a, made_b, next, p.parameter_delta, sample.missing);
+    }
 
-        const MaskOf<T> missing = sample.missing;
-        const T delta = p.parameter_delta, kept = T(1) - delta;
+    // Sets alpha and beta to new values and P to their covariance, and updates Q by the squares of the
+    // changes. Where the sample is missing, nothing changes.
+    void move_to(T made_a, T made_b, const Covariance<T>& next, T delta, MaskOf<T> missing) {
+        const T moved_a = made_a - alpha, moved_b = made_b - beta, kept = T(1) - delta;
         Q.aa = select(missing, Q.aa, kept * Q.aa + delta * (moved_a * moved_a));
         Q.ab = select(missing, Q.ab, kept * Q.ab + delta * (moved_a * moved_b));
         Q.bb = select(missing, Q.bb, kept * Q.bb + delta * (moved_b * moved_b));
