@@ -158,18 +158,18 @@ class TextReader:
 
     def _take(self, data: bytes) -> list[Rows]:
         """Read whole lines. The last line in `data` has no line end."""
-        plain = self._plain.take(data, is_known=self.chosen is not None)
+        plain = self._plain.take(data, is_known=self._headers.chosen is not None)
         return [] if plain is None else self._rows_in(plain)
 
     def _rows_in(self, data: bytes) -> list[Rows]:
         pieces: list[Rows] = []
         at: int | None = 0
         self._headers.begin_block(data)
-        if self.layout is not None:
+        if self._parser is not None:
             self._sensors.look_again(len(self._headers.sample), self._headers.finder.text.facts)
-            data = self._sensors.only(self.layout, data)
+            data = self._sensors.only(self._parser.layout, data)
         while at is not None and at <= len(data):
-            if self.layout is None:
+            if self._parser is None:
                 at = self._find(data, at)
                 if at is None:
                     break
