@@ -25,6 +25,7 @@ from fltea.records.records import (
     Step,
 )
 from fltea.records.sensor_kind import kind_of
+from fltea.records.stats import AxisStats
 from fltea.settings.estimator import EstimateOn
 from fltea.sinks.changes import sentence
 from fltea.sinks.page.answer import order
@@ -41,11 +42,12 @@ class HeardError(NamedTuple):
     heard_ns: int
 
 
-class HeardSample(NamedTuple):
-    """A `sample` record, and the monotonic time of its arrival."""
+class HeardSample:
+    """The last `sample` record, and the monotonic time of its arrival [ns]; None before the first."""
 
-    record: Sample
-    heard_ns: int
+    def __init__(self) -> None:
+        self.record: Sample | None = None
+        self.heard_ns: int | None = None
 
 
 class PresentEpoch:
@@ -68,10 +70,12 @@ class PresentEpoch:
         """Return whether a record belongs to this epoch."""
         return record is not None and self.record is not None and record.epoch == self.record.epoch
 
-    def average(self, axis: str, value: float) -> None:
-        """Take a sample of an axis into the mean of the axis's samples."""
+    def average(self, axis: str, value: float) -> float:
+        """Take a sample of an axis into the mean of the axis's samples, and return this mean."""
         count, mean = self._means.get(axis, (0, 0.0))
-        self._means[axis] = count + 1, mean + (value - mean) / (count + 1)
+        mean += (value - mean) / (count + 1)
+        self._means[axis] = count + 1, mean
+        return mean
 
     def mean(self, axis: str) -> float:
         """Return the mean of an axis's samples for which `average` was called; 0 if there is none."""
@@ -92,7 +96,7 @@ class DeviceHistory:
         self.hello: Hello | None = None
         self.epoch = PresentEpoch()
         self.stats: Stats | None = None
-        self._heard: HeardSample | None = None
+        self._heard = HeardSample()
         self.error: HeardError | None = None
         self.course = Course()
         self._estimate_on = estimate_on
@@ -103,12 +107,12 @@ class DeviceHistory:
     @property
     def sample(self) -> Sample | None:
         """The last sample."""
-        return self._heard.record if self._heard else None
+        return self._heard.record
 
     @property
     def heard_ns(self) -> int | None:
         """Monotonic arrival time of the last sample [ns]."""
-        return self._heard.heard_ns if self._heard else None
+        return self._heard.heard_ns
 
     @property
     def rate_hz(self) -> float:
@@ -191,14 +195,11 @@ class DeviceHistory:
 
         This offset is the bias, or the mean of the samples as long as the bias is unknown.
         """
-        bias = self._bias(axis)
-        return bias if bias is not None else self.epoch.mean(axis)
+        stats = self._axes_of_epoch().get(axis)
+        return stats.bias if stats and stats.bias is not None else self.epoch.mean(axis)
 
-    def _bias(self, axis: str) -> float | None:
-        if self.stats is None or not self.epoch.is_of(self.stats):
-            return None
-        stats = self.stats.axes.get(axis)
-        return stats.bias if stats else None
+    def _axes_of_epoch(self) -> dict[str, AxisStats]:
+        return self.stats.axes if self.stats is not None and self.epoch.is_of(self.stats) else {}
 
     def _on_epoch(self, record: Epoch) -> None:
         self.epoch = PresentEpoch(record)
@@ -209,15 +210,14 @@ class DeviceHistory:
         self.happenings.append(Happening(record.host_ns, "epoch", text))
 
     def _on_sample(self, record: Sample) -> None:
-        self._heard = HeardSample(record, clock.host_ns())
+        self._heard.record, self._heard.heard_ns = record, clock.host_ns()
         y: dict[str, float] = {}
+        known = self._axes_of_epoch()
         for axis in self.axes:
             value = _value(record, axis)
-            bias = self._bias(axis)
-            if bias is None:
-                self.epoch.average(axis, value)
-                bias = self.epoch.mean(axis)
-            y[axis] = value - bias
+            stats = known.get(axis)
+            offset = stats.bias if stats else None
+            y[axis] = value - (self.epoch.average(axis, value) if offset is None else offset)
         self.course.sample(record.host_ns, record.temperature_c, y)
 
     def _on_estimate(self, record: Estimate) -> None:
