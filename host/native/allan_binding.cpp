@@ -41,7 +41,7 @@ void load(AllanSums& sums, const nb::bytes& bytes) {
     std::vector<double> numbers(bytes.size() / sizeof(double));
     if (!numbers.empty()) std::memcpy(numbers.data(), bytes.data(), numbers.size() * sizeof(double));
     if (bytes.size() % sizeof(double) != 0 || !sums.load(numbers.data(), numbers.size())) {
-        throw nb::value_error("its sums of the Allan variance cannot be read");
+        throw nb::value_error("the saved sums of the Allan variance cannot be read");
     }
 }
 

@@ -84,7 +84,7 @@ class Bank : public fltea::BankPart {
     }
 
     nb::list skip(size_t count) {
-        if (count > kMostSkipped) throw nb::value_error("so many lost samples are not bridged");
+        if (count > kMostSkipped) throw nb::value_error("at most 10,000,000 lost samples can be skipped");
         std::vector<Lost> lost;
         {
             nb::gil_scoped_release release;
@@ -112,7 +112,7 @@ class Bank : public fltea::BankPart {
         const std::lock_guard<std::mutex> alone(mutex_);
         const size_t axes = bank_.axes();
         if (settings.shape(0) != axes || bias.shape(0) != axes || live.shape(0) != axes) {
-            throw nb::value_error("settings, bias and live must have one entry an axis");
+            throw nb::value_error("settings, bias and live must have one entry for each axis");
         }
         for (size_t axis = 0; axis < axes; ++axis) {
             if (!(std::fabs(bias.data()[axis]) <= fltea::kLargestSample)) {
@@ -149,7 +149,7 @@ class Bank : public fltea::BankPart {
     // fit.
     void know(const std::vector<std::optional<std::tuple<double, double, double, double>>>& known) {
         const std::lock_guard<std::mutex> alone(mutex_);
-        if (known.size() != bank_.axes()) throw nb::value_error("known must have one entry an axis");
+        if (known.size() != bank_.axes()) throw nb::value_error("known must have one entry for each axis");
         std::vector<fltea::Known> all;
         for (const auto& one : known) {
             all.emplace_back();
@@ -204,12 +204,13 @@ class Bank : public fltea::BankPart {
               std::optional<nb::bytes> whiteness) {
         const std::lock_guard<std::mutex> alone(mutex_);
         if (whiteness) load_whiteness(*whiteness);
-        if (restarts.size() != bank_.axes()) throw nb::value_error("restarts must have one entry an axis");
+        if (restarts.size() != bank_.axes())
+            throw nb::value_error("restarts must have one entry for each axis");
         if (!lanes().load(data_of(engine), engine.size())) {
-            throw nb::value_error("its numbers cannot come from an engine of this kind");
+            throw nb::value_error("the saved numbers cannot come from an engine of this kind");
         }
         if (supervisors && !lanes().load_supervisors(data_of(*supervisors), supervisors->size())) {
-            throw nb::value_error("what its supervisors have seen cannot be read");
+            throw nb::value_error("the saved state of the supervisors cannot be read");
         }
         lanes().set_restarts(restarts);
     }
@@ -222,7 +223,7 @@ class Bank : public fltea::BankPart {
         fltea::NumberLoader loader(numbers.data(), numbers.data() + numbers.size());
         for (fltea::Whiteness& one : loaded) one.visit(loader);
         if (!loader.sound() || !loader.at_end() || bytes.size() % sizeof(double) != 0) {
-            throw nb::value_error("what its innovations were like cannot be read");
+            throw nb::value_error("the saved statistics of the innovations cannot be read");
         }
         bank_.whiteness() = loaded;
     }

@@ -70,7 +70,8 @@ class Column {
 
   private:
     [[noreturn]] static void refuse() {
-        throw nb::value_error("columns of samples are int64; int16 or float64 too where they are measured");
+        throw nb::value_error(
+            "columns of samples must be int64; measured values may also be int16 or float64");
     }
 
     Py_buffer view_ = {};
@@ -146,14 +147,16 @@ class Device {
             to.window_left = nb::cast<size_t>(one[6]);
             to.waits = nb::cast<std::vector<bool>>(one[7]);
             if (to.tracker == nullptr || to.places.empty() || to.waits.size() != to.places.size())
-                throw nb::value_error("a sensor has axes, and a tracker of them");
+                throw nb::value_error(
+                    "a sensor must have a tracker, axes, and one entry of waits for each axis");
             found.push_back(std::move(to));
         }
         kept_ = sensors;
         device_.begin(offset_ns, std::move(found));
     }
     void set_waits(size_t sensor, const std::vector<bool>& waits) {
-        if (waits.size() != at(sensor).places.size()) throw nb::value_error("every axis waits or does not");
+        if (waits.size() != at(sensor).places.size())
+            throw nb::value_error("waits must have one entry for each axis");
         at(sensor).waits = waits;
     }
     size_t window_left(size_t sensor) { return at(sensor).window_left; }
@@ -173,7 +176,7 @@ class Device {
                                            accel.numbers(),
                                            temperature.numbers(),
                                            flags.whole()};
-        if (n > 0 && !from.gyro) throw nb::value_error("samples have a gyroscope");
+        if (n > 0 && !from.gyro) throw nb::value_error("samples must have values of the gyroscope");
         Advanced found = {};
         {
             const LockGivenAway given(n - std::min(n, next));

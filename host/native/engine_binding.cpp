@@ -51,15 +51,16 @@ const Backend& find_backend(const std::string& name) {
 EngineShape shape_of(bool joint, int guard, bool compressed, int accuracy, size_t window,
                      const Rows& settings) {
     if (settings.shape(0) == 0 || settings.shape(1) * sizeof(double) != sizeof(LaneSettings)) {
-        throw nb::value_error("settings must have one row a lane and one column a field");
+        throw nb::value_error("settings must have one row for each lane and one column for each field");
     }
-    if (guard < 0 || guard > 2 || (window == 0 && !compressed)) throw nb::value_error("no such engine");
+    if (guard < 0 || guard > 2 || (window == 0 && !compressed))
+        throw nb::value_error("guard must be 0, 1 or 2, and window above 0 unless the memory is compressed");
     return EngineShape{settings.shape(0), joint, guard, compressed, accuracy, window};
 }
 
 const LaneSettings* settings_of(const Rows& settings, size_t lanes) {
     if (settings.shape(0) != lanes || settings.shape(1) * sizeof(double) != sizeof(LaneSettings)) {
-        throw nb::value_error("settings must have one row a lane and one column a field");
+        throw nb::value_error("settings must have one row for each lane and one column for each field");
     }
     return reinterpret_cast<const LaneSettings*>(settings.data());
 }
@@ -145,7 +146,7 @@ class Engine {
     }
 
     void reset(nb::ndarray<const uint8_t, nb::ndim<1>, nb::c_contig, nb::device::cpu> mask) {
-        if (mask.shape(0) != engine_.lanes()) throw nb::value_error("mask must have one entry a lane");
+        if (mask.shape(0) != engine_.lanes()) throw nb::value_error("mask must have one entry for each lane");
         const std::lock_guard<std::mutex> alone(mutex_);
         engine_.reset(mask.data());
     }

@@ -38,7 +38,7 @@ class LinePrinter {
     LinePrinter(std::vector<std::string> texts, std::vector<Hole> holes, bool nulls)
         : texts_(std::move(texts)), holes_(std::move(holes)), nulls_(nulls) {
         if (texts_.size() != holes_.size() + 1)
-            throw std::invalid_argument("a text stands before and after each hole");
+            throw std::invalid_argument("a line must have one text more than it has numbers to print");
         for (const std::string& text : texts_) room_ += text.size() + kLongest;
     }
 

@@ -44,7 +44,7 @@ class Lines {
         std::vector<std::optional<Column>> held(columns.size());
         std::vector<Cells> cells(columns.size());
         for (const auto& [column, place] : printer_->holes()) {
-            if (column >= held.size()) throw nb::value_error("a hole without a column");
+            if (column >= held.size()) throw nb::value_error("a line prints a column that is not given");
             if (!held[column]) {
                 held[column] = nb::cast<Column>(columns[column]);
                 cells[column] = cells_of(*held[column]);
@@ -52,7 +52,7 @@ class Lines {
             if (place >= width_of(*held[column]) || end > held[column]->shape(0))
                 throw nb::value_error("a column is too small");
         }
-        if (step == 0) throw nb::value_error("rows follow one another");
+        if (step == 0) throw nb::value_error("step must be above 0");
         const size_t rows = begin < end ? (end - begin - 1) / step + 1 : 0;
         const size_t before = into.size();
         into.resize(before + printer_->room(rows));

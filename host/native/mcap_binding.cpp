@@ -41,11 +41,13 @@ class McapChunks {
     void add_reads(uint16_t channel, uint32_t sequence, nb::bytes data, const Times& end, const Times& log_ns,
                    const Times& publish_ns) {
         const size_t n = end.shape(0);
-        if (log_ns.shape(0) != n || publish_ns.shape(0) != n) throw nb::value_error("a read has two times");
+        if (log_ns.shape(0) != n || publish_ns.shape(0) != n)
+            throw nb::value_error("log_ns and publish_ns must have one time for each read");
         size_t begin = 0;
         for (size_t k = 0; k < n; ++k) {
             if (at(end, k) < begin || at(end, k) > data.size())
-                throw nb::value_error("reads follow one another");
+                throw nb::value_error(
+                    "the ends of the reads must not decrease, and not exceed the number of bytes");
             writer_.add_message(channel, sequence++, at(log_ns, k), at(publish_ns, k), text_of(data) + begin,
                                 static_cast<size_t>(at(end, k)) - begin);
             begin = static_cast<size_t>(at(end, k));

@@ -57,7 +57,8 @@ class Octaves : public fltea::SumsPart {
         if (y.shape(1) != lanes || moving.shape(0) != rows || moving.shape(1) != lanes)
             throw nb::value_error("y and moving must have shape (rows, lanes)");
         check_numbers("y", y.data(), rows, lanes, nullptr, fltea::kLargestSample);
-        if (!(longest >= 0 && longest <= kMostSamples)) throw nb::value_error("no motion lasts so long");
+        if (!(longest >= 0 && longest <= kMostSamples))
+            throw nb::value_error("longest must be 0 to 10^15 samples");
         const LockGivenAway given(rows);
         add(y.data(), moving.data(), rows, static_cast<uint64_t>(longest));
     }
@@ -70,7 +71,7 @@ class Octaves : public fltea::SumsPart {
 
     void skip(double count) {
         if (!(count >= 0 && count <= kMostSamples))
-            throw nb::value_error("no such number of samples can be lost");
+            throw nb::value_error("the number of lost samples must be 0 to 10^15");
         skip_rows(static_cast<uint64_t>(count));
     }
 
@@ -81,7 +82,7 @@ class Octaves : public fltea::SumsPart {
 
     void merge(const Octaves& other) {
         if (other.lanes_.size() != lanes_.size() || other.memory_ != memory_) {
-            throw nb::value_error("the other one has other lanes or another memory");
+            throw nb::value_error("the other spectrum has another number of lanes or another memory");
         }
         const Octaves* const self = this;
         const std::vector<Lane> theirs = self == &other ? lanes_ : other.copy();
@@ -171,7 +172,7 @@ class Octaves : public fltea::SumsPart {
         fltea::NumberLoader loader(numbers.data(), numbers.data() + numbers.size());
         for (Lane& lane : lanes) lane.visit(loader);
         if (!loader.sound() || !loader.at_end() || bytes.size() % sizeof(double) != 0) {
-            throw nb::value_error("what its spectrum has seen cannot be read");
+            throw nb::value_error("the saved spectrum cannot be read");
         }
         const std::lock_guard<std::mutex> alone(mutex_);
         lanes_ = lanes;

@@ -85,16 +85,16 @@ class PortDecoder {
         const BufferView view(data);
         const std::size_t n = end.shape(0);
         if (n == 0 || host_ns.shape(0) != n || unix_offset_ns.shape(0) != n)
-            throw nb::value_error("there are reads, each with an end and two times");
+            throw nb::value_error("there must be at least one read, and each must have an end and two times");
         reads_.clear();
         std::int64_t before = 0;
         for (std::size_t k = 0; k < n; ++k) {
-            if (end(k) < before) throw nb::value_error("reads follow one another");
+            if (end(k) < before) throw nb::value_error("the ends of the reads must not decrease");
             before = end(k);
             reads_.push_back({before, {host_ns(k), unix_offset_ns(k)}});
         }
         if (static_cast<std::size_t>(before) != view.size())
-            throw nb::value_error("reads end where the bytes do");
+            throw nb::value_error("the last read must end with the last byte");
         line_.feed(view.data(), reads_.data(), n, now_ns);
     }
 

@@ -16,8 +16,8 @@ namespace {
 
 nb::tuple plain_rows(nb::bytes text, size_t begin, char separator, size_t least, size_t most,
                      std::vector<size_t> places, char decimal) {
-    if (begin > text.size()) throw nb::value_error("begins behind the end");
-    if (places.empty()) throw nb::value_error("no column is read");
+    if (begin > text.size()) throw nb::value_error("begin is greater than the length of the text");
+    if (places.empty()) throw nb::value_error("places must name at least one column");
     const std::string_view data =
         std::string_view(static_cast<const char*>(text.data()), text.size()).substr(begin);
     const size_t width = places.size(), most_rows = fltea::PlainRows::lines_in(data);

@@ -22,14 +22,15 @@ class RunPrinter {
     RunPrinter(std::shared_ptr<const LinePrinter> lines, std::int64_t every, std::size_t weight,
                RunShape shape)
         : lines_(std::move(lines)), every_(every), weight_(weight), shape_(std::move(shape)) {
-        if (every < 1) throw std::invalid_argument("there are records of every n-th sample");
+        if (every < 1) throw std::invalid_argument("every must be 1 or more");
         if (shape_.size() < kOfSensors || (shape_.size() - kOfSensors) % kOfSensor != 0)
-            throw std::invalid_argument("a shape is of samples, and of sensors");
+            throw std::invalid_argument(
+                "shape must have the numbers of the samples' columns and of each sensor's columns");
         is_corrected_ = lines_->uses(kCorrected);
         const std::vector<std::size_t> widths = widths_of(shape_);
         for (const LinePrinter::Hole& hole : lines_->holes()) {
             if (hole.column >= widths.size() || hole.place >= widths[hole.column])
-                throw std::invalid_argument("a hole without a column");
+                throw std::invalid_argument("a line prints a column that is not given");
         }
     }
 

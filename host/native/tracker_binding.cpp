@@ -37,13 +37,13 @@ class Tracker : public fltea::TrackerPart {
         : offsets_(offsets), largest_gravity_step_(largest_gravity_step) {
         if (offsets.empty()) throw nb::value_error("there must be at least one lane");
         if (ahead < 0 || ahead > kLongest || checked.size() > fltea::track::BiasCheck::kTimes)
-            throw nb::value_error("no bias is meant for so many samples");
+            throw nb::value_error("ahead must be 0 to 2^40 samples, and checked must have at most 3 numbers");
         if (!(largest_step > 0 && largest_gravity_step > 0 && still > 0 && patience > 0))
-            throw nb::value_error("limits of a step and of motion have to be above 0");
+            throw nb::value_error("the largest steps, still and patience must be above 0");
         rules_.ahead = ahead;
         for (size_t i = 0; i < checked.size(); ++i) {
             if (checked[i] < 0 || checked[i] > kLongest)
-                throw nb::value_error("no bias is checked over so many samples");
+                throw nb::value_error("the numbers in checked must be 0 to 2^40 samples");
             rules_.checked[i] = checked[i];
         }
         rules_.largest_step = largest_step;
@@ -67,7 +67,7 @@ class Tracker : public fltea::TrackerPart {
         if (accel && (accel->shape(0) != rows || accel->shape(1) < 1 || accel->shape(1) > 3))
             throw nb::value_error("accel must have shape (rows, 1 to 3)");
         if (rest < fltea::track::kUnknown || rest > fltea::track::kMoving)
-            throw nb::value_error("rest is 0, 1 or 2");
+            throw nb::value_error("rest must be 0, 1 or 2");
         check_numbers("y", y.data(), rows, lanes, nullptr, fltea::kLargestSample);
         if (accel)
             check_numbers("accel", accel->data(), rows, accel->shape(1), nullptr, fltea::kLargestSample);
@@ -89,7 +89,8 @@ class Tracker : public fltea::TrackerPart {
     }
 
     void skip(double count) {
-        if (!(count >= 0 && count <= 1e15)) throw nb::value_error("no such number of samples can be lost");
+        if (!(count >= 0 && count <= 1e15))
+            throw nb::value_error("the number of lost samples must be 0 to 10^15");
         skip_rows(static_cast<uint64_t>(count));
     }
 
@@ -102,7 +103,8 @@ class Tracker : public fltea::TrackerPart {
         const std::unique_ptr<fltea::track::Refiltered> refiltered = model.take_refiltered();
         const std::lock_guard<std::mutex> alone(mutex_);
         if (!at(lane).set(model.model(), refiltered.get()))
-            throw nb::value_error("no filter can work with such a system");
+            throw nb::value_error(
+                "a Kalman filter cannot use this noise model: its numbers are out of range");
     }
 
     RememberedLane remembered(size_t lane) {
@@ -167,7 +169,7 @@ class Tracker : public fltea::TrackerPart {
         fltea::NumberLoader loader(numbers.data(), numbers.data() + numbers.size());
         sensor->visit(loader);
         if (!loader.sound() || !loader.at_end() || bytes.size() % sizeof(double) != 0)
-            throw nb::value_error("what the tracker has seen cannot be read");
+            throw nb::value_error("the saved state of the tracker cannot be read");
         const std::lock_guard<std::mutex> alone(mutex_);
         sensor_ = std::move(sensor);
     }

@@ -29,13 +29,13 @@ using Square = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 constexpr std::int64_t kLongest = std::int64_t(1) << 40;
 
 void copy(const Vector& from, double* to, size_t n) {
-    if (from.shape(0) != n) throw nb::value_error("the system's columns differ in length");
+    if (from.shape(0) != n) throw nb::value_error("the vectors of the system differ in length");
     for (size_t i = 0; i < n; ++i) to[i] = from.data()[i];
 }
 
 void copy(const Matrix& from, double* to, size_t n) {
     if (from.shape(0) != n || from.shape(1) != n)
-        throw nb::value_error("the system's matrices differ in size");
+        throw nb::value_error("the matrices of the system differ in size from its vectors");
     for (size_t i = 0; i < n * n; ++i) to[i] = from.data()[i];
 }
 
@@ -47,13 +47,14 @@ void check(Noise& s) {
     s.visit(saver);
     fltea::NumberLoader loader(numbers.data(), numbers.data() + numbers.size());
     s.visit(loader);
-    if (!loader.sound()) throw nb::value_error("no filter can work with such a system");
+    if (!loader.sound())
+        throw nb::value_error("a Kalman filter cannot use this noise model: its numbers are out of range");
 }
 
 Noise system_of(int pairs, Vector a, Vector b, Matrix Q, Vector c, Vector state, Vector bias, Matrix P0,
                 double R) {
     const size_t n = a.shape(0);
-    if (n > static_cast<size_t>(kMost)) throw nb::value_error("the system has too many coordinates");
+    if (n > static_cast<size_t>(kMost)) throw nb::value_error("the system has too many state variables");
     if (pairs < 0 || 2 * static_cast<size_t>(pairs) > n)
         throw nb::value_error("the system has too many pole pairs");
     Noise s = Noise();
@@ -76,28 +77,29 @@ using Numbers = std::tuple<int, Vector, Vector, Matrix, Vector, Vector, Vector, 
 void make(LaneModel* self, std::int64_t ahead, const std::vector<std::int64_t>& checked, bool absolute,
           const std::vector<double>& weights, const std::vector<Numbers>& systems) {
     if (systems.empty() || systems.size() > TrackerModel::kRivals || systems.size() != weights.size())
-        throw nb::value_error("a noise is one system or two, each with a weight");
+        throw nb::value_error("there must be one or two systems, each with a weight");
     if (ahead < 0 || ahead > kLongest || checked.size() > BiasLengths::kChecks)
-        throw nb::value_error("no bias is meant for so many samples");
+        throw nb::value_error("ahead must be 0 to 2^40 samples, and checked must have at most 3 numbers");
     BiasLengths lengths;
     lengths.ahead = ahead;
     for (size_t i = 0; i < checked.size(); ++i) {
         if (checked[i] < 0 || checked[i] > kLongest)
-            throw nb::value_error("no bias is checked over so many samples");
+            throw nb::value_error("the numbers in checked must be 0 to 2^40 samples");
         lengths.checked[i] = checked[i];
     }
     std::vector<Noise> of;
     for (const Numbers& one : systems) of.push_back(std::apply(system_of, one));
     for (size_t i = 0; i < of.size(); ++i) {
         if (of[i].n != of.front().n || !(weights[i] >= 0 && weights[i] <= 1))
-            throw nb::value_error("systems of one noise differ in size, or a weight is none");
+            throw nb::value_error("the two systems differ in size, or a weight is not a number from 0 to 1");
     }
     std::shared_ptr<TrackerModel> made;
     {
         const nb::gil_scoped_release release;
         made = TrackerModel::made(of, weights, absolute, lengths);
     }
-    if (made == nullptr) throw nb::value_error("no filter can work with such a system");
+    if (made == nullptr)
+        throw nb::value_error("a Kalman filter cannot use this noise model: its numbers are out of range");
     new (self) LaneModel(std::move(made));
 }
 
@@ -106,7 +108,7 @@ using Row = std::tuple<double, double, double, double, double>;
 
 Noise grown(Noise s, const std::vector<Row>& rows) {
     if (static_cast<size_t>(s.n) + rows.size() > static_cast<size_t>(kMost))
-        throw nb::value_error("the system has too many coordinates");
+        throw nb::value_error("the system has too many state variables");
     for (const auto& [a, q, variance, signal, shared] : rows)
         append(s, Coordinate{a, q, variance, signal, shared});
     check(s);
@@ -128,8 +130,9 @@ std::vector<double> likelihoods(const RememberedLane& self, const Numbers& numbe
 void rested_of(const Numbers& numbers, std::int64_t samples, Square P) {
     const Noise s = std::apply(system_of, numbers);
     const size_t n = static_cast<size_t>(s.n);
-    if (P.shape(0) != n || P.shape(1) != n) throw nb::value_error("P must be as large as the system's");
-    if (samples < 1 || samples > kLongest) throw nb::value_error("no such number of samples");
+    if (P.shape(0) != n || P.shape(1) != n)
+        throw nb::value_error("P must have one row and one column for each state variable");
+    if (samples < 1 || samples > kLongest) throw nb::value_error("samples must be 1 to 2^40");
     std::vector<double> found(n * n + 1);
     bool sound;
     {
@@ -144,9 +147,10 @@ using Sums = std::pair<std::vector<std::vector<double>>, std::vector<double>>;
 
 Sums sums_of(const Numbers& numbers, Vector c, double R, const std::vector<std::int64_t>& counts) {
     const Noise s = std::apply(system_of, numbers);
-    if (c.shape(0) != static_cast<size_t>(s.n)) throw nb::value_error("c has one number a coordinate");
+    if (c.shape(0) != static_cast<size_t>(s.n))
+        throw nb::value_error("c must have one number for each state variable");
     for (const std::int64_t count : counts) {
-        if (count < 0 || count > kLongest) throw nb::value_error("no such number of samples");
+        if (count < 0 || count > kLongest) throw nb::value_error("counts must be 0 to 2^40 samples");
     }
     std::vector<SumAhead> found(counts.size());
     {
@@ -165,7 +169,7 @@ Sums sums_of(const Numbers& numbers, Vector c, double R, const std::vector<std::
 
 void LaneModel::refilter(const RememberedLane& remembered, int to_come) {
     if (to_come < 0 || to_come > Refiltered::kMostToCome)
-        throw nb::value_error("nothing can be filtered before so many samples");
+        throw nb::value_error("to_come is negative or too large");
     const nb::gil_scoped_release release;
     std::unique_ptr<Refiltered> next(
         new Refiltered(model_, remembered.memory(), remembered.steps(), to_come));

@@ -70,7 +70,7 @@ Raw raw_of(const FittedModel& s) {
 
 void check(const Terms& terms, const std::vector<double>& eta) {
     if (eta.size() != static_cast<std::size_t>(free_of(terms)))
-        refuse("eta must have one number a parameter");
+        refuse("eta must have one number for each parameter");
     for (const double value : eta)
         if (!std::isfinite(value)) refuse("parameters must be finite numbers");
 }
@@ -81,13 +81,14 @@ class Fitted {
         const std::size_t size = lam.shape(0);
         if (counts.shape(0) != size || power.shape(0) != size || walk.shape(0) != size ||
             window.shape(0) != size)
-            refuse("lam, counts, power, walk and window must have one number a bin");
+            refuse("lam, counts, power, walk and window must have one number for each bin");
         if (size < 2)
             refuse("a spectrum of " + std::to_string(size) + " bins says nothing: 2 or more are needed");
         double before = 0, ordinates = 0, sum = 0;
         for (std::size_t i = 0; i < size; ++i) {
             const double l = lam.data()[i], count = counts.data()[i], p = power.data()[i];
-            if (!(l > before && l <= kPi + 1e-12)) refuse("lam must rise, above 0 and up to pi rad a sample");
+            if (!(l > before && l <= kPi + 1e-12))
+                refuse("lam must increase, and be above 0 and at most pi rad per sample");
             if (!(count >= 0 && count <= kLargestPower)) refuse("counts must be finite numbers, 0 or more");
             if (!(p >= 0 && p <= kLargestPower)) refuse("power must be finite numbers, 0 or more");
             if (!(walk.data()[i] >= 0 && std::isfinite(walk.data()[i])))
@@ -147,7 +148,9 @@ class Fitted {
     // free parameters of both from an earlier test, or empty.
     std::tuple<double, double, std::vector<double>> null_test(const std::vector<double>& last) {
         if (!last.empty() && last.size() != NullFits::kOrderFree + 3)
-            refuse("a null test has seven coordinates, of an order and of a high-pass in white noise");
+            refuse(
+                "a null test has seven free parameters: four of an order and three of a high-pass, each in "
+                "white noise");
         for (const double value : last)
             if (!std::isfinite(value)) refuse("parameters must be finite numbers");
         const nb::gil_scoped_release release;
@@ -184,7 +187,7 @@ class Fitted {
         const Terms terms = terms_of(codes);
         check(terms, eta);
         if (total.shape(0) != bins_.size() || rows.shape(1) != bins_.size() || rows.shape(0) != eta.size())
-            refuse("total must have one number a bin, rows one row a parameter");
+            refuse("total must have one number for each bin, and rows one row for each parameter");
         set_orders(0, kHighestOrder);
         Spectrum here(bins_);
         here.at(terms, eta.data());

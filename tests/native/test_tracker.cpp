@@ -112,7 +112,7 @@ TEST_CASE("tracker: a map is so many single steps") {
     }
 }
 
-TEST_CASE("tracker: a system without coordinates") {
+TEST_CASE("tracker: a system without state variables") {
     OneAxis one;
     Any s = Any();
     s.R = 2;
