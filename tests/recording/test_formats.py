@@ -8,11 +8,13 @@ import subprocess
 import sys
 import tomllib
 import zipfile
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 from fltea.recording.dialects import dialects
-from fltea.recording.formats import ALL, FORMATS, KINDS, MAGIC, UNREAD, Unread, loaded
+from fltea.recording.formats import ALL, FORMATS, KINDS, MAGIC, UNREAD, Unread
 from fltea.recording.kind import open_one_file
 from fltea.records.errors import UsageError
 from fltea.records.records import Hello
@@ -22,59 +24,94 @@ from fltea.sources.replay import ReplaySource
 from tests.rig.corpus_files import HERE
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "host/docs/guide/files.md").read_text()
+TABLE = "host/fltea/recording/formats.py"
+GUIDE = "host/docs/guide/files.md"
+EXAMPLES = "tests/recording/corpus"
+PAGE = (ROOT / GUIDE).read_text()
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 CORPUS = {path.name for path in HERE.iterdir()} - {"README.md"}
-
-WITHOUT_MAGIC = {
-    **dict.fromkeys(("csv", "json", "ndjson"), "text may begin with anything"),
-    **dict.fromkeys(("xlsx", "npz", "arrays"), "a zip archive, which its members tell from others"),
-}
-"""Formats that have no fixed first bytes, and why."""
 
 formats = pytest.mark.parametrize("kind", FORMATS)
 
 
 @formats
 def test_each_format_has_a_file_of_it(kind: str) -> None:
-    assert FORMATS[kind].corpus
-    for name in FORMATS[kind].corpus:
+    form = FORMATS[kind]
+    assert form.corpus, f"{TABLE}: {kind} needs an example of {EXAMPLES} in `corpus`"
+    for name in form.corpus:
+        assert name in CORPUS, f"{EXAMPLES}/{name}: is missing; `python -m tests.rig.corpus_files` writes it"
+        assert Path(name).suffix in KINDS, f"{TABLE}: `suffixes` of {kind} lacks the ending of {name}"
         opened = open_one_file(HERE / name)
-        assert opened.kind == ("bag" if kind == "mcap" else kind), name
-        if FORMATS[kind].magic:
-            assert (HERE / name).read_bytes().startswith(tuple(MAGIC)), f"{name} begins otherwise"
+        assert opened.kind == ("bag" if kind == "mcap" else kind), (
+            f"{TABLE}: {name} is opened as {opened.kind}: `suffixes`, `magic` or `member` of {kind} is wrong"
+        )
+        if form.magic:
+            assert (HERE / name).read_bytes().startswith(tuple(MAGIC)), (
+                f"{TABLE}: {name} begins with none of `magic` of {kind}"
+            )
 
 
 @formats
 def test_each_format_is_in_the_documents(kind: str) -> None:
     form = FORMATS[kind]
-    (row,) = [line for line in PAGE.splitlines() if line.startswith(f"| {form.guide}")]
-    assert all(f"`{suffix}`" in row for suffix in form.suffixes)
-    assert not form.extra or row.endswith(f"| `{form.extra}` |")
+    rows = [line for line in PAGE.splitlines() if line.startswith(f"| {form.guide}")]
+    assert len(rows) == 1, f"{GUIDE}: {len(rows)} rows begin with {form.guide!r}, not one: run `make gen`"
+    lacks = [suffix for suffix in form.suffixes if f"`{suffix}`" not in rows[0]]
+    assert not lacks, f"{GUIDE}: the row of {form.title} lacks {lacks}: run `make gen`"
+    assert not form.extra or rows[0].endswith(f"| `{form.extra}` |"), (
+        f"{GUIDE}: the row of {form.title} does not end with the extra {form.extra}: run `make gen`"
+    )
+
+
+def test_the_number_of_formats_is_that_of_the_table() -> None:
+    (said,) = re.findall(r"files of (\d+) formats", (ROOT / "README.md").read_text())
+    assert int(said) == len(FORMATS), f"README.md: files of {said} formats, and {TABLE} has {len(FORMATS)}"
 
 
 @formats
-def test_each_format_has_a_reader_and_each_library_an_extra(kind: str) -> None:
+def test_each_format_has_a_reader(kind: str) -> None:
     form = FORMATS[kind]
-    assert set(form.options) <= set(ALL)
+    assert set(form.options) <= set(ALL), f"{TABLE}: `options` of {kind} are no fields of `How`"
     if kind not in ("mcap", "ndjson"):
-        assert callable(loaded(form.reader or form.opener))
-        assert not (form.reader and form.opener)
-    extras = PROJECT["optional-dependencies"]
-    assert bool(form.library) == bool(form.reader and form.extra), "who lacks the package is not told of it"
+        assert form.reader or form.opener, f"{TABLE}: {kind} needs a `reader` (or an `opener`)"
+        assert not (form.reader and form.opener), f"{TABLE}: {kind} has a `reader` and an `opener`"
+        module, _, function = (form.reader or form.opener).partition(":")
+        assert find_spec(module), f"{TABLE}: {kind} names the module {module}, which is missing"
+        assert hasattr(import_module(module), function), (
+            f"{TABLE}: {kind} names {function} in {module}, which is missing"
+        )
+
+
+def test_each_reader_is_of_a_format() -> None:
+    read_by = {form.reader.partition(":")[0].rpartition(".")[2] for form in FORMATS.values()}
+    for path in (ROOT / "host/fltea/recording/readers").glob("*.py"):
+        is_reader = "\ndef read(" in path.read_text()
+        assert not is_reader or path.stem in read_by, f"{TABLE}: no row's `reader` is {path.stem}:read"
+
+
+@formats
+def test_each_library_has_an_extra(kind: str) -> None:
+    form, extras = FORMATS[kind], PROJECT["optional-dependencies"]
+    assert bool(form.library) == bool(form.reader and form.extra), (
+        f"{TABLE}: {kind} has `library` or `extra` alone, so who lacks the package is not told of it"
+    )
+    if form.extra:
+        assert form.extra in extras, f"pyproject.toml: there is no extra {form.extra}, which {kind} needs"
+        (every,) = extras["files"]
+        assert form.extra in re.findall(r"\w+", every), f"pyproject.toml: the extra files lacks {form.extra}"
     if form.library:
         packages = " ".join(extras[form.extra]).lower()
-        assert re.search(rf"\b{form.library}\b", packages)
-    if form.extra:
-        (every,) = extras["files"]
-        assert form.extra in re.findall(r"\w+", every)
+        assert re.search(rf"\b{form.library}\b", packages), (
+            f"pyproject.toml: the extra {form.extra} lacks {form.library}, which {kind} needs"
+        )
 
 
 @formats
 def test_each_format_states_its_first_bytes(kind: str) -> None:
     """Without them, a file is recognised by its name only, and a renamed file is read as text."""
-    stated = bool(FORMATS[kind].magic)
-    assert stated != (kind in WITHOUT_MAGIC), f"formats.py: {kind} needs its first bytes as `magic`"
+    assert bool(FORMATS[kind].magic) != bool(FORMATS[kind].no_magic), (
+        f"{TABLE}: {kind} needs either its first bytes as `magic`, or as `no_magic` why it has none"
+    )
 
 
 def test_no_ending_and_no_beginning_is_of_two_formats() -> None:
@@ -96,7 +133,8 @@ def test_each_dialect_has_a_file_and_is_in_the_documents() -> None:
 
 def test_each_file_is_of_a_format_or_a_dialect() -> None:
     named = {name for table in (FORMATS.values(), dialects()) for one in table for name in one.corpus}
-    assert CORPUS - named - {one.corpus for one in UNREAD} == set()
+    forgotten = CORPUS - named - {one.corpus for one in UNREAD}
+    assert not forgotten, f"{TABLE}: no row's `corpus`, and no dialect's, names {forgotten} of {EXAMPLES}"
 
 
 @formats
@@ -105,7 +143,9 @@ def test_each_file_of_a_format_is_in_the_readme_of_the_corpus(kind: str) -> None
     patterns = [f"*{one}" if one.startswith(".") else one for one in told]
     of_dialects = {name for one in dialects() for name in one.corpus}
     for name in set(FORMATS[kind].corpus) - of_dialects:
-        assert any(fnmatch.fnmatch(name, pattern) for pattern in patterns), name
+        assert any(fnmatch.fnmatch(name, pattern) for pattern in patterns), (
+            f"{EXAMPLES}/README.md: no line of the last table says what writes {name}"
+        )
 
 
 @pytest.mark.parametrize("one", UNREAD, ids=lambda one: one.what[:20])

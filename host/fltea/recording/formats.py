@@ -24,6 +24,9 @@ all.
 
 ZIP = b"PK\x03\x04"
 
+_ANY_TEXT = "text may begin with anything"
+_ZIP_ARCHIVE = "a zip archive, which its members tell from others"
+
 
 # Over 12 attributes: permitted, since each is one column of the table of formats.
 class Format(NamedTuple):
@@ -32,7 +35,8 @@ class Format(NamedTuple):
     `title`: name for people. `guide`: description in the guide. `suffixes`: endings of file names.
     `is_certain`: whether a file whose name has such an ending is read in this format even if it begins with
     none of `magic`. `corpus`: example files in `tests/recording/corpus`, each with the options that read it.
-    `magic`: possible first bytes, which no other format has. `member`: file in an archive (.zip) that shows
+    `magic`: possible first bytes, which no other format has. `no_magic`: if there are none, why; such a file
+    is only recognised by its name or its content. `member`: file in an archive (.zip) that shows
     this format. `opener`: function that reads the file in this process, as MODULE:FUNCTION. `reader`:
     function that reads a path and a topic in a reader process, as MODULE:FUNCTION. `library`, `extra`:
     library that the reader needs, and the extra that installs it. `options`: fields of `How` that the user
@@ -44,6 +48,7 @@ class Format(NamedTuple):
     suffixes: tuple[str, ...]
     corpus: Mapping[str, str]
     magic: tuple[bytes, ...] = ()
+    no_magic: str = ""
     member: str = ""
     opener: str = ""
     reader: str = ""
@@ -78,6 +83,7 @@ FORMATS: Mapping[Kind, Format] = MappingProxyType(
                     "--columns roll,pitch,yaw --time-column counter --time-unit ms --units dps",
                 ),
             },
+            no_magic=_ANY_TEXT,
             opener="fltea.recording.csv_file:open_csv",
             pipe=True,
         ),
@@ -95,6 +101,7 @@ FORMATS: Mapping[Kind, Format] = MappingProxyType(
             "Excel",
             (".xlsx",),
             _each("phyphox.xlsx"),
+            no_magic=_ZIP_ARCHIVE,
             member="xl/workbook.xml",
             reader="fltea.recording.readers.excel:read",
             library="openpyxl",
@@ -105,6 +112,7 @@ FORMATS: Mapping[Kind, Format] = MappingProxyType(
             "JSON: objects or lists, in parts by their names, and what pandas writes",
             (".json",),
             _each("sensor_logger.json"),
+            no_magic=_ANY_TEXT,
             reader="fltea.recording.readers.json_document:read",
         ),
         "npy": Format(
@@ -120,6 +128,7 @@ FORMATS: Mapping[Kind, Format] = MappingProxyType(
             "`gyro_raw` or `gyro_dps` with `fs_hz`, as `fltea export` writes them",
             (".npz",),
             _each("fltea.npz"),
+            no_magic=_ZIP_ARCHIVE,
             opener="fltea.recording.npz_file:open_npz",
             options=(),
         ),
@@ -128,6 +137,7 @@ FORMATS: Mapping[Kind, Format] = MappingProxyType(
             "other arrays of numpy's `savez`",
             (),
             _each("numpy.npz"),
+            no_magic=_ZIP_ARCHIVE,
             reader="fltea.recording.readers.npz:read",
         ),
         "parquet": Format(
@@ -235,6 +245,7 @@ FORMATS: Mapping[Kind, Format] = MappingProxyType(
             "the output of `fltea run --samples`; a replay gives the live estimates bit for bit",
             (".ndjson", ".jsonl"),
             _each("fltea.ndjson"),
+            no_magic=_ANY_TEXT,
             options=(),
             pipe=True,
         ),
