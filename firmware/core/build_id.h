@@ -6,6 +6,6 @@ namespace fltea {
 
 constexpr char kVersion[] = "0.1.0";
 // Beginning of the SHA-256 over names and contents of all sources.
-constexpr char kBuildId[] = "b2b5b460";
+constexpr char kBuildId[] = "de1b9f93";
 
 }  // namespace fltea
