@@ -16,7 +16,7 @@ from fltea.records.errors import UsageError
 from fltea.settings.how import How
 from fltea.settings.limits import DEFAULT_LIMITS
 
-from tests.rig.corpus_files import IMU_FORM, dataflash, ulog
+from tests.rig.log_files import IMU_FORM, dataflash, ulog
 from tests.rig.table_support import open_here
 
 N = 240

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pyulog import ULog
 
-from tests.rig.corpus_files import ulog
+from tests.rig.log_files import ulog
 from tests.rig.table_support import open_here
 
 N = 400

@@ -11,12 +11,13 @@ import gzip
 import io
 import json
 import lzma
+import math
 import re
 import struct
 import zipfile
-from collections.abc import Iterable
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import asammdf
 import h5py
@@ -25,9 +26,10 @@ import numpy as np
 import openpyxl
 import pyarrow as pa
 import scipy.io
-from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
-from mcap.writer import Writer
 from pyarrow import feather, parquet
+
+from tests.rig.foxglove_files import write_mcap
+from tests.rig.log_files import IMU_FORM, dataflash, ulog
 
 HERE = Path(__file__).parents[1] / "recording/corpus"
 N, RATE_HZ = 60, 100.0
@@ -37,6 +39,39 @@ GYRO_DPS = np.round(0.2 * _random.normal(size=(N, 3)) + [0.5, -0.3, 0.1], 3)
 """The angular rates [deg/s] that every file contains; each logger rounds them to its own precision."""
 ACCEL_MS2 = np.round(0.02 * _random.normal(size=(N, 3)) + [0.1, -0.2, 9.81], 3)
 RADS = np.radians(GYRO_DPS)
+
+Columns = dict[str, Any]
+"""Arrays, and texts or single numbers that the file states beside them, by name. NaN: a value is missing."""
+
+
+class Example(NamedTuple):
+    """How the example of a format is made. The tests also write other columns of the same form by `write`.
+
+    `file`: name of the example. `write`: writes columns to a file, with the library of the format. `columns`:
+    those of the example. `gyro`: one of them, of the gyroscope. `fixed`: why the format cannot hold any other
+    columns; "" if it can. `is_even`: whether its columns always have the same length, with no single numbers
+    beside them. `never_missing`: why no value can be missing in such a file; "" if one can.
+    """
+
+    file: str
+    write: Callable[[Path, Columns], None]
+    columns: Columns
+    gyro: str
+    fixed: str = ""
+    is_even: bool = False
+    never_missing: str = ""
+
+
+def listed(values: Any, missing: Any = None) -> Any:
+    """Return an array or a number as values of Python, with `missing` in place of NaN."""
+    found = np.asarray(values).tolist()
+    return [missing if one != one else one for one in found] if isinstance(found, list) else found
+
+
+def rows_of(columns: Columns, missing: Any = None) -> list[tuple[Any, ...]]:
+    """Return columns of the same length as rows."""
+    return list(zip(*(listed(values, missing) for values in columns.values()), strict=True))
+
 
 RATES_HZ = {
     **dict.fromkeys(("gopro.csv", "gopro_zxy.csv"), 200.0),
@@ -96,137 +131,6 @@ def packed() -> dict[str, bytes]:
     }
 
 
-def ulog(forms: dict[str, str], topics: Iterable[tuple[str, int]], rows: Iterable[tuple[Any, ...]]) -> bytes:
-    """Return a log of PX4, as docs.px4.io describes it ("ULog File Format").
-
-    The log has header, flag bits, formats, subscriptions and data.
-
-    `forms`: fields by message name. `topics`: message name and sensor number. `rows`: topic index, field
-    types as letters of `struct`, and values.
-    """
-
-    def message(kind: str, body: bytes) -> bytes:
-        return struct.pack("<HB", len(body), ord(kind)) + body
-
-    out = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0) + message("B", bytes(40))
-    for name, form in forms.items():
-        out += message("F", f"{name}:uint64_t timestamp;{form}".encode())
-    for place, (name, number) in enumerate(topics):
-        out += message("A", struct.pack("<BH", number, place) + name.encode())
-    return out + b"".join(message("D", struct.pack(f"<HQ{code}", place, *row)) for place, code, *row in rows)
-
-
-def px4() -> bytes:
-    form = "float[3] gyro_rad;uint32_t gyro_integral_dt;float[3] accelerometer_m_s2;"
-    rows = ((0, "3fI3f", 10_000 * k, *RADS[k], 10_000, *ACCEL_MS2[k]) for k in range(N))
-    return ulog({"sensor_combined": form}, [("sensor_combined", 0)], rows)
-
-
-IMU_FORM = "QBffffffIIfBBHH", "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,EG,EA,T,GH,AH,GHz,AHz"
-DATAFLASH_LETTERS = {"a": "32h", "n": "4s", "N": "16s", "Z": "64s", "M": "B", "c": "h", "C": "H", "L": "i"}
-
-
-def dataflash(forms: dict[str, tuple[str, str]], rows: Iterable[tuple[Any, ...]]) -> bytes:
-    """Return a log of ArduPilot.
-
-    `forms`: format and columns by message name. `rows`: values of each message, of which the first is the
-    message name.
-    """
-    kinds = {"FMT": (0x80, "BBnNZ", "Type,Length,Name,Format,Columns")}
-    kinds |= {name: (0x81 + k, *form) for k, (name, form) in enumerate(forms.items())}
-    codes = {
-        name: struct.Struct("<" + "".join(DATAFLASH_LETTERS.get(letter, letter) for letter in form))
-        for name, (_, form, _) in kinds.items()
-    }
-
-    def message(name: str, *values: Any) -> bytes:
-        return b"\xa3\x95" + bytes([kinds[name][0]]) + codes[name].pack(*values)
-
-    heads = [
-        message("FMT", kind, codes[name].size + 3, name.encode(), form.encode(), columns.encode())
-        for name, (kind, form, columns) in kinds.items()
-    ]
-    return b"".join(heads) + b"".join(message(*row) for row in rows)
-
-
-def ardupilot() -> bytes:
-    rows = (("IMU", 10_000 * k, 0, *RADS[k], *ACCEL_MS2[k], 0, 0, 25.0, 1, 1, 1000, 1000) for k in range(N))
-    return dataflash({"IMU": IMU_FORM}, rows)
-
-
-def write_measurements() -> None:
-    """Write files in measurement formats: TDMS of LabVIEW, and MDF, which is usual in vehicles."""
-    with nptdms.TdmsWriter(HERE / "labview.tdms") as out:
-        properties = {"wf_increment": 1 / RATE_HZ, "wf_start_offset": 0.0, "unit_string": "rad/s"}
-        out.write_segment(
-            [
-                nptdms.ChannelObject("IMU", f"Gyro {axis}", RADS[:, i], properties)
-                for i, axis in enumerate("XYZ")
-            ]
-        )
-    with asammdf.MDF(version="4.10") as file:
-        file.start_time = datetime.datetime(2023, 11, 14, tzinfo=datetime.UTC)
-        file.append(
-            [
-                asammdf.Signal(RADS[:, i], TIMES_S, unit="rad/s", name=f"gyro_{axis}")
-                for i, axis in enumerate("xyz")
-            ],
-            acq_name="imu",
-        )
-        file.append([asammdf.Signal(TIMES_S[:9], TIMES_S[:9], unit="m/s", name="speed")], acq_name="vehicle")
-        file.save(HERE / "asam.mf4", overwrite=True)
-    data = bytearray((HERE / "asam.mf4").read_bytes())
-    written = data.index(b"##FH") + 40
-    data[written : written + 8] = bytes(8)
-    (HERE / "asam.mf4").write_bytes(data)
-
-
-def write_mcap() -> None:
-    """Write MCAP files in Foxglove's encodings, JSON and protobuf, with the format's own library."""
-    pool, field = descriptor_pb2.FileDescriptorSet(), descriptor_pb2.FieldDescriptorProto
-    file = pool.file.add(name="imu.proto", package="robot", syntax="proto3")
-    vector = file.message_type.add(name="Vector3")
-    for number, axis in enumerate("xyz", 1):
-        vector.field.add(name=axis, number=number, type=field.TYPE_DOUBLE, label=field.LABEL_OPTIONAL)
-    imu = file.message_type.add(name="Imu")
-    imu.field.add(name="timestamp_us", number=1, type=field.TYPE_UINT64, label=field.LABEL_OPTIONAL)
-    for number, name in ((2, "angular_velocity"), (3, "linear_acceleration")):
-        imu.field.add(
-            name=name,
-            number=number,
-            type=field.TYPE_MESSAGE,
-            label=field.LABEL_OPTIONAL,
-            type_name=".robot.Vector3",
-        )
-    known = descriptor_pool.DescriptorPool()
-    known.Add(file)
-    message = message_factory.GetMessageClass(known.FindMessageTypeByName("robot.Imu"))
-    schema = json.dumps({"type": "object", "properties": {"angular_velocity": {"type": "object"}}}).encode()
-    for encoding, schema_encoding, text in (
-        ("json", "jsonschema", schema),
-        ("protobuf", "protobuf", pool.SerializeToString()),
-    ):
-        with (HERE / f"{encoding}.mcap").open("wb") as out:
-            writer = Writer(out)
-            writer.start()
-            channel = writer.register_channel(
-                "/imu", encoding, writer.register_schema("robot.Imu", schema_encoding, text)
-            )
-            for k in range(N):
-                gyro, accel = (
-                    dict(zip("xyz", values[k].tolist(), strict=True)) for values in (RADS, ACCEL_MS2)
-                )
-                content = {"angular_velocity": gyro, "linear_acceleration": accel}
-                if encoding == "json":
-                    data = json.dumps(
-                        {"stamp": {"sec": 1_700_000_000, "nsec": 10_000_000 * k}, **content}
-                    ).encode()
-                else:
-                    data = message(timestamp_us=10_000 * k, **content).SerializeToString()
-                writer.add_message(channel, 1_700_000_000_000_000_000 + 10_000_000 * k, data, 0)
-            writer.finish()
-
-
 def printed() -> bytes:
     """Return the output of `fltea run --samples` for the samples of the corpus, without estimates."""
     hello = {"class": "hello", "source": "rest", "host_ns": 0, "rate_hz": RATE_HZ, "sampling_mode": "timer"}
@@ -244,51 +148,230 @@ def printed() -> bytes:
     return b"".join(json.dumps(record).encode() + b"\n" for record in (hello, *samples))
 
 
+def records(path: Path, columns: Columns) -> None:
+    """Write JSON: a list of objects, one for each row, or an object of lists if these differ in length."""
+    lists = {name: listed(values) for name, values in columns.items()}
+    rows = rows_of(columns) if len({np.shape(values) for values in columns.values()}) == 1 else []
+    content = [dict(zip(columns, row, strict=True)) for row in rows] or lists
+    path.write_text(json.dumps(content, separators=(",", ":")))
+
+
+def workbook(path: Path, columns: Columns) -> None:
+    """Write an Excel workbook as phyphox does: names and samples in the first of two sheets."""
+    book = openpyxl.Workbook()
+    sheet = book.active
+    sheet.title = "Raw Data"
+    sheet.append([*columns])
+    for row in rows_of(columns):
+        sheet.append(row)
+    book.create_sheet("Metadata Device").append(["property", "value"])
+    saved = io.BytesIO()
+    book.save(saved)
+    path.write_bytes(timeless(saved))
+
+
+def arrow_table(columns: Columns) -> pa.Table:
+    return pa.table({name: pa.array(values, from_pandas=True) for name, values in columns.items()})
+
+
+def hdf5(path: Path, columns: Columns) -> None:
+    with h5py.File(path, "w", track_order=True) as file:
+        for name, values in columns.items():
+            owner, _, attribute = name.partition("@")
+            if attribute:
+                file[owner].attrs[attribute] = values
+            else:
+                file[name] = listed(values) if np.asarray(values).dtype.kind == "U" else values
+
+
+def matlab(path: Path, columns: Columns) -> None:
+    """Write a file of MATLAB 5. A name with a point, such as `imu.gyro`, is a field of a structure."""
+    variables: dict[str, Any] = {}
+    for name, values in columns.items():
+        of, _, field = name.rpartition(".")
+        (variables.setdefault(of, {}) if of else variables)[field] = values
+    scipy.io.savemat(path, variables)
+    with path.open("r+b") as raw:
+        # the time of writing is left out, so that the file is always the same
+        raw.write(b"MATLAB 5.0 MAT-file Platform: posix".ljust(116))
+
+
+def px4(path: Path, columns: Columns) -> None:
+    form = "float[3] gyro_rad;uint32_t gyro_integral_dt;float[3] accelerometer_m_s2;"
+    rows = ((0, "3fI3f", time_us, *gyro, dt_us, *accel) for time_us, gyro, dt_us, accel in rows_of(columns))
+    path.write_bytes(ulog({"sensor_combined": form}, [("sensor_combined", 0)], rows))
+
+
+def ardupilot(path: Path, columns: Columns) -> None:
+    path.write_bytes(dataflash({"IMU": IMU_FORM}, (("IMU", *row) for row in rows_of(columns, math.nan))))
+
+
+def tdms(path: Path, columns: Columns) -> None:
+    """Write a file of LabVIEW. A name such as `IMU/Gyro X@unit_string` is a property of a channel."""
+    facts = {name: values for name, values in columns.items() if np.ndim(values) == 0}
+    channels = []
+    for name, values in columns.items():
+        if name not in facts:
+            group, _, channel = name.rpartition("/")
+            said = {key.partition("@")[2]: one for key, one in facts.items() if key.startswith(f"{name}@")}
+            values = listed(values) if np.asarray(values).dtype.kind == "U" else np.asarray(values)
+            channels.append(nptdms.ChannelObject(group or "rest", channel, values, said))
+    plain = {name: one for name, one in facts.items() if "@" not in name}
+    with nptdms.TdmsWriter(path) as out:
+        out.write_segment([*([nptdms.GroupObject("rest", plain)] if plain else []), *channels])
+
+
+def measurements(path: Path, columns: Columns) -> None:
+    """Write ASAM MDF, which is usual in vehicles: groups of channels with a clock `t` each, such as `imu.t`.
+
+    A missing value is marked in the invalidation bits.
+    """
+    groups: dict[str, list[asammdf.Signal]] = {}
+    for name, values in columns.items():
+        group, _, channel = name.partition(".")
+        if "@" not in name and channel != "t":
+            none = np.isnan(values)
+            unit, times_s = columns[f"{name}@unit"], columns[f"{group}.t"]
+            bits = asammdf.signal.InvalidationArray(none) if none.any() else None
+            one = asammdf.Signal(values, times_s, unit=unit, name=channel, invalidation_bits=bits)
+            groups.setdefault(group, []).append(one)
+    with asammdf.MDF(version="4.10") as file:
+        file.start_time = datetime.datetime(2023, 11, 14, tzinfo=datetime.UTC)
+        for group, signals in groups.items():
+            file.append(signals, acq_name=group)
+        file.save(path, overwrite=True)
+    data = bytearray(path.read_bytes())
+    written = data.index(b"##FH") + 40
+    data[written : written + 8] = bytes(8)
+    path.write_bytes(data)
+
+
+AXES = {f"gyro_{axis}_dps": GYRO_DPS[:, i] for i, axis in enumerate("xyz")}
+STAMPED = {"when": (np.arange(N) * 10_000_000).astype("M8[ns]"), **AXES}
+PHYPHOX = next(csv.reader([text("phyphox.csv").decode().splitlines()[0]]))
+IMU_REST = {"EG": 0, "EA": 0, "T": 25.0, "GH": 1, "AH": 1, "GHz": 1000, "AHz": 1000}
+OF_SENSOR = "its messages have fields of their own"
+
+EXAMPLES = {
+    "xlsx": Example(
+        "phyphox.xlsx",
+        workbook,
+        dict(zip(PHYPHOX, (TIMES_S, *RADS.T, list(map(np.linalg.norm, RADS))), strict=True)),
+        PHYPHOX[2],
+        fixed="its cells are read as text, which is falsified as text",
+    ),
+    "json": Example("records.json", records, {"time_s": TIMES_S, **AXES}, "gyro_y_dps"),
+    "arrays": Example(
+        "numpy.npz",
+        lambda path, columns: np.savez(path, **columns),
+        {"gyro_dps": GYRO_DPS, "t": TIMES_S},
+        "gyro_dps",
+    ),
+    "parquet": Example(
+        "pandas.parquet",
+        lambda path, columns: parquet.write_table(arrow_table(columns), path),
+        STAMPED,
+        "gyro_y_dps",
+        is_even=True,
+    ),
+    "feather": Example(
+        "pandas.feather",
+        lambda path, columns: feather.write_feather(arrow_table(columns), path),
+        STAMPED,
+        "gyro_y_dps",
+        is_even=True,
+    ),
+    "hdf5": Example(
+        "h5py.h5",
+        hdf5,
+        {"imu/gyro": RADS, "imu/t": TIMES_S, "imu/gyro@units": "rad/s"},
+        "imu/gyro",
+    ),
+    "mat": Example(
+        "matlab.mat",
+        matlab,
+        {"imu.gyro_dps": GYRO_DPS, "imu.accel_ms2": ACCEL_MS2, "fs": RATE_HZ},
+        "imu.gyro_dps",
+    ),
+    "ulg": Example(
+        "px4.ulg",
+        px4,
+        {
+            "timestamp": 10_000 * np.arange(N),
+            "gyro_rad": RADS,
+            "gyro_integral_dt": np.full(N, 10_000),
+            "accelerometer_m_s2": ACCEL_MS2,
+        },
+        "gyro_rad",
+        fixed=OF_SENSOR,
+    ),
+    "ardupilot": Example(
+        "ardupilot.bin",
+        ardupilot,
+        {
+            "TimeUS": 10_000 * np.arange(N),
+            "I": np.zeros(N, int),
+            **{f"Gyr{axis}": RADS[:, i] for i, axis in enumerate("XYZ")},
+            **{f"Acc{axis}": ACCEL_MS2[:, i] for i, axis in enumerate("XYZ")},
+            **{name: np.full(N, value) for name, value in IMU_REST.items()},
+        },
+        "GyrY",
+        fixed=OF_SENSOR,
+    ),
+    "tdms": Example(
+        "labview.tdms",
+        tdms,
+        {
+            key: value
+            for i, axis in enumerate("XYZ")
+            for key, value in {
+                f"IMU/Gyro {axis}": RADS[:, i],
+                f"IMU/Gyro {axis}@wf_increment": 1 / RATE_HZ,
+                f"IMU/Gyro {axis}@wf_start_offset": 0.0,
+                f"IMU/Gyro {axis}@unit_string": "rad/s",
+            }.items()
+        },
+        "IMU/Gyro Y",
+    ),
+    "mf4": Example(
+        "asam.mf4",
+        measurements,
+        {
+            "imu.t": TIMES_S,
+            **{f"imu.gyro_{axis}": RADS[:, i] for i, axis in enumerate("xyz")},
+            **{f"imu.gyro_{axis}@unit": "rad/s" for axis in "xyz"},
+            "vehicle.t": TIMES_S[:9],
+            "vehicle.speed": TIMES_S[:9],
+            "vehicle.speed@unit": "m/s",
+        },
+        "imu.gyro_y",
+        fixed="each of its groups has a clock and each channel a unit",
+    ),
+}
+"""The example of each format that has a `reader`, by the key of the format in `FORMATS`."""
+
+
 def write_libraries() -> None:
     """Write all files of binary formats."""
-    axes = {f"gyro_{axis}_dps": GYRO_DPS[:, i] for i, axis in enumerate("xyz")}
-    stamps = {"when": pa.array([10_000_000 * k for k in range(N)], pa.timestamp("ns"))}
-    parquet.write_table(pa.table({**stamps, **axes}), HERE / "pandas.parquet")
-    feather.write_feather(pa.table({**stamps, **axes}), HERE / "pandas.feather")
-    with h5py.File(HERE / "h5py.h5", "w", track_order=True) as file:
-        file["imu/gyro"], file["imu/t"] = RADS, TIMES_S
-        file["imu/gyro"].attrs["units"] = "rad/s"
+    for one in EXAMPLES.values():
+        one.write(HERE / one.file, one.columns)
     # the layout that RoNIN's README describes
-    with h5py.File(HERE / "ronin.h5", "w", track_order=True) as file:
-        file["synced/time"], file["synced/gyro"], file["synced/acce"] = TIMES_S + 25_000.5, RADS, ACCEL_MS2
-        file["synced/gyro_uncalib"] = np.add(RADS, [0.01, -0.02, 0.03])
-        file["pose/tango_pos"] = np.zeros((N, 3))
-    scipy.io.savemat(
-        HERE / "matlab.mat", {"imu": {"gyro_dps": GYRO_DPS, "accel_ms2": ACCEL_MS2}, "fs": RATE_HZ}
-    )
-    with (HERE / "matlab.mat").open("r+b") as raw:
-        raw.write(
-            b"MATLAB 5.0 MAT-file Platform: posix".ljust(116)
-        )  # The time of writing is left out, so that the file is always the same.
+    synced = {"time": TIMES_S + 25_000.5, "gyro": RADS, "acce": ACCEL_MS2}
+    synced["gyro_uncalib"] = np.add(RADS, [0.01, -0.02, 0.03])
+    others = {"pose/tango_pos": np.zeros((N, 3))}
+    hdf5(HERE / "ronin.h5", {f"synced/{name}": values for name, values in synced.items()} | others)
     with h5py.File(HERE / "matlab73.mat", "w", userblock_size=512, track_order=True) as file:
         file["gyro_dps"], file["t"] = GYRO_DPS.T, TIMES_S[np.newaxis]
     with (HERE / "matlab73.mat").open("r+b") as raw:
         raw.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + struct.pack("<HH", 0x0200, 0x4D49))
-    write_mcap()
-    write_measurements()
-    np.savez(HERE / "numpy.npz", gyro_dps=GYRO_DPS, t=TIMES_S)
+    write_mcap(HERE, RADS, ACCEL_MS2)
     np.savez(HERE / "fltea.npz", gyro_dps=GYRO_DPS, fs_hz=RATE_HZ)
     np.save(HERE / "numpy.npy", GYRO_DPS)
-    book = openpyxl.Workbook()
-    sheet = book.active
-    sheet.title = "Raw Data"
-    sheet.append(next(csv.reader([text("phyphox.csv").decode().splitlines()[0]])))
-    for k in range(N):
-        sheet.append([TIMES_S[k], *RADS[k], float(np.linalg.norm(RADS[k]))])
-    book.create_sheet("Metadata Device").append(["property", "value"])
-    saved = io.BytesIO()
-    book.save(saved)
-    (HERE / "phyphox.xlsx").write_bytes(timeless(saved))
 
 
 def made_without_libraries() -> dict[str, bytes]:
     """Return the example files that are put together from bytes or text."""
-    return {**packed(), "px4.ulg": px4(), "ardupilot.bin": ardupilot(), "fltea.ndjson": printed()}
+    return {**packed(), "fltea.ndjson": printed()}
 
 
 if __name__ == "__main__":

@@ -15,9 +15,12 @@ import pytest
 import scipy.io
 from fltea.recording.files import Stored
 from fltea.recording.formats import FORMATS, loaded
-from fltea.recording.sheet import open_sheet, with_sample
+from fltea.recording.kind import open_one_file
+from fltea.recording.opening import open_recording
+from fltea.recording.reader_process import open_text
+from fltea.recording.sheet import Sheet, open_sheet, with_sample
 from fltea.records.errors import UsageError
-from fltea.settings.how import How
+from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import DEFAULT_LIMITS
 
 N = 300
@@ -37,6 +40,22 @@ def open_here(kind: str, path: Path, **how: Any) -> Stored:
     except UsageError as error:
         raise UsageError(str(error) if str(error).startswith(f"{path}: ") else f"{path}: {error}") from error
     return open_sheet(path, with_sample(sheet), How(**how), DEFAULT_LIMITS)
+
+
+def stored_here(path: Path, how: How = AS_IT_SAYS) -> Stored:
+    """Open any file as the program does, but without the reader process, and without words about errors."""
+    opened = open_one_file(path)
+    if opened.file is not None:
+        opened.file.close()
+    form = FORMATS[opened.kind]
+    if not form.reader:
+        found = open_recording(path, how)
+        assert isinstance(found, Stored)
+        return found
+    table = loaded(form.reader)(path, how.topic or "")
+    if isinstance(table, Sheet):
+        return open_sheet(path, with_sample(table), how, DEFAULT_LIMITS)
+    return open_text(path, table, table.pieces, how, DEFAULT_LIMITS)
 
 
 def hdf5(folder: Path, arrays: dict[str, Any], **how: Any) -> Stored:

@@ -111,7 +111,7 @@ FORMATS: Mapping[Kind, Format] = MappingProxyType(
             "JSON",
             "JSON: objects or lists, in parts by their names, and what pandas writes",
             (".json",),
-            _each("sensor_logger.json"),
+            _each("sensor_logger.json records.json"),
             no_magic=_ANY_TEXT,
             reader="fltea.recording.readers.json_document:read",
         ),

@@ -46,6 +46,11 @@ SCALES = {**dict.fromkeys("cCeE", 0.01), "L": 1e-7}
 ardupilot.org/dev/docs/code-overview-adding-a-new-log-message.html.
 """
 
+MOST_PADDING = 528
+"""A log may end with padding of zeros or ones, since it is written in pages. As in ArduPilot's library, there
+are fewer than this number of bytes of padding.
+"""
+
 OF_GYROSCOPE = 1
 """Value of the field `type` in an ISBH message (the head of a batch) that means a gyroscope."""
 
@@ -79,8 +84,9 @@ def read(path: Path, topic: str) -> Sheet:
         sheet = of_arrays(
             {name: sensors[number][name] for name in sensors[number].dtype.names if name != "I"}
         )
-    told = tuple(Note("reading", f"{path}: {text}") for text in notes)
-    return replace(sheet, topic=f"{message}:{number}", notes=told)
+    told = [*log.losses(), *(Note("reading", text) for text in notes)]
+    told = [one._replace(text=f"{path}: {one.text}") for one in told]
+    return replace(sheet, topic=f"{message}:{number}", notes=tuple(told))
 
 
 class _Log:
@@ -92,6 +98,25 @@ class _Log:
         self._log = DFReader_binary(str(path))
         self._bytes = np.frombuffer(self._log.data_map, np.uint8)
         self.names = sorted(name for name, key in self._log.name_to_id.items() if len(self._log.offsets[key]))
+
+    def losses(self) -> list[Note]:
+        """Return warnings about the bytes that belong to no whole message, without the log's path."""
+        end = whole_bytes = 0
+        for key, offsets in enumerate(self._log.offsets):
+            if len(offsets) and key in self._log.formats:
+                length = self._log.formats[key].len
+                is_cut = offsets[-1] + length > len(self._bytes)
+                whole = len(offsets) - is_cut
+                whole_bytes += whole * length
+                end = max(end, offsets[whole - 1] + length if whole else 0)
+        found, tail = [], self._bytes[end:].tobytes()
+        if lost := end - whole_bytes:
+            text = f"is damaged: {lost} bytes belong to no message and are left out; the messages around them"
+            found.append(Note("recording_gap", f"{text} are read."))
+        if tail.strip(b"\0\xff") or len(tail) >= MOST_PADDING:
+            text = f"its last {len(tail)} bytes are no whole message and are left out: the board was switched"
+            found.append(Note("cut_recording", f"{text} off, or the file is cut or damaged."))
+        return found
 
     def offsets(self, name: str) -> Any:
         """Return the offsets in the log of all messages with a given name."""

@@ -32,13 +32,18 @@ def read(path: Path, _: str) -> Sheet:
             is_text = channel.dtype.kind not in "biufM"
             found[name] = NoNumbers("holds no numbers", len(channel)) if is_text else _Channel(channel)
             facts.update({f"{name}@{key}": value for key, value in channel.properties.items()})
-    segments = _segments(path)
+    segments, is_cut = _segments(path)
     text = (
         f"{path}: was written in {segments} parts. Its rate does not show whether there is a pause between "
     )
     text += "two parts; a column of times would."
     sheet = of_arrays(found, attributes=facts)
-    return replace(sheet, notes=(Note("reading", text),) if segments > 1 and sheet.rates else ())
+    notes = [Note("reading", text)] if segments > 1 and sheet.rates else []
+    if is_cut:
+        text = f"{path}: ends within its last part: the recorder was switched off, or the file is cut or "
+        text += "damaged. The samples that are missing there are left out, and so are channels without any."
+        notes.insert(0, Note("cut_recording", text))
+    return replace(sheet, notes=tuple(notes))
 
 
 class _Channel:
@@ -57,17 +62,20 @@ class _Channel:
         return np.asarray(self._channel[rows])
 
 
-def _segments(path: Path) -> int:
-    """Return the number of segments (parts that were written one after the other) of a TDMS file."""
-    count, at = 0, 0
+def _segments(path: Path) -> tuple[int, bool]:
+    """Return the number of segments (parts that were written one after the other) of a TDMS file.
+
+    Also return whether the last one is cut off or was never finished.
+    """
+    count, at, size = 0, 0, path.stat().st_size
     with path.open("rb") as file:
         while len(head := file.read(_LEAD_IN.size)) == _LEAD_IN.size:
             magic, _, _, length, _ = _LEAD_IN.unpack(head)
             if magic != b"TDSm":
-                break
+                return count, True
             count += 1
-            if length == _STILL_WRITTEN:
-                break
             at += _LEAD_IN.size + length
+            if length == _STILL_WRITTEN or at > size:
+                return count, True
             file.seek(at)
-    return count
+    return count, at < size
