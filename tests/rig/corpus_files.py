@@ -256,7 +256,13 @@ EXAMPLES = {
     "xlsx": Example(
         "phyphox.xlsx",
         workbook,
-        dict(zip(PHYPHOX, (TIMES_S, *RADS.T, list(map(np.linalg.norm, RADS))), strict=True)),
+        dict(
+            zip(
+                PHYPHOX,
+                (TIMES_S, *RADS.T, [math.sqrt(x * x + y * y + z * z) for x, y, z in RADS.tolist()]),
+                strict=True,
+            )
+        ),
         PHYPHOX[2],
         fixed="its cells are read as text, which is falsified as text",
     ),
