@@ -214,6 +214,7 @@ class Pi:
             self._heard += len(samples_of([event]))
             if self.host.now_ns >= at_s * S and self._heard == self.source.link_stats().frames:
                 break
+            assert self.host.now_ns < (at_s + 100) * S, "samples that were counted as delivered never came"
         return self
 
     def of(self, kind: type) -> list:

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from fltea.sources.i2c.chips import chip_of
 from fltea.wire.sensors import SENSORS
+from smbus2 import i2c_msg
 
 from tests.rig.emulated_chips import EMULATED
 from tests.rig.fake_smbus import MS, Pi, S, TellsTime
@@ -72,6 +73,53 @@ def test_a_bus_that_fails_for_less_than_the_fifo_holds_sets_no_sensor_up_again(w
     pi.run_until(SETTLED_S + fails_s + 1).check()
     assert pi.epochs == ["start"]
     assert (pi.missing, pi.told) == ([], [])
+
+
+def beginnings_of_transfers(who_am_i: int) -> list[bytes]:
+    """Return the bytes with which each transfer of a usual poll begins: a register's number, or a bank."""
+    chip = chip_of(who_am_i)
+    registers = [chip.fifo_count, chip.overflow[0], chip.temperature, chip.fifo_data]
+    known = [one for one in (*registers, *(first for first, _ in chip.checked)) if one is not None]
+    banks = sorted({register >> 8 for register in known})
+    selected = [] if len(banks) == 1 else [bytes([chip.bank_select or 0, bank << 4]) for bank in banks]
+    return [bytes([register & 0xFF]) for register in known] + selected
+
+
+EACH_TRANSFER = pytest.mark.parametrize(
+    ("who_am_i", "beginning"),
+    [(who_am_i, one) for who_am_i in FIRST.values() for one in beginnings_of_transfers(who_am_i)],
+    ids=lambda one: one.hex() if isinstance(one, bytes) else SENSORS[one].name,
+)
+
+
+@EACH_FAMILY
+def test_a_poll_has_no_other_transfers(who_am_i: int) -> None:
+    """The transfers of a poll are those at which the bus begins to fail in the next test."""
+    pi, seen = pi_with(who_am_i).run_until(2.0), set()
+    pi.bus.inject = lambda messages: seen.add(bytes(messages[0]))
+    pi.run_until(2.2)
+    assert seen == set(beginnings_of_transfers(who_am_i))
+
+
+@EACH_TRANSFER
+def test_a_bus_that_begins_to_fail_within_a_poll_loses_nothing(who_am_i: int, beginning: bytes) -> None:
+    """Wherever in a poll the bus stops to acknowledge, samples that were read before are delivered."""
+    pi, facts = pi_with(who_am_i), EMULATED[who_am_i]
+    end_ns = 0
+
+    def inject(messages: tuple[i2c_msg, ...]) -> int | None:
+        nonlocal end_ns
+        now_ns = pi.host.now_ns
+        if not end_ns and now_ns > 2 * S and bytes(messages[0]) == beginning:
+            end_ns = now_ns + round(0.6 * facts.holds * facts.period_ms) * MS
+        return errno.EREMOTEIO if now_ns < end_ns else None
+
+    pi.bus.inject = inject
+    pi.run_until(3.0).check()
+    assert end_ns, "the bus never failed"
+    assert pi.epochs == ["start"]
+    assert (pi.missing, pi.told) == ([], [])
+    assert pi.status.overruns == 0
 
 
 @EACH_FAMILY

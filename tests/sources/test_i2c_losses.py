@@ -5,6 +5,7 @@ import random
 from collections.abc import Callable
 
 import pytest
+from fltea.sources.i2c.driver import TRIES
 from fltea.wire.layout import SampleFlags
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
@@ -78,6 +79,28 @@ def test_a_stall_between_any_two_transfers_is_counted(register: int) -> None:
     assert pi.told == ["fifo_overflow"]
     # The samples in the full FIFO are not lost, unless the program read the FIFO's count before the overflow.
     assert sum(pi.missing) == pytest.approx(201 - (36 if register in (0x72, 0x19) else 3), abs=5)
+
+
+def test_an_overflow_that_may_have_happened_is_asked_for_until_there_is_an_answer() -> None:
+    """The program stalls for nearly as long as the FIFO lasts, so it asks for an overflow after it has read
+    the samples. This question fails, but there was no overflow, so nothing is lost.
+    """
+    pi, tries = Pi(), []
+
+    def inject(messages: tuple[i2c_msg, ...]) -> int | None:
+        register = bytes(messages[0])[0]
+        if pi.host.now_ns > SETTLED_S * S and register == 0x74 and not tries:
+            pi.host.let_pass(310 * MS)
+            tries.append(0)
+        elif tries and len(tries) <= TRIES:
+            tries.append(register)
+            return errno.EREMOTEIO
+        return None
+
+    pi.bus.inject = inject
+    pi.run_until(SETTLED_S + 2).check()
+    assert tries[1:] == [0x72] * TRIES
+    assert (pi.missing, pi.told) == ([], [])
 
 
 def test_a_fifo_that_is_emptied_before_it_is_read_gives_no_sample() -> None:
@@ -182,6 +205,44 @@ def test_a_bus_that_fails_for_200_ms_loses_nothing() -> None:
     pi = refuse(Pi(), SETTLED_S, 0.2).run_until(SETTLED_S + 2)
     pi.check()
     assert (pi.missing, pi.told) == ([], [])
+
+
+def test_samples_of_a_sensor_that_is_lost_before_their_check_are_counted() -> None:
+    """The bus fails after samples were read, until the sensor counts as lost, so nobody can check them."""
+    pi = Pi()
+    once(pi, 0x19, lambda messages: refuse(pi, pi.host.now_ns / S, 2.0) and errno.EREMOTEIO)
+    pi.run_until(SETTLED_S + 4).check()
+    assert pi.epochs == ["start", "sensor_restart"]
+    assert pi.told == ["device_fault", "device_fault"]
+    assert sum(pi.missing) == pytest.approx(2.3 * 100, abs=25)
+
+
+def test_samples_that_wait_for_their_check_are_delivered_although_the_sensor_stopped() -> None:
+    """The FIFO overflows, what it holds is read, and the bus fails. Then the FIFO is restarted, but the
+    sensor has fallen asleep, and the bus fails again until the sensor counts as stopped.
+    """
+    pi, seen = Pi(), [0]
+
+    def inject(messages: tuple[i2c_msg, ...]) -> int | None:
+        register, now_ns = bytes(messages[0])[0], pi.host.now_ns
+        match len(seen):
+            case 1 if now_ns > SETTLED_S * S and register == 0x72:
+                pi.host.let_pass(2 * S)
+                seen.append(now_ns)
+            case 2 | 3 | 4 if register == 0x19:
+                seen.append(now_ns)
+                return errno.EREMOTEIO
+            case 5 if register == 0x6A:
+                pi.chip.spoil(0x6B, 0x41)
+                seen.append(now_ns)
+            case 6 if register == 0x19 and now_ns < seen[-1] + 150 * MS:
+                return errno.EREMOTEIO
+        return None
+
+    pi.bus.inject = inject
+    pi.run_until(SETTLED_S + 4).check()
+    assert "sensor_frozen" in pi.texts
+    assert pi.epochs == ["start", "sensor_restart"]
 
 
 @pytest.mark.parametrize(

@@ -168,6 +168,33 @@ def test_a_lost_device_is_told_and_opened_again(tmp_path: Path) -> None:
     player.close()
 
 
+def test_samples_that_wait_for_their_rate_are_not_lost_with_the_device(tmp_path: Path) -> None:
+    """From the time stamps of one second the rate is not known yet. Then the device is lost."""
+    player = Player(imu(tmp_path))
+    player.open()
+    player.play(scans(0, 200), kind=Tick)
+    player.lose()
+    hello, block, down, _ = player.until(Trouble)
+    assert [type(event) for event in (hello, block, down)] == [Hello, RawBlock, LinkDown]
+    assert hello.rate_hz == pytest.approx(200.0)
+    assert block.sequence.tolist() == list(range(200))
+    assert player.source.link_stats().frames == 200
+    player.open()
+    assert [type(event) for event in player.play(scans(900, 1400))] == [Hello, RawBlock]
+    player.close()
+
+
+def test_samples_whose_rate_stays_unknown_are_counted(tmp_path: Path) -> None:
+    player = Player(imu(tmp_path))
+    player.open()
+    player.play(scans(0, 1), kind=Tick)
+    player.lose()
+    assert [event.kind for event in player.until(LinkDown)[:-1]] == ["no_rate"]
+    assert player.source.link_stats().bad_frames == {"no_rate": 1}
+    assert next(player.events).kind == "unplugged"
+    player.close()
+
+
 def test_without_time_stamps_the_order_numbers(tmp_path: Path) -> None:
     device = FakeIio(tmp_path, "adxrs")
     device.channel("anglvel_z", 0, "be:s14/16>>2")

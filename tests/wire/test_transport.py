@@ -88,6 +88,17 @@ def test_any_exception_of_a_driver_becomes_an_event(monkeypatch, readers) -> Non
         assert "NoneType" in failure(events).message
 
 
+def test_bytes_that_were_read_before_an_exception_are_handed_on(monkeypatch, readers) -> None:
+    """The port fails between the read of one byte and that of the bytes that wait behind it."""
+    kind = type(serial.serial_for_url("loop://"))
+    given = iter([b"\x00"])
+    monkeypatch.setattr(kind, "read", lambda port, size=1: next(given, None) or broken())
+    monkeypatch.setattr(kind, "in_waiting", property(broken))
+    events = readers("loop://").events(0.05)
+    assert received(1, events) == b"\x00"
+    assert "NoneType" in failure(events).message
+
+
 def test_a_port_whose_descriptor_cannot_be_had_is_tried_again(monkeypatch, terminal, readers) -> None:
     monkeypatch.setattr(transport, "BACKOFF_S", (0.05,))
     with monkeypatch.context() as patch:

@@ -141,6 +141,7 @@ class Port:
         self._serial: serial.Serial | None = None
         self._descriptor = -1
         self._failures = 0
+        self._untold: Exception | None = None
 
     @property
     def has_descriptor(self) -> bool:
@@ -197,6 +198,9 @@ class Port:
         """
         port = self._serial
         assert port is not None
+        if self._untold is not None:
+            return self.lost(self._untold)
+        data = b""
         try:
             data = port.read(1)
             if data:
@@ -204,7 +208,9 @@ class Port:
         # if the port is lost, `error` may be an OSError, a SerialException or a TypeError, depending on the
         # driver
         except Exception as error:
-            return self.lost(error)
+            if not data:
+                return self.lost(error)
+            self._untold = error  # the next call reports it, after the byte that was read before
         if not data:
             return None
         self.has_worked()
@@ -231,7 +237,7 @@ class Port:
 
     def close(self) -> None:
         """Close the port."""
-        port, self._serial = self._serial, None
+        port, self._serial, self._untold = self._serial, None, None
         if port is not None:
             _release(port)
         descriptor, self._descriptor = self._descriptor, -1

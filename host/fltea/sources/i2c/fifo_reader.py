@@ -38,6 +38,18 @@ class Loss(NamedTuple):
     doubt: int
 
 
+class Unchecked(NamedTuple):
+    """A sample that was read, before the check that the sensor still has its settings.
+
+    `arrived_ns`: estimated time of its arrival [ns].
+    """
+
+    row: Row
+    number: int
+    arrived_ns: int
+    flags: SampleFlags
+
+
 def _not_of_empty_fifo(row: Row) -> bool:
     """Return whether a row of counts is a sample, and was not read from an empty FIFO.
 
@@ -121,6 +133,8 @@ class FifoReader:
         self._clock = FifoClock(driver.chip.rate_hz, driver.chip.clock_error)
         self._empty_ns: int | None = None
         self._repeats = Repeats()
+        self._unchecked: list[Unchecked] = []
+        self._late = False
         self._latest_ns = 0
         self._time = NominalTime(driver.chip.rate_hz)
 
@@ -140,16 +154,22 @@ class FifoReader:
         self._time.begin(max(0, self._clock.next - 1), chip.rate_hz)
         self._clock.begin(chip.rate_hz, chip.clock_error)
         self._repeats = Repeats()
+        # nobody can check these samples any more, since the sensor was set up again; they count as lost
+        self._unchecked = []
+        self._late = False
         self._restarted("")
 
     def poll(self) -> list[RawSample]:
-        """Return the samples that came since the last call.
+        """Return the samples that came since the last call, or since the last call that failed.
+
+        Samples that were read before a transfer failed are kept, and returned by the next call that succeeds.
 
         Raises:
             SensorFault: the sensor must be set up again.
             TransferFailed: a transfer failed because the bus is disturbed.
         """
         driver = self._driver
+        self._ask_for_overflow()
         if self.restarts.is_due:
             driver.restart_fifo()
             self._restarted(self.restarts.cause)
@@ -159,26 +179,36 @@ class FifoReader:
         driver.retried = False
         rows, cut_off = self._take_out(waiting)
         flags = SampleFlags.RETRIED if driver.retried else SampleFlags(0)
-        numbers = []
         if rows:
             if self._empty_ns is not None:
                 self._resume(waiting, self._empty_ns, level.after_ns)
             timely = doubt is None and level.after_ns - level.before_ns < TIMELY_NS
             numbers = self._clock.take(len(rows), waiting, level.after_ns, timely=timely)
+            self._unchecked += [Unchecked(row, *one, flags) for row, one in zip(rows, numbers, strict=True)]
         # these samples count as lost until the check below has shown that the sensor still has its settings
         self.overruns += len(rows)
         if cause := doubt or cut_off:
             self.restarts.demand(cause)
         else:
             self._watch_overflow(level, waiting)
-        driver.check_settings()
-        samples = [self._sample(row, *number, flags) for row, number in zip(rows, numbers, strict=True)]
-        self.overruns -= len(rows)
-        self.samples += len(rows)
+        samples = self._checked()
         if self._empty_ns is not None and not self.restarts.is_due:
-            if level.after_ns - self.restarts.last_ns > SILENT_NS:
+            if not samples and level.after_ns - self.restarts.last_ns > SILENT_NS:
                 raise SensorFault(FaultCode.SENSOR_FROZEN, 0)
             self._empty_ns = level.before_ns
+        return samples
+
+    def _checked(self) -> list[RawSample]:
+        """Check that the sensor still has its settings, and return the samples that were read before.
+
+        The settings of a sensor that lost them do not come back by themselves. So the check also holds for
+        samples that were read long before, when the bus failed.
+        """
+        self._driver.check_settings()
+        samples = [self._sample(*one) for one in self._unchecked]
+        self._unchecked = []
+        self.overruns -= len(samples)
+        self.samples += len(samples)
         return samples
 
     def _level(self) -> tuple[Level, str | None]:
@@ -245,9 +275,18 @@ class FifoReader:
         chip = self._driver.chip
         room = chip.fifo_bytes // chip.sample.size - read
         room_ns = room / chip.rate_hz * 1e9 * (1 - max(0.1, 2 * chip.clock_error))
-        if self._now_ns() - level.before_ns > room_ns:
-            self.restarts.demand("overflow")
-            self.restarts.is_due = self._driver.level().overflowed
+        self._late = self._now_ns() - level.before_ns > room_ns
+        self._ask_for_overflow()
+
+    def _ask_for_overflow(self) -> None:
+        """Ask the sensor whether the FIFO overflowed, if that may have happened while it was read.
+
+        If the transfer fails, the next poll asks again, before it reads other samples.
+        """
+        if self._late:
+            if self._driver.level().overflowed:
+                self.restarts.demand("overflow")
+            self._late = False
 
     def _sample(self, row: Row, number: int, arrived_ns: int, flags: SampleFlags) -> RawSample:
         equal = self._repeats.add(row)

@@ -171,7 +171,13 @@ class IioSource:
                 if channels[kind]
             }
             self._counts.openings += 1
-            yield from self._read(_Reader(device, self._root, buffer, channels, convert), buffer)
+            reader = _Reader(device, self._root, buffer, channels, convert)
+            try:
+                yield from self._read(reader, buffer)
+            except OSError:
+                # samples may still wait until their rate is known
+                yield from self._hand_on(reader, reader.numbers.finish(), clock.host_ns())
+                raise
         finally:
             buffer.close()
 
@@ -198,8 +204,7 @@ class IioSource:
         ready = select.poll()
         ready.register(buffer.fd, select.POLLIN)
         ready.register(self._closed_read, select.POLLIN)
-        heard_ns, hello_due, rest = clock.host_ns(), True, b""
-        duplicates, unrated = self._counts.duplicates, self._counts.unrated
+        heard_ns, rest = clock.host_ns(), b""
         while not self._closed:
             found = {fd for fd, _ in ready.poll(TICK_S * 1000)}
             now_ns = clock.host_ns()
@@ -223,20 +228,26 @@ class IioSource:
             whole = len(rest) // buffer.layout.size * buffer.layout.size
             if not whole:
                 continue
-            for piece in reader.take(rest[:whole], now_ns):
-                if piece.begins:
-                    self._boot = (self._boot + 1) % (1 << 32)
-                if piece.begins or hello_due:
-                    hello_due = False
-                    yield reader.hello(self.url, self._boot, now_ns)
-                    yield from self._judge_rate(reader)
-                self._counts.samples += len(piece.sequence)
-                yield reader.block(piece)
+            yield from self._hand_on(reader, reader.take(rest[:whole], now_ns), now_ns)
             rest = rest[whole:]
-            self._counts.duplicates = duplicates + reader.numbers.duplicates
-            self._counts.unrated = unrated + reader.numbers.unrated
-            if reader.numbers.unrated and reader.numbers.rate_hz is None:
-                yield from self._report("no_rate", "from the time stamps of its samples no rate can be told.")
+
+    def _hand_on(self, reader: "_Reader", pieces: Iterator[Numbered], now_ns: int) -> Iterator[Event]:
+        """Yield the events of samples that got their numbers, and count those that were left out."""
+        numbers = reader.numbers
+        duplicates, unrated = numbers.duplicates, numbers.unrated
+        for piece in pieces:
+            if piece.begins:
+                self._boot = (self._boot + 1) % (1 << 32)
+            if piece.begins or reader.hello_due:
+                reader.hello_due = False
+                yield reader.hello(self.url, self._boot, now_ns)
+                yield from self._judge_rate(reader)
+            self._counts.samples += len(piece.sequence)
+            yield reader.block(piece)
+        self._counts.duplicates += numbers.duplicates - duplicates
+        self._counts.unrated += numbers.unrated - unrated
+        if numbers.unrated and numbers.rate_hz is None:
+            yield from self._report("no_rate", "from the time stamps of its samples no rate can be told.")
 
     def _judge_rate(self, reader: "_Reader") -> Iterator[Trouble]:
         said, found = reader.said_hz, reader.numbers.rate_hz
@@ -257,7 +268,10 @@ class IioSource:
 
 
 class _Reader:
-    """Turns the scans that are read after one opening of a device into blocks of samples."""
+    """Turns the scans that are read after one opening of a device into blocks of samples.
+
+    `hello_due`: whether no HELLO was given yet.
+    """
 
     def __init__(
         self,
@@ -269,6 +283,7 @@ class _Reader:
     ) -> None:
         self._device, self._layout, self._channels, self._convert = device, buffer.layout, channels, convert
         self.said_hz = rate_of(root, device)
+        self.hello_due = True
         self.numbers: ByTime | ByOrder
         self._origin_ns: int | None = None
         self._ordinal = 0
