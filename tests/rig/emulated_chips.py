@@ -18,8 +18,8 @@ class Emulated(NamedTuple):
     """An emulated kind of chip with facts about it.
 
     `model`: makes the chip, given its surroundings and `options`. `period_ms`: sampling period.
-    `clock_error`: largest relative error of the sampling rate. `bank_select`: register that selects the bank
-    of registers; None if the chip has no banks. `holds`:
+    `clock_error`: largest relative error of the sampling rate. `banks`: register that selects the bank of
+    registers, and the bit at which the bank's number begins there; None if the chip has no banks. `holds`:
     number of samples that fit into the chip's FIFO. `keeps_oldest`: whether an overflow leaves the oldest
     samples whole. `at_25_c`, `counts_a_c`: counts of the chip's thermometer at 25 °C, and counts per °C.
     `kept`: register values once the chip is set up. `lost`: registers in which the driver has to notice a
@@ -31,7 +31,7 @@ class Emulated(NamedTuple):
     name: str
     period_ms: int
     clock_error: float
-    bank_select: int | None
+    banks: tuple[int, int] | None
     gyro_dlpf_hz: float
     gyro_lsb_per_dps: float
     accel_lsb_per_g: float
@@ -55,7 +55,7 @@ _MPU9250 = Emulated(
     "MPU-9250",
     period_ms=10,
     clock_error=0.01,  # PS-MPU-9250A-01, section 4.15
-    bank_select=None,
+    banks=None,
     gyro_dlpf_hz=184.0,
     gyro_lsb_per_dps=16.4,
     accel_lsb_per_g=16384.0,
@@ -107,7 +107,7 @@ EMULATED = {
         "ICM-20948",
         period_ms=8,
         clock_error=0.1,  # TIMEBASE_CORRECTION_PLL: 127 steps of 0.079 %
-        bank_select=0x7F,
+        banks=(0x7F, 4),
         gyro_dlpf_hz=196.6,
         gyro_lsb_per_dps=16.4,
         accel_lsb_per_g=16384.0,

@@ -81,7 +81,8 @@ def beginnings_of_transfers(who_am_i: int) -> list[bytes]:
     registers = [chip.fifo_count, chip.overflow[0], chip.temperature, chip.fifo_data]
     known = [one for one in (*registers, *(first for first, _ in chip.checked)) if one is not None]
     banks = sorted({register >> 8 for register in known})
-    selected = [] if len(banks) == 1 else [bytes([chip.bank_select or 0, bank << 4]) for bank in banks]
+    select, shift = chip.banks or (0, 0)
+    selected = [] if len(banks) == 1 else [bytes([select, bank << shift]) for bank in banks]
     return [bytes([register & 0xFF]) for register in known] + selected
 
 

@@ -62,7 +62,7 @@ def test_every_chip_has_its_banks_and_the_error_of_its_clock() -> None:
     for who_am_i, facts in EMULATED.items():
         chip = chip_of(who_am_i)
         where = f"sources/i2c, {facts.name}"
-        assert chip.bank_select == facts.bank_select, f"{where}: bank_select"
+        assert chip.banks == facts.banks, f"{where}: banks"
         assert facts.clock_error <= chip.clock_error <= 4 * facts.clock_error, f"{where}: clock_error"
 
 
@@ -71,7 +71,7 @@ def test_texts_name_every_chip_and_every_address() -> None:
     missing = texts.fault_text(FaultCode.SENSOR_MISSING, 0, "/dev/i2c-1", 0x68)
     for who_am_i, sensor in SENSORS.items():
         assert sensor.is_clone or sensor.name in unknown
-        assert (chip_of(who_am_i).bank_select is None) == (f"&chip={sensor.family}'" not in unknown)
+        assert (chip_of(who_am_i).banks is None) == (f"&chip={sensor.family}'" not in unknown)
     for address, how in ADDRESSES.items():
         assert f"0x{address:02X} with {how}" in missing
 

@@ -93,7 +93,7 @@ def test_what_is_set(who_am_i: int) -> None:
 def test_every_known_chip_is_set_up_and_read(who_am_i: int) -> None:
     bench, facts = of_chip(who_am_i).set_up(), EMULATED[who_am_i]
     bench.wait(42)
-    size = bench.driver.chip.sample.size
+    size = bench.driver.chip.packet.size
     assert bench.driver.level()[:2] == (42 // facts.period_ms * size, False)
     samples = [bench.driver.counts(row) for row in bench.driver.read_samples(3)]
     times_ms = [taken_ns(tuple(map(float, rate)), accel) / MS for accel, _, rate in samples]
@@ -176,7 +176,7 @@ def test_a_broken_read_of_the_fifo_is_never_repeated(bench: Bench) -> None:
 @EVERY_CHIP
 def test_level_and_overflow(who_am_i: int) -> None:
     bench, facts = of_chip(who_am_i).set_up(), EMULATED[who_am_i]
-    size, fits, period_ms = bench.driver.chip.sample.size, facts.holds, facts.period_ms
+    size, fits, period_ms = bench.driver.chip.packet.size, facts.holds, facts.period_ms
     assert bench.driver.chip.fifo_s == pytest.approx(fits * period_ms / 1000)
     bench.wait((fits - 1) * period_ms + 2)
     level = bench.driver.level()

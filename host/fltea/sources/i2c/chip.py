@@ -25,31 +25,81 @@ class Setting(NamedTuple):
         return not (value ^ self.value) & self.meaning
 
 
+class Banks(NamedTuple):
+    """How a bank of registers is selected.
+
+    `select`: register whose bits from bit `shift` on are the number of the bank. It is in every bank.
+    """
+
+    select: int
+    shift: int
+
+
+class Header(NamedTuple):
+    """First byte of each sample in the FIFO of some chips. `mask`: mask of the bits that matter."""
+
+    value: int
+    mask: int
+
+
+Row = tuple[int, ...]
+"""The values that `Packet.layout` finds in one sample in the FIFO."""
+
+
+class Packet(NamedTuple):
+    """One sample in the FIFO.
+
+    `layout`: binary layout of the sample. `accel`, `gyro`, `temperature`: place of the first value of each of
+    them among the values of `layout`, counted from 0; `temperature` is None if it is not taken from the FIFO.
+    `header`: the header, if samples have one; then it is the first value of `layout`.
+    """
+
+    layout: Struct
+    accel: int
+    gyro: int
+    temperature: int | None = None
+    header: Header | None = None
+
+    @property
+    def size(self) -> int:
+        """Number of bytes of a sample."""
+        return self.layout.size
+
+    def is_sample(self, row: Row) -> bool:
+        """Return whether a row is a sample, and was not read from an empty FIFO.
+
+        Samples with a header are told by it. Without one, a chip whose FIFO is empty repeats the last byte
+        (MPU-9250 register map, section 4.37), so all bytes of the row are equal.
+        """
+        if self.header is not None:
+            return not (row[0] ^ self.header.value) & self.header.mask
+        return len(set(row)) > 1 or row[0] & 0xFF != row[0] >> 8 & 0xFF
+
+
 # Over 12 attributes: permitted, since each is one fact of a chip's data sheet that the driver needs.
 class Chip(NamedTuple):
     """One kind of sensor.
 
     `rate_hz`: sampling rate that results from `settings` [Hz]. `clock_error`: largest relative error of that
-    rate. `gyro_lsb_per_dps`, `accel_lsb_per_g`: sensitivities at the ranges that `settings` choose. `reset`:
-    register and value that reset the chip. `reset_s`: time after which the registers answer again [s].
-    `settings`: registers and their values in the order in which they are written; the first wakes the chip,
-    and the last selects which data enter the FIFO. `settle_s`: time that the gyroscope needs after the
-    settings [s]. `checked`: first register and number of registers of each block that determines the samples'
-    rate, scale and content. `restart`: registers and the values to write to them. They empty the FIFO, and
-    start to fill it again. `running`: setting of a register from which the driver confirms that the FIFO is
-    being filled.
-    `sample`: binary layout of one sample in the FIFO: acceleration, temperature if the FIFO holds it, angular
-    rate. `fifo_bytes`: number of bytes of the FIFO that are used. `keeps_oldest`: whether a full FIFO keeps
-    whole samples; otherwise an overflow destroys a part of a sample. `overflow`: register that reports an
-    overflow, and the mask of those of its bits that report it. `temperature`: register of the thermometer if
-    the FIFO does not hold the temperature.
-    `bank_select`: register that selects the bank, if the chip has banks.
+    rate. `gyro_lsb_per_dps`, `accel_lsb_per_g`: sensitivities at the ranges that `settings` choose.
+    `gyro_ends`: lowest and highest count of an axis of the gyroscope, at which it clips. `reset`: register
+    and value that reset the chip. `reset_s`: time after which the registers answer again [s].
+    `settings`: registers and their values in the order in which they are written; one of them wakes the chip.
+    `settle_s`: time that the gyroscope needs after the settings [s]. `checked`: first register and number of
+    registers of each block that determines the samples' rate, scale and content. `restart`: registers and the
+    values to write to them. They empty the FIFO, and start to fill it again. `running`: setting of a register
+    from which the driver confirms that the FIFO is being filled.
+    `fifo_bytes`: number of bytes of the FIFO that are used. `keeps_oldest`: whether a full FIFO keeps whole
+    samples; otherwise an overflow destroys a part of a sample. `overflow`: register that reports an overflow,
+    and the mask of those of its bits that report it. `temperature`: register of the thermometer if the
+    temperature is not taken from the FIFO. `banks`: how a bank is selected, if the chip has banks.
     """
 
     rate_hz: float
     clock_error: float
     gyro_range_dps: float
     gyro_lsb_per_dps: float
+    gyro_ends: tuple[int, int]
     gyro_dlpf_hz: float
     accel_range_g: float
     accel_lsb_per_g: float
@@ -60,19 +110,19 @@ class Chip(NamedTuple):
     checked: tuple[tuple[int, int], ...]
     restart: tuple[tuple[int, int], ...]
     running: Setting
-    sample: Struct
+    packet: Packet
     fifo_bytes: int
     keeps_oldest: bool
     fifo_count: int
     fifo_data: int
     overflow: tuple[int, int]
     temperature: int | None = None
-    bank_select: int | None = None
+    banks: Banks | None = None
 
     @property
     def fifo_samples(self) -> int:
         """Number of whole samples that fit into the FIFO."""
-        return self.fifo_bytes // self.sample.size
+        return self.fifo_bytes // self.packet.size
 
     @property
     def fifo_s(self) -> float:
@@ -98,6 +148,9 @@ class Family(NamedTuple):
     addresses: Mapping[int, str]
     chip: Callable[[int], Chip]
 
+
+INT16_ENDS = (-32768, 32767)
+"""`Chip.gyro_ends` of a chip whose counts have 16 bits and use all of them."""
 
 AD0 = {0x68: "AD0 at GND", 0x69: "AD0 at 3.3 V"}
 """Both addresses of a chip whose pin AD0 sets the lowest bit of its address, each with the wiring of this

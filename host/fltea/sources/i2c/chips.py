@@ -52,4 +52,4 @@ def ask_identity(
 
 def with_banks() -> list[str]:
     """Return the names of the families that have banks of registers."""
-    return [name for name, family in CHIPS.items() if family.chip(0).bank_select is not None]
+    return [name for name, family in CHIPS.items() if family.chip(0).banks is not None]

@@ -12,14 +12,14 @@ from typing import NamedTuple
 from smbus2 import i2c_msg
 
 from fltea.sources.i2c.bus import Bus
-from fltea.sources.i2c.chip import Family, Setting
+from fltea.sources.i2c.chip import Family, Row, Setting
 from fltea.sources.i2c.chips import CHIPS, ask_identity, chip_of
 from fltea.wire.layout import FaultCode
 from fltea.wire.sensors import SENSORS
 
 BURST_BYTES = 252
 """Largest number of bytes that are read at once. Some adapters transfer at most 255 bytes in one message, and
-252 bytes are whole samples.
+252 bytes are whole samples of most chips.
 """
 
 TRIES = 3
@@ -156,25 +156,27 @@ class Driver:
         self._overflowed |= bool(self._read(status, 1)[0] & bits)
         if chip.temperature is not None:
             self._temperature = int.from_bytes(self._read(chip.temperature, 2), "big", signed=True)
-        too_full = count > chip.fifo_bytes - chip.sample.size
+        too_full = count > chip.fifo_bytes - chip.packet.size
         return Level(count, self._overflowed or too_full, before_ns, after_ns)
 
-    def read_samples(self, n: int) -> list[tuple[int, ...]]:
-        """Return the counts of the oldest `n` samples in the FIFO. They take at most `BURST_BYTES` bytes.
+    def read_samples(self, n: int) -> list[Row]:
+        """Return the values of the oldest `n` samples in the FIFO. They take at most `BURST_BYTES` bytes.
 
         Raises:
             TransferFailed: the read failed; if the error's `acknowledged` is True, some bytes may be lost.
         """
         # A transfer that broke off cannot be repeated, since the FIFO gives each byte only once.
-        sample = self.chip.sample
-        return list(sample.iter_unpack(self._read(self.chip.fifo_data, n * sample.size, NOT_ACKNOWLEDGED)))
+        layout = self.chip.packet.layout
+        return list(layout.iter_unpack(self._read(self.chip.fifo_data, n * layout.size, NOT_ACKNOWLEDGED)))
 
-    def counts(self, row: tuple[int, ...]) -> Counts:
+    def counts(self, row: Row) -> Counts:
         """Split a sample into the counts of acceleration, temperature and angular rate.
 
-        If the FIFO does not hold the temperature, the last call of `level` has read it.
+        If the temperature is not taken from the FIFO, the last call of `level` has read it.
         """
-        return row[:3], self._temperature if self.chip.temperature is not None else row[3], row[-3:]
+        _, accel, gyro, place, _ = self.chip.packet
+        temperature = self._temperature if place is None else row[place]
+        return row[accel : accel + 3], temperature, row[gyro : gyro + 3]
 
     def _ask(self, family: Family) -> int:
         """Read the chip's WHO_AM_I from the register that this family uses for it.
@@ -182,7 +184,7 @@ class Driver:
         The bank of this register is selected only if the chip is known to be of this family. On another kind
         of chip, a write to the register that selects the bank may do something else.
         """
-        if family is self._family and self.chip.bank_select is not None:
+        if family is self._family and self.chip.banks is not None:
             self._bank = None
             return self._read(family.who_am_i, 1)[0]
         return self._transfer_read(family.who_am_i & 0xFF, 1, PASSING)[0]
@@ -205,10 +207,11 @@ class Driver:
     def _select(self, register: int) -> None:
         """Select the bank of a register, if the chip has banks."""
         bank = register >> 8
-        if self.chip.bank_select is None or bank == self._bank:
+        banks = self.chip.banks
+        if banks is None or bank == self._bank:
             return
         self._bank = None  # the selected bank is unknown until the write has succeeded
-        message = i2c_msg.write(self.address, [self.chip.bank_select, bank << 4])
+        message = i2c_msg.write(self.address, [banks.select, bank << banks.shift])
         self._transfer([message], PASSING)
         self._bank = bank
 

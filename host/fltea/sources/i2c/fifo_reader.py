@@ -9,6 +9,7 @@ from itertools import takewhile
 from typing import NamedTuple
 
 from fltea.records.events import SEQUENCE_WRAP, TIME_WRAP_US, RawSample
+from fltea.sources.i2c.chip import Row
 from fltea.sources.i2c.driver import BURST_BYTES, Driver, Level, SensorFault, TransferFailed
 from fltea.sources.i2c.fifo_clock import FifoClock
 from fltea.wire.layout import FaultCode, SampleFlags
@@ -21,10 +22,6 @@ MOST_EQUAL = 10
 """After this many equal samples in succession, a sensor counts as frozen. The noise of a working sensor makes
 its samples differ.
 """
-INT16_ENDS = (32767, -32768)
-
-Row = tuple[int, ...]
-"""Counts of one sample in the order in which the FIFO holds them."""
 
 
 class Loss(NamedTuple):
@@ -48,15 +45,6 @@ class Unchecked(NamedTuple):
     number: int
     arrived_ns: int
     flags: SampleFlags
-
-
-def _not_of_empty_fifo(row: Row) -> bool:
-    """Return whether a row of counts is a sample, and was not read from an empty FIFO.
-
-    A chip whose FIFO is empty repeats the last byte (MPU-9250 register map, section 4.37), so all bytes of
-    the row are equal.
-    """
-    return len(set(row)) > 1 or row[0] & 0xFF != row[0] >> 8 & 0xFF
 
 
 class NominalTime:
@@ -225,7 +213,7 @@ class FifoReader:
         return level, doubt
 
     def _doubt(self, level: Level) -> str | None:
-        samples, rest = divmod(level.bytes, self._driver.chip.sample.size)
+        samples, rest = divmod(level.bytes, self._driver.chip.packet.size)
         if level.overflowed:
             return "overflow"
         if rest:
@@ -242,7 +230,7 @@ class FifoReader:
         """
         chip = self._driver.chip
         if doubt is None or (doubt == "overflow" and chip.keeps_oldest):
-            return min(level.bytes, chip.fifo_bytes) // chip.sample.size
+            return min(level.bytes, chip.fifo_bytes) // chip.packet.size
         return 0
 
     def _take_out(self, n: int) -> tuple[list[Row], str | None]:
@@ -251,13 +239,13 @@ class FifoReader:
         Return the samples that arrived, and the reason why other samples may be lost, or None.
         """
         rows: list[Row] = []
-        burst = BURST_BYTES // self._driver.chip.sample.size
+        burst = BURST_BYTES // self._driver.chip.packet.size
         try:
             while len(rows) < n:
                 rows += self._driver.read_samples(min(burst, n - len(rows)))
         except TransferFailed as failed:
             return rows, "broken_transfer" if failed.acknowledged else None
-        true = list(takewhile(_not_of_empty_fifo, rows))
+        true = list(takewhile(self._driver.chip.packet.is_sample, rows))
         return true, None if len(true) == len(rows) else "out_of_step"
 
     def _resume(self, waiting: int, empty_ns: int, seen_ns: int) -> None:
@@ -273,7 +261,7 @@ class FifoReader:
         That may happen if the program was delayed.
         """
         chip = self._driver.chip
-        room = chip.fifo_bytes // chip.sample.size - read
+        room = chip.fifo_bytes // chip.packet.size - read
         room_ns = room / chip.rate_hz * 1e9 * (1 - max(0.1, 2 * chip.clock_error))
         self._late = self._now_ns() - level.before_ns > room_ns
         self._ask_for_overflow()
@@ -295,7 +283,8 @@ class FifoReader:
         if equal > 1:
             flags |= SampleFlags.REPEATED
         accel, temperature, gyro = self._driver.counts(row)
-        if any(count in INT16_ENDS for count in gyro):
+        lowest, highest = self._driver.chip.gyro_ends
+        if min(gyro) <= lowest or max(gyro) >= highest:
             flags |= SampleFlags.SATURATED
         # `arrived_ns` is an estimate. The maximum is taken so that no sample seems to arrive before the
         # sample that precedes it.

@@ -11,7 +11,7 @@ the data sheet does not say where in a FIFO's sample it would stand.
 from struct import Struct
 from typing import Final
 
-from fltea.sources.i2c.chip import AD0, Chip, Family, Setting
+from fltea.sources.i2c.chip import AD0, INT16_ENDS, Banks, Chip, Family, Packet, Setting
 
 BANK_2: Final = 0x200
 """Number that is added to the number of each register that is in bank 2."""
@@ -106,6 +106,7 @@ ICM20948 = Chip(
     clock_error=0.1,
     gyro_range_dps=2000.0,  # ranges and sensitivities: ICM-20948 data sheet, sections 3.1, 3.2
     gyro_lsb_per_dps=16.4,
+    gyro_ends=INT16_ENDS,
     gyro_dlpf_hz=196.6,
     accel_range_g=2.0,
     accel_lsb_per_g=16384.0,
@@ -122,7 +123,7 @@ ICM20948 = Chip(
     ),
     restart=((USER_CTRL, 0), (FIFO_RST, ALL_FIFOS), (FIFO_RST, 0), (USER_CTRL, FIFO_EN)),
     running=Setting(USER_CTRL, FIFO_EN, 0xF0),
-    sample=Struct(">6h"),
+    packet=Packet(Struct(">6h"), accel=0, gyro=3),
     # size of the FIFO by the ICM-20948 data sheet, section 4.16; some chips have a FIFO of 4,096 bytes, of
     # which only 512 are used
     fifo_bytes=512,
@@ -131,7 +132,7 @@ ICM20948 = Chip(
     fifo_data=FIFO_R_W,
     overflow=(INT_STATUS_2, ALL_FIFOS),
     temperature=TEMP_OUT_H,
-    bank_select=BANK_SELECT,
+    banks=Banks(BANK_SELECT, shift=4),
 )
 
 FAMILY = Family("icm20948", WHO_AM_I, AD0, lambda who_am_i: ICM20948)

@@ -3,11 +3,11 @@
 from struct import Struct
 
 from fltea.sources.i2c import mpu9250_registers as reg
-from fltea.sources.i2c.chip import AD0, Chip, Family, Setting
+from fltea.sources.i2c.chip import AD0, INT16_ENDS, Chip, Family, Packet, Setting
 
 RATE_HZ = 100.0
-SAMPLE = Struct(">7h")
-"""Binary layout of a sample: acceleration, temperature and rate, as in the output registers (MPU-9250
+PACKET = Packet(Struct(">7h"), accel=0, temperature=3, gyro=4)
+"""Layout of a sample: acceleration, temperature and rate, as in the output registers (MPU-9250
 register map, sections 4.22 to 4.24).
 """
 
@@ -37,6 +37,7 @@ def mpu9250(who_am_i: int) -> Chip:
         clock_error=0.03,
         gyro_range_dps=2000.0,  # ranges: data sheet PS-MPU-9250A-01, sections 3.1 and 3.2
         gyro_lsb_per_dps=16.4,
+        gyro_ends=INT16_ENDS,
         gyro_dlpf_hz=188.0 if old else 184.0,
         accel_range_g=2.0,
         accel_lsb_per_g=16384.0,
@@ -50,7 +51,7 @@ def mpu9250(who_am_i: int) -> Chip:
         # An MPU-6050 resets its FIFO only while the FIFO is switched off.
         restart=tuple((reg.USER_CTRL, value) for value in (0, reg.USER_FIFO_RST, reg.USER_FIFO_EN)),
         running=Setting(reg.USER_CTRL, reg.USER_FIFO_EN, 0x70),
-        sample=SAMPLE,
+        packet=PACKET,
         fifo_bytes=1024 if old else 512,
         keeps_oldest=not old,
         fifo_count=reg.FIFO_COUNT_H,

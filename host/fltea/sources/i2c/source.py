@@ -283,7 +283,7 @@ class I2cSource:
         reason why this program restarted the FIFO.
         """
         return LinkStats(
-            bytes=self._reader.samples * self._driver.chip.sample.size,
+            bytes=self._reader.samples * self._driver.chip.packet.size,
             frames=self._reader.samples,
             bad_frames=dict(self._reader.restarts.counts),
             reconnects=max(0, self._openings - 1),
