@@ -39,6 +39,8 @@ def test_mpu6050_sleeps_after_reset_and_lacks_accel_config_2():
     assert chip.read_block(0x1D, 1) == b"\x00"
     assert chip.read_block(0x1B, 1) == b"\x18"  # The MPU-6050 also lacks the bits FCHOICE_B.
     chip.advance(20 * MS)
+    assert words(chip.read_block(0x43, 6)) == [0, 0, 0], "the gyroscope is still starting"
+    chip.advance(50 * MS)
     # The MPU-6050's counts of temperature at 25 °C are (25 - 36.53) * 340 = -3920.2.
     assert words(chip.read_block(0x3B, 14)) == [0, 0, 16384, -3920, 16, 0, 0]
 

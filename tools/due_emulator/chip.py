@@ -3,6 +3,8 @@
 import errno
 from collections import deque
 
+from tools.due_emulator.noise import Motion, World
+
 PS_PER_NS = 1000
 MS_NS = 1_000_000
 _POINTER_MASK = 0x7F
@@ -62,10 +64,13 @@ class Chip:
 
     `address`: address on the bus. `clock_ppm`: error of the chip's clock, positive if it is too fast.
     `fifo_register`: the register of the FIFO. After each access to another register, the chip goes on to the
-    next register; after an access to this one it stays.
+    next register; after an access to this one it stays. `gyro_start_ns`: time that the gyroscope needs after
+    it was switched on [ns]; until then it measures nothing.
     """
 
     fifo_register: int
+    gyro_start_ns = 0
+    world: World
 
     def __init__(self, address: int, clock_ppm: float) -> None:
         self.address = address
@@ -78,6 +83,7 @@ class Chip:
         self._selected = self._reading = self._pointer_next = False
         self._anchor_ps = self._updates = 0
         self._period_ps: int | None = None
+        self._gyro_starts_until_ns = 0
 
     # Members that the class of each kind of chip defines
 
@@ -213,7 +219,20 @@ class Chip:
         """Start the chip's clock now; it updates the output registers at the configured rate."""
         self._anchor_ps, self._updates = self._now_ns * PS_PER_NS, 0
         rate_hz = self.output_hz * (1 + self._clock_ppm * 1e-6)
+        # at time 0, a chip has been on for long
+        if rate_hz and self._period_ps is None and self._now_ns:
+            self._gyro_starts_until_ns = self._now_ns + self.gyro_start_ns
         self._period_ps = round(1e12 / rate_hz) if rate_hz else None
+
+    def _motion(self, at_ns: int) -> Motion:
+        """Return what the chip feels of the world at a time.
+
+        A gyroscope that is still starting feels nothing.
+        """
+        motion = self.world.at(at_ns)
+        if at_ns < self._gyro_starts_until_ns:
+            return motion._replace(rate_dps=(0.0, 0.0, 0.0))
+        return motion
 
     def _next_update_ns(self) -> int | None:
         if self._period_ps is None:

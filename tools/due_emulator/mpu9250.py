@@ -44,6 +44,7 @@ class Mpu9250(Chip):
     """
 
     fifo_register = reg.FIFO_R_W
+    gyro_start_ns = 35 * MS_NS  # MPU-9250 product specification, 3.1; 30 ms for an MPU-6050
 
     def __init__(
         self, world: World, *, who_am_i: int = 0x71, address: int = 0x68, clock_ppm: float = 0.0
@@ -297,7 +298,7 @@ class Mpu9250(Chip):
         """Store the motion at the time of the last update, as counts, in the internal output registers."""
         if self._output_ns != self._last_update_ns:
             self._output_ns = self._last_update_ns
-            self._output = self._measure(self.world.at(self._output_ns))
+            self._output = self._measure(self._motion(self._output_ns))
 
     def _measure(self, motion: Motion) -> bytes:
         """Return the counts of a motion at the configured ranges.
