@@ -15,15 +15,20 @@ from tools.due_emulator.mpu9250 import Mpu9250
 
 # Over 12 attributes: permitted, since each is a fact from a chip's data sheet, typed by hand.
 class Emulated(NamedTuple):
-    """An emulated kind of chip with facts about it.
+    """An emulated kind of chip with facts about it. They are those of the same names in `sources.i2c.chip`.
 
     `model`: makes the chip, given its surroundings and `options`. `period_ms`: sampling period.
     `clock_error`: largest relative error of the sampling rate. `banks`: register that selects the bank of
     registers, and the bit at which the bank's number begins there; None if the chip has no banks. `holds`:
     number of samples that fit into the chip's FIFO. `keeps_oldest`: whether an overflow leaves the oldest
     samples whole. `at_25_c`, `counts_a_c`: counts of the chip's thermometer at 25 °C, and counts per °C.
-    `kept`: register values once the chip is set up. `lost`: registers in which the driver has to notice a
-    change of the bit `lost_bit`.
+    `gyro_ends`: lowest and highest count of the gyroscope. `header`: value of the first byte of a sample in
+    the FIFO, and mask of its bits that matter; None if samples have no header. `reset_ms`: longest time after
+    which a chip that was reset takes settings. `gyro_start_ms`: time that the gyroscope needs after it was
+    switched on. `kept`: values of all registers that have to be set, once the chip is set up, also of those
+    whose value after a reset is right. `unnoticed`: those of them whose loss the driver need not notice,
+    since they do not change the samples, or since samples then stop. In all others it has to notice a change
+    of the bit `lost_bit`.
     """
 
     model: type[Any]
@@ -32,16 +37,31 @@ class Emulated(NamedTuple):
     period_ms: int
     clock_error: float
     banks: tuple[int, int] | None
+    reset_ms: float
+    gyro_start_ms: float
     gyro_dlpf_hz: float
+    gyro_range_dps: float
     gyro_lsb_per_dps: float
+    gyro_ends: tuple[int, int]
+    accel_range_g: float
     accel_lsb_per_g: float
+    header: tuple[int, int] | None
     holds: int
     keeps_oldest: bool
     at_25_c: int
     counts_a_c: float
     kept: Mapping[int, int]
-    lost: tuple[int, ...]
+    unnoticed: tuple[int, ...]
     lost_bit: int
+
+    def row(self, what: str, register: int | None = None) -> str:
+        """Return words for a fact of the chip's row in the driver's tables, or for one of its registers."""
+        return f"sources/i2c, {self.name}: {what}" + ("" if register is None else f" 0x{register:02X}")
+
+    @property
+    def lost(self) -> list[int]:
+        """The registers in which the driver has to notice a change."""
+        return [register for register in self.kept if register not in self.unnoticed]
 
     def make(self, world: Any, **options: Any) -> Chip:
         """Return a chip of this kind; `world` supplies the values that it measures."""
@@ -56,9 +76,15 @@ _MPU9250 = Emulated(
     period_ms=10,
     clock_error=0.01,  # PS-MPU-9250A-01, section 4.15
     banks=None,
+    reset_ms=100,  # PS-MPU-9250A-01, section 3.4.2
+    gyro_start_ms=35,  # PS-MPU-9250A-01, section 3.1
     gyro_dlpf_hz=184.0,
+    gyro_range_dps=2000.0,
     gyro_lsb_per_dps=16.4,
+    gyro_ends=(-32768, 32767),
+    accel_range_g=2.0,
     accel_lsb_per_g=16384.0,
+    header=None,
     holds=36,
     keeps_oldest=True,
     at_25_c=1335,
@@ -70,11 +96,12 @@ _MPU9250 = Emulated(
         0x1C: 0x00,  # the accelerometer's range is ±2 g
         0x1D: 0x01,  # the accelerometer's low-pass has 184 Hz
         0x23: 0xF8,  # the FIFO gets temperature, three gyroscope axes and acceleration
+        0x37: 0x00,  # the INT pin is push-pull and active high
         0x38: 0x10,  # FIFO_OFLOW_EN: an overflow of the FIFO causes an interrupt
-        0x6A: 0x40,
-        0x6B: 0x01,
+        0x6A: 0x40,  # the FIFO is on
+        0x6B: 0x01,  # the chip is awake and selects the best clock
     },
-    lost=(0x19, 0x1A, 0x1B, 0x1C, 0x1D, 0x23),
+    unnoticed=(0x37, 0x38, 0x6A, 0x6B),
     lost_bit=0x08,
 )
 
@@ -95,9 +122,9 @@ EMULATED = {
         keeps_oldest=False,
         at_25_c=-3920,
         counts_a_c=340.0,
-        # This chip has neither the bit FIFO_MODE nor the register ACCEL_CONFIG_2.
-        kept={0x1A: 0x01, 0x1B: 0x18, 0x1D: 0x00},
-        lost=(0x19, 0x1A, 0x1B, 0x1C, 0x23),
+        gyro_start_ms=30,  # PS-MPU-6000A-00, section 6.1
+        # this chip has neither the bit FIFO_MODE nor the register ACCEL_CONFIG_2
+        kept={register: n for register, n in _MPU9250.kept.items() if register != 0x1D} | {0x1A: 0x01},
     ),
     0x75: _relative(0x75, "MPU-9250 clone (0x75)"),
     0x78: _relative(0x78, "MPU-9250 clone (0x78)"),
@@ -108,9 +135,15 @@ EMULATED = {
         period_ms=8,
         clock_error=0.1,  # TIMEBASE_CORRECTION_PLL: 127 steps of 0.079 %
         banks=(0x7F, 4),
+        reset_ms=100,  # section 3.4
+        gyro_start_ms=35,  # section 3.1
         gyro_dlpf_hz=196.6,
+        gyro_range_dps=2000.0,
         gyro_lsb_per_dps=16.4,
+        gyro_ends=(-32768, 32767),
+        accel_range_g=2.0,
         accel_lsb_per_g=16384.0,
+        header=None,
         holds=42,
         keeps_oldest=True,
         at_25_c=1335,
@@ -124,12 +157,14 @@ EMULATED = {
             0x210: 0,
             0x211: 8,
             0x214: 0x01,  # ACCEL_DLPFCFG 0: the accelerometer's low-pass is on, with 246 Hz; range ±2 g
+            0x012: 0x01,  # an overflow of the FIFO causes an interrupt
+            0x066: 0x00,  # the FIFO gets nothing from the auxiliary bus
             0x067: 0x1E,  # the FIFO gets acceleration and the rates of three axes
             0x069: 0x01,
             0x068: 0x00,  # as long as this reset bit is set, the FIFO stays empty
             0x003: 0x40,
         },
-        lost=(0x006, 0x007, 0x200, 0x201, 0x210, 0x211, 0x214, 0x067, 0x069),
+        unnoticed=(0x012, 0x068, 0x003),
         lost_bit=0x01,
     ),
 }

@@ -6,11 +6,13 @@ from typing import Any
 
 import pytest
 from fltea.sources.i2c.chips import chip_of
+from fltea.wire.layout import SampleFlags
 from fltea.wire.sensors import SENSORS
 from smbus2 import i2c_msg
 
 from tests.rig.emulated_chips import EMULATED
 from tests.rig.fake_smbus import MS, Pi, S, TellsTime
+from tools.due_emulator.noise import Stepped
 
 FIRST = {one.family: who_am_i for who_am_i, one in reversed(SENSORS.items())}
 EACH_FAMILY = pytest.mark.parametrize("who_am_i", FIRST.values(), ids=FIRST)
@@ -30,9 +32,40 @@ def test_a_run_without_gaps(who_am_i: int) -> None:
     assert pi.told == []
     hello = pi.hello
     assert (hello.sensor, hello.who_am_i, hello.rate_hz) == (facts.name, who_am_i, 1000 / facts.period_ms)
-    scales = (hello.gyro_dlpf_hz, hello.gyro_lsb_per_dps, hello.accel_lsb_per_g)
-    assert scales == (facts.gyro_dlpf_hz, facts.gyro_lsb_per_dps, facts.accel_lsb_per_g)
-    assert {raw.temperature for raw in pi.raw} == {facts.at_25_c}
+    for name in ("gyro_range_dps", "gyro_dlpf_hz", "gyro_lsb_per_dps", "accel_range_g", "accel_lsb_per_g"):
+        assert getattr(hello, name) == getattr(facts, name), facts.row(name)
+    assert {raw.temperature for raw in pi.raw} == {facts.at_25_c}, facts.row("temperature, or packet's")
+
+
+@EACH_FAMILY
+@pytest.mark.parametrize("end", [0, 1])
+def test_the_end_of_the_range_is_flagged(who_am_i: int, end: int) -> None:
+    facts = EMULATED[who_am_i]
+    beyond_dps = 1.1 * facts.gyro_range_dps * (-1, 1)[end]
+
+    class Beyond(Stepped):
+        def next_rate(self, k: int) -> tuple[float, float, float]:
+            return (0.0, beyond_dps, 0.0) if k % 2 else (0.0, 0.0, 0.0)
+
+    pi = pi_with(who_am_i, world=Beyond(1000 / facts.period_ms, 1)).run_until(1)
+    flagged = {raw.gyro[1] for raw in pi.raw if raw.flags & SampleFlags.SATURATED}
+    assert flagged == {facts.gyro_ends[end]}, facts.row("gyro_ends")
+
+
+@EACH_FAMILY
+def test_a_fifo_that_is_emptied_before_it_is_read_gives_no_sample(who_am_i: int) -> None:
+    pi, facts = pi_with(who_am_i), EMULATED[who_am_i]
+
+    def empty(messages: tuple[i2c_msg, ...]) -> None:
+        if pi.host.now_ns > SETTLED_S * S and bytes(messages[0]) == bytes([chip_of(who_am_i).fifo_data]):
+            pi.bus.inject = lambda messages: None
+            for _ in range(len(pi.chip.fifo)):
+                pi.chip.fifo.pop()
+
+    pi.bus.inject = empty
+    pi.run_until(SETTLED_S + 2).check()
+    assert pi.source.link_stats().bad_frames == {"out_of_step": 1}, facts.row("packet.is_sample")
+    assert 0 < sum(pi.missing) < 8
 
 
 @EACH_FAMILY

@@ -52,18 +52,30 @@ def test_every_thermometer_has_its_scale() -> None:
 
 def test_the_fifo_of_every_chip_outlasts_two_polls() -> None:
     for who_am_i, sensor in SENSORS.items():
-        assert chip_of(who_am_i).fifo_s > 2 * max(POLL_S), sensor.name
+        where = f"sources/i2c, {sensor.name}: fifo_bytes, or packet"
+        assert chip_of(who_am_i).fifo_s > 2 * max(POLL_S), where
 
 
-def test_every_chip_has_its_banks_and_the_error_of_its_clock() -> None:
-    """A driver that allows for too small an error takes a correct clock for lost samples. One that allows for
-    more than four times the stated error would not notice lost samples.
-    """
-    for who_am_i, facts in EMULATED.items():
-        chip = chip_of(who_am_i)
-        where = f"sources/i2c, {facts.name}"
-        assert chip.banks == facts.banks, f"{where}: banks"
-        assert facts.clock_error <= chip.clock_error <= 4 * facts.clock_error, f"{where}: clock_error"
+FACTS = ("banks", "gyro_range_dps", "gyro_lsb_per_dps", "gyro_ends", "gyro_dlpf_hz", "accel_range_g",
+         "accel_lsb_per_g", "keeps_oldest")  # fmt: skip
+"""Facts of a chip that stand in the driver's table and, typed by hand, in `EMULATED`."""
+
+
+@pytest.mark.parametrize("who_am_i", EMULATED, ids=lambda who_am_i: EMULATED[who_am_i].name)
+def test_the_facts_of_every_chip(who_am_i: int) -> None:
+    chip, facts = chip_of(who_am_i), EMULATED[who_am_i]
+    for name in FACTS:
+        found, true = getattr(chip, name), getattr(facts, name)
+        assert found == true, facts.row(f"{name} is {found}, not {true}")
+    assert chip.rate_hz == 1000 / facts.period_ms, facts.row("rate_hz")
+    assert chip.fifo_samples == facts.holds, facts.row("fifo_bytes, or packet")
+    assert 1000 * chip.reset_s >= facts.reset_ms, facts.row("reset_s is too short")
+    assert 1000 * chip.settle_s >= facts.gyro_start_ms, facts.row("settle_s is too short")
+    from_fifo, from_register = chip.packet.temperature is not None, chip.temperature is not None
+    assert from_fifo != from_register, facts.row("temperature or packet.temperature: one of both is needed")
+    # A driver that allows for too small an error takes a correct clock for lost samples. One that allows for
+    # more than four times the stated error would not notice lost samples.
+    assert facts.clock_error <= chip.clock_error <= 4 * facts.clock_error, facts.row("clock_error")
 
 
 def test_texts_name_every_chip_and_every_address() -> None:

@@ -3,6 +3,7 @@
 import errno
 import itertools
 import re
+from collections.abc import Callable
 
 import pytest
 from fltea.sources.i2c import mpu9250_registers as reg
@@ -15,8 +16,10 @@ from smbus2 import i2c_msg
 from tests.rig.emulated_chips import EMULATED
 from tests.rig.fake_smbus import MS, FakeBus, FakeHost, TellsTime, taken_ns
 from tests.rig.host_support import ROOT
+from tools.due_emulator.chip import Chip
 from tools.due_emulator.icm20948 import Icm20948
 from tools.due_emulator.mpu9250 import Mpu9250
+from tools.due_emulator.noise import Constant
 
 HEADER = ROOT / "firmware/core/mpu9250_registers.h"
 EVERY_CHIP = pytest.mark.parametrize("who_am_i", SENSORS, ids=lambda who_am_i: SENSORS[who_am_i].name)
@@ -25,7 +28,7 @@ EVERY_CHIP = pytest.mark.parametrize("who_am_i", SENSORS, ids=lambda who_am_i: S
 class Bench:
     """A driver with its bus and an emulated chip, without the source that uses the driver."""
 
-    def __init__(self, model: type[Mpu9250 | Icm20948] = Mpu9250, family: str = "", **chip: object) -> None:
+    def __init__(self, model: Callable[..., Chip] = Mpu9250, family: str = "", **chip: object) -> None:
         self.host = FakeHost()
         self.chip = model(TellsTime(), **chip)
         self.bus = FakeBus(self.host, self.chip)
@@ -35,9 +38,9 @@ class Bench:
 
     def set_up(self) -> "Bench":
         self.driver.start_reset(self.driver.identify())
-        self.wait(100)
+        self.wait(1000 * self.driver.chip.reset_s)
         self.driver.configure()
-        self.wait(50)
+        self.wait(1000 * self.driver.chip.settle_s)
         self.driver.restart_fifo()
         return self
 
@@ -52,7 +55,7 @@ class Bench:
 
 
 def of_chip(who_am_i: int) -> Bench:
-    assert who_am_i in EMULATED, f"tests/rig/emulated_chips.py has no {SENSORS[who_am_i].name}"
+    assert who_am_i in EMULATED, f"tests/rig/emulated_chips.py: EMULATED has no {SENSORS[who_am_i].name}"
     return Bench(EMULATED[who_am_i].model, **EMULATED[who_am_i].options)
 
 
@@ -81,27 +84,113 @@ def test_firmware_and_host_mean_the_same_registers() -> None:
     assert ours_alone == (35, 58, 106, 114, 116)
 
 
+def set_up(who_am_i: int) -> Bench:
+    """Return the bench of a chip that is set up, or tell which of its registers does not keep its setting."""
+    bench, facts = of_chip(who_am_i), EMULATED[who_am_i]
+    try:
+        return bench.set_up()
+    except SensorFault as fault:
+        what = "reset_s is too short, or the order of the settings is wrong: no value is kept by register"
+        raise AssertionError(facts.row(what, fault.detail >> 16)) from fault
+
+
 @EVERY_CHIP
 def test_what_is_set(who_am_i: int) -> None:
-    bench, facts = of_chip(who_am_i).set_up(), EMULATED[who_am_i]
-    assert {register: bench.chip.register(register) for register in facts.kept} == facts.kept
-    assert bench.chip.output_hz == 1000 / facts.period_ms
+    bench, facts = set_up(who_am_i), EMULATED[who_am_i]
+    for register, value in facts.kept.items():
+        found = bench.chip.register(register)
+        assert found == value, f"{facts.row('register', register)} is 0x{found:02X}, not 0x{value:02X}"
+    assert bench.chip.output_hz == 1000 / facts.period_ms, facts.row("the rate that the settings give")
     assert bench.driver.i2c_errors == 0
+
+
+@EVERY_CHIP
+def test_every_register_that_matters_is_written(who_am_i: int) -> None:
+    """A setting is written although a chip has the same value after a reset, since a clone may differ."""
+    chip, facts = chip_of(who_am_i), EMULATED[who_am_i]
+    written = {setting.register for setting in chip.settings} | {register for register, _ in chip.restart}
+    for register in facts.kept:
+        assert register in written, facts.row("settings leave out register", register)
+    for register in sorted({setting.register for setting in chip.settings} - facts.kept.keys()):
+        raise AssertionError(
+            f"tests/rig/emulated_chips.py: EMULATED, {facts.name}: kept has no register 0x{register:02X}"
+        )
 
 
 @EVERY_CHIP
 def test_every_known_chip_is_set_up_and_read(who_am_i: int) -> None:
-    bench, facts = of_chip(who_am_i).set_up(), EMULATED[who_am_i]
+    bench, facts = set_up(who_am_i), EMULATED[who_am_i]
     bench.wait(42)
     size = bench.driver.chip.packet.size
-    assert bench.driver.level()[:2] == (42 // facts.period_ms * size, False)
+    level = bench.driver.level()[:2]
+    assert level == (42 // facts.period_ms * size, False), facts.row("level of the FIFO after 42 ms, packet")
     samples = [bench.driver.counts(row) for row in bench.driver.read_samples(3)]
+    for accel, _, rate in samples:
+        assert rate == accel, facts.row("packet, or settle_s is too short for the gyroscope to start")
     times_ms = [taken_ns(tuple(map(float, rate)), accel) / MS for accel, _, rate in samples]
     assert [b - a for a, b in itertools.pairwise(times_ms)] == [facts.period_ms] * 2
-    assert {temperature for _, temperature, _ in samples} == {facts.at_25_c}
     assert bench.driver.identify() == who_am_i
     bench.driver.check_settings()
     assert bench.driver.i2c_errors == 0
+
+
+@EVERY_CHIP
+@pytest.mark.parametrize("celsius", [25.0, 35.0])
+def test_the_temperature_is_that_of_the_thermometer(who_am_i: int, celsius: float) -> None:
+    bench, facts = of_chip(who_am_i), EMULATED[who_am_i]
+    bench.chip.world = Constant(celsius=celsius)
+    bench.set_up().wait(42)
+    bench.driver.level()
+    (row,) = bench.driver.read_samples(1)
+    found, counts = bench.driver.counts(row)[1], facts.at_25_c + round((celsius - 25) * facts.counts_a_c)
+    assert found == counts, facts.row(f"temperature, or packet's: {found} at {celsius} °C, not {counts}")
+
+
+@EVERY_CHIP
+def test_what_an_empty_fifo_gives_is_no_sample(who_am_i: int) -> None:
+    bench, facts = set_up(who_am_i), EMULATED[who_am_i]
+    bench.wait(42)
+    packet = bench.driver.chip.packet
+    n = bench.driver.level().bytes // packet.size
+    are_samples = [packet.is_sample(row) for row in bench.driver.read_samples(n + 2)]
+    # while the FIFO is read, one more sample may come
+    assert are_samples in ([True] * n + [False] * 2, [True] * (n + 1) + [False]), facts.row(
+        "packet.is_sample"
+    )
+
+
+@EVERY_CHIP
+def test_a_row_that_does_not_begin_with_a_sample_is_told_by_its_header(who_am_i: int) -> None:
+    packet, facts = chip_of(who_am_i).packet, EMULATED[who_am_i]
+    assert packet.header == facts.header, facts.row("packet.header")
+    if packet.header is not None:
+        bench = set_up(who_am_i)
+        bench.wait(42)
+        bench.chip.fifo.pop()
+        (row,) = bench.driver.read_samples(1)
+        assert not packet.is_sample(row), facts.row("packet.header")
+
+
+@EVERY_CHIP
+def test_a_reset_forgets_the_settings(who_am_i: int) -> None:
+    bench, facts = set_up(who_am_i), EMULATED[who_am_i]
+    bench.driver.start_reset(bench.driver.identify())
+    bench.wait(1000 * bench.driver.chip.reset_s)
+    kept = [register for register, value in facts.kept.items() if bench.chip.register(register) == value]
+    assert len(kept) < len(facts.kept), facts.row("reset has no effect, register", bench.driver.chip.reset[0])
+
+
+@EVERY_CHIP
+def test_the_fifo_is_emptied_and_runs_after_a_restart(who_am_i: int) -> None:
+    bench, facts = set_up(who_am_i), EMULATED[who_am_i]
+    bench.wait(5.5 * facts.period_ms)
+    size = bench.driver.chip.packet.size
+    # a restart of the FIFO does not move the times of the conversions
+    assert bench.driver.level().bytes in (5 * size, 6 * size), facts.row("restart does not start the FIFO")
+    bench.driver.restart_fifo()
+    assert bench.driver.level().bytes in (0, size), facts.row("restart does not empty the FIFO")
+    bench.wait(2.5 * facts.period_ms)
+    assert bench.driver.level().bytes > size, facts.row("restart does not start the FIFO")
 
 
 def test_an_unknown_chip_is_refused_by_its_number_and_nothing_is_written_to_it() -> None:
@@ -175,22 +264,28 @@ def test_a_broken_read_of_the_fifo_is_never_repeated(bench: Bench) -> None:
 
 @EVERY_CHIP
 def test_level_and_overflow(who_am_i: int) -> None:
-    bench, facts = of_chip(who_am_i).set_up(), EMULATED[who_am_i]
+    bench, facts = set_up(who_am_i), EMULATED[who_am_i]
     size, fits, period_ms = bench.driver.chip.packet.size, facts.holds, facts.period_ms
-    assert bench.driver.chip.fifo_s == pytest.approx(fits * period_ms / 1000)
+    found = bench.driver.chip.fifo_samples
+    assert found == fits, facts.row(f"fifo_bytes hold {found} samples, not {fits}")
     bench.wait((fits - 1) * period_ms + 2)
     level = bench.driver.level()
     assert (level.bytes, level.overflowed) == ((fits - 1) * size, False)
     assert 0 < level.after_ns - level.before_ns < MS
     bench.wait(40)
     level = bench.driver.level()
-    assert (level.bytes, level.overflowed) == (bench.driver.chip.fifo_bytes, True)
+    assert level.overflowed, facts.row("overflow, register", bench.driver.chip.overflow[0])
+    assert level.bytes == bench.driver.chip.fifo_bytes, facts.row("fifo_bytes")
+    assert bench.driver.chip.keeps_oldest == facts.keeps_oldest, facts.row("keeps_oldest")
     if facts.keeps_oldest:
         rows: list[tuple[int, ...]] = []
         while len(rows) < fits:
             rows += bench.driver.read_samples(min(15, fits - len(rows)))
-        assert rows[-1][0] - rows[0][0] == (fits - 1) * period_ms * 10, "the oldest are kept; ticks of 0.1 ms"
-    assert bench.driver.level().overflowed, "the flag is cleared by reading it, but what it told stays true"
+        first, last = (bench.driver.counts(row)[0][0] for row in (rows[0], rows[-1]))
+        # the oldest samples are kept; a tick is 0.1 ms
+        assert last - first == (fits - 1) * period_ms * 10, facts.row("keeps_oldest, or packet")
+    # the flag is cleared by reading it, but what it told stays true
+    assert bench.driver.level().overflowed, facts.row("overflow, register", bench.driver.chip.overflow[0])
     bench.driver.restart_fifo()
     assert bench.driver.level()[:2] == (0, False)
 
@@ -207,13 +302,17 @@ def test_more_than_the_data_sheet_says_counts_as_overflow() -> None:
 def test_a_setting_that_got_lost_is_found(who_am_i: int) -> None:
     facts = EMULATED[who_am_i]
     for register in facts.lost:
-        bench = of_chip(who_am_i).set_up()
+        bench = set_up(who_am_i)
         kept = bench.chip.register(register)
         bench.chip.spoil(register, kept ^ facts.lost_bit)
-        with pytest.raises(SensorFault) as lost:
+        found = None
+        try:
             bench.driver.check_settings()
-        assert lost.value.code == FaultCode.READBACK_MISMATCH
-        assert lost.value.detail == register << 16 | kept << 8 | kept ^ facts.lost_bit
+        except SensorFault as fault:
+            found = fault
+        assert found is not None, facts.row("checked or settings leave out register", register)
+        assert found.code == FaultCode.READBACK_MISMATCH
+        assert found.detail == register << 16 | kept << 8 | kept ^ facts.lost_bit
 
 
 def test_a_flipped_bit_of_a_setting_is_asked_again(bench: Bench) -> None:

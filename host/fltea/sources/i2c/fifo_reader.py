@@ -240,13 +240,14 @@ class FifoReader:
         """
         rows: list[Row] = []
         burst = BURST_BYTES // self._driver.chip.packet.size
+        cut_off = None
         try:
             while len(rows) < n:
                 rows += self._driver.read_samples(min(burst, n - len(rows)))
         except TransferFailed as failed:
-            return rows, "broken_transfer" if failed.acknowledged else None
+            cut_off = "broken_transfer" if failed.acknowledged else None
         true = list(takewhile(self._driver.chip.packet.is_sample, rows))
-        return true, None if len(true) == len(rows) else "out_of_step"
+        return true, cut_off or (None if len(true) == len(rows) else "out_of_step")
 
     def _resume(self, waiting: int, empty_ns: int, seen_ns: int) -> None:
         missing, doubt = self._clock.resume(waiting, empty_ns, seen_ns)
