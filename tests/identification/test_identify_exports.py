@@ -34,6 +34,7 @@ from tests.rig.host_support import fltea, fltea_here
 from tests.rig.identify_files import QUICK, settings
 from tests.rig.identify_one import identify_series
 from tests.rig.identify_support import H, Truth, composite, long_recursion, white
+from tests.rig.model_support import EXAMPLES
 
 NAVIGABLE = Truth(0.005, ((0.03, 1.0), (0.03, 0.05)), K=0.01)
 OPTIONS = IdentifyOptions(QUICK, shuffles=0)
@@ -179,6 +180,15 @@ def assert_one_result(found: AxisReport) -> None:
     assert (shown == "undefined") != defined
     if defined and r.order.alpha.value is not None:
         assert shown.startswith(f"{r.order.alpha.value:.2f}")
+
+
+@pytest.mark.parametrize("kind", EXAMPLES)
+def test_all_say_the_same_of_each_part(kind: str) -> None:
+    y = draw(AxisModel((White(1.0), EXAMPLES[kind])), H, 6000, np.random.default_rng(1))[0]
+    found = identify_series(Series(y, GYRO_UNIT, None), H, OPTIONS, False)
+    assert_one_result(found)
+    told = json.loads(json.dumps(_axis(found), allow_nan=False))
+    assert [part["part"] for part in told["model"]["parts"]] == [part.tag() for part in found.model.parts]
 
 
 def random_parts(share: st.SearchStrategy[float]) -> st.SearchStrategy[tuple[AnyPart, ...]]:

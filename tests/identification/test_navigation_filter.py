@@ -16,10 +16,15 @@ from fltea.noise.parts import AnyPart, Arfima, Order, Relaxation, Walk, White
 from fltea.records.arrays import Array
 from scipy.signal import lfilter
 
+from tests.rig.model_support import EXAMPLES
+
 H, N = 0.01, 60_000
 PAGE = Path(__file__).parents[2] / "host/docs/cookbook/vins.md"
 OPTIONS = IdentifyOptions(shuffles=0)
 
+OF_EACH_PART: dict[str, tuple[AnyPart, ...]] = {
+    f"example of {kind}": (White(1.0), part) for kind, part in EXAMPLES.items()
+}
 NOISES: dict[str, tuple[AnyPart, ...]] = {
     "white": (White(0.01),),
     "walk that the verdict calls drift": (White(0.01), Walk(0.0005)),
@@ -35,7 +40,7 @@ NOISES: dict[str, tuple[AnyPart, ...]] = {
 def noise(name: str, n: int, rng: np.random.Generator) -> Array:
     if name == "EMA":
         return np.asarray(lfilter([0.2], [1, -0.8], rng.normal(size=n + 200) * 0.1)[200:])
-    return draw(AxisModel(NOISES[name]), H, n, rng)[0]
+    return draw(AxisModel((NOISES | OF_EACH_PART)[name]), H, n, rng)[0]
 
 
 def tracked(y: Array) -> FittedSystem:
@@ -53,7 +58,7 @@ def by_the_page(plain: NavigationFilter, at_rest: Array, t_s: float, folder: Pat
     return float(x[n]), float(np.sqrt(P[n, n]))
 
 
-@pytest.mark.parametrize("name", ["walk", "two relaxations", "order"])
+@pytest.mark.parametrize("name", ["walk", "two relaxations", "order", *OF_EACH_PART])
 def test_the_page_s_filter_says_what_the_file_says(name: str, tmp_path: Path) -> None:
     y = 3.0 + noise(name, N, np.random.default_rng(1))
     plain = navigation_filter(tracked(y), y, H)
@@ -134,7 +139,7 @@ def test_what_a_low_pass_takes_away_is_in_n_as_it_was_before(name: str) -> None:
 
 
 @pytest.mark.parametrize("seconds", [3, 10, 60])
-@pytest.mark.parametrize("name", ["white", "two relaxations", "order"])
+@pytest.mark.parametrize("name", ["white", "two relaxations", "order", *OF_EACH_PART])
 def test_it_is_always_filled(name: str, seconds: int) -> None:
     y = noise(name, round(seconds / H), np.random.default_rng(5))
     plain = navigation_filter(tracked(y), y, H)

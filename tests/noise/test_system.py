@@ -14,12 +14,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.rig.identify_support import H
-from tests.rig.model_support import PARTS
+from tests.rig.model_support import EXAMPLES, PARTS
 from tests.rig.model_support import order as an_order
 
 N = 10**6
 LAM = np.geomspace(4 * math.pi / N, math.pi, 1000)
 LOW = LAM < 1
+NEARLY_RIGHT = 0.06
+"""Largest permitted relative error at low frequencies, for the spectrum of a system that approximates a part
+whose poles were not chosen for this test.
+"""
 
 
 def ratio(parts: list[p.Part], samples: int = N) -> np.ndarray:
@@ -112,14 +116,22 @@ def test_behind_a_high_pass_it_is_right_but_for_what_no_filter_can_do_without(na
     At the frequencies that the filter stops, the system has only a small white noise R. No Kalman filter
     works without it.
     """
-    parts = HIGH_PASSED[name]
+    check_high_passed(HIGH_PASSED[name], 0.01)
+
+
+@pytest.mark.parametrize("kind", [kind for kind, part in EXAMPLES.items() if not part.has("filter")])
+def test_each_part_behind_a_high_pass_is_nearly_right(kind: str) -> None:
+    check_high_passed([WHITE, EXAMPLES[kind], p.HighPass(0.1, 1.0)], NEARLY_RIGHT)
+
+
+def check_high_passed(parts: list[p.Part], apart: float) -> None:
     s = system(parts, H, N)
     floor = sum(part.R for part in parts if isinstance(part, p.Floor))
     before = p.spectrum([part for part in parts if not isinstance(part, p.HighPass)], LAM, H)
     assert s.R - floor < 1e-3 * before[LOW].max()
     assert not s.walks
     off = s.spectrum(LAM) - (s.R - floor) - p.spectrum(parts, LAM, H)
-    assert float(np.abs(off / before)[LOW].max()) < 0.01
+    assert float(np.abs(off / before)[LOW].max()) < apart
 
 
 @pytest.mark.parametrize("alpha", [0.0, 0.15, 0.3, 0.5, 0.7, 0.95, 1.5, 1.9])
@@ -153,6 +165,14 @@ def check(s: System) -> None:
     assert np.count_nonzero(s.b[2 * s.pairs :]) == 0
     assert np.all(s.b[: 2 * s.pairs] != 0)
     assert np.all(np.hypot(s.a, s.b) <= 1)
+
+
+@pytest.mark.parametrize("filters", [[], [p.LowPass(10.0, 2.0)]], ids=["plain", "low-pass"])
+@pytest.mark.parametrize("kind", EXAMPLES)
+def test_each_part_is_nearly_right_at_low_frequencies(kind: str, filters: list[p.Part]) -> None:
+    if kind == "high-pass" or (filters and EXAMPLES[kind].has("filter")):
+        return  # a high-pass has tests of its own, and two low-passes are in no model
+    np.testing.assert_allclose(ratio([WHITE, EXAMPLES[kind], *filters])[LOW], 1, atol=NEARLY_RIGHT)
 
 
 @given(models, st.integers(64, 10**7))
