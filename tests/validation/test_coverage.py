@@ -1,5 +1,7 @@
 """Every published interval is measured, and its coverage is compared with the stated one."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from fltea.noise import parts as p
@@ -19,6 +21,23 @@ def test_each_published_interval_has_a_row_or_a_reason() -> None:
     assert Field("tau_s", "identification/navigation_file.GaussMarkovState") in fields
     assert Field("bias_std", "records/stats.TrackerStats") in fields
     assert all(one.why for one in FIGURES.values() if isinstance(one, Elsewhere))
+
+
+FITTED = [kind for kind in p.CODES if kind.row().coordinates]
+"""Kinds of parts with free parameters, which have intervals."""
+
+
+@pytest.mark.parametrize("kind", FITTED, ids=lambda kind: kind.tag())
+def test_each_kind_of_part_has_a_population(kind: type[p.Part]) -> None:
+    where = "POPULATIONS of tools/validation/coverage/populations.py"
+    assert kind in drawn_kinds(), f"no noise in {where} has the part {kind.tag()}"
+
+
+@cache
+def drawn_kinds() -> set[type[p.Part]]:
+    """Return the kinds of parts that noises of all populations have."""
+    rng = np.random.default_rng(1)
+    return {type(part) for population in POPULATIONS.values() for part in population.draw(rng)}
 
 
 @pytest.mark.slow
