@@ -9,7 +9,6 @@
 #include <nanobind/stl/vector.h>
 
 #include <cmath>
-#include <iterator>
 #include <string>
 #include <tuple>
 #include <vector>
@@ -223,12 +222,12 @@ std::vector<RawRow> noise_parts() {
         std::vector<RawCoordinate> coordinates;
         for (int k = 0; k < row.coordinates.count; ++k) {
             const Coordinate& one = row.coordinates.at[k];
-            coordinates.emplace_back(kValueNames[one.value], one.low, one.high);
+            coordinates.emplace_back(name_of(one.value), one.low, one.high);
         }
         std::vector<std::string> traits;
-        for (std::size_t k = 0; k < std::size(kTraitNames); ++k)
-            if (row.is(1u << k)) traits.emplace_back(kTraitNames[k]);
-        found.emplace_back(row.name, coordinates, traits, kSaysNames[row.says], row.sought);
+        for (unsigned bit = 1; bit <= row.traits; bit <<= 1)
+            if (row.is(bit)) traits.emplace_back(name_of(static_cast<Trait>(bit)));
+        found.emplace_back(row.name, coordinates, traits, name_of(row.says), row.sought);
     }
     return found;
 }

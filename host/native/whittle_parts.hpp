@@ -3,8 +3,8 @@
 // need to know about a part from this table.
 //
 // A new part needs a number in Part and a row in kTable here, its spectrum in whittle_spectra.hpp, and a
-// class in host/fltea/noise/parts.py. Compilers and tests report whatever is missing
-// (tests/noise/test_part_table.py).
+// class in host/fltea/noise/parts.py. Tests need examples of it, and validation a population.
+// host/CHANGING.md lists all places, and which compiler or test reports each one that is missing.
 #pragma once
 
 namespace fltea {
@@ -90,8 +90,36 @@ enum Value : int {
     kMinusF,     // log(-f) for the f of an order (kOrderByf)
     kNoise,      // log of the variance Q of an order (kOrderByQ)
 };
-constexpr const char* kValueNames[] = {"level", "power",     "rate",   "pole",    "alpha", "number",
-                                       "shape", "frequency", "corner", "minus f", "noise"};
+
+// The names that Python has for values of the enums. The compiler reports a value without a name
+// (-Wswitch-enum).
+inline const char* name_of(Value value) {
+    switch (value) {
+        case kLevel:
+            return "level";
+        case kPower:
+            return "power";
+        case kRate:
+            return "rate";
+        case kPole:
+            return "pole";
+        case kAlpha:
+            return "alpha";
+        case kNumber:
+            return "number";
+        case kShape:
+            return "shape";
+        case kFrequency:
+            return "frequency";
+        case kCorner:
+            return "corner";
+        case kMinusF:
+            return "minus f";
+        case kNoise:
+            return "noise";
+    }
+    return "";
+}
 
 struct Coordinate {
     Value value;
@@ -117,22 +145,71 @@ enum Trait : unsigned {
     kBehind = 2,  // noise that is added behind all filters
     // noise with a memory, which is a state in the tracker's filter, and does not count for the white noise N
     kSlow = 4,
-    kOrdered = 8,    // noise with an order, which in a model takes the place of all other slow noise
-    kEndless = 16,   // a random walk, whose power grows without limit towards low frequencies
+    kOrdered = 8,  // noise with an order, which in a model takes the place of all other slow noise
+    // a random walk: behind a high-pass of one pole it is white noise, so no model has both
+    kNoHighPass = 16,
     kRising = 32,    // noise whose power may rise with the frequency
     kFastOnly = 64,  // noise without power at low frequencies
     // In files for navigation programs, this part has an entry of its own. Other parts are listed with their
     // parameters.
     kEntry = 128,
     kOther = 256,  // the same noise as another part, but with other free parameters; no search adds it
+    // noise that imitates other parts with fewer parameters, so that a search that adds it first does not
+    // find them any more; it is added only in a search of its own, whose model has to be the better one
+    kApart = 512,
 };
-constexpr const char* kTraitNames[] = {"filter", "behind",    "slow",  "ordered", "endless",
-                                       "rising", "fast only", "entry", "other"};
 
-// Which question of the verdict a part answers in a model without an order (host/fltea/spectrum/reading.py).
+inline const char* name_of(Trait trait) {
+    switch (trait) {
+        case kFilter:
+            return "filter";
+        case kBehind:
+            return "behind";
+        case kSlow:
+            return "slow";
+        case kOrdered:
+            return "ordered";
+        case kNoHighPass:
+            return "no high-pass";
+        case kRising:
+            return "rising";
+        case kFastOnly:
+            return "fast only";
+        case kEntry:
+            return "entry";
+        case kOther:
+            return "other";
+        case kApart:
+            return "apart";
+    }
+    return "";
+}
+
+// Which question of the verdict a part answers in a model without an order. Each question but kNothing and
+// kAnOrder has a row in host/fltea/spectrum/answers.py.
 enum Says : int { kNothing, kRelaxations, kDrift, kAnOrder, kAResonance, kAColour, kANotch, kAHighPass };
-constexpr const char* kSaysNames[] = {"nothing",   "relaxations", "drift", "order",
-                                      "resonance", "colour",      "notch", "high-pass"};
+
+inline const char* name_of(Says says) {
+    switch (says) {
+        case kNothing:
+            return "nothing";
+        case kRelaxations:
+            return "relaxations";
+        case kDrift:
+            return "drift";
+        case kAnOrder:
+            return "order";
+        case kAResonance:
+            return "resonance";
+        case kAColour:
+            return "colour";
+        case kANotch:
+            return "notch";
+        case kAHighPass:
+            return "high-pass";
+    }
+    return "";
+}
 
 // At which values of its parameters a search tries a noise part (whittle_gains.hpp).
 enum Start : int {
@@ -202,7 +279,7 @@ constexpr Row kTable[] = {
         kNothing, kNoColumn, 1, 0, {kOfLevel}, {kNever}},
     {kRelaxation, "relaxation", kSlow | kEntry,
         kRelaxations, kSquare, 6, 0, {kOfPower, kOfRate}, {kCorners}},
-    {kWalk, "walk", kSlow | kEndless | kEntry,
+    {kWalk, "walk", kSlow | kNoHighPass | kEntry,
         kDrift, kSquare, 1, 0, {kOfPower}, {kOnce}},
     {kOrder, "order", kSlow | kOrdered,
         kAnOrder, kLogSize, 1, 0, {kOfOrder, kOfLogit, kOfPower}, {kOrders}},

@@ -27,7 +27,12 @@ struct Frontier {
 
 class Search {
   public:
-    explicit Search(Bins& bins) : bins_(bins), bic_(std::log(bins.ordinates)), power_(std::log(bins.mean)) {}
+    // `apart`: the parts that are added only in a search of their own.
+    explicit Search(Bins& bins, std::vector<Part> apart = parts_with(kApart))
+        : bins_(bins),
+          bic_(std::log(bins.ordinates)),
+          power_(std::log(bins.mean)),
+          apart_(std::move(apart)) {}
 
     // Searches for all models, starting from white noise.
     Frontier whole() {
@@ -40,6 +45,11 @@ class Search {
         f.null = test.order;
         f.missing = test.missing;
         f.plain = grown(f.white, bic_, Allowed());
+        if (!apart_.empty()) {
+            Allowed apart;
+            apart.apart = true;
+            keep(grown(f.white, bic_, apart), bic_, f.plain);
+        }
         find_orders(f);
         if (f.ordered.known()) {
             // A model without an order may be better if it has the other parts of the model with an order,
@@ -103,6 +113,7 @@ class Search {
     struct Allowed {
         bool slow = true;  // whether noise parts that have a memory may be added
         bool only_low_pass = false;
+        bool apart = false;  // whether noise parts with the trait kApart may be added
     };
 
     static std::vector<Part> orders() { return parts_with(kOrdered); }
@@ -113,9 +124,9 @@ class Search {
     bool fits_in(const FittedModel& s, const Term& term, const Allowed& allowed) const {
         const Row& row = row_of(term.part);
         if (s.count(term.part) >= row.most || (row.is(kSlow) && !allowed.slow)) return false;
-        // A random walk that has passed a high-pass has the same spectrum as white noise that has not passed
-        // it.
-        if (row.is(kEndless) && s.has(kHighPass)) return false;
+        if (!allowed.apart && std::find(apart_.begin(), apart_.end(), term.part) != apart_.end())
+            return false;
+        if (row.is(kNoHighPass) && s.has(kHighPass)) return false;
         if (row.is(kBehind) && !s.filtered()) return false;
         return term.part != kLowPass || !s.has(kMean);
     }
@@ -154,7 +165,7 @@ class Search {
     FittedModel with(const FittedModel& before, const Ranked& one) {
         const Candidate& candidate = *one.candidate;
         const FittedModel s =
-            candidate.term.part == kHighPass ? removed(before, parts_with(kEndless)) : before;
+            candidate.term.part == kHighPass ? removed(before, parts_with(kNoHighPass)) : before;
         Terms terms = s.terms;
         std::vector<double> eta = s.eta;
         eta[0] = std::fmax(eta[0], power_ - kNothing);
@@ -331,6 +342,7 @@ class Search {
     Room room_{bins_};
     NullFits null_{bins_, room_};
     double bic_, power_;
+    std::vector<Part> apart_;
     std::shared_ptr<const Candidates> parts_, filters_, orders_;
 
   public:

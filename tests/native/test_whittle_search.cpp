@@ -75,6 +75,19 @@ TEST_CASE("noise models: on exact spectra the search finds what they are made of
     }
 }
 
+TEST_CASE("noise models: a part that is searched apart is found, and is not added in any other search") {
+    const Bins plain = bins_of(150);
+    const Terms both = {{kWhite, 0}, {kRelaxation, 0}, {kWalk, 0}};
+    Bins bins = with_power(plain, spectrum(plain, both, {0, 0, -3, -9}));
+    CHECK(Search(bins, {kWalk}).whole().plain.same_terms(FittedModel{both, {}, 0}));
+    // The gain of this walk is less than its price in `plain`, and more than its price in `rich`.
+    Bins faint = with_power(plain, spectrum(plain, {{kWhite, 0}, {kWalk, 0}}, {0, -15}));
+    const Frontier with = Search(faint).whole(), without = Search(faint, {kWalk}).whole();
+    CHECK_FALSE(with.plain.has(kWalk));
+    CHECK(with.rich.has(kWalk));
+    CHECK_FALSE(without.rich.has(kWalk));
+}
+
 TEST_CASE("noise models: an order is found beside none, and its interval holds it") {
     for (double alpha : {0.3, 0.5, 0.7}) {
         const Bins plain = bins_of(150, 600000);

@@ -98,7 +98,7 @@ def _crest(f: CandidateModels, model: FittedModel, high_pass: HighPass, from_hz:
 def _is_left(part: Part, high_pass: HighPass, crest: float, leak: float) -> bool:
     most = RINGS if isinstance(part, Resonance) else SWINGS
     near = NEAR * high_pass.corner_hz if crest < most else 0.0
-    if part.has("endless"):
+    if part.has("no high-pass"):
         return False
     match part:
         case HighPass():
