@@ -218,7 +218,7 @@ def test_low_frequencies_that_are_missing_are_told_where_they_are_too_few() -> N
     assert "low frequencies have less power" in verdict.text
 
 
-NOTHING = Reading((), False, None, None, None, False, False)
+NOTHING = Reading(frozenset(), (), None, None, None, False)
 BESIDE, ALIKE = "with other parts", {"pure": "plain"}
 
 
@@ -236,7 +236,7 @@ def ordered() -> Evidence:
         # model is accepted, and whether the noise counts as a random walk or as fractional.
         (0.0, 0.0, ALIKE, None, lambda e, v: wording.names(e.candidates.ordered.kinds) in v.rules[3].figure),
         (0.0, 0.0, ALIKE, None, lambda e, v: winner(e, v) is e.candidates.order),
-        (0.0, 0.0, ALIKE, NOTHING._replace(drifts=True), lambda e, v: v.kind != "drift"),
+        (0.0, 0.0, ALIKE, NOTHING._replace(says=frozenset({"drift"})), lambda e, v: v.kind != "drift"),
         # At a lead that counts as significant, three further decisions change: whether a fractional order is
         # claimed, whether it is possible beside other parts, and whether it is possible alone.
         (6.0, 50.0, {}, None, lambda e, v: v.kind == "fractional"),

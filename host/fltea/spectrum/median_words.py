@@ -4,7 +4,7 @@ from fltea.noise.part import in_hz
 from fltea.spectrum import wording
 from fltea.spectrum.evidence import Evidence
 from fltea.spectrum.median_filter import MedianFilter
-from fltea.spectrum.reading import Reading, corner_hz
+from fltea.spectrum.reading import SLOW_SAYS, Reading, corner_hz
 
 FLAT = 0.1
 """A median filter has almost no effect if the product of frequency and window length is below this."""
@@ -20,7 +20,9 @@ def explains(e: Evidence, found: Reading) -> bool:
     flat_hz = FLAT * e.rate_hz / e.median.samples
     if e.from_hz > flat_hz:
         return True  # the record is so short that the filter affects all fitted frequencies
-    return not found.drifts and all(corner_hz(part) > flat_hz for part in found.relaxations)
+    # A relaxation with a high corner may describe the filter. Other slow noise is no part of it.
+    slow = found.says & SLOW_SAYS - {"relaxations"}
+    return not slow and all(corner_hz(part) > flat_hz for part in found.relaxations)
 
 
 def verdict(e: Evidence, median: MedianFilter) -> tuple[str, str, str]:

@@ -14,6 +14,7 @@ import numpy as np
 
 from fltea.noise.filters import HighPass, LowPass, Mean, Notch, Sharpening
 from fltea.noise.parts import CODES, Part, Relaxation, Resonance, Walk, free_of, part_of
+from fltea.noise.parts import SLOW as SLOW_PARTS
 from fltea.spectrum.candidate_models import CandidateModels, FittedModel
 from fltea.spectrum.high_pass import HighPassed, high_passed
 from fltea.spectrum.spectral_lines import Peak
@@ -62,24 +63,31 @@ RISES, HIGHEST = 1.05, 0.85
 with the frequency if its mean there is more than RISES times the density at the lowest fitted frequency.
 """
 
+SLOW_SAYS = frozenset(kind.row().says for kind in SLOW_PARTS)
+"""Questions about slow parts."""
+OF_MODEL = frozenset({"nothing", "relaxations", "resonance", "notch", "high-pass"})
+"""Questions that the row of a part alone does not answer, since it depends on the rest of the model whether
+the part is noise.
+"""
+
 
 class Reading(NamedTuple):
     """What a model says about the noise in addition to white noise."""
 
+    says: frozenset[str]
+    """The questions to which the answer is yes (`spectrum.answers`), by their names in the enum `Says` of
+    host/native/whittle_parts.hpp. Of most parts of the model, this is the question in the part's row.
+    "drift" is also said of a relaxation that is too slow to be distinguished from a random walk, and "colour"
+    of a relaxation that is a filter.
+    """
     relaxations: tuple[Relaxation, ...]
     """The relaxations whose corner frequency is in the fitted band, the slowest first."""
-    drifts: bool
-    """Whether there is a random walk, or a relaxation that is too slow to be distinguished from a random
-    walk.
-    """
     low_pass: LowPass | None
     """The low-pass through which the whole noise has passed."""
     resonance: Resonance | None
     notch: Notch | None
     rises: bool
     """Whether the density is highest at the highest frequencies."""
-    coloured: bool
-    """Whether the noise has passed a filter, or has a density that rises with the frequency."""
     high_pass: HighPassed | None = None
     """The high-pass filter that removed all slow noise, and the parts of the noise that remain; None without
     such a filter.
@@ -127,25 +135,30 @@ def read(f: CandidateModels, from_hz: float, peaks: Sequence[Peak] = (), apart: 
         if corner_hz(part) > SLOW * from_hz
         or (corner_hz(part) > from_hz and _behind_with_walk(f, part) > apart)
     ]
-    drifts = len(inside) < len(relaxations) or any(part.row().says == "drift" for part in parts)
     notch = next((p for p in parts if isinstance(p, Notch)), None) if low_pass is None else None
-    coloured = low_pass is not None or any(part.row().says == "colour" for part in parts)
+    says = {part.row().says for part in parts} - OF_MODEL | {
+        *(["relaxations"] if inside else []),
+        *(["drift"] if len(inside) < len(relaxations) else []),
+        *(["colour"] if low_pass is not None else []),
+        *(["notch"] if notch is not None else []),
+        *(["high-pass"] if behind is not None else []),
+    }
     resonances = [part for part in parts if isinstance(part, Resonance)]
-    if inside or drifts or coloured or notch is not None or behind is not None:
+    if says:
         # If the model has other parts, a resonance may only correct their shape. If it has no other parts, a
         # resonance is real.
         ripples = math.inf if low_pass is None else RIPPLES * low_pass.corner_hz
         resonances = [p for p in resonances if p.frequency_hz < ripples and _stands_out(model, p, h)]
     elif not resonances:
         inside = [part for part in parts if isinstance(part, Relaxation)]
+        says |= {"relaxations"} if inside else set()
     return Reading(
+        says=frozenset(says | {"resonance"} if resonances else says),
         relaxations=tuple(inside),
-        drifts=drifts,
         low_pass=low_pass,
         resonance=resonances[0] if resonances else None,
         notch=notch,
         rises=rises,
-        coloured=coloured,
         high_pass=behind,
     )
 

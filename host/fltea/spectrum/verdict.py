@@ -5,20 +5,19 @@ set. A set wins if its best model leads by `APART` in 2 log L after BIC's price,
 A model with an order also has to lead over richer models without one. A model without an order has to lead
 far over the model in which an order replaces its relaxations. If neither set wins, the best model of each is
 reported. Each question is stored with the figure that answered it, so that a reader can follow the verdict.
+The questions about a model without an order are in `spectrum.answers`.
 """
 
 from fltea.noise.filters import ONE_POLE
 from fltea.noise.part import in_hz
 from fltea.noise.parts import CODES
-from fltea.records.fit import VerdictKind
 from fltea.records.odds import odds
-from fltea.spectrum import comb_words, median_words, wording
+from fltea.spectrum import answers, median_words, wording
 from fltea.spectrum.candidate_models import BY_CHANCE, FittedModel, order_of
 from fltea.spectrum.evidence import APART, Evidence
 from fltea.spectrum.high_pass import stands_for_shape
 from fltea.spectrum.order_fit import order_fit
 from fltea.spectrum.questions import Questions, Verdict
-from fltea.spectrum.reading import SLOW, Reading
 from fltea.spectrum.residuals import kolmogorov
 
 CLAIMED, LEAST_OVER_RICH = 12.0, 4.0
@@ -31,25 +30,8 @@ LEAST_RESIDUAL_LEVEL = 0.01
 """Lowest significance level of the residuals' test, which can only contradict the claim of an order."""
 SHORT_S = 580.0
 """About ten minutes [s]. The verdict on a shorter record says that it may hold noise too slow to be seen."""
-PEAKS: dict[str, VerdictKind] = {
-    "line": "line",
-    "resonance": "resonance",
-    "peak": "line or resonance",
-    "comb": "comb",
-}
-"""The kind of verdict for each kind of peak. In live data, a narrow peak may be a line or a resonance."""
 RISING = tuple(kind for kind in CODES if kind.has("rising"))
 """Kinds of parts of a model whose power rises with the frequency. An order does not explain such a rise."""
-NEXT_EITHER = "Record longer, or use the model without an order."
-NEXT_LIKELY = "Record longer to be sure; a navigation filter takes the model without an order."
-NEXT_FILTER = (
-    "It is the sensor's own, or of the program that wrote the file (a flight controller, a logger): compare "
-    "with their settings."
-)
-NEXT_HIGH_PASS = "Record without it, as raw samples, to see how the sensor drifts."
-NEXT_PEAK = (
-    "Look for the cause: mains (its frequency wanders), a motor, a loose mount; --notch leaves a band out."
-)
 
 
 def winner(e: Evidence, verdict: Verdict) -> FittedModel:
@@ -97,9 +79,9 @@ def decide(e: Evidence) -> Verdict:
     ):
         return q.say("low-pass", *median_words.verdict(e, e.median))
     if not coloured:
-        return _white(e, q, wording.null_test(e))
+        return answers.white(e, q, wording.null_test(e))
     if _is_but_a_high_pass(e):
-        return _high_pass(e, q)
+        return answers.high_pass(e, q)
     q.odds = e.odds
     if _claimed(e, q):
         return _fractional(e, q)
@@ -176,92 +158,19 @@ def _fractional(e: Evidence, q: Questions) -> Verdict:
 
 def _without_order(e: Evidence, q: Questions) -> Verdict:
     """Return the verdict if no order is claimed, which follows from the best model without an order."""
-    f = e.candidates
-    found = e.reading
+    f, found = e.candidates, e.reading
     said = wording.sentence(f.plain.parts(f.h) if found.high_pass is None else found.high_pass.told, e)
-    q.ask("Are there relaxations in the band?", bool(found.relaxations), said)
-    if found.relaxations:
-        return _both(e, q, "fractional or relaxations", said) if q.has_order else _relaxations(e, q, said)
-    drifts = found.drifts and found.high_pass is None
-    if q.ask(f"Is there a random walk, or a corner below {in_hz(SLOW * e.from_hz)}?", drifts, said):
-        if any(
-            peak.kind not in ("resonance", "comb") and peak.frequency_hz < SLOW * e.from_hz
-            for peak in e.peaks
-        ):
-            return _white(e, q, "What is left at low frequencies is no more than what leaks from a slow line")
-        if q.has_order and f.lead > 0:
-            return _both(e, q, "fractional or relaxations", said)
-        return _drift(e, q, said)
+    if verdict := answers.first(e, q, said, slow=True):
+        return verdict
     if q.has_order and found.rises and f.pure is not None and f.pure.place(*RISING) is None:
-        return _both(e, q, "undecided", said)
+        return answers.both(e, q, "undecided", said)
     if q.has_order and not found.rises and f.lead > -e.apart and order_of(f.ordered) is not None:
         one_pole = found.low_pass is not None and found.low_pass.poles < ONE_POLE
-        return _both(e, q, "fractional or relaxations" if one_pole else "undecided", said)
+        return answers.both(e, q, "fractional or relaxations" if one_pole else "undecided", said)
     q.has_order = False
-    if q.ask("Is there a resonance?", found.resonance is not None, said):
-        return _resonance(e, q, found, said)
-    if found.high_pass is not None:
-        return _high_pass(e, q)
-    if found.notch is not None:
-        return q.say(
-            "notch",
-            f"{wording.capital(said)}.{wording.also_found(e)}",
-            f"It fits better than white noise (BIC lower by {-f.bic(f.plain):.0f}): {wording.UNDEFINED}.",
-            NEXT_FILTER,
-        )
-    if q.ask("Is there a filter, or a rise with frequency?", found.coloured, said):
-        return _rising(e, q, said) if found.rises else _low_pass(e, q, found, said)
-    return _white(e, q, f"What is left ({said}) is a trace of what was found")
-
-
-def _both(e: Evidence, q: Questions, kind: VerdictKind, said: str) -> Verdict:
-    f = e.candidates
-    assert f.order is not None
-    q.order = order_fit(f, f.order)
-    ordered = wording.sentence(f.order.parts(f.h), e, q.order)
-    return q.say(
-        kind,
-        f"{wording.either(ordered, said, e.odds)}.{wording.also_found(e)}",
-        f"{wording.odds_of_order(e)} Both describe the spectrum from {wording.band(e)}.",
-        NEXT_LIKELY if e.odds is not None and e.odds >= wording.LIKELY else NEXT_EITHER,
-    )
-
-
-def _relaxations(e: Evidence, q: Questions, said: str) -> Verdict:
-    f = e.candidates
-    against = "Nothing looks like an order."
-    if f.pure is not None:
-        against = wording.odds_of_order(e)
-        behind = f.gain(f.plain) - f.gain(f.pure)
-        if behind > 0:
-            against += f" An order in their place fits worse, by {behind:.0f} in 2 log L."
-    return q.say(
-        "relaxations",
-        f"{wording.capital(said)}.{wording.also_found(e)}",
-        against,
-        "In a navigation filter they are Gauss–Markov processes: use σ and correlation time.",
-    )
-
-
-def _drift(e: Evidence, q: Questions, said: str) -> Verdict:
-    q.has_order = False
-    return q.say(
-        "drift",
-        f"White noise and drift that is too slow for this record to tell from a random walk ({said})."
-        f"{wording.also_found(e, with_drift=False)}",
-        f"Its corner is below {in_hz(SLOW * e.from_hz)}, where the record has too few periods.",
-        "Record longer to see where it ends; until then take it for a random walk.",
-    )
-
-
-def _resonance(e: Evidence, q: Questions, found: Reading, said: str) -> Verdict:
-    assert found.resonance is not None
-    return q.say(
-        "resonance",
-        f"{wording.capital(said)}.{wording.also_found(e)}",
-        f"It is {in_hz(found.resonance.width_hz)} wide, which is no order: {wording.UNDEFINED}.",
-        NEXT_PEAK,
-    )
+    if verdict := answers.first(e, q, said, slow=False):
+        return verdict
+    return answers.white(e, q, f"What is left ({said}) is a trace of what was found")
 
 
 def _is_but_a_high_pass(e: Evidence) -> bool:
@@ -271,85 +180,4 @@ def _is_but_a_high_pass(e: Evidence) -> bool:
         found is not None
         and found.is_all
         and (f.ordered is None or f.lead <= e.apart or stands_for_shape(f, f.ordered, e.from_hz))
-    )
-
-
-def _high_pass(e: Evidence, q: Questions) -> Verdict:
-    f, found = e.candidates, e.reading.high_pass
-    assert found is not None
-    said = wording.sentence(found.told, e)
-    q.ask("Has a high-pass removed the slow noise?", True, said)
-    return q.say(
-        "high-pass",
-        f"{wording.capital(said)}.{wording.also_found(e)}",
-        f"It fits better than white noise (BIC lower by {-f.bic(f.plain):.0f}): {wording.UNDEFINED}.",
-        NEXT_HIGH_PASS,
-    )
-
-
-def _rising(e: Evidence, q: Questions, said: str) -> Verdict:
-    return q.say(
-        "anti-persistent",
-        f"Noise whose power rises with frequency: {said}.{wording.also_found(e)}",
-        f"It fits better than white noise (BIC lower by {-e.candidates.bic(e.candidates.plain):.0f}), and no "
-        f"order fits as well: {wording.UNDEFINED}.",
-        "Typical causes: a rounded angle that is differentiated, or a sharpening filter before the output.",
-    )
-
-
-def _low_pass(e: Evidence, q: Questions, found: Reading, said: str) -> Verdict:
-    one = found.low_pass is not None and found.low_pass.poles < ONE_POLE
-    if found.low_pass is not None:
-        said = f"{wording.capital(f'white noise through {found.low_pass.words(e.rate_hz)}')} ({said})"
-    gain = e.candidates.gain(e.candidates.plain)
-    return q.say(
-        "low-pass",
-        f"{wording.capital(said)}.{wording.also_found(e)}",
-        (
-            "A relaxation with nearly all of the power would look the same as this filter"
-            if one
-            else f"It fits better than white noise (2 log L higher by {gain:.0f})"
-        )
-        + f": {wording.UNDEFINED}.",
-        NEXT_FILTER,
-    )
-
-
-def _white(e: Evidence, q: Questions, accepted: str) -> Verdict:
-    """Return the verdict on noise that is white or nearly white, apart from peaks, drift and the like."""
-    q.has_order = False
-    rejected = e.p_clean < e.level
-    if e.drifts:
-        return q.say(
-            "drift",
-            f"White noise, and {wording.drift(e)}.{wording.also_found(e, with_drift=False)}",
-            f"{accepted} above that frequency: {wording.UNDEFINED}.",
-            "Let the sensor warm up, and let the navigation filter estimate its offset. Record longer to see "
-            "what the drift is.",
-        )
-    if e.peaks:
-        first = e.peaks[0]
-        found = f"{wording.capital(wording.peaks(e.peaks))}, in white noise."
-        if first.repeats is not None:
-            others = f" There is also {wording.peaks(e.peaks[1:])}." if e.peaks[1:] else ""
-            found = f"{comb_words.happens(first.repeats, first.power_share)}, in white noise.{others}"
-        return q.say(
-            PEAKS[first.kind],
-            f"{found}{wording.also_found(e, with_peaks=False)}",
-            f"{accepted} apart from that: {wording.UNDEFINED}.",
-            NEXT_PEAK if first.repeats is None else comb_words.next_step(first.repeats),
-        )
-    if rejected:
-        return q.say(
-            "undecided",
-            f"Not quite white (p = {e.p_clean:.2g}), but too faint to say what it is"
-            f"{wording.rejected_by(e)}.",
-            "No model is clearly better than white noise.",
-            "Record longer.",
-        )
-    return q.say(
-        "white",
-        "White noise.",
-        f"{accepted}, so there is no order: {wording.UNDEFINED}.",
-        "A navigation filter needs N, and the random walk of the offset if the tracker finds one.",
     )
