@@ -1,0 +1,96 @@
+"""What each part of the grammar takes from the others is counted.
+
+A new part may describe noises that are made of other parts, with fewer parameters than these. Then a search
+finds it in their place, and the verdict names it. Some noises of any kind are taken for another one by
+chance, so the tests count them.
+"""
+
+from collections import Counter
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from fltea.identification.sums import examined
+from fltea.noise import parts as p
+from fltea.spectrum.verdict import decide, winner
+
+from tests.rig.identify_support import H
+from tests.rig.random_noises import drawn
+from tests.rig.tiers import long
+from tools.validation.closed_form import samples
+from tools.validation.coverage.populations import POPULATIONS
+
+LONGEST = 20_000
+"""Largest number of samples of a mixture of random parts."""
+MIXED = 6
+"""Number of mixtures of random parts for each noise of a population."""
+IN_MODELS: dict[type[p.Part], float] = {
+    p.Relaxation: 0.15,  # of records of half a minute, an order and relaxations are the same
+    p.Sharpening: 0.15,  # two filters, quantisation and a steep rise differ at the highest frequencies only
+}
+"""In which proportion of the noises without it a part may take the place of another part, if not USUAL."""
+USUAL, SAID = 0.05, 0.03
+"""SAID: in which proportion of the noises without it the verdict may name a part."""
+
+
+class Found(NamedTuple):
+    """What was found in one noise."""
+
+    name: str
+    """Name of the noise's population."""
+    truth: frozenset[type[p.Part]]
+    model: frozenset[type[p.Part]]
+    """The parts of the model that stands for the noise."""
+    says: frozenset[str]
+    """The questions about the model without an order to which the verdict says yes."""
+
+    @property
+    def lost(self) -> frozenset[type[p.Part]]:
+        """The parts of the noise that the model lacks. A faint floor is often below all else."""
+        return self.truth - self.model - {p.Floor}
+
+
+def found(name: str, parts: list[p.Part], n: int, rng: np.random.Generator) -> Found:
+    e = examined(samples(parts, n, H, rng), H).evidence
+    verdict = decide(e)
+    silent = verdict.has_order or verdict.kind in ("white", "undecided", "not stationary")
+    model = frozenset(winner(e, verdict).kinds)
+    return Found(name, frozenset(map(type, parts)), model, frozenset() if silent else e.reading.says)
+
+
+@cache
+def all_found(seeds: int) -> tuple[Found, ...]:
+    seen = []
+    for seed in range(seeds):
+        for name, population in POPULATIONS.items():
+            rng = np.random.default_rng((61, seed))
+            seen.append(found(name, list(population.draw(rng)), population.shortest, rng))
+        for k in range(MIXED):
+            rng = np.random.default_rng((62, seed, k))
+            parts, n = drawn(rng)
+            seen.append(found("a mixture", parts, min(n, LONGEST), rng))
+    return tuple(seen)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seeds", [12, long(60)])
+@pytest.mark.parametrize("kind", p.CODES[1:], ids=lambda kind: kind.tag())
+def test_a_part_takes_little_from_the_others(kind: type[p.Part], seeds: int) -> None:
+    """A part that takes more than this needs the trait `kApart` in its row of `kTable`, a higher price, or a
+    sentence of the verdict that is true of the other noises as well (host/CHANGING.md).
+    """
+    others = [one for one in all_found(seeds) if kind not in one.truth]
+    taken = [one for one in others if kind in one.model and one.lost]
+    question = kind.row().says
+    said = [
+        one
+        for one in others
+        if kind in one.model and question in one.says and question not in {of.row().says for of in one.truth}
+    ]
+    told = "; ".join(
+        f"{count} of {name} lose {', '.join(sorted(of.tag() for of in lost)) or 'nothing'}"
+        for (name, lost), count in Counter((one.name, one.lost) for one in taken + said).items()
+    )
+    assert len(taken) <= IN_MODELS.get(kind, USUAL) * len(others), f"{kind.tag()} in models: {told}"
+    assert len(said) <= SAID * len(others), f"{kind.tag()} in verdicts: {told}"
