@@ -100,7 +100,7 @@ class Search {
     // the same limit for a trial fit, whose -log L is only compared with that of other trial fits
     static constexpr double kTrial = 0.1;
     static constexpr int kSteps = 60, kTrialSteps = 12;
-    static constexpr int kMostParameters = 20, kRelaxations = 6, kResonances = 2;
+    static constexpr int kMostParameters = 20;
     // ARFIMA (an order without f) is chosen only if its 2 log L exceeds that of the fractional state by more
     // than this
     static constexpr double kAhead = 6;

@@ -1,5 +1,6 @@
 """Every published interval is measured, and its coverage is compared with the stated one."""
 
+import re
 from functools import cache
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from fltea.noise import parts as p
 from fltea.records.fit import Interval
 
+from tests.rig.host_support import ROOT
 from tools.validation.coverage import measure, published, run
 from tools.validation.coverage.populations import POPULATIONS
 from tools.validation.coverage.published import ALLAN, FIGURES, Elsewhere, Field
@@ -38,6 +40,17 @@ def drawn_kinds() -> set[type[p.Part]]:
     """Return the kinds of parts that noises of all populations have."""
     rng = np.random.default_rng(1)
     return {type(part) for population in POPULATIONS.values() for part in population.draw(rng)}
+
+
+@pytest.mark.parametrize("name", POPULATIONS)
+def test_each_population_is_on_the_page_of_the_coverage(name: str) -> None:
+    """A population has a row in the table of N, or a line that says how many records were counted."""
+    page = "host/docs/evaluation/coverage.md"
+    text = (ROOT / page).read_text(encoding="utf-8")
+    is_there = re.search(
+        rf"^(\| {name} \||- \*\*{name}\*\* \([0-9,]+ records)", text, re.MULTILINE | re.IGNORECASE
+    )
+    assert is_there, f"{page} has no figures of the population {name}: `make validate ARGS=coverage`"
 
 
 @pytest.mark.slow
