@@ -12,7 +12,7 @@ import msgspec
 import pytest
 from fltea.records.records import AnyRecord, Estimate, Placed, Record
 from fltea.sinks.figures import of_axis, of_device, of_filters, of_fit, of_link
-from fltea.sinks.figures.figure import ROOTS, Figure, Hidden, Metric, Root
+from fltea.sinks.figures.figure import ROOTS, Hidden, Root
 from fltea.sinks.figures.table import FIGURES, UNSHOWN, WITHOUT_FIGURES
 
 from tests.rig.figure_records import (
@@ -162,29 +162,3 @@ def test_the_dashboard_has_the_metrics_that_are_declared_for_it_and_no_others() 
             if is_hidden
             else f"{DASHBOARD} has no panel with {metric}: add one, or declare {name} Hidden with a reason"
         )
-
-
-UNITS = {
-    "ns": ("seconds", 1e-9),
-    "us": ("seconds", 1e-6),
-    "ms": ("seconds", 1e-3),
-    "s": ("seconds", 1.0),
-    "hz": ("hertz", 1.0),
-    "c": ("celsius", 1.0),
-    "ppm": ("ratio", 1e-6),
-    "percent": ("ratio", 1e-2),
-}
-"""Prometheus' base unit for each unit at the end of a field's name, and the factor between them."""
-
-
-@pytest.mark.parametrize(
-    "figure", [one for one in FIGURES if isinstance(one.metric, Metric)], ids=lambda one: one.path
-)
-def test_a_metric_has_the_base_unit_of_its_field(figure: Figure) -> None:
-    assert isinstance(figure.metric, Metric)
-    field, metric = (name.rpartition("_")[2] for name in (figure.path, figure.metric.name))
-    base, factor = UNITS.get(field, ("", 1.0)) if "_" in figure.path.rpartition(".")[2] else ("", 1.0)
-    assert figure.metric.factor == factor, (
-        f"{figure.path}: the metric {figure.metric.name} needs factor={factor}"
-    )
-    assert not base or metric == base, f"{figure.path}: the name of the metric has to end in _{base}"
