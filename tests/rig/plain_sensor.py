@@ -92,6 +92,7 @@ class Sensor:
         self.baseline: Baseline | None = None
         self._innovations: dict[str, list[tuple[float, float] | None]] = {axis: [] for axis in axes}
         self._white, self._there = dict.fromkeys(axes, False), dict.fromkeys(axes, 0)
+        self._waits_for_a_fit = self.config.tuned_by == "live"
         if not self.startup_remaining:
             self._begin()
 
@@ -143,7 +144,7 @@ class Sensor:
         self._there[axis] += columns is not None
         if columns and self._there[axis] % 100 == 0:
             self._white[axis] = whiteness(rows).is_white is True
-        accepted = self._white[axis] and self.config.tuned_by != "live"
+        accepted = self._white[axis] and not self._waits_for_a_fit
         if columns is None:
             return FlteaEstimate(settled=accepted)
         numbers = (one if math.isfinite(one) else None for one in columns[:6])

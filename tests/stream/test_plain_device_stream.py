@@ -39,7 +39,7 @@ def both(
     return records_of([*found, *pipeline.finish()]), [*expected, plain.finish()]
 
 
-@pytest.mark.parametrize("examples", [30, long(400)])
+@pytest.mark.parametrize("examples", [10, slow(30), long(400)])
 def test_number_time_units_and_counts_are_those_of_the_oracle(examples: int) -> None:
     @given(births, acts(32, 60), st.integers(1, 3))
     @settings(max_examples=examples)
@@ -87,7 +87,7 @@ SETTINGS: list[dict[str, Any]] = [
 ]
 
 
-@pytest.mark.parametrize("examples", [30, long(400)])
+@pytest.mark.parametrize("examples", [10, slow(30), long(400)])
 def test_estimates_are_those_of_the_oracle(examples: int) -> None:
     @given(births, acts(16, 60), st.sampled_from(SETTINGS))
     @settings(max_examples=examples)
@@ -113,7 +113,7 @@ EVENTFUL = [
 ]
 
 
-@pytest.mark.parametrize("channels", [slow(["gyro_z"]), ["gyro_z", "accel_x"]])
+@pytest.mark.parametrize("channels", [["gyro_z"], slow(["gyro_z", "accel_x"])])
 def test_a_step_a_knock_and_a_turn_are_those_of_the_oracle(channels: list[str]) -> None:
     source = Source(unix_offset_ns=10**18)
     events = Device(source, Birth(65_000, 2**32 - 10**7)).does(EVENTFUL)
@@ -261,17 +261,17 @@ USUAL = ("odd gap", "no accelerometer", "knock", "turn")
 """The incidents that are tested in the first and in the second tier of the tests."""
 
 
+@pytest.mark.parametrize(("k", "amount"), [(0, 0.02), slow(1, 0.4), slow(2, 0.6), (3, 0.98)])
 @pytest.mark.parametrize("what", long_but(USUAL, ACTS, quick=QUICK))
-def test_each_thing_that_may_happen_before_a_snapshot_and_behind_it(what: str) -> None:
+def test_each_thing_that_may_happen_before_a_snapshot_and_behind_it(what: str, k: int, amount: float) -> None:
     """Each incident is tried before and after a snapshot, small and large, at several times within a second.
 
     Many samples follow the incident.
     """
-    for k, amount in enumerate((0.02, 0.4, 0.6, 0.98)):
-        changes = SETTINGS[(ACTS.index(what) + k) % len(SETTINGS)]
-        happens = [Act(samples=240 + 7 * k, cuts=(100, 101)), Act(what, amount, 50, (1, 20))]
-        some = [*happens, Act(what, 1 - amount, 40), Act(samples=240)]
-        birth = Birth(65_300 + k, 2**32 - 2_000_000, k)
-        source = Source(unix_offset_ns=10**18)
-        assert_same(*both(source, Device(source, birth).does(some), load_config(None, PLAIN | changes)))
-        check_snapshot(birth, some, changes, 260 + 10 * k, (0, 40, 0, 100)[k], reset=k == 2)
+    changes = SETTINGS[(ACTS.index(what) + k) % len(SETTINGS)]
+    happens = [Act(samples=240 + 7 * k, cuts=(100, 101)), Act(what, amount, 50, (1, 20))]
+    some = [*happens, Act(what, 1 - amount, 40), Act(samples=240)]
+    birth = Birth(65_300 + k, 2**32 - 2_000_000, k)
+    source = Source(unix_offset_ns=10**18)
+    assert_same(*both(source, Device(source, birth).does(some), load_config(None, PLAIN | changes)))
+    check_snapshot(birth, some, changes, 260 + 10 * k, (0, 40, 0, 100)[k], reset=k == 2)
