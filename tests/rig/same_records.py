@@ -1,7 +1,7 @@
 """Compare the records of the native pipeline with those of the plain Python oracle."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
 import msgspec
@@ -22,18 +22,19 @@ class Comparable(NamedTuple):
 
     exact: Any
     host_ns: int
-    rounded: list[float]
+    rounded: dict[str, float]
 
 
 def comparable(record: AnyRecord) -> Comparable:
     if isinstance(record, Error):
         record = msgspec.structs.replace(record, message=words_of(record))
-    host_ns, rounded = record.host_ns, list[float]()
+    host_ns, rounded = record.host_ns, dict[str, float]()
     if isinstance(record, Stats):
-        figures = [record.rate_hz, record.clock_ppm]
-        for axis in record.axes.values():
-            figures += [axis.innovation_lag1, axis.innovation_nis]
-        rounded = [math.nan if one is None else one for one in figures]
+        figures = {"rate_hz": record.rate_hz, "clock_ppm": record.clock_ppm}
+        for name, axis in record.axes.items():
+            figures[f"axes.{name}.innovation_lag1"] = axis.innovation_lag1
+            figures[f"axes.{name}.innovation_nis"] = axis.innovation_nis
+        rounded = {field: math.nan if one is None else one for field, one in figures.items()}
         nothing = {"innovation_lag1": None, "innovation_nis": None}
         axes_ = {name: msgspec.structs.replace(one, **nothing) for name, one in record.axes.items()}
         record = msgspec.structs.replace(record, rate_hz=None, clock_ppm=None, axes=axes_)
@@ -51,12 +52,26 @@ def words_of(error: Error) -> str:
     return error.message
 
 
+def differences(found: Any, expected: Any, path: str) -> Iterator[str]:
+    """Yield the paths of all fields in which two values differ, each with both values."""
+    if type(found) is type(expected) and isinstance(found, msgspec.Struct):
+        for name in found.__struct_fields__:
+            yield from differences(getattr(found, name), getattr(expected, name), f"{path}.{name}")
+    elif isinstance(found, dict) and isinstance(expected, dict) and found.keys() == expected.keys():
+        for key in found:
+            yield from differences(found[key], expected[key], f"{path}.{key}")
+    elif found != expected:
+        yield f"{path} is {found!r}, and {expected!r} by the oracle"
+
+
 def assert_same(found: Iterable[AnyRecord], expected: Iterable[AnyRecord]) -> None:
     """Check that two outputs have bitwise equal records, except for host times and sums over many samples."""
     mine = [comparable(one) for one in found]
     plain = [comparable(one) for one in expected]
-    for a, b in zip(mine, plain, strict=False):
-        assert a.exact == b.exact
+    for k, (a, b) in enumerate(zip(mine, plain, strict=False)):
+        if a.exact != b.exact:
+            name = type(a.exact).__name__
+            pytest.fail(f"record {k}: " + "; ".join(differences(a.exact, b.exact, name)))
         assert abs(a.host_ns - b.host_ns) <= (HOST_NS if hasattr(b.exact, "seq") else 0), b.exact
         if isinstance(b.exact, Stats):
             assert a.rounded == pytest.approx(b.rounded, rel=1e-9, abs=1e-9, nan_ok=True), b.exact

@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 from tests.rig.acted_device import ACTS, Act, Birth, Device, acts, births
 from tests.rig.blocks import of, records_of
 from tests.rig.device_stream_support import NO_FILTERS, PLAIN, SMALL, Source
+from tests.rig.example_records import STATS, STEP
 from tests.rig.plain_device_stream import PlainDeviceStream
 from tests.rig.same_records import assert_same
 from tests.rig.tiers import long, long_but, slow
@@ -275,3 +276,18 @@ def test_each_thing_that_may_happen_before_a_snapshot_and_behind_it(what: str, k
     source = Source(unix_offset_ns=10**18)
     assert_same(*both(source, Device(source, birth).does(some), load_config(None, PLAIN | changes)))
     check_snapshot(birth, some, changes, 260 + 10 * k, (0, 40, 0, 100)[k], reset=k == 2)
+
+
+def test_fields_that_differ_from_those_of_the_oracle_are_named() -> None:
+    replace = msgspec.structs.replace
+    other = replace(STATS, epoch=4, axes=STATS.axes | {"gyro_x": replace(STATS.axes["gyro_x"], bias=7.5)})
+    with pytest.raises(pytest.fail.Exception) as told:
+        assert_same([STEP, other], [STEP, STATS])
+    assert str(told.value) == (
+        "record 1: Stats.epoch is 4, and 3 by the oracle; "
+        "Stats.axes.gyro_x.bias is 7.5, and 0.1 by the oracle"
+    )
+    with pytest.raises(
+        pytest.fail.Exception, match=r"record 0: Step is Step\(.*, and Stats\(.* by the oracle"
+    ):
+        assert_same([STEP], [STATS])
