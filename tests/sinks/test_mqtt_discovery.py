@@ -76,7 +76,9 @@ def test_configuration_has_the_documented_keys_and_an_identity_for_each_sensor(b
     keys = {"sensor": SENSOR_KEYS, "binary_sensor": BINARY_SENSOR_KEYS}
     assert all(one.keys() <= keys[one["platform"]] for one in sensors)
     assert len({one["unique_id"] for one in sensors}) == len(sensors)
-    assert {one["unique_id"] for one in sensors} >= IDENTITIES, "a person's automations name these"
+    assert {one["unique_id"] for one in sensors} == IDENTITIES, (
+        "a person's automations name these: none may change or go, and a new one is added to IDENTITIES"
+    )
 
 
 def rendered(template: str, payload: bytes) -> str:
