@@ -12,12 +12,14 @@ from typing import Any
 import msgspec
 import pytest
 from fltea.records.errors import FlteaError
+from fltea.records.estimate import AxisEstimate
 from fltea.records.identities import MOST
 from fltea.records.ports import LATENCY_BOUNDS_MS
-from fltea.records.records import ACCEL_UNIT, Epoch, Error, Estimate, EstimatorInfo, Fit, Sample
-from fltea.records.stats import LinkStats, SampleStats
+from fltea.records.records import ACCEL_UNIT, Epoch, Error, Estimate, EstimatorInfo, Fit, Sample, Stats
+from fltea.records.stats import AxisStats, DeviceStatus, LinkStats, SampleStats
 from fltea.service.sink_queue import SinkQueue
 from fltea.settings.outputs import MetricsConfig
+from fltea.sinks.figures.table import FIGURES
 from fltea.sinks.metrics.families import Families
 from fltea.sinks.metrics.sink import MetricsSink
 from hypothesis import given
@@ -101,6 +103,39 @@ EXPECTED = Path(__file__).with_name("metrics.txt").read_text(encoding="utf-8")
 """The expected text of all metrics of a device, in base units. An axis whose estimate is not valid has only
 the metric that says so.
 """
+OF_THESE = (Stats, LinkStats, DeviceStatus, AxisStats, Sample, AxisEstimate)
+"""The records, and parts of records, with whose metrics the text is compared."""
+ABSENT = {"stats.board.cpu_share_percent", "stats.board.longest_step_us", "stats.axes.<axis>.describes_noise"}
+"""Their figures that the example records leave out, as most devices do."""
+
+
+def line(key: tuple[str, Labels], number: float) -> str:
+    """Return one time series as metrics.txt has it."""
+    name, labels = key
+    inside = ",".join(
+        f'{label}="{word}"' for label, word in sorted(labels, key=lambda one: one[0] != "device")
+    )
+    return f"{name}{{{inside}}} {number:.12g}"
+
+
+def other_lines(found: dict[tuple[str, Labels], float], expected: dict[tuple[str, Labels], float]) -> str:
+    """Say in which lines the shown metrics differ from metrics.txt; empty if they are the same."""
+    lacks = [line(key, found[key]) for key in found.keys() - expected.keys()]
+    gone = [line(key, expected[key]) for key in expected.keys() - found.keys()]
+    other = [
+        f"{line(key, expected[key])}, not {found[key]:.12g}"
+        for key in found.keys() & expected.keys()
+        if found[key] != pytest.approx(expected[key], rel=1e-12)
+    ]
+    return "\n".join(
+        f"{words}\n  " + "\n  ".join(sorted(lines))
+        for words, lines in (
+            ("tests/sinks/metrics.txt lacks (compare the value with tests/rig/example_records.py):", lacks),
+            ("not shown (has the field a value in tests/rig/example_records.py?), or of another name:", gone),
+            ("tests/sinks/metrics.txt has:", other),
+        )
+        if lines
+    )
 
 
 def test_every_figure_under_its_name_and_in_base_units(serve: Serve) -> None:
@@ -109,7 +144,30 @@ def test_every_figure_under_its_name_and_in_base_units(serve: Serve) -> None:
     found = scrape(serve(hello(device="due"), STATS, SAMPLE, ESTIMATE, error, error, *moves, STEP).url)
     others = ("process_", "fltea_build_info")
     shown = {key: value for key, value in found.items() if not key[0].startswith(others)}
-    assert shown == pytest.approx(parse(EXPECTED), rel=1e-12)
+    differs = other_lines(shown, parse(EXPECTED))
+    assert not differs, differs
+
+
+def test_the_text_of_all_metrics_has_each_metric_that_is_declared() -> None:
+    names = {name for name, _ in parse(EXPECTED)}
+    declared = {one.path: one.metric_name for one in FIGURES if one.kind in OF_THESE and one.metric_name}
+    absent = {path for path, name in declared.items() if name not in names}
+    assert absent == ABSENT, (
+        f"{sorted(absent ^ ABSENT)}: each has a value in tests/rig/example_records.py, and its metric a "
+        "line in tests/sinks/metrics.txt, or it is in ABSENT"
+    )
+
+
+def test_a_metric_that_is_missing_or_other_is_named() -> None:
+    expected = parse(EXPECTED)
+    key = "fltea_axis_steps_total", frozenset({("axis", "gyro_x"), ("device", "due")})
+    text = 'fltea_axis_steps_total{device="due",axis="gyro_x"} 3'
+    assert text in EXPECTED
+    without = {one: number for one, number in expected.items() if one != key}
+    assert other_lines(expected, expected) == ""
+    assert other_lines(expected, without).splitlines()[1:] == [f"  {text}"]
+    assert other_lines(without, expected).splitlines()[1:] == [f"  {text}"]
+    assert other_lines(expected | {key: 4.0}, expected).splitlines()[1:] == [f"  {text}, not 4"]
 
 
 def test_the_newest_fit_of_every_axis(serve: Serve) -> None:
