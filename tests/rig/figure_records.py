@@ -10,7 +10,7 @@ import jinja2
 import msgspec
 from fltea.records.clock import host_ns
 from fltea.records.device_fit import DeviceAxisFit
-from fltea.records.estimate import DeviceAxisEstimate, FlteaEstimate
+from fltea.records.estimate import DeviceAxisEstimate
 from fltea.records.fit import AxisFit, Until
 from fltea.records.ports import Latency
 from fltea.records.records import (
@@ -23,7 +23,7 @@ from fltea.records.records import (
     Sample,
     Stats,
 )
-from fltea.records.stats import DeviceStatus, OutputStats
+from fltea.records.stats import OutputStats
 from fltea.settings.estimator import EstimateOn
 from fltea.sinks.metrics.families import Families, Newest
 from fltea.sinks.mqtt.discovery import discovery
@@ -36,7 +36,7 @@ from prometheus_client import CollectorRegistry, generate_latest
 from rich.console import Console
 
 from tests.rig.dashboard_support import BOARD, OWN, told
-from tests.rig.example_records import GOOD, STATS
+from tests.rig.example_records import GOOD, STATS, axis_estimate
 from tests.rig.fit_support import FRACTIONAL, with_curves
 from tests.rig.host_support import hello
 
@@ -129,8 +129,10 @@ EVERY_STATS: Stats = completed(
     replace(
         STATS,
         axes={AXIS: STATS.axes[AXIS]},
-        board=DeviceStatus(11, 12, 14, 15, 16, "user", BOARD.cpu_share_percent, BOARD.longest_step_us),
-        outputs={"mqtt": OutputStats(10, 7, 300)},
+        board=replace(
+            BOARD, i2c_errors=11, bus_recoveries=12, sensor_reinits=14, overruns=15, dropped_frames=16
+        ),
+        outputs={"mqtt": OutputStats(written=10, dropped=7, queued=300)},
         device_estimator=replace(DEVICE_ESTIMATOR, startup_remaining=40),
     )
 )
@@ -139,12 +141,24 @@ FRACTIONAL_FIT: AxisFit = completed(
     replace(with_curves(FRACTIONAL), left_out={"lost": 12}, breaks={"gaps": 1, "steps": 2}, odds=0.75)
 )
 EVERY_FIT = Fit(**PLACE, samples=702, axes={AXIS: FRACTIONAL_FIT}, device="due")
-FILTERS = FlteaEstimate(0.4, 0.03, -2.0, 0.25, 0.12, -0.05, valid=True, settled=True)
+FILTERS = axis_estimate(0.4, 0.03, -2.0, 0.25, 0.12, -0.05, True, True).fltea
 OF_DEVICE = replace(completed(DeviceAxisEstimate(fltea=FILTERS, age=7)), why_not=None, tracker_bias_std=0.01)
 EVERY_DEVICE_ESTIMATE = DeviceEstimates(
     **PLACE, variant="joint", axes={AXIS: OF_DEVICE}, comparable=True, device="due"
 )
-DEVICE_FIT = DeviceAxisFit("fractional", 3, 701, 640, 99.0, 230, True, True, True, 40.0, 9.5)
+DEVICE_FIT = DeviceAxisFit(
+    verdict="fractional",
+    number=3,
+    age=701,
+    samples=640,
+    ordinates=99.0,
+    evaluations=230,
+    searched=True,
+    tuned=True,
+    bins_left_out=True,
+    ratio_white=40.0,
+    ratio_relaxation=9.5,
+)
 EVERY_DEVICE_FIT = DeviceFits(**PLACE, axes={AXIS: completed(DEVICE_FIT)}, device="due")
 Records = dict[type, Any]
 
