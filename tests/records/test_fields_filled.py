@@ -6,9 +6,12 @@ import ast
 import re
 import typing
 from collections.abc import Iterator
+from pathlib import Path
 
 import msgspec
+from fltea.archive.info import Summary
 from fltea.records.records import AnyRecord
+from fltea.records.stats import SampleStats
 
 from tests.rig.host_support import ROOT
 
@@ -58,17 +61,41 @@ def unfilled(given: Fields) -> list[str]:
     )
 
 
-def test_some_code_gives_each_field_of_a_record_a_value() -> None:
-    """Some code sets each field of a record. The code of the outputs (`sinks`) does not count, since it only
-    reads records.
+def given_in(folder: Path) -> Fields:
+    """Return the arguments of all calls in the files that make a record or a part of one.
+
+    The code of the outputs (`sinks`) does not count, since it only reads records.
     """
-    files = (file for file in (ROOT / "host/fltea").rglob("*.py") if "sinks" not in file.parts)
+    files = (file for file in folder.rglob("*.py") if "sinks" not in file.parts)
     names = re.compile("|".join(rf"\b{struct.__name__}\(" for struct in structs(AnyRecord, set())))
     sources = (file.read_text(encoding="utf-8") for file in files)
-    given = {one for source in sources if names.search(source) for one in arguments(source)}
+    return {one for source in sources if names.search(source) for one in arguments(source)}
+
+
+def test_some_code_gives_each_field_of_a_record_a_value() -> None:
+    given = given_in(ROOT / "host/fltea")
     assert not unfilled(given), (
         f"no code of host/fltea gives {unfilled(given)} a value: fill it in host/fltea/stream, or remove it"
     )
+
+
+def test_a_source_gives_each_count_of_the_connection_a_value() -> None:
+    """A number that is made in the stream of samples would be 0 wherever only the source is asked."""
+    missing = [one for one in unfilled(given_in(ROOT / "host/fltea/sources")) if one.startswith("LinkStats.")]
+    assert not missing, (
+        f"no source gives {missing} a value, so `fltea info` would publish its default. A number that is "
+        "made of samples belongs in SampleStats, which host/fltea/stream/decode.py fills for both"
+    )
+
+
+def test_the_summary_of_a_recording_has_each_count_of_samples() -> None:
+    names = {"delivered": "samples"}
+    missing = [
+        name
+        for name in SampleStats.__struct_fields__
+        if names.get(name, name) not in Summary.__struct_fields__
+    ]
+    assert not missing, f"`fltea info` lacks {missing} of SampleStats: host/fltea/archive/info.py, Summary"
 
 
 def test_a_field_that_nobody_fills_is_seen() -> None:

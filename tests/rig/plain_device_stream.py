@@ -316,12 +316,12 @@ class PlainDeviceStream:
             startup_remaining=max((one.startup_remaining for one in self._sensors), default=0),
             link=self._source.link_stats(),
             sample_counts=SampleStats(
-                sequence.delivered,
-                sequence.lost,
-                sequence.gaps,
-                sequence.duplicates,
-                sequence.before_hello,
-                sequence.rate_differs,
+                delivered=sequence.delivered,
+                lost=sequence.lost,
+                gaps=sequence.gaps,
+                duplicates=sequence.duplicates,
+                before_hello=sequence.before_hello,
+                rate_differs=sequence.rate_differs,
             ),
             axes={
                 axis: msgspec.structs.replace(stats, tracker=tracker[axis])

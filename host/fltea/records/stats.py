@@ -41,6 +41,7 @@ class DeviceStatus(msgspec.Struct, frozen=True):
     """Longest duration of one pass of the device's main loop since the device's last report [µs]."""
 
 
+# The sources fill it. What is found in the stream of samples, such as a gap's length, is in `SampleStats`.
 class LinkStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Counts of bytes and frames that arrived or were lost in transit, since the start of the program."""
 
@@ -68,6 +69,7 @@ class LinkStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return {reason: count for reason, count in self.bad_frames.items() if reason != "partial"}
 
 
+# `fltea.stream.decode` fills it, for live devices and for `fltea info`, from the counts of the native code.
 class SampleStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Counts of used, lost and refused samples, since the start of the program."""
 

@@ -137,7 +137,8 @@ class Decoder:
     @property
     def counts(self) -> SampleStats:
         """The numbers of samples that were used, lost and dropped until now."""
-        return SampleStats(*self.native.counts)
+        delivered, lost, gaps, duplicates, before_hello, rate_differs = self.native.counts
+        return SampleStats(delivered, lost, gaps, duplicates, before_hello, rate_differs)
 
     def on_hello(self, hello: Hello) -> bool:
         """Note a HELLO.
