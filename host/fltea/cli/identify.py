@@ -259,7 +259,8 @@ def _show(reports: "Sequence[FileReport]", *, details: bool) -> None:
 def _fail(reports: "Sequence[FileReport]", files: Sequence[str], of_axes: Sequence[str]) -> None:
     """Report all failures and raise the first.
 
-    `files`: given flags that ask for files. `of_axes`: given flags that ask for figures of axes.
+    `files`: those flags of the command line that ask for files. `of_axes`: those that ask for figures of
+    axes.
     """
     from fltea.identification.axis_report import Failure
 
