@@ -26,8 +26,8 @@ MOST_POINTS = 200
 LINES = {"N": (-0.5, 0.0), "B": (0.0, math.log(FLICKER)), "K": (0.5, -0.5 * math.log(3))}
 """Straight lines of N, B and K in a log-log Allan plot.
 
-Each line is given by two numbers: its slope, and the logarithm of the deviation at 1 s of the line for N, B
-or K = 1.
+Each line is given by two numbers: its slope, and the logarithm of its Allan deviation at 1 s if N, B or K is
+1.
 """
 
 
