@@ -44,7 +44,7 @@ class IdentifyOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     shuffles: int = 200
     """Number of shuffled copies of the samples over which FLTEA is run; 0 for none."""
     seed: int = 0
-    """Seed of the random generator that shuffles the copies."""
+    """Seed of the random generator that makes the shuffled copies."""
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.from_hz) and self.from_hz >= 0):

@@ -205,7 +205,7 @@ def level_rows(axis: AxisReport) -> list[Row]:
 
 
 def part_rows(axis: AxisReport) -> list[Row]:
-    """Return the rows of `level_rows`, and the parameters of all parts with 95 % intervals."""
+    """Return the rows of `level_rows`, and rows with the parameters of each part and their intervals."""
     r, unit = axis.result, axis.unit
     found = level_rows(axis)
     counted: dict[str, int] = {}

@@ -23,11 +23,11 @@ class Band(NamedTuple):
     """The averaging times at which the measured Allan deviation agrees with that of the chosen model."""
 
     to_s: float
-    """Longest averaging time up to which both deviations agree [s]; 0 if they differ at the shortest
-    averaging time.
+    """Longest averaging time up to which the measured deviation agrees with the model's [s]; 0 if the two
+    differ already at the shortest averaging time.
     """
     leaves_at_s: float | None
-    """Shortest averaging time at which both deviations differ [s]; None if they agree everywhere."""
+    """Shortest averaging time at which the two deviations differ [s]; None if they agree everywhere."""
     ends_s: float
     """Longest averaging time for which there is a measured deviation [s]."""
     is_more: bool = True
