@@ -131,7 +131,7 @@ def _row(choice: Choice, seeds: int, samples: int, advance: Callable[[str, int],
 
 
 def _against(tell: Callable[[int, int], Any]) -> Row:
-    """Return the result of `tell`, for each table by each example that the table is compared with."""
+    """Return `tell(table, example)` for each table of the paper and each example that it is compared with."""
     return {
         str(table): {str(number): tell(table, number) for number in numbers}
         for table, numbers in EXAMPLES.items()

@@ -26,7 +26,9 @@ class Reading:
     "usually chosen as 3 - L".
     """
     sums_from: Literal[0, 1] = 0
-    """First i of the covariance sums in the filters of order and parameter: 1 as in the paper, 0 as usual."""
+    """Index of the first sigma point in the covariance sums of the filters of order and parameter. The paper
+    begins at 1, and other unscented Kalman filters begin at 0.
+    """
     parameter_first: bool = False
     """Whether the parameter's filter runs before the order's. It then uses the previous order, and the
     order's filter uses the new parameter.

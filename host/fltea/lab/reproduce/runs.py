@@ -163,7 +163,7 @@ def against_truth(scenario: Scenario, data: Data, got: Curves) -> Outcome:
 
 
 def _against(scenario: Scenario, data: Data, got: Curves, first: Curves) -> Outcome:
-    """Return the squared differences between runs with one length L and runs with the first length."""
+    """Return the squared differences between runs with one length L and the runs `first` with another."""
     lost = not_finite(got) | not_finite(first)
     far = [far_off(one, data.y, scenario.R**0.5) for one in (got, first)]
     return _outcome(got, (first.x, first.f, first.alpha), lost, (far[0] | far[1]) & ~lost)
