@@ -30,7 +30,7 @@ class Ahead(NamedTuple):
     """A sum over future samples, expressed by the present state x of the system and additional noise."""
 
     row: Array
-    """The sum is `row @ x` plus noise, where x is the state (n,) at the last sample at rest."""
+    """The sum over future samples is `row @ x` plus noise. x is the state (n,) at the last sample at rest."""
     variance: float
     """Variance of the additional noise, which is unknown at the last sample at rest."""
 
