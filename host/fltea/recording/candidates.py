@@ -40,8 +40,8 @@ proportion of the median length.
 
 UNITS = ("rad/s", "deg/s", "mrad/s", "mdps", "deg/h")
 COUNTS = ("lsb:131", "lsb:65.5", "lsb:32.8", "lsb:16.4")
-"""Units of counts, by the counts per deg/s that the commonest gyroscopes have with ranges of ±250, ±500,
-±1000 and ±2000 deg/s.
+"""Units of raw counts. The number is the counts per deg/s of the commonest gyroscopes with the ranges ±250,
+±500, ±1000 and ±2000 deg/s.
 """
 
 MOST_N, MOST_MEAN_DPS = 5.0, 20.0

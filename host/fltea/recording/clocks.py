@@ -171,9 +171,9 @@ def _by_stretches(blocks: Blocks, median: float, grain: float) -> float | None:
     """Return the period of rounded times, measured over long stretches; None if the median step is right.
 
     At 800 Hz in whole ms, steps of 1 and 2 ms alternate, and all stretches with the same number of steps have
-    nearly the same length: the period is this length over that number. At 1000 Hz with lost samples, some
-    stretches last as many ms as they have steps: the median step, 1 ms, is right. The result is infinite if
-    the stretches are too short to decide.
+    nearly the same length. The period is then this length divided by the number of steps. At 1000 Hz with
+    lost samples, some stretches last as many ms as they have steps: the median step, 1 ms, is right. The
+    result is infinite if the stretches are too short to decide.
     """
     found = [(len(t), _of_block(t, median, grain)) for t in blocks() if len(t) > 1]
     total = sum(rows for rows, _ in found)

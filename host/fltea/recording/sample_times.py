@@ -122,8 +122,8 @@ class LocalTime:
 class _Restarts(NamedTuple):
     """Where times restart at 0, in the unit of the times.
 
-    `wrap`: value after which times restart. `longest`: longest step within a run. `second`: one second, 0 if
-    times that are only fractions of a second do not occur in this unit.
+    `wrap`: value after which times restart. `longest`: longest step within a run. `second`: length of a
+    second if times may be only the fractions of a second, as they may in ms, µs and ns; otherwise 0.
     """
 
     wrap: float
