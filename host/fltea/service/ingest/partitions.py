@@ -55,8 +55,8 @@ class Held:
     """A partition that this worker serves.
 
     `before`: number of the last message that the previous worker has processed. `lapsed`: whether the lease
-    was not renewed in time. If so, all messages are left out until the server sends those after the last
-    processed one again.
+    was not renewed in time. If so, this worker skips messages until it has asked the server to send all those
+    after the last processed one again.
     `resuming`: whether these messages were requested from the server.
     """
 
