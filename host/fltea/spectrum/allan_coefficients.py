@@ -154,7 +154,7 @@ class _Curve:
         )
 
     def point(self, i: int) -> Coefficient:
-        """Return the deviation at point `i` of the curve, with its interval and τ, as a coefficient."""
+        """Return the Allan deviation at point `i` of the curve, with its interval and its averaging time."""
         tau = float(self.tau[i])
         return Coefficient(float(self.deviation[i]), float(self.low[i]), float(self.high[i]), tau, tau)
 

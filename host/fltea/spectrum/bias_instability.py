@@ -1,14 +1,14 @@
 """Bias instability B.
 
-The command, the Python interface, the live fit and the fit on clusters all determine B here.
+The command, the Python interface, the live fit and the fit on clusters all call this module for B.
 
 B is the amplitude of 1/f noise, whose Allan deviation is flat at 0.664 B. First, white noise, 1/f noise and a
-random walk are fitted to the spectrum. If these three terms describe it about as well as the model that
-stands for the noise, B comes from this fit. If the fit does not need the 1/f noise, B is not known. The
-lowest point of the Allan deviation does not show B then: without any 1/f noise, the falling curve of white
-noise and the rising curve of a random walk also have one where they meet. If the three terms do not describe
-the spectrum, B is read from the curve as data sheets do: the height of a flat stretch, or of the lowest
-point, divided by 0.664.
+random walk are fitted to the spectrum. If these three terms describe the spectrum about as well as the model
+that was chosen for the noise, B comes from this fit. If the fit does not need the 1/f noise, B is not known.
+The lowest point of the Allan deviation does not show B then: there is such a point without any 1/f noise,
+too, where the falling curve of white noise meets the rising curve of a random walk. If the three terms do not
+describe the spectrum, B is read from the curve as data sheets do: the height of a flat stretch, or of the
+lowest point, divided by 0.664.
 """
 
 import math

@@ -110,9 +110,10 @@ def interval_end(
 ) -> float | None:
     """Return an end of the interval of parameter `i` in `eta`; None if it is not found up to `limit`.
 
-    `side`: -1 for the lower end, 1 for the upper one. `step`: first step of the search. `bound`: limit in
-    place of CRITICAL if the best fit has no white noise. `keep`: whether to store the end for the next refit,
-    which then begins its search there.
+    `side`: -1 for the lower end, 1 for the upper one. `limit`: the search ends at this value of the
+    parameter. `step`: first step of the search. `bound`: limit of the fall of 2 log L, in place of CRITICAL,
+    where the best fit has no white noise. `keep`: whether to store the end for the next refit, which then
+    begins its search there.
     """
     if side * (limit - model.eta[i]) <= 0:
         return None

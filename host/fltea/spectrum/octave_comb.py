@@ -78,7 +78,7 @@ class OctaveComb(NamedTuple):
 def find_octave_comb(p: Periodogram, false_alarm: float = FALSE_ALARM) -> OctaveComb | None:
     """Return the comb of one series, or None without one. `p`: the octave spectrum of the series."""
     weight = np.ones_like(p.lam) if p.weight is None else p.weight
-    # if there are this many lines, `p` is the periodogram of the whole record
+    # if `p` has as many lines as the periodogram of `p.n` samples, it is the periodogram of the whole record
     if len(p.lam) == p.n // 2 + (p.n % 2) - LOWEST:
         return _of_the_whole(p, false_alarm)
     if _nothing_stands_out(p.power, weight):

@@ -223,7 +223,7 @@ class Octaves:
 
     @property
     def noticed(self) -> int:
-        """The number of steps of the offset and changes of the noise's level so far, over all lanes."""
+        """Number of steps of the offset and changes of the noise's level so far, in all lanes (axes)."""
         return self.native.noticed()
 
     def periodogram(self, lane: int, h: float) -> Periodogram:

@@ -43,7 +43,7 @@ def notch_below(lam: Array, power: Array, start: int, stop: int, least: int) -> 
     if not low.size:
         return None
     bottom = int(low[-1])
-    # An average beyond the notch must not include any part of the hump.
+    # Beyond the notch, only averages that do not include any part of the hump are considered.
     higher = np.flatnonzero(wide[: max(min(bottom, start - (stop - start) // 2), 0)] >= BEYOND * height)
     if not higher.size:
         return None

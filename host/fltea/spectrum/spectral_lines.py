@@ -32,7 +32,9 @@ LINE_SKIRT = 3
 it.
 """
 SHORTEST_FLANK = 12
-"""If values average over blocks, the shortest flank has this many values."""
+"""If the values in a filter's stop band average over blocks, a whole side lobe or notch is taken to be this
+many values wide.
+"""
 SKIRT = 0.05
 """Values of the running spectrum belong to the skirt of a peak only if they exceed the level around the peak
 by at least this proportion.
