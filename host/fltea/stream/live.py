@@ -267,7 +267,9 @@ class LiveFits:
         yield Fit(*begun.moment, begun.samples, found, device=self._config.name)
 
     def last(self, moment: Moment | None) -> Iterator[Fit]:
-        """Yield a fit of all samples with curves at the end, unless such a fit has just been published.
+        """Yield the fit at the end of the stream, of all samples and with curves.
+
+        Nothing is yielded if such a fit has just been published.
 
         For a recording only this fit matters, and it agrees with that of `fltea identify`. `moment`: number
         and times of the last sample; None if there was no sample.

@@ -278,7 +278,7 @@ class Pipeline:
 
     @property
     def words(self) -> object:
-        """Values that all records of samples share until the next stop, such as the verdicts of the fits."""
+        """Values that all records of samples share until the native device stops again, such as verdicts."""
         return self._decoder.epoch, self._sensors.words
 
     @property
