@@ -95,7 +95,7 @@ struct Backend {
     std::size_t (*storage)(const EngineShape& shape);
     // Builds an engine in `storage`. `settings` has one entry per lane.
     void (*start)(void* storage, const EngineShape& shape, const LaneSettings* settings);
-    // Applies other settings from the next sample on. `settings` has one entry per lane. The lanes keep their
+    // Replaces the settings from the next sample on. `settings` has one entry per lane. The lanes keep their
     // state and memory.
     void (*retune)(void* storage, const EngineShape& shape, const LaneSettings* settings);
     // Replaces the estimated order and parameter of one lane (axis). The lane keeps its state and memory.

@@ -41,7 +41,7 @@ class LaneRunner {
     std::size_t lanes() const { return engine_.lanes(); }
     const OwnedEngine& engine() const { return engine_; }
 
-    // Applies other settings from the next row on. There is one entry per lane.
+    // Replaces the settings from the next row on. There is one entry per lane.
     void retune(const engine::LaneSettings* settings) { engine_.retune(settings); }
 
     void set_filter_model(std::size_t lane, const engine::FilterModel& filter_model) {

@@ -164,7 +164,7 @@ MeanAhead<N> mean_ahead(const System<N>& s, const double* weights, long long m) 
         const Complex mean = weight[i] * modes.a[i] * sums.geometric(i) / double(m);
         if (i >= 2 * s.pairs) {
             found.row[i] = mean.real();
-        } else if (i % 2 == 0) {  // a mode ξ and its conjugate together contribute 2 Re(mean ξ)
+        } else if (i % 2 == 0) {  // a mode ξ = x + i y and its conjugate together contribute 2 Re(mean ξ)
             found.row[i] = 2 * mean.real();
             found.row[i + 1] = -2 * mean.imag();
         }

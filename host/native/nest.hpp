@@ -36,7 +36,8 @@ class Nest {
         variance = T(R(0));
     }
 
-    // x[j-1] and P[j-1] are the samples, newest first. reciprocal[j] has to be 1/j for j up to n + 1.
+    // x[j-1] is the state j samples ago, and P[j-1] its variance. reciprocal[j] has to be 1/j for j up to n +
+    // 1.
     void run(const T* x, const T* P, const R* reciprocal, std::size_t n) {
         std::size_t j = n;
         // Each iteration processes two samples, so that the next iteration has to wait for the result of one

@@ -132,7 +132,8 @@ class Octaves : public fltea::SumsPart {
 
     // Returns the number of the next sample, and six columns for each level. Four columns describe the
     // level's time cells: first sample number, count, mean and sum of squared deviations of each cell. Two
-    // columns describe the level's time scales: the number of pairs and the variance at each scale.
+    // columns describe the level's time scales: for each scale, the number of pairs of neighbouring groups
+    // whose means were compared, and the wavelet variance (time_scales.hpp).
     nb::tuple cells(size_t lane) const {
         Lane finished = finished_lane(lane);
         finished.deepen();

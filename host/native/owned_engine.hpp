@@ -33,7 +33,7 @@ class OwnedEngine {
     std::size_t causes() const { return static_cast<std::size_t>(backend_.causes); }
     std::size_t bytes() const { return bytes_; }
 
-    // Applies other settings from the next row on. `settings` has one entry per lane.
+    // Replaces the settings from the next row on. `settings` has one entry per lane (axis).
     void retune(const engine::LaneSettings* settings) { backend_.retune(storage_, shape_, settings); }
     // Replaces the order and the parameter of one lane (axis) from the next row on.
     void set_filter_model(std::size_t lane, const engine::FilterModel& filter_model) {
