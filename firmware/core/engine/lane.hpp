@@ -38,8 +38,7 @@ class Lane {
         restart(mask);
     }
 
-    // Applies other settings from the next sample on, and at later restarts. The memory keeps its past
-    // states.
+    // Replaces the settings from the next sample on, and at later restarts. The memory keeps its past states.
     void retune(const Tuning<T>& tuning) { tuning_ = tuning; }
 
     void step(const Sample<T>& sample, Estimate<T>& out) {

@@ -119,8 +119,9 @@ struct Nodes {
         return 2 * ::sqrt((1 + y * y) * 2 * pi * y) * ::exp(-pi * y / 2);
     }
 
-    // Returns the logarithm of the fastest node, in steps. It is chosen so that at the next faster node x,
-    // scale * x^power (1+x)^-decay is negligible.
+    // Returns how many grid steps (of the logarithm) the fastest node lies above 1. The integrand of a weight
+    // is at most scale * x^power (1+x)^-decay at the node x. The fastest node is chosen so that this bound is
+    // negligible at the next faster node.
     std::size_t top(double error, double power, double decay, double scale) const {
         std::size_t steps = 0;
         while (scale * ::pow(::exp(double(steps + 1) * step), power) *

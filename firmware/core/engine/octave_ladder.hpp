@@ -203,7 +203,8 @@ class OctaveLadder {
         whole_.clear();
         ++depth_;
     }
-    // Turns the next batch of samples of the old level into Welch sums.
+    // Takes the next batch of samples that the level above has kept: adds them to that level's Welch sums,
+    // and keeps its output, the samples of the new level.
     void go_deeper(Deepening& d) {
         const int level = depth_ - 1;
         const Stretch& one = d.old.stretch[d.stretch];

@@ -41,9 +41,10 @@ class WelchLevel {
         base_ = typename Kind::Base();
     }
 
-    // Adds up to kMostAtOnce values. `first`: sample number of the first value; `made_up`: index of the last
-    // value that was not measured, or -1. Writes the values of the next level to `out` and the sample number
-    // of the first of them to `first_out`. Returns their number.
+    // Adds the `n` values in `in`, at most kMostAtOnce. `first`: sample number of the first value; `made_up`:
+    // index of the last value that was not measured, or -1. The next level has half this level's rate. Writes
+    // its new values to `out`, and the sample number of the first of them to `first_out`. Returns the number
+    // of values written.
     int push(const Value* in, int n, std::uint64_t first, int made_up, int level, Memory memory, Value* out,
              std::uint64_t* first_out) {
         const std::uint64_t step = std::uint64_t(1) << level;

@@ -23,7 +23,7 @@ struct Model {
     Hold hold;
     R held;       // the value of the number that is held fixed
     R log_h;      // log of the sampling period; only needed for kHoldParameter
-    R log_power;  // log of the approximate power of the data; only needed if a variance is held
+    R log_power;  // log of the approximate power of the data; only needed if `hold` fixes a variance
 };
 
 const double kSmallest = 1e-7;  // smallest distance of a proportion of the power from 0 and from 1
@@ -118,8 +118,8 @@ void bounds(const Model<R>& model, R* low, R* high) {
     if (model.family != kFractional || model.hold == kHoldOrder) return;
     low[0] = 0;
     high[0] = model.highest_order - R(kBelowHighest);
-    // The lower bound is the lowest order α at which the model is stationary (-2^α < g < 0) with the number
-    // that is held fixed.
+    // If the feedback g or the parameter f is fixed at `held`, the lower bound is the lowest order α at which
+    // the model with this value is stationary (-2^α < g < 0).
     if (model.hold == kHoldFeedback && model.held <= -1) low[0] = math::log2(-model.held) + R(kBelowHighest);
     if (model.hold == kHoldParameter && model.held <= -1 && model.log_h < 0)
         low[0] = math::log(-model.held) / (R(0.6931471805599453) - model.log_h) + R(kBelowHighest);
