@@ -17,8 +17,8 @@ inline void enable_irq(uint32_t irq) { NVIC_ISER0::write(1u << irq); }
 // A3.7.3).
 inline void memory_barrier() { asm volatile("dsb" ::: "memory"); }
 
-// Sleeps until an interrupt is pending. This works also while interrupts are disabled (ARMv7-M manual,
-// B1.5.19).
+// Sleeps until an interrupt is pending. This works also while interrupts are disabled (ARMv7-M Architecture
+// Reference Manual, B1.5.19).
 inline void wait_for_interrupt() { asm volatile("dsb\n\twfi" ::: "memory"); }
 
 // Disables interrupts as long as the object exists. Such objects may be nested.
