@@ -214,7 +214,8 @@ class Jittered(NamedTuple):
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
         """Return the density at the frequencies `lam` [rad per sample].
 
-        The density is computed from the autocorrelation, averaged over the random delays.
+        The density is computed from the autocorrelation. This is averaged over the random delays with which
+        the samples are read.
         """
         a = 2 * math.pi * self.hz / rate_hz
         late = np.arange(self.steps // 2) / self.steps

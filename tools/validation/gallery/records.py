@@ -243,7 +243,11 @@ def _grid(rows: list[Row]) -> bytes:
 
 
 def _spectra(rows: list[Row]) -> bytes:
-    """Return a small picture of each noise: its first record, at the quick rate and length if available."""
+    """Return a picture with a small panel for each noise.
+
+    The panel shows the noise's first record with the rate and length of `QUICK`, or the first record of all
+    if none has these.
+    """
     shown = [
         next((row for row in some if (row["rate_hz"], row["duration_s"]) == QUICK), some[0])
         for some in grouped(rows, lambda row: row["noise"]).values()
