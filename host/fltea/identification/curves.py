@@ -131,7 +131,7 @@ def _path(y: Array, gaps: Gaps, h: float, lsb: float | None, options: IdentifyOp
     for start in range(0, len(rest), block):
         now = rest[start : start + block]
         drawn = rng.choice(y, (len(now), copies))
-        # In the copies the same samples are missing as in the data.
+        # In the shuffled copies, the same samples are missing as in the data.
         gone = (
             None if missing is None else np.repeat(missing[start : start + block, None], copies + 1, axis=1)
         )

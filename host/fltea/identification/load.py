@@ -76,7 +76,7 @@ class Request(msgspec.Struct, frozen=True):
 class Series(NamedTuple):
     """The samples of one axis, with their unit and gaps.
 
-    `y`: samples (n,). `lsb`: one count, None if not known. Both are in `unit`.
+    `y`: samples (n,). `lsb`: one count, None if not known. `y` and `lsb` are in `unit`.
     """
 
     y: Array

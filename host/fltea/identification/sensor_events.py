@@ -232,7 +232,7 @@ class _Predictions:
 
 
 class _Steps:
-    """Steps of the biases, by axis, of which the tracker withdraws some later."""
+    """The steps of each axis's bias. The tracker withdraws some of them later."""
 
     def __init__(self, axes: int) -> None:
         self.by_axis: list[list[_Stepped]] = [[] for _ in range(axes)]

@@ -84,7 +84,7 @@ class Copies(msgspec.Struct, frozen=True):
 
 
 def groups(samples: int, copies: int) -> list[range]:
-    """Divide the copies, which are numbered from 0, into groups that fit into memory.
+    """Divide the shuffled copies, numbered from 0, into groups that fit into memory.
 
     The groups depend on the length of the record and the number of copies, but not on the workers that run
     them.
@@ -116,7 +116,7 @@ def estimate(
         h: sampling period [s].
         config: settings of FLTEA.
         lsb: one count in the unit of y, if known.
-        copies: numbers of the copies.
+        copies: numbers of the shuffled copies to process.
         seed: seed of the shuffles.
         part: begin and end of the part of `y` that FLTEA was run over, from which copies are made; None: all
             samples.
@@ -146,7 +146,7 @@ def estimate(
 
 
 def _parts(y: Array, copies: range, seed: int, startup: int, variant: str) -> Iterator[Array]:
-    """Yield the samples of the copies, (copies, n), block by block.
+    """Yield the samples of shuffled copies, (copies, n), block by block.
 
     The first block is long enough for the start-up window.
     """
