@@ -40,7 +40,7 @@ class Changes:
         self.motions: int | None = None
 
     def expect(self) -> None:
-        """Start both counts at 0, since the recording has a channel for such records."""
+        """Start the counts of steps and motions at 0. Call this if the recording has a channel for them."""
         self.steps, self.motions = self.steps or 0, self.motions or 0
 
     def count(self, record: StepMark | MotionMark) -> None:

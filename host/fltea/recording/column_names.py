@@ -116,7 +116,7 @@ def _parts(name: str) -> _Name:
         return _Name(name, "", "", is_in_brackets=False)
     if (found := _UNIT_BEHIND.fullmatch(name)) is not None:
         base, unit = found[1], next(filter(None, found.groups()[1:]), "").strip()
-        if unit in _INDICES:  # PX4 and Betaflight number the axes in brackets; PX4 writes _rad for rad/s
+        if unit in _INDICES:  # in brackets, Betaflight and PX4 write the axis; PX4 writes _rad for rad/s
             inner = _parts(base)
             stated = "rad/s" if inner.unit == "rad" else inner.unit
             return _Name(base, f"{inner.words}_{'xyz'[int(unit)]}", stated, is_in_brackets=True)

@@ -100,7 +100,7 @@ def _of_dialect(choice: Choice) -> list[str]:
 def _runs_as(times: Floats, others: Floats) -> float | None:
     """Return the ratio of the steps of `times` to those of `others`.
 
-    Return None if the ratio varies from step to step, so that the two are not both clocks.
+    Return None if the ratio varies from step to step. Then one of the two columns is no clock.
     """
     steps, ahead = np.diff(times), np.diff(others)
     known = np.isfinite(steps) & np.isfinite(ahead) & (ahead > 0)

@@ -1,4 +1,4 @@
-"""Counts the lines of a text that hold no sample, and numbers the rows of samples, lost ones included."""
+"""Counts the lines of a text that hold no sample, and gives each row of samples its sample number."""
 
 from collections import Counter
 from typing import NamedTuple
