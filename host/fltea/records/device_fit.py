@@ -48,8 +48,8 @@ class DeviceAxisFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     fewer samples.
     """
     tuned: bool
-    """Whether the device's filters now use `s2` and `R` as Q and R (in firmware built with
-    `FLTEA_TUNED=true`).
+    """Whether the device's filters now use this fit's `s2` as their variance Q of a step, and its `R` as
+    their variance R of the white noise (in firmware built with `FLTEA_TUNED=true`).
     """
     bins_left_out: bool
     """Whether some of the lowest frequencies are missing, since the device's memory had no room for them."""
