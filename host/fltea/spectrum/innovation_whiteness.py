@@ -89,7 +89,8 @@ class InnovationSums:
 def innovations(innovation: Array, std: Array) -> Innovations | None:
     """Return the figures of innovations; None if there are fewer than 100.
 
-    `std`: the standard deviations that the filter expects the innovations to have. Both are (n,).
+    `std`: the standard deviations that the filter expects the innovations to have. Innovations and `std` have
+    the shape (n,).
     """
     sums = InnovationSums()
     sums.add(innovation, std)

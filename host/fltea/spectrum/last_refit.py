@@ -27,7 +27,7 @@ class LastRefit:
         self._found.clear()
 
     def result(self, name: str, ordinates: float, compute: Callable[[], T]) -> T:
-        """Return the result for `name`, which is usually the last one.
+        """Return the result for `name`, usually that of the last search.
 
         If the record has grown by a tenth, call `compute` for a new result.
         """

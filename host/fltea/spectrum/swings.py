@@ -104,7 +104,7 @@ class _Scales(NamedTuple):
         return _against((self.variance / _expected(self.runs, OVERLAP))[::-1], self.pairs[::-1])
 
     def swing(self, deviate: float, usual: float, alike: float, hop_s: float) -> Swing:
-        """Return a swing. Its variance is that of the scales minus the usual variance `usual`.
+        """Return a `Swing`. Its variance is by how much the variances at the scales exceed `usual`.
 
         `hop_s`: time [s] from one block to the next.
         """
