@@ -43,10 +43,10 @@ class _Group(NamedTuple):
 
 
 class EstimateCounts:
-    """Numbers of the board's estimates.
+    """Counts of the board's estimates.
 
-    `came`: those that arrived. `lost`: those that did not, by the numbers of the others. `unplaced`: those
-    whose sample is not remembered.
+    `came`: those that arrived. `lost`: those that are missing between the sequence numbers of those that
+    arrived. `unplaced`: those whose sample is not remembered.
     """
 
     def __init__(self) -> None:
