@@ -38,14 +38,14 @@ class DirectMemory {
         reset();
     }
 
-    // Forgets everything, in all lanes.
+    // Forgets all past states, in all lanes (axes).
     void reset() {
         for (std::size_t i = 0; i < 4 * window_; ++i) x_[i] = T(R(0));
         position_ = 0;
         pushed_ = 0;
     }
 
-    // Forgets everything in the lanes (axes) in `mask`.
+    // Forgets all past states of the lanes (axes) in `mask`.
     void clear(MaskOf<T> mask) {
         for (std::size_t i = 0; i < 4 * window_; ++i) x_[i] = select(mask, T(R(0)), x_[i]);
     }
