@@ -140,7 +140,7 @@ class Health {
         }
     }
 
-    // Frees the bus. Returns false if a line is still held low.
+    // Frees the I²C bus. Returns false if one of its lines is still held low.
     bool recover(I2cResult result) {
         held_ = bus_.recover();
         if (held_ != HeldLines::none) {

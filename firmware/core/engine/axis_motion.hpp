@@ -36,8 +36,8 @@ class AxisMotion {
     // Begins without a filter. Samples then take the place of innovations, and their usual power, in squared
     // counts, is learned from the first chunks.
     AxisMotion() { begin(kOfRounding, 0); }
-    // Begins with a filter. judge() then assumes at least the variance S that the filter predicts for its
-    // innovations.
+    // Begins with a filter. For judge(), the usual power of innovations is then at least the variance S that
+    // the filter predicts for them.
     void begin_with_filter() { begin(1, kLearned); }
 
     // Adds an innovation. It must not have been clipped before.

@@ -39,7 +39,8 @@ struct GateCounts {
     std::uint64_t knocks;   // chunks that were left out as knocks (disturbances)
     std::uint64_t knocked;  // samples that were left out because of knocks and steps
     std::uint64_t steps;
-    std::uint64_t changes;  // number of times that the variance of knocks became the running level
+    // number of changes of the noise's power: times that consecutive knocks became the new running level
+    std::uint64_t changes;
     std::uint64_t limited;  // samples that were clipped because they were far from the mean of their chunk
 };
 

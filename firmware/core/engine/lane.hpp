@@ -23,7 +23,7 @@ class Lane {
         Variant filters;
         T counts[kCauses];
     };
-    // size of State in numbers of type T; State has no other members
+    // number of values of type T in State, which has no other members
     static const std::size_t kStateSize = sizeof(State) / sizeof(T);
 
     Lane(const Memory& memory, const Tuning<T>& tuning, Guard guard)

@@ -50,14 +50,14 @@ class CompressedMemory {
         reset();
     }
 
-    // Forgets everything, in all lanes.
+    // Forgets all past states, in all lanes (axes).
     void reset() {
         const std::size_t n = history_size(nodes_);
         for (std::size_t i = 0; i < n; ++i) history_[i] = T(R(0));
         set_position(Position{0});
     }
 
-    // Forgets everything in the lanes (axes) in `mask`.
+    // Forgets all past states of the lanes (axes) in `mask`.
     void clear(MaskOf<T> mask) {
         const std::size_t n = history_size(nodes_);
         for (std::size_t i = 0; i < n; ++i) history_[i] = select(mask, T(R(0)), history_[i]);
@@ -139,7 +139,7 @@ class CompressedMemory {
     struct Order {
         T order;
         T b, sine;         // b = a + 1 and sin(pi a), where a is the order in the sums over the modes
-        Powers<T> powers;  // e^{±a step}, with the same order a as in `sine`
+        Powers<T> powers;  // e^{±a step}, with the same a, and the step of the grid of nodes
     };
 
     // Returns the values of Order for an order, which is first limited to the memory's range. `lowest`:

@@ -121,7 +121,8 @@ class FixedMemory {
                 sum = fixed::product30(sum, at[n].next(j)) + fine(x_[j - 1]);
             }
             const std::int64_t head = fixed::product30(sum, -at[n].a) * (1 << (30 - kOrderBits));
-            // The sum over the modes is multiplied by sin(pi a) and by the fastest node to the power a.
+            // The sum over the modes is multiplied by sin(pi a) and p^a. a is the order, and p the fastest
+            // node (decay rate).
             const fixed::Power lift = fixed::power_of_two(Order::in_steps(at[n].a, Nodes::top));
             std::int64_t rest = fixed::product30(fixed::product30(tail[n], fixed::sin_pi(at[n].a)), lift.m);
             rest = lift.n >= 0 ? rest * (1 << lift.n) : rest >> -lift.n;
@@ -137,7 +138,7 @@ class FixedMemory {
         for (int n = 0; n < N; ++n) {
             const std::uint32_t g = static_cast<std::uint32_t>(fixed::product30(at[n].v, Nodes::ratio));
             const std::uint32_t series =
-                // the geometric series g + g^2 + ..., in units of 2^-15
+                // the geometric series g + g^2 + ... (g: v to the next slower mode), in units of 2^-15
                 (g << 1) / (((UINT32_C(1) << 30) - g) >> 14);
             sum[n] = fixed::product30(slower, static_cast<std::int32_t>(series << 15));
         }

@@ -28,7 +28,7 @@ inline float order_std(const Point<float>& best) {
     return math::finite(column[0]) && column[0] > 0 ? math::sqrt(column[0]) : 0.0f;
 }
 
-// The ends of the interval, as they are kept from one fit to the next.
+// The ends of the order's 95 % interval, which are kept from one fit to the next.
 struct OrderEnds {
     struct End {
         float order;

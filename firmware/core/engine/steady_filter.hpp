@@ -89,8 +89,8 @@ class FilterDesign {
         kGains = kZeros + kPlaces,
         kWeights = kGains + kPlaces,
         kDone = kWeights + kPlaces,
-        kBisections = 8,  // bisection steps per slice
-        kSame = 8         // accuracy of a zero, in units of the last place
+        kBisections = 8,  // number of bisection steps in one slice of the design
+        kSame = 8         // accuracy to which a zero of the spectrum is computed, in units of the last place
     };
     // lowest of these frequencies [rad per sample], and the ratio of each frequency to the one below
     static constexpr float kLowest = 3e-4f, kRatio = 2.2977f;

@@ -21,7 +21,7 @@ struct Model {
     Family family;
     R highest_order;  // highest order α of the fractional model
     Hold hold;
-    R held;       // the value of the number that is held fixed
+    R held;       // value at which the number named by `hold` is fixed
     R log_h;      // log of the sampling period; only needed for kHoldParameter
     R log_power;  // log of the approximate power of the data; only needed if `hold` fixes a variance
 };
@@ -94,8 +94,8 @@ bool order_first(const Model<R>& model) {
     return model.family == kFractional && model.hold != kHoldOrder && model.hold != kHoldWeight;
 }
 
-// Returns the middle of the range of free parameter i. Far from it on both sides are its tails, in which the
-// parameter is the logarithm of a small number.
+// Returns the middle of the range of free parameter i. The two ends of the range, far from the middle, are
+// called tails; there the parameter is the logarithm of a small number.
 template <class R>
 R centre(const Model<R>& model, int i) {
     return i == 2 && !scaled(model) ? model.log_power : 0;
