@@ -19,7 +19,8 @@ constexpr uint32_t kKey = 0xA5;
 void start() {
     using sam3x::WDT_MR;
     // With the largest value of its field WDD, the watchdog may be fed at any time. As WDIDLEHLT is not set,
-    // it also counts while the processor sleeps, so it resets the chip if interrupts no longer come.
+    // the watchdog also counts while the processor sleeps, so it resets the chip if interrupts no longer
+    // come.
     WDT_MR::write(WDT_MR::WDV::put(kTimeout) | WDT_MR::WDD::put(kFeedAtAnyTime) | WDT_MR::WDRSTEN |
                   WDT_MR::WDDBGHLT);
 }
