@@ -66,7 +66,7 @@ def _is_of_second_chip(place: int, bad: list[Bad]) -> bool:
 
 
 class Sensor(NamedTuple):
-    """The encoded messages of one sensor. `hello` is sent once, the others repeatedly."""
+    """The encoded messages of one sensor. `hello` is sent once, the other messages repeatedly."""
 
     device_id: str
     hello: bytes
