@@ -5,7 +5,8 @@ The program also measures how often false peaks are found.
 The series are simulated at 100 Hz: white noise, and fractional noise of several strengths in white noise. For
 white noise, two tests are made. The test `live` uses the spectrum in constant memory, as `identify` and the
 live fit do. The test `whole` uses the periodogram of the whole record. Two other parts of `make validate`
-count more: `gallery` false claims and verdicts, `evaluate` intervals.
+count other things: `gallery` counts wrong verdicts, and `evaluate` counts intervals that contain the true
+value.
 """
 
 import zlib
