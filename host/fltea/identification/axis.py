@@ -57,7 +57,7 @@ class IdentifyOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class NullResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The test whether white noise describes the samples as well, and FLTEA's estimates for shuffled copies.
+    """The test whether the samples may be white noise, and FLTEA's estimates for shuffled copies.
 
     The test uses all ordinates of the periodogram that the user did not leave out.
     """

@@ -110,9 +110,10 @@ def profile(f: CandidateModels, orders: Array) -> Array:
 
 
 def _path(y: Array, gaps: Gaps, h: float, lsb: float | None, options: IdentifyOptions) -> tuple[Path, Array]:
-    """Run FLTEA over the data, and over copies of the data that are white noise.
+    """Run FLTEA over the data, and over random copies, which are white noise.
 
-    The engine runs all in parallel, the data as its first axis. The copies are drawn at random from the data.
+    A copy consists of samples that are drawn at random from the data. The engine processes data and copies in
+    parallel; the data are its first axis.
 
     Returns the estimates over time, and the innovations of the data.
     """

@@ -62,7 +62,7 @@ def _course(y: Array, h: float, change: Change, block: int) -> Array:
 
 
 def _period(course: Array) -> float | None:
-    """Return the period of a course of power, in blocks; None if the course is not periodic."""
+    """Return the period of a power over time, as a number of blocks; None if the power is not periodic."""
     m = len(course)
     spectrum = np.fft.rfft(course, 2 * m)
     again = np.fft.irfft(np.abs(spectrum) ** 2)[:m] / np.arange(m, 0, -1)
@@ -101,7 +101,7 @@ def _top(values: Array, at: float, around: float) -> float:
 
 
 def _folded(course: Array, period: float) -> float:
-    """Return the variance of the periodic part of a course of power.
+    """Return the variance of the periodic part of a power over time.
 
     The result is the variance of the mean powers at the phases of the period, less the variance that these
     means would have by chance.
