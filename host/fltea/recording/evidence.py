@@ -54,7 +54,7 @@ ENOUGH = 10
 class Asked:
     """What the user is asked. `missing`: the facts that nothing states. `tables`: what helps to answer.
 
-    `rows`: sentence that says of which sensor the remaining tables show rows, "" if they show all rows.
+    `rows`: sentence that says which sensor's rows the other tables show, "" if they show all rows.
     """
 
     missing: list[Missing] = field(default_factory=list)

@@ -1,4 +1,4 @@
-"""Counts the rows of a table, also the rows that are not samples, and says what is wrong with the latter."""
+"""Counts the rows of a table. Says how many rows are no samples, and what is wrong with them."""
 
 from collections.abc import Callable
 from pathlib import Path

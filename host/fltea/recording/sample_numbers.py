@@ -27,8 +27,9 @@ end. Therefore the remainder is multiplied by LEAK at each step, or by LEAK_OF_R
 FEW, STRETCH, FADED = 8, 256, 2048
 """Numbers of steps that are processed together. A step leads from one time to the next.
 
-Up to FEW steps are processed one by one, and more steps in stretches of STRETCH steps. After FADED steps,
-what is left of a remainder is negligible.
+Up to FEW steps are processed one by one, and more steps in stretches of STRETCH steps. The remainder of a
+step, by which it exceeds a whole number of periods, is carried to the next steps and fades. After FADED steps
+it is negligible.
 """
 
 NO_DOUBT = 0.499
