@@ -211,8 +211,8 @@ class AllanSums {
         const double step = std::ldexp(1.0, static_cast<int>(i)), taken = levels_[i].taken;
         if (memory_ > 0) {
             const double decay = step_decay_[i], decay2 = decay * decay;
-            // If a break of the series comes before the first of these terms, much time may have passed since
-            // the last term of the octave.
+            // The time since the octave's last term decides how much the sums fade. It may be long if the
+            // series had a break meanwhile.
             fade(octave, stretch_begin_ + (taken + static_cast<double>(first + 1)) * step - octave.last);
             double squares = octave.squares, weight = octave.weight, both = octave.weight_squared;
             for (std::size_t k = first; k < n; ++k) {
