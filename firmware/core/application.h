@@ -138,8 +138,8 @@ class Application {
         if (settings::kEstimate && estimation_.add(reading.sample, sampler_.instant())) forget_estimates();
     }
 
-    // Drops the messages with results of the estimators that wait to be sent, because these results belong to
-    // an earlier start-up window.
+    // Drops the estimators' results that were not sent yet, because they belong to an earlier start-up
+    // window.
     void forget_estimates() { estimate_due_ = fit_due_ = spectrum_due_ = false; }
 
     // Whether there is time to estimate one axis. There is no time while the previous estimate waits to be
