@@ -89,7 +89,7 @@ class DueExpected(NamedTuple):
 
     @property
     def of_outcome(self) -> Expected:
-        """The expected values that the report's table shows."""
+        """The expected faults, epochs and losses, which the report's table compares with those of a run."""
         return Expected((*self.faults, *self.epochs), lost=self.lost, excused=self.unheard)
 
     def differences(self, one: Measured) -> list[str]:
