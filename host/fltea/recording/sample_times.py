@@ -30,8 +30,8 @@ text files, tables and Linux IIO:
   0.01 s, not a gap of an hour.
 - **A repeated time** means a repeated sample, which is left out and counted. If two rows with the same time
   hold different values, the clock is too coarse, and the second row counts as an uneven step.
-- **A rate that the user gives** has priority. The times still number the samples, by their own period. If the
-  times are uneven, the order of the rows numbers the samples instead, and the user is warned.
+- **A rate that the user gives** has priority. The sample numbers still follow from the times and their own
+  period. If the times are uneven, the rows are numbered in their order instead, and the user is warned.
 
 `message_stamps` has the rules for a computer's clock. Messages are numbered in order of arrival. A sample
 counts as lost only where the stamps are late and stay late. A new run begins where the clock was set.
