@@ -46,9 +46,9 @@ CLEAR, MOST = 2.5, 4.0
 with a larger deviate stands out clearly. MOST: a larger deviate is replaced by this one.
 """
 NOTCH, LEAST_WEIGHT, LOBE = 0.4, 16.0, 10
-"""NOTCH: a line lies in a notch of a filter if its power is below this proportion of the level. A line that
-averages at least LEAST_WEIGHT ordinates is hardly ever so low by chance. LOBE: a side lobe of a filter has a
-notch at most this many lines away.
+"""NOTCH: a line lies in a notch of a filter if its power is below this proportion of the level. LEAST_WEIGHT:
+only lines that average at least this number of ordinates are considered, since they are hardly ever so low by
+chance. LOBE: a side lobe of a filter has a notch at most this many lines away.
 """
 NEARLY, SAME = 0.8, 0.02
 """NEARLY: of all fundamental frequencies whose evidence is at least this proportion of the highest evidence,
