@@ -50,9 +50,9 @@ void address(uint8_t chip, uint8_t reg, uint32_t direction) {
 // when the last byte but one has arrived.
 I2cResult Twi::read(uint8_t chip, uint8_t reg, uint8_t* data, size_t n) {
     begun_us_ = clock_.now_us();
-    // Drops a byte that may have been left by the last read, even if that read was complete: the controller
-    // begins to receive another byte while STOP is being sent. If the byte stayed, this read would take it
-    // for the first one, and all bytes would be shifted.
+    // Drops a byte that the previous read may have left, even if that read was complete: the controller
+    // begins to receive another byte while STOP is being sent. Without this, that byte would become the first
+    // of the bytes to be read now, and all bytes would be shifted.
     TWI1_RHR::read();
     address(chip, reg, TWI1_MMR::MREAD);
     TWI1_CR::write(n == 1 ? TWI1_CR::START | TWI1_CR::STOP : TWI1_CR::START);
