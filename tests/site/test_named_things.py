@@ -25,7 +25,7 @@ ELSEWHERE = frozenset(
         "mavlogdump.py",  # a program of pymavlink
         "random.py",  # an example of a file of the user
         "wit_protocol_resolver.py",  # a file of WitMotion
-        "NAME.sh",  # This stands for any name.
+        "NAME.sh",  # a text says NAME.sh where any name may stand
     }
 )
 """Files of other programs that our texts name."""
