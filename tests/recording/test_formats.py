@@ -2,6 +2,7 @@
 library, and an entry in the documentation.
 """
 
+import ast
 import fnmatch
 import re
 import subprocess
@@ -87,6 +88,25 @@ def test_each_reader_is_of_a_format() -> None:
     for path in (ROOT / "host/fltea/recording/readers").glob("*.py"):
         is_reader = "\ndef read(" in path.read_text()
         assert not is_reader or path.stem in read_by, f"{TABLE}: no row's `reader` is {path.stem}:read"
+
+
+@formats
+def test_each_library_that_a_reader_imports_is_in_the_table(kind: str) -> None:
+    module = FORMATS[kind].reader.partition(":")[0]
+    if not module:
+        return
+    tree = ast.parse((ROOT / f"host/{module.replace('.', '/')}.py").read_text())
+    names = [node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+    names += [one.name for node in ast.walk(tree) if isinstance(node, ast.Import) for one in node.names]
+    always = {
+        "fltea",
+        *sys.stdlib_module_names,
+        *re.findall(r"^\w+", "\n".join(PROJECT["dependencies"]), re.M),
+    }
+    others = {name.partition(".")[0] for name in names} - always
+    assert others <= {FORMATS[kind].library}, (
+        f"{TABLE}: `library` of {kind} is not {others}, which it imports"
+    )
 
 
 @formats

@@ -1,10 +1,7 @@
 """The table of all file formats that are read, or that are recognized and not read.
 
-Recognition, readers, help, errors and the table of `host/docs/guide/files.md` are derived from this table. A
-new format needs a row here, a reader (`readers/tdms.py` is a short example), a writer of an example file in
-`tests/rig/corpus_files.py`, and that example file with its line in `tests/recording/corpus`. If the format
-needs a library, it also needs an extra in `pyproject.toml`, an entry in the extra `files`, and the library's
-version in `constraints.txt`; run `make hashes` then. Finally, `make gen` writes the table of the guide.
+Recognition, readers, help, errors and the table of `host/docs/guide/files.md` are derived from this table.
+`host/CHANGING.md` says what a new format needs beside a row here; tests name each file that lacks it.
 """
 
 import importlib
