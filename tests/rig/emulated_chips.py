@@ -8,6 +8,8 @@ address of a banked register here is its number plus 256 times the bank.
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+from fltea.wire.sensors import SENSORS
+
 from tools.due_emulator.chip import Chip
 from tools.due_emulator.icm20948 import Icm20948
 from tools.due_emulator.mpu9250 import Mpu9250
@@ -169,3 +171,6 @@ EMULATED = {
     ),
 }
 """The emulated chips by WHO_AM_I, with one entry for each chip in `fltea.wire.sensors.SENSORS`."""
+
+FIRST = {one.family: who_am_i for who_am_i, one in reversed(SENSORS.items())}
+"""WHO_AM_I of the chip that stands for its family in tests and in the guide, by the family's name."""

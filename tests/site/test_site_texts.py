@@ -18,8 +18,10 @@ from fltea.cli.app import app
 from fltea.recording.npz_file import open_npz
 from fltea.records.records import AnyRecord, Epoch
 from fltea.settings.config import Config
+from fltea.wire.sensors import SENSORS
 from pymdownx.slugs import slugify
 
+from tests.rig.emulated_chips import FIRST
 from tests.rig.host_support import ROOT, fltea
 from tools import site_hooks, site_records, site_settings
 
@@ -86,7 +88,9 @@ FOUND = {
     "guide/files.md": "Excel, gzip, PX4, Betaflight, phyphox, Sensor Logger, BNO055, MATLAB",
     "guide/outputs.md": "Home Assistant, Grafana, Prometheus, Foxglove",
     "guide/running.md": "Docker, Podman",
-    "guide/raspberry_pi.md": "Raspberry Pi, ICM-20948",
+    "guide/raspberry_pi.md": ", ".join(
+        ["Raspberry Pi", *(SENSORS[who_am_i].name for who_am_i in FIRST.values())]
+    ),
     "guide/verdict.md": "data sheet",
     "cookbook/text.md": "ESP32, Arduino, BNO055, LSM6DS3",
     "cookbook/iio.md": "IIO, MPU-6050",

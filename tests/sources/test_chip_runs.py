@@ -10,11 +10,10 @@ from fltea.wire.layout import SampleFlags
 from fltea.wire.sensors import SENSORS
 from smbus2 import i2c_msg
 
-from tests.rig.emulated_chips import EMULATED
+from tests.rig.emulated_chips import EMULATED, FIRST
 from tests.rig.fake_smbus import MS, Pi, S, TellsTime
 from tools.due_emulator.noise import Stepped
 
-FIRST = {one.family: who_am_i for who_am_i, one in reversed(SENSORS.items())}
 EACH_FAMILY = pytest.mark.parametrize("who_am_i", FIRST.values(), ids=FIRST)
 SETTLED_S = 14
 

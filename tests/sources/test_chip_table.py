@@ -15,7 +15,7 @@ from fltea.sources.i2c.source import POLL_S
 from fltea.wire.layout import FaultCode
 from fltea.wire.sensors import SENSORS, temperature_c
 
-from tests.rig.emulated_chips import EMULATED
+from tests.rig.emulated_chips import EMULATED, FIRST
 from tests.rig.host_support import ROOT
 from tools import site_chips
 
@@ -86,6 +86,26 @@ def test_texts_name_every_chip_and_every_address() -> None:
         assert (chip_of(who_am_i).banks is None) == (f"&chip={sensor.family}'" not in unknown)
     for address, how in ADDRESSES.items():
         assert f"0x{address:02X} with {how}" in missing
+
+
+def test_the_guide_and_a_readme_name_a_chip_of_every_family() -> None:
+    page = (ROOT / "host/docs/guide/raspberry_pi.md").read_text(encoding="utf-8")
+    sources = (ROOT / "host/docs/guide/sources.md").read_text(encoding="utf-8")
+    (row,) = [line for line in sources.splitlines() if line.startswith("| `i2c:")]
+    for who_am_i in FIRST.values():
+        name = SENSORS[who_am_i].name
+        assert name in page.partition("![")[0], f"guide/raspberry_pi.md: the introduction has no {name}"
+        assert name in row, f"guide/sources.md: the row of i2c: has no {name}"
+        module = EMULATED[who_am_i].model.__module__.rpartition(".")[2]
+        readme = (ROOT / "tools/due_emulator/README.md").read_text(encoding="utf-8")
+        assert f"`{module}" in readme, f"tools/due_emulator/README.md: the table has no {module}"
+
+
+def test_the_guide_says_which_addresses_a_chip_has() -> None:
+    page = (ROOT / "host/docs/guide/sources.md").read_text(encoding="utf-8")
+    (row,) = [line for line in page.splitlines() if line.startswith("| `i2c:")]
+    for address in ADDRESSES:
+        assert f"0x{address:02X}" in row, f"guide/sources.md: the row of i2c: has no 0x{address:02X}"
 
 
 def test_the_page_has_a_row_for_every_chip() -> None:

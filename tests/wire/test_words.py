@@ -5,19 +5,14 @@ from fltea.wire.faults import fault_text
 from fltea.wire.layout import FaultCode, Status
 from fltea.wire.sensors import sensor_name, temperature_c
 
+from tests.rig.emulated_chips import EMULATED
 from tests.rig.host_support import ROOT
 
 
 @pytest.mark.parametrize(
     ("who_am_i", "name"),
     [
-        (0x71, "MPU-9250"),
-        (0x73, "MPU-9255"),
-        (0x70, "MPU-6500"),
-        (0x68, "MPU-6050"),
-        (0x75, "MPU-9250 clone (0x75)"),
-        (0x78, "MPU-9250 clone (0x78)"),
-        (0xEA, "ICM-20948"),
+        *((who_am_i, facts.name) for who_am_i, facts in EMULATED.items()),
         (0xFF, "unknown sensor (WHO_AM_I 0xFF)"),
         (0x0A, "unknown sensor (WHO_AM_I 0x0A)"),
         (0, "no sensor"),
