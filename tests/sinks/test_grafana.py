@@ -11,7 +11,8 @@ from prometheus_client import CollectorRegistry, ProcessCollector
 
 from tests.rig.host_support import ROOT
 
-BOARD = json.loads((ROOT / "tools/deploy/grafana/fltea.json").read_text(encoding="utf-8"))
+TEXT = (ROOT / "tools/deploy/grafana/fltea.json").read_text(encoding="utf-8")
+BOARD = json.loads(TEXT)
 SUFFIXES = {
     "counter": ("_total",),
     "gauge": ("",),
@@ -106,3 +107,9 @@ def test_the_bias_and_the_heading_follow_the_verdict() -> None:
     titles = [panel["title"] for panel in BOARD["panels"]]
     after = titles.index("Verdict") + 1
     assert [title.split()[0] for title in titles[after : after + 2]] == ["Bias", "Heading"]
+
+
+def test_the_file_is_written_so_that_a_change_is_a_small_difference() -> None:
+    assert json.dumps(BOARD, indent=1) + "\n" == TEXT, (
+        "tools/deploy/grafana/fltea.json: write it by json.dumps(…, indent=1), in ASCII, with a line end"
+    )

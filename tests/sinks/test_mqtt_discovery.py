@@ -13,12 +13,15 @@ import pytest
 from fltea.mqtt.connection import Up
 from fltea.records.records import Fit
 from fltea.settings.mqtt import MqttConfig
+from fltea.sinks.figures.figure import Entity
+from fltea.sinks.figures.table import FIGURES
 from fltea.sinks.mqtt.discovery import discovery_topic
 from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tests.rig.example_records import STATS
 from tests.rig.fit_support import FRACTIONAL
+from tests.rig.host_support import ROOT
 from tests.rig.mqtt_support import Bench, MakeBench, make_bench, stats
 
 TOPIC = "homeassistant/device/fltea_a0/config"
@@ -79,6 +82,14 @@ def test_configuration_has_the_documented_keys_and_an_identity_for_each_sensor(b
     assert {one["unique_id"] for one in sensors} == IDENTITIES, (
         "a person's automations name these: none may change or go, and a new one is added to IDENTITIES"
     )
+
+
+def test_the_guide_names_each_entity() -> None:
+    guide = (ROOT / "host/docs/guide/outputs.md").read_text(encoding="utf-8")
+    _, _, section = guide.partition("**Home Assistant**")
+    titles = [one.home_assistant.title for one in FIGURES if isinstance(one.home_assistant, Entity)]
+    missing = [title for title in titles if f"*{title}*" not in section.partition("\n## ")[0]]
+    assert not missing, f"host/docs/guide/outputs.md, Home Assistant: name the entities {missing} as *title*"
 
 
 def rendered(template: str, payload: bytes) -> str:
