@@ -143,13 +143,8 @@ def read(f: CandidateModels, from_hz: float, peaks: Sequence[Peak] = (), apart: 
         *(["notch"] if notch is not None else []),
         *(["high-pass"] if behind is not None else []),
     }
-    resonances = [part for part in parts if isinstance(part, Resonance)]
-    if says:
-        # If the model has other parts, a resonance may only correct their shape. If it has no other parts, a
-        # resonance is real.
-        ripples = math.inf if low_pass is None else RIPPLES * low_pass.corner_hz
-        resonances = [p for p in resonances if p.frequency_hz < ripples and _stands_out(model, p, h)]
-    elif not resonances:
+    resonances = _resonances(parts, bool(says), model, low_pass, h)
+    if not says and not resonances:
         inside = [part for part in parts if isinstance(part, Relaxation)]
         says |= {"relaxations"} if inside else set()
     return Reading(
@@ -161,6 +156,21 @@ def read(f: CandidateModels, from_hz: float, peaks: Sequence[Peak] = (), apart: 
         rises=rises,
         high_pass=behind,
     )
+
+
+def _resonances(
+    parts: Sequence[Part], beside: bool, model: FittedModel, low_pass: LowPass | None, h: float
+) -> list[Resonance]:
+    """Return the resonances that are noise. `beside`: whether the model says anything else.
+
+    If the model has other parts, a resonance may only correct their shape. If it has no other parts, a
+    resonance is real.
+    """
+    found = [part for part in parts if isinstance(part, Resonance)]
+    if not beside:
+        return found
+    ripples = math.inf if low_pass is None else RIPPLES * low_pass.corner_hz
+    return [part for part in found if part.frequency_hz < ripples and _stands_out(model, part, h)]
 
 
 def _filter(parts: Sequence[Part], h: float) -> LowPass | None:
