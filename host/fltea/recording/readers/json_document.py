@@ -40,8 +40,17 @@ def read(path: Path, _: str) -> Sheet:
 
     In files of the app Sensor Logger, read only the gyroscope's rows.
     """
+    return of_document(_decoded(path.read_bytes()))
+
+
+def of_document(document: Any) -> Sheet:
+    """Return a table of all lists of numbers or words in a decoded document, by the names they have there.
+
+    Raises:
+        UsageError: the document holds no columns of numbers, or two different ones of the same name.
+    """
     found: dict[str, Any] = {}
-    for name, value in _values("", _decoded(path.read_bytes())):
+    for name, value in _values("", document):
         is_word = isinstance(value, str) and not is_unit(value)
         if name in found and not is_word and found[name] != value:
             raise UsageError(
