@@ -6,6 +6,6 @@ namespace fltea {
 
 constexpr char kVersion[] = "0.1.0";
 // Beginning of the SHA-256 over names and contents of all sources.
-constexpr char kBuildId[] = "de1b9f93";
+constexpr char kBuildId[] = "416ca8aa";
 
 }  // namespace fltea
