@@ -160,15 +160,15 @@ def test_models_are_made_in_threads_while_the_walk_goes_on() -> None:
 
 @pytest.mark.parametrize("to_come", [-1, MOST_TO_COME + 1])
 def test_nothing_is_filtered_before_too_many_samples(to_come: int) -> None:
-    with pytest.raises(ValueError, match="so many samples"):
+    with pytest.raises(ValueError, match="to_come"):
         TrackerModel(RULES, *MODELS["white"]).refilter(Tracker([None]).remembered(0), to_come)
 
 
 def test_no_model_of_what_no_filter_can_work_with() -> None:
     white = SYSTEMS["white"]
-    with pytest.raises(ValueError, match="no filter"):
+    with pytest.raises(ValueError, match="cannot use this noise model"):
         TrackerModel(RULES, white._replace(R=0.0))
     with pytest.raises(ValueError, match="differ in size"):
         TrackerModel(RULES, white, WALKS, 0.5)
-    with pytest.raises(ValueError, match="a weight is none"):
+    with pytest.raises(ValueError, match="a weight is not a number"):
         TrackerModel(RULES, white, white, 1.5)

@@ -147,9 +147,9 @@ def test_what_does_not_fit_together_is_refused() -> None:
     for lines in (b"a\nb\n", b"a\nb\nc", b"a\nb\nc\nd\n"):
         with pytest.raises(ValueError, match="lines than times"):
             chunks.add_lines(1, column, lines)
-    with pytest.raises(ValueError, match="follow one another"):
+    with pytest.raises(ValueError, match="must not decrease"):
         chunks.add_reads(1, 0, b"abc", column[::-1], column, column)
-    with pytest.raises(ValueError, match="follow one another"):
+    with pytest.raises(ValueError, match="must not decrease"):
         chunks.add_reads(1, 0, b"a", column, column, column)
-    with pytest.raises(ValueError, match="two times"):
+    with pytest.raises(ValueError, match="one time for each read"):
         chunks.add_reads(1, 0, b"abc", column, column[:2], column)

@@ -68,7 +68,7 @@ def test_it_stops_where_a_line_is_not_plain_and_goes_on_behind_it() -> None:
     assert (after, passed, rows.tolist(), values.tolist()) == (18, 4, [0, 3], [[2.0, 1.0], [4.0, 3.0]])
     after, passed, _, rows, values = plain_rows(data, 23, ",", 2, 2, [1, 0], "\0")
     assert (after, passed, rows.tolist(), values.tolist()) == (len(data) + 1, 1, [0], [[6.0, 5.0]])
-    with pytest.raises(ValueError, match="behind the end"):
+    with pytest.raises(ValueError, match="begin is greater"):
         plain_rows(data, len(data) + 1, ",", 2, 2, [1], "\0")
 
 

@@ -85,7 +85,8 @@ def test_an_overflow_that_may_have_happened_is_asked_for_until_there_is_an_answe
     """The program stalls for nearly as long as the FIFO lasts, so it asks for an overflow after it has read
     the samples. This question fails, but there was no overflow, so nothing is lost.
     """
-    pi, tries = Pi(), []
+    pi = Pi()
+    tries: list[int] = []
 
     def inject(messages: tuple[i2c_msg, ...]) -> int | None:
         register = bytes(messages[0])[0]
@@ -210,7 +211,12 @@ def test_a_bus_that_fails_for_200_ms_loses_nothing() -> None:
 def test_samples_of_a_sensor_that_is_lost_before_their_check_are_counted() -> None:
     """The bus fails after samples were read, until the sensor counts as lost, so nobody can check them."""
     pi = Pi()
-    once(pi, 0x19, lambda messages: refuse(pi, pi.host.now_ns / S, 2.0) and errno.EREMOTEIO)
+
+    def fail(messages: tuple[i2c_msg, ...]) -> int:
+        refuse(pi, pi.host.now_ns / S, 2.0)
+        return errno.EREMOTEIO
+
+    once(pi, 0x19, fail)
     pi.run_until(SETTLED_S + 4).check()
     assert pi.epochs == ["start", "sensor_restart"]
     assert pi.told == ["device_fault", "device_fault"]

@@ -247,7 +247,7 @@ def test_the_order_in_white_noise_is_up_to_two(alpha: float) -> None:
         (lambda d: d._replace(power=0 * d.power), "no noise"),
         (lambda d: d._replace(counts=0 * d.counts), "nothing to fit"),
         (lambda d: d._replace(power=d.power * math.nan), "power must"),
-        (lambda d: d._replace(lam=d.lam[::-1]), "lam must rise"),
+        (lambda d: d._replace(lam=d.lam[::-1]), "lam must increase"),
         (lambda d: d._replace(counts=-d.counts), "counts must"),
         (lambda d: Binned(d.lam[:1], d.counts[:1], d.power[:, :1]), "2 or more"),
     ],

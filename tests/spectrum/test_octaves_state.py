@@ -86,7 +86,7 @@ def test_sums_of_two_are_those_of_both(lengths: list[int], seed: int) -> None:
 
 def test_a_merge_needs_the_same_lanes_and_memory() -> None:
     for other in (Octaves(2), Octaves(1, 1000.0)):
-        with pytest.raises(ValueError, match="other lanes"):
+        with pytest.raises(ValueError, match="another number of lanes"):
             Octaves(1).merge(other)
 
 

@@ -49,7 +49,7 @@ def test_reads_that_do_not_fit_their_bytes_change_nothing(end: list[int], times:
     one, ends, zeros = line(), np.array(end, dtype=np.int64), np.zeros(times, dtype=np.int64)
     one.feed_one(SAMPLE[:9], 1, 0, 1)
     assert one.next() is None
-    with pytest.raises(ValueError, match="reads"):
+    with pytest.raises(ValueError, match=r"\breads?\b"):
         one.feed(bytes(28), ends, zeros, zeros, 2)
     one.feed_one(SAMPLE[9:], 3, 0, 3)
     found = one.next()
