@@ -226,7 +226,9 @@ class OutputStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Counts of an output's records, since the start of the program."""
 
     written: int
-    """Records that the output has written."""
+    """Records that the output has processed. It may write fewer of them: samples only if a setting asks for
+    them, and on MQTT only some of the samples and estimates.
+    """
     dropped: int
     """Records that the output lost because it was too slow or broken."""
     queued: int

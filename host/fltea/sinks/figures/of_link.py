@@ -243,7 +243,7 @@ FIGURES = (
     ),
     _output(
         "written",
-        counter("written", "Number of records that an output has written."),
+        counter("written", "Number of records that an output has processed; it may write fewer of them."),
         **ONLY_METRIC,
     ),
     _output(
