@@ -92,7 +92,11 @@ def test_a_cut_file_is_refused_or_noted(kind: str, tmp_path: Path) -> None:
     """
     example = EXAMPLES[kind]
     data = (HERE / example.file).read_bytes()
-    gyro = stored_here(HERE / example.file).whole().gyro
+    whole = stored_here(HERE / example.file)
+    gyro = whole.whole().gyro
+    assert not whole.notes, (
+        f"{example.file}: a note about the whole example would hide that none tells of a cut"
+    )
     silent = []
     for place in [*(int(part * len(data)) for part in CUTS), *(len(data) - lacking for lacking in LAST)]:
         told = []
