@@ -16,7 +16,7 @@ from fltea.recording.files import Stored
 from fltea.recording.formats import FORMATS
 
 from tests.rig.corpus_files import EXAMPLES, HERE, Columns, Example, N
-from tests.rig.counted_work import work_of
+from tests.rig.counted_work import Work, work_of
 from tests.rig.table_support import stored_here
 from tests.rig.tiers import long, slow
 
@@ -164,7 +164,7 @@ def test_twice_the_rows_is_twice_the_work(kind: str, tmp_path: Path) -> None:
     """If the rows are doubled and doubled again, the second doubling adds twice the work of the first. A copy
     of all rows before each new row would add four times as much.
     """
-    example, done = EXAMPLES[kind], []
+    example, done = EXAMPLES[kind], list[Work]()
     for times in SIZES:
         path = tmp_path / f"{times}{Path(example.file).suffix}"
         example.write(path, repeated(example.columns, times))
