@@ -65,16 +65,18 @@ class Chip:
     `address`: address on the bus. `clock_ppm`: error of the chip's clock, positive if it is too fast.
     `fifo_register`: the register of the FIFO. After each access to another register, the chip goes on to the
     next register; after an access to this one it stays. `gyro_start_ns`: time that the gyroscope needs after
-    it was switched on [ns]; until then it measures nothing.
+    it was switched on [ns]; until then it measures nothing. `fifo_kind`: class of the FIFO, which says what an
+    empty one gives.
     """
 
     fifo_register: int
     gyro_start_ns = 0
+    fifo_kind: type[Fifo] = Fifo
     world: World
 
     def __init__(self, address: int, clock_ppm: float) -> None:
         self.address = address
-        self.fifo = Fifo()
+        self.fifo = self.fifo_kind()
         self.powered = True
         self._clock_ppm = clock_ppm
         self._now_ns = self._quiet_until_ns = 0
