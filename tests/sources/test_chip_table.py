@@ -70,6 +70,8 @@ def test_the_facts_of_every_chip(who_am_i: int) -> None:
     assert chip.rate_hz == 1000 / facts.period_ms, facts.row("rate_hz")
     assert chip.fifo_samples == facts.holds, facts.row("fifo_bytes, or packet")
     assert 1000 * chip.reset_s >= facts.reset_ms, facts.row("reset_s is too short")
+    modelled_ms = facts.model.gyro_start_ns / 1e6
+    assert modelled_ms >= facts.gyro_start_ms, f"tools/due_emulator, {facts.name}: gyro_start_ns"
     assert 1000 * chip.settle_s >= facts.gyro_start_ms, facts.row("settle_s is too short")
     from_fifo, from_register = chip.packet.temperature is not None, chip.temperature is not None
     assert from_fifo != from_register, facts.row("temperature or packet.temperature: one of both is needed")

@@ -19,7 +19,7 @@ from tests.rig.host_support import ROOT
 from tools.due_emulator.chip import Chip
 from tools.due_emulator.icm20948 import Icm20948
 from tools.due_emulator.mpu9250 import Mpu9250
-from tools.due_emulator.noise import Constant
+from tools.due_emulator.noise import Constant, World
 
 HEADER = ROOT / "firmware/core/mpu9250_registers.h"
 EVERY_CHIP = pytest.mark.parametrize("who_am_i", SENSORS, ids=lambda who_am_i: SENSORS[who_am_i].name)
@@ -84,13 +84,14 @@ def test_firmware_and_host_mean_the_same_registers() -> None:
     assert ours_alone == (35, 58, 106, 114, 116)
 
 
-def set_up(who_am_i: int) -> Bench:
+def set_up(who_am_i: int, world: World | None = None) -> Bench:
     """Return the bench of a chip that is set up, or tell which of its registers does not keep its setting."""
     bench, facts = of_chip(who_am_i), EMULATED[who_am_i]
+    bench.chip.world = world or bench.chip.world
     try:
         return bench.set_up()
     except SensorFault as fault:
-        what = "reset_s is too short, or the order of the settings is wrong: no value is kept by register"
+        what = "reset_s is too short, or the order of settings, or restart: its value is not kept by register"
         raise AssertionError(facts.row(what, fault.detail >> 16)) from fault
 
 
@@ -137,13 +138,23 @@ def test_every_known_chip_is_set_up_and_read(who_am_i: int) -> None:
 @EVERY_CHIP
 @pytest.mark.parametrize("celsius", [25.0, 35.0])
 def test_the_temperature_is_that_of_the_thermometer(who_am_i: int, celsius: float) -> None:
-    bench, facts = of_chip(who_am_i), EMULATED[who_am_i]
-    bench.chip.world = Constant(celsius=celsius)
-    bench.set_up().wait(42)
+    bench, facts = set_up(who_am_i, Constant(celsius=celsius)), EMULATED[who_am_i]
+    bench.wait(42)
     bench.driver.level()
     (row,) = bench.driver.read_samples(1)
     found, counts = bench.driver.counts(row)[1], facts.at_25_c + round((celsius - 25) * facts.counts_a_c)
     assert found == counts, facts.row(f"temperature, or packet's: {found} at {celsius} °C, not {counts}")
+
+
+@EVERY_CHIP
+def test_each_value_is_that_of_its_axis(who_am_i: int) -> None:
+    facts, rate_dps, accel_g = EMULATED[who_am_i], (10.0, -20.0, 30.0), (0.25, -0.5, 1.0)
+    bench = set_up(who_am_i, Constant(rate_dps, accel_g))
+    bench.wait(42)
+    (row,) = bench.driver.read_samples(1)
+    accel, _, gyro = bench.driver.counts(row)
+    assert gyro == tuple(round(one * facts.gyro_lsb_per_dps) for one in rate_dps), facts.row("packet.gyro")
+    assert accel == tuple(round(one * facts.accel_lsb_per_g) for one in accel_g), facts.row("packet.accel")
 
 
 @EVERY_CHIP
