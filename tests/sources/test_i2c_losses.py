@@ -212,11 +212,11 @@ def test_samples_of_a_sensor_that_is_lost_before_their_check_are_counted() -> No
     """The bus fails after samples were read, until the sensor counts as lost, so nobody can check them."""
     pi = Pi()
 
-    def fail(messages: tuple[i2c_msg, ...]) -> int:
+    def begin_to_fail(messages: tuple[i2c_msg, ...]) -> int:
         refuse(pi, pi.host.now_ns / S, 2.0)
         return errno.EREMOTEIO
 
-    once(pi, 0x19, fail)
+    once(pi, 0x19, begin_to_fail)
     pi.run_until(SETTLED_S + 4).check()
     assert pi.epochs == ["start", "sensor_restart"]
     assert pi.told == ["device_fault", "device_fault"]

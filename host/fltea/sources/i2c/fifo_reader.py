@@ -82,14 +82,15 @@ class Repeats:
 class Restarts:
     """Restarts of the FIFO, which empty it.
 
-    `counts`: number of restarts, by cause. `is_due`: whether the next poll has to restart the FIFO. `cause`:
+    `counts`: number of restarts, by cause. `is_due`: whether the next poll has to restart the FIFO.
+    `may_be_due`: whether the sensor has yet to be asked if the FIFO overflowed while it was read. `cause`:
     cause of the last restart, or of the one that is due; empty if the sensor was just set up. `last_ns`: time
     of the last restart [ns].
     """
 
     def __init__(self) -> None:
         self.counts: Counter[str] = Counter()
-        self.is_due = False
+        self.is_due = self.may_be_due = False
         self.cause = ""
         self.last_ns = 0
 
@@ -99,7 +100,8 @@ class Restarts:
 
     def note(self, cause: str, now_ns: int) -> None:
         """Note that the FIFO was restarted."""
-        self.is_due, self.cause, self.last_ns = False, cause, now_ns
+        self.is_due = self.may_be_due = False
+        self.cause, self.last_ns = cause, now_ns
         if cause:
             self.counts[cause] += 1
 
@@ -122,7 +124,6 @@ class FifoReader:
         self._empty_ns: int | None = None
         self._repeats = Repeats()
         self._unchecked: list[Unchecked] = []
-        self._late = False
         self._latest_ns = 0
         self._time = NominalTime(driver.chip.rate_hz)
 
@@ -144,7 +145,6 @@ class FifoReader:
         self._repeats = Repeats()
         # nobody can check these samples any more, since the sensor was set up again; they count as lost
         self._unchecked = []
-        self._late = False
         self._restarted("")
 
     def poll(self) -> list[RawSample]:
@@ -264,7 +264,7 @@ class FifoReader:
         chip = self._driver.chip
         room = chip.fifo_bytes // chip.packet.size - read
         room_ns = room / chip.rate_hz * 1e9 * (1 - max(0.1, 2 * chip.clock_error))
-        self._late = self._now_ns() - level.before_ns > room_ns
+        self.restarts.may_be_due = self._now_ns() - level.before_ns > room_ns
         self._ask_for_overflow()
 
     def _ask_for_overflow(self) -> None:
@@ -272,10 +272,10 @@ class FifoReader:
 
         If the transfer fails, the next poll asks again, before it reads other samples.
         """
-        if self._late:
+        if self.restarts.may_be_due:
             if self._driver.level().overflowed:
                 self.restarts.demand("overflow")
-            self._late = False
+            self.restarts.may_be_due = False
 
     def _sample(self, row: Row, number: int, arrived_ns: int, flags: SampleFlags) -> RawSample:
         equal = self._repeats.add(row)
