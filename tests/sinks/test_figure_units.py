@@ -3,18 +3,18 @@
 import json
 import re
 from collections.abc import Iterator
+from types import ModuleType
 from typing import NamedTuple
 
 import pytest
 from fltea.records.records import Stats
 from fltea.records.stats import AxisStats, DeviceStatus, LinkStats
+from fltea.sinks.figures import of_axis, of_device, of_filters, of_fit, of_link
 from fltea.sinks.figures.figure import Entity, Figure, Hidden, Metric, Row, Shown, counter, gauge, loss
-from fltea.sinks.figures.table import FIGURES
 from fltea.sinks.words import duration
 
 from tests.rig.host_support import ROOT
 
-FOLDER = "host/fltea/sinks/figures"
 DASHBOARD = "tools/deploy/grafana/fltea.json"
 PANELS = json.loads((ROOT / DASHBOARD).read_text(encoding="utf-8"))["panels"]
 
@@ -142,9 +142,13 @@ def amiss(figure: Figure, panels: list[dict[str, object]] = PANELS) -> list[str]
     ]
 
 
-@pytest.mark.parametrize("figure", FIGURES, ids=lambda one: one.path)
-def test_each_place_has_the_unit_of_the_field(figure: Figure) -> None:
-    assert not amiss(figure), f"{figure.path}, declared in {FOLDER}: " + "; ".join(amiss(figure))
+MODULES = of_link, of_fit, of_axis, of_filters, of_device
+
+
+@pytest.mark.parametrize("module", MODULES, ids=lambda one: one.__name__.rpartition(".")[2])
+def test_each_place_has_the_unit_of_the_field(module: ModuleType) -> None:
+    found = [f"{figure.path}: {words}" for figure in module.FIGURES for words in amiss(figure)]
+    assert not found, f"host/{module.__name__.replace('.', '/')}.py: " + "; ".join(found)
 
 
 NOWHERE = Hidden("a test")
