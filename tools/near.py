@@ -41,6 +41,9 @@ TESTS_OF = {
 """For the beginning of a file's path: the folders or files below tests/ that test this file. If several
 beginnings match, the first decides.
 """
+OF_ALL_CODE = ("tests/tools/test_sizes.py", "tests/tools/test_unused.py")
+"""Tests that measure every file of code, whichever file has changed."""
+
 MOST_USERS = 8
 """Largest number of test files that `make near` runs for one helper. If more test files use the helper, they
 run only when all tests run.
@@ -81,10 +84,11 @@ def plan(files: Iterable[str], gone: Iterable[str] = (), users: Users = lambda _
     left_out = [name for name, tests in found.items() if name.endswith(".py") and len(tests) > MOST_USERS]
     tests = {test for name, tests in found.items() if name not in left_out for test in tests}
     python = [name for name in here if name.endswith(".py")]
+    cxx = [name for name in here if Path(name).suffix in CXX]
     types = {typed(name) for name in python if name.startswith(("host/fltea/", "tools/", "tests/"))}
     return Plan(
         python,
-        [name for name in here if Path(name).suffix in CXX],
+        cxx,
         sorted(types),
         sorted(test for test in tests if str(Path(test).parent) not in tests),
         left_out,
@@ -164,8 +168,9 @@ def commands(wanted: Plan) -> list[list[str]]:
         found.append([clang, "--dry-run", "-Werror", *wanted.cxx])
     if wanted.types:
         found.append([sys.executable, "-m", "mypy", *wanted.types])
-    if wanted.tests:
-        found.append(["make", "--no-print-directory", "test", f"ARGS=-q {' '.join(wanted.tests)}"])
+    tests = [*wanted.tests, *(OF_ALL_CODE if wanted.python or wanted.cxx else ())]
+    if tests:
+        found.append(["make", "--no-print-directory", "test", f"ARGS=-q {' '.join(tests)}"])
     return found
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
 from tests.rig.host_support import ROOT
 
 FINE: dict[str, Any] = {"name": "fine", "version": "1.0", "vulns": []}

@@ -9,8 +9,9 @@ from importlib import metadata
 from pathlib import Path
 
 import pytest
-from tests.rig.host_support import ROOT
 from packaging.requirements import Requirement
+
+from tests.rig.host_support import ROOT
 
 PINNED = re.compile(r"^([A-Za-z0-9][\w.-]*)==(\S+)", re.MULTILINE)
 LISTS = ("build", "run", "dev", "audit", "dist")

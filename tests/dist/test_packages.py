@@ -14,9 +14,9 @@ from pathlib import Path
 
 import fltea
 import pytest
+
 from tests.rig.host_support import ROOT
 from tests.rig.toolchain import needed as installed
-
 from tools.dist.deb_copyright import main as copyright_of
 from tools.dist.same_figures import differences
 

@@ -1,9 +1,7 @@
 """The settings of the outputs, named as in the TOML file, and the table of all outputs.
 
-A new output needs a table of settings, a field of `Outputs` and a row of `OUTPUTS` in this module. It also
-needs a module in `sinks` that has a function `open_output`, and a check in
-`machine/doctor/checks_outputs.py`. If one of these is missing, `tests/service/test_output_table.py` fails and
-names it. The guide for users is host/docs/guide/outputs.md.
+A new output needs a table of settings, a field of `Outputs` and a row of `OUTPUTS` in this module;
+host/CHANGING.md lists what else. If something is missing, `tests/service/test_output_table.py` names it.
 """
 
 import ipaddress
